@@ -1,0 +1,56 @@
+"""CAN side of the stage: CANopen nodes, CiA 402 axes, cyclic streaming. SI units in and out.
+
+`Stage` is what the application talks to; everything below it serves it. Heavy imports (can,
+canopen, numpy) happen when one of the names is first asked for, so that `import drivers` is free.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from drivers.clock import Clock, MonotonicClock
+    from drivers.errors import (
+        AxisFault,
+        BusError,
+        ConfigurationError,
+        DriverError,
+        HomingError,
+        LimitError,
+        NodeError,
+    )
+    from drivers.samples import Sample, Samples
+    from drivers.settings import AxisSettings, BusSettings
+    from drivers.stage import Stage
+
+__all__ = [
+    "AxisFault",
+    "AxisSettings",
+    "BusError",
+    "BusSettings",
+    "Clock",
+    "ConfigurationError",
+    "DriverError",
+    "HomingError",
+    "LimitError",
+    "MonotonicClock",
+    "NodeError",
+    "Sample",
+    "Samples",
+    "Stage",
+]
+
+_HOMES = {
+    **dict.fromkeys(("Clock", "MonotonicClock"), "clock"),
+    **dict.fromkeys(("Sample", "Samples"), "samples"),
+    **dict.fromkeys(("AxisSettings", "BusSettings"), "settings"),
+    "Stage": "stage",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module 'drivers' has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"drivers.{_HOMES.get(name, 'errors')}"), name)

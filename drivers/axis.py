@@ -1,0 +1,214 @@
+"""One axis: what its drive is set up with, and the scaling between SI and its integers.
+
+Everything here is SDO work before and between motions; cyclic data are `cycle.py`'s. What is
+written is read back. Gains and the drive's own tuning are not touched.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from drivers import objects as od
+from drivers.bus import Network
+from drivers.cia402 import Mode
+from drivers.errors import AxisFault, ConfigurationError, NodeError
+from drivers.node import Node
+from drivers.objects import ObjectRef
+from drivers.pdo import MappedObject, PdoMapping, PdoRecord
+from drivers.samples import Scale
+from drivers.settings import AxisSettings, BusSettings
+
+ACCELERATION_UNIT = 1e-6
+"""Accelerations on the bus [m/s^2]: 10 m/s^2 in units of 1 nm/s^2 would not fit UNSIGNED32."""
+
+RPDO_OBJECTS = (od.CONTROLWORD, od.TARGET_POSITION, od.FORCE_OFFSET)
+TPDO_OBJECTS = (od.STATUSWORD, od.POSITION_ACTUAL, od.FORCE_ACTUAL)
+
+FOLLOWING_ERROR_TIMEOUT_MS = 10
+POSITION_WINDOW = 1e-6
+"""Target reached, for pp: within this of the target [m] ..."""
+POSITION_WINDOW_MS = 10
+"""... for this long [ms]."""
+HOMING_ACCELERATION = 1.0
+MODE_TIMEOUT = 1.0
+PDO_COUNT = 4
+
+_QUICK_STOP_RAMP_THEN_DISABLED = 2
+_ABORT_CONNECTION_QUICK_STOP = 3
+
+
+class Axis:
+    """An axis and its node.
+
+    Attributes:
+        name: as in the settings.  settings: its settings.  node: its CANopen node.
+        scale: length and force of one unit on the bus.
+        homed: whether position 0 is the stage's zero; the drive's reboot makes it False.
+        rpdo, tpdo: the cyclic mappings, made from the EDS's data types.
+    """
+
+    def __init__(self, network: Network, settings: AxisSettings) -> None:
+        self.settings = settings
+        self.name = settings.name
+        self.node = Node(network, settings)
+        self.scale = Scale(settings.increment, settings.rated_force / 1000)
+        self.rpdo = self._mapping(RPDO_OBJECTS)
+        self.tpdo = self._mapping(TPDO_OBJECTS)
+        self.rpdo_id = 0x200 + settings.node
+        self.tpdo_id = 0x180 + settings.node
+        self._network = network
+        self._homed_at_boot: int | None = None
+
+    def _mapping(self, refs: tuple[ObjectRef, ...]) -> PdoMapping:
+        return PdoMapping(tuple(MappedObject(r, self.node.data_type(r)) for r in refs))
+
+    @property
+    def homed(self) -> bool:
+        """Whether homing was done since the drive's last boot-up."""
+        return self._homed_at_boot == self.node.booted
+
+    @homed.setter
+    def homed(self, value: bool) -> None:
+        self._homed_at_boot = self.node.booted if value else None
+
+    def counts(self, position: float) -> int:
+        """Position or velocity [m, m/s] in units of the bus."""
+        return round(position / self.scale.increment)
+
+    def configure(self, bus: BusSettings) -> None:
+        """Checks the drive's units and writes limits, windows, options, PDOs and heartbeats.
+
+        Raises:
+            ConfigurationError: other units than ours, or a value that does not stay written.
+            NodeError: the drive refuses or does not answer.
+        """
+        self._check_units()
+        self._check_modes()
+        node = self.node
+        node.write_optional(od.CYCLE_PERIOD, bus.period_us)
+        value, index = interpolation_period(bus.period_us)
+        node.write_checked(od.INTERPOLATION_VALUE, value)
+        node.write_checked(od.INTERPOLATION_INDEX, index)
+        for ref, number in self._limits().items():
+            node.write_optional(ref, number)
+        PdoRecord.receive(1).configure(node, self.rpdo_id, self.rpdo)
+        PdoRecord.transmit(1).configure(node, self.tpdo_id, self.tpdo)
+        for number in range(2, PDO_COUNT + 1):
+            PdoRecord.receive(number).disable(node)
+            PdoRecord.transmit(number).disable(node)
+        node.set_heartbeats()
+
+    def _limits(self) -> dict[ObjectRef, int]:
+        s = self.settings
+        acceleration = round(s.acceleration / ACCELERATION_UNIT)
+        homing = min(HOMING_ACCELERATION, s.acceleration)
+        search, index = (self.counts(v) for v in s.homing_velocity)
+        return {
+            od.ABORT_CONNECTION_OPTION: _ABORT_CONNECTION_QUICK_STOP,
+            od.QUICK_STOP_OPTION: _QUICK_STOP_RAMP_THEN_DISABLED,
+            od.FAULT_REACTION_OPTION: _QUICK_STOP_RAMP_THEN_DISABLED,
+            od.QUICK_STOP_DECELERATION: acceleration,
+            od.FOLLOWING_ERROR_WINDOW: self.counts(s.following_error),
+            od.FOLLOWING_ERROR_TIMEOUT: FOLLOWING_ERROR_TIMEOUT_MS,
+            od.POSITION_WINDOW: self.counts(POSITION_WINDOW),
+            od.POSITION_WINDOW_TIME: POSITION_WINDOW_MS,
+            od.MAX_FORCE: round(s.peak_force / self.scale.force),
+            od.SOFT_LIMIT_LOW: self.counts(s.travel[0]),
+            od.SOFT_LIMIT_HIGH: self.counts(s.travel[1]),
+            od.HOME_OFFSET: 0,
+            od.HOMING_METHOD: s.homing_method,
+            od.HOMING_SEARCH_SPEED: search,
+            od.HOMING_INDEX_SPEED: index,
+            od.HOMING_ACCELERATION: round(homing / ACCELERATION_UNIT),
+        }  # fmt: skip
+
+    def _check_units(self) -> None:
+        """Position units must be encoder increments, force units 1/1000 of our rated force."""
+        node = self.node
+        factor = Fraction(1)
+        for numerator, denominator, power in (
+            (od.ENCODER_INCREMENTS, od.ENCODER_REVOLUTIONS, 1),
+            (od.GEAR_MOTOR, od.GEAR_SHAFT, 1),
+            (od.FEED, od.FEED_REVOLUTIONS, -1),
+        ):
+            if not (node.offers(numerator) and node.offers(denominator)):
+                continue
+            top, bottom = node.read(numerator), node.read(denominator)
+            if top <= 0 or bottom <= 0:
+                raise ConfigurationError(
+                    f"factor group holds {top} / {bottom}", axis=self.name, obj=numerator
+                )
+            factor *= Fraction(top, bottom) ** power
+        if factor != 1:
+            raise ConfigurationError(
+                f"factor group: one position unit is {float(factor):g} encoder increments; set it "
+                f"to 1 ({self.settings.increment:g} m)",
+                axis=self.name, obj=od.FEED,
+            )  # fmt: skip
+        rated = round(self.settings.rated_force * 1000)
+        held = node.read(od.RATED_FORCE)
+        if held != rated:
+            raise ConfigurationError(
+                f"the drive says {held / 1000:g} N, the settings {rated / 1000:g} N: "
+                "every force would be scaled wrongly",
+                axis=self.name, obj=od.RATED_FORCE,
+            )  # fmt: skip
+
+    def _check_modes(self) -> None:
+        if not self.node.offers(od.SUPPORTED_MODES):
+            return
+        modes = self.node.read(od.SUPPORTED_MODES)
+        mode = Mode.CYCLIC_SYNC_POSITION
+        if not modes >> (mode - 1) & 1:
+            raise ConfigurationError(
+                f"0x{modes:08X}: the drive does not offer cyclic synchronous position mode",
+                axis=self.name, obj=od.SUPPORTED_MODES,
+            )  # fmt: skip
+
+    def set_mode(self, mode: Mode) -> None:
+        """Writes the mode of operation and waits until the drive shows it.
+
+        Raises:
+            AxisFault: it shows another one after `MODE_TIMEOUT`.
+        """
+        self.node.write(od.MODE, mode)
+        deadline = self._network.clock.now_ns() + round(MODE_TIMEOUT * 1e9)
+        while (shown := self.node.read(od.MODE_DISPLAY)) != mode:
+            if self._network.clock.now_ns() >= deadline:
+                raise AxisFault(
+                    f"asked for mode {int(mode)}, the drive still shows {shown} after "
+                    f"{MODE_TIMEOUT:g} s",
+                    axis=self.name, obj=od.MODE_DISPLAY,
+                )  # fmt: skip
+            self._network.pump(0.005)
+
+    def set_profile(self, velocity: float, acceleration: float) -> None:
+        """Velocity [m/s] and acceleration [m/s^2] of the drive's own profiles (pp)."""
+        rate = round(acceleration / ACCELERATION_UNIT)
+        self.node.write_checked(od.PROFILE_VELOCITY, self.counts(velocity))
+        self.node.write_checked(od.PROFILE_ACCELERATION, rate)
+        self.node.write_checked(od.PROFILE_DECELERATION, rate)
+
+    def error_code(self) -> int | None:
+        """0x603F, None where it cannot be read."""
+        try:
+            return self.node.read(od.ERROR_CODE)
+        except (NodeError, ConfigurationError):
+            return None
+
+
+def interpolation_period(period_us: int) -> tuple[int, int]:
+    """0x60C2:01 and :02 of a period: value * 10^index seconds.
+
+    Raises:
+        ConfigurationError: no UNSIGNED8 times a power of ten is this period.
+    """
+    value, index = period_us, -6
+    while value % 10 == 0:
+        value, index = value // 10, index + 1
+    if value > 255:
+        raise ConfigurationError(
+            f"{period_us} us is no UNSIGNED8 times a power of ten", obj=od.INTERPOLATION_VALUE
+        )
+    # 1 ms as 1 * 10^-3, 2.5 ms as 25 * 10^-4
+    return value, index

@@ -1,0 +1,208 @@
+"""The host's end of the bus: one owner, no thread, no callback on the wall clock.
+
+`Network` is canopen's network without its Notifier: whoever waits pumps. It is the only reader of
+the bus, feeds canopen's services (SDO client, heartbeat, EMCY) through `notify`, sends the host's
+heartbeat when due, and shows every frame to the `tap`. The cyclic path (`cycle.py`) reads the
+same bus in its own loop and hands over what is not process data.
+"""
+
+from __future__ import annotations
+
+import logging
+import queue
+import struct
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import can
+import canopen
+
+from drivers.clock import Clock, clock_of
+from drivers.errors import BusError
+from drivers.settings import HOST_NODE, BusSettings
+
+Tap = Callable[[int, int, bytes], object]
+"""Sees every frame sent or received: (time [ns], CAN-ID, data)."""
+
+HEARTBEAT_NS = 100_000_000
+SERVICE_NS = 25_000_000
+_HOST_OPERATIONAL = b"\x05"
+
+# canopen logs what we raise as exceptions anyway; without a handler Python prints it to stderr
+logging.getLogger("canopen").addHandler(logging.NullHandler())
+
+
+def open_bus(settings: BusSettings) -> can.BusABC:
+    """Opens the python-can bus of the settings.
+
+    Raises:
+        BusError: unknown interface, missing driver, no such channel.
+    """
+    try:
+        return can.Bus(
+            interface=settings.interface, channel=settings.channel, bitrate=settings.bitrate
+        )
+    except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, TypeError) as why:
+        raise BusError(f"bus {settings}: cannot open: {_line(why)}") from why
+
+
+def _line(problem: BaseException) -> str:
+    """An exception's text on one line, its class where it has none."""
+    return " ".join(str(problem).split()) or type(problem).__name__
+
+
+class PumpedResponses:
+    """Stands in for the queue of an SDO client: waiting for an answer pumps the bus."""
+
+    def __init__(self, network: Network) -> None:
+        self._network = network
+        self._answers: deque[bytes] = deque()
+
+    def put(self, answer: bytes) -> None:
+        """Called by the SDO client's callback for each answer received."""
+        self._answers.append(answer)
+
+    def empty(self) -> bool:
+        """Reads what has come in, forgets late answers; always True: nothing pending is ours."""
+        self._network.pump(0.0)
+        self._answers.clear()
+        return True
+
+    def get(self, block: bool = True, timeout: float | None = None) -> bytes:
+        """The next answer.
+
+        Raises:
+            queue.Empty: none within `timeout` [s of the network's clock].
+        """
+        wait = timeout if block and timeout is not None else 0.0
+        if not self._network.pump_until(lambda: bool(self._answers), wait):
+            raise queue.Empty
+        return self._answers.popleft()
+
+
+class Network(canopen.Network):
+    """A canopen network that its owner pumps.
+
+    Attributes:
+        clock: the time everything here runs in.
+        tap: sees every frame, or None.
+        own_ids: CAN-IDs that the host sends. Seen again, they are its own echo (udp_multicast
+            loops frames back), since an id has one sender.
+        watchers: called about every 25 ms of clock time with the time [ns] (heartbeat deadlines).
+        service_due: when `service` has to be called next [ns].
+    """
+
+    def __init__(self, bus: can.BusABC, label: str, tap: Tap | None = None) -> None:
+        super().__init__(bus)
+        self.label = label
+        self.clock: Clock = clock_of(bus)
+        self.tap = tap
+        self.own_ids: set[int] = set()
+        self.watchers: list[Callable[[int], None]] = []
+        self._beat_due = self.service_due = self.clock.now_ns()
+
+    def connect(self, *args: Any, **kwargs: Any) -> Network:
+        """Nothing to do: the bus is open, and there is no Notifier."""
+        return self
+
+    def disconnect(self) -> None:
+        """Takes the nodes off; the bus is closed by who opened it."""
+        for node_id in list(self.nodes):
+            del self[node_id]
+        self.bus = None
+
+    def __setitem__(self, node_id: int, node: Any) -> None:
+        super().__setitem__(node_id, node)
+        for channel in getattr(node, "sdo_channels", ()):
+            channel.responses = PumpedResponses(self)
+
+    def send_message(self, can_id: int, data: Any, remote: bool = False) -> None:
+        """Sends one frame.
+
+        Raises:
+            BusError: the bus does not take it.
+        """
+        payload = bytes(data)
+        self.own_ids.add(can_id)
+        if self.bus is None:
+            raise BusError(f"bus {self.label}: is closed")
+        if self.tap is not None:
+            self.tap(self.clock.now_ns(), can_id, payload)
+        message = can.Message(
+            arbitration_id=can_id, is_extended_id=False, is_remote_frame=remote, data=payload
+        )
+        try:
+            self.bus.send(message)
+        except (can.CanError, OSError, ValueError) as why:
+            raise self.failure(f"cannot send frame 0x{can_id:03X}", why) from why
+
+    def failure(self, what: str, why: BaseException) -> BusError:
+        """A `BusError` that names this bus."""
+        return BusError(f"bus {self.label}: {what}: {_line(why)}")
+
+    def received(self, message: can.Message) -> None:
+        """Shows one received frame to the tap and feeds it to canopen's services."""
+        if message.is_error_frame or message.is_remote_frame or message.is_extended_id:
+            return
+        if message.arbitration_id in self.own_ids:
+            return
+        if self.tap is not None:
+            self.tap(self.clock.now_ns(), message.arbitration_id, bytes(message.data))
+        try:
+            self.notify(message.arbitration_id, message.data, message.timestamp)
+        except struct.error:
+            pass  # an emergency or heartbeat of the wrong length: no such service
+
+    def service(self, now: int) -> None:
+        """Sends the host's heartbeat when due, and lets the watchers look at their deadlines."""
+        self.service_due = now + SERVICE_NS
+        if now >= self._beat_due:
+            # not `+= period`: after a long computation one beat, not a burst
+            self._beat_due = max(self._beat_due + HEARTBEAT_NS, now + HEARTBEAT_NS // 2)
+            self.send_message(0x700 + HOST_NODE, _HOST_OPERATIONAL)
+        for watcher in self.watchers:
+            watcher(now)
+
+    def pump(self, duration: float) -> None:
+        """Receives and dispatches for `duration` [s]; 0 takes what is there.
+
+        Raises:
+            BusError: the bus cannot be read.
+        """
+        self.pump_until(lambda: False, duration)
+
+    def pump_until(self, condition: Callable[[], bool], timeout: float) -> bool:
+        """Receives and dispatches until `condition` holds.
+
+        Returns:
+            Whether it holds, False after `timeout` [s of the clock].
+
+        Raises:
+            BusError: the bus cannot be read.
+        """
+        deadline = self.clock.now_ns() + round(timeout * 1e9)
+        while not condition():
+            now = self.clock.now_ns()
+            if now >= self.service_due:
+                # what has come in first: a heartbeat that waits to be read is no lost heartbeat
+                while (waiting := self._receive(0.0)) is not None:
+                    self.received(waiting)
+                    if condition():
+                        return True
+                self.service(now)
+            wait = max(0, min(deadline, self.service_due) - now) if now < deadline else 0
+            message = self._receive(wait * 1e-9)
+            if message is not None:
+                self.received(message)
+            elif now >= deadline:
+                return condition()
+        return True
+
+    def _receive(self, timeout: float) -> can.Message | None:
+        if self.bus is None:
+            raise BusError(f"bus {self.label}: is closed")
+        try:
+            return self.bus.recv(timeout)
+        except (can.CanError, OSError, ValueError) as why:
+            raise self.failure("cannot receive", why) from why

@@ -1,0 +1,172 @@
+"""CiA 402 power state machine and the words' bits: pure, no bus (CiA 402-2, section 7).
+
+`next_controlword` walks one transition at a time, because some drives take 0x06, 0x07 and 0x0F
+only one by one. Transition 16 (quick stop active to enabled) is never asked for: it exists only
+with some option codes, and going round by SWITCH ON DISABLED always works.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from enum import Enum, IntEnum, IntFlag
+
+
+class State(Enum):
+    """States of the power drive system: (mask, value) on the statusword."""
+
+    NOT_READY_TO_SWITCH_ON = (0x4F, 0x00)
+    SWITCH_ON_DISABLED = (0x4F, 0x40)
+    READY_TO_SWITCH_ON = (0x6F, 0x21)
+    SWITCHED_ON = (0x6F, 0x23)
+    OPERATION_ENABLED = (0x6F, 0x27)
+    QUICK_STOP_ACTIVE = (0x6F, 0x07)
+    FAULT_REACTION_ACTIVE = (0x4F, 0x0F)
+    FAULT = (0x4F, 0x08)
+
+    def __str__(self) -> str:
+        return self.name.replace("_", " ")
+
+
+class Command(IntEnum):
+    """Controlwords of the device control commands (bits 7, 3, 2, 1, 0; bit 4.. are the mode's)."""
+
+    DISABLE_VOLTAGE = 0x0000
+    QUICK_STOP = 0x0002
+    SHUTDOWN = 0x0006
+    SWITCH_ON = 0x0007  # from OPERATION ENABLED the same word is "disable operation"
+    ENABLE_OPERATION = 0x000F
+    FAULT_RESET = 0x0080
+
+
+class Mode(IntEnum):
+    """Modes of operation (0x6060)."""
+
+    PROFILE_POSITION = 1
+    HOMING = 6
+    CYCLIC_SYNC_POSITION = 8
+
+
+class Control(IntFlag):
+    """Controlword bits that belong to the mode."""
+
+    NEW_SETPOINT = 0x0010  # pp
+    CHANGE_IMMEDIATELY = 0x0020  # pp
+    RELATIVE = 0x0040  # pp
+    START_HOMING = 0x0010  # hm
+    HALT = 0x0100
+
+
+class Status(IntFlag):
+    """Statusword bits outside the state."""
+
+    WARNING = 0x0080
+    REMOTE = 0x0200
+    TARGET_REACHED = 0x0400
+    INTERNAL_LIMIT = 0x0800
+    SETPOINT_ACKNOWLEDGED = 0x1000  # pp
+    HOMING_ATTAINED = 0x1000  # hm
+    FOLLOWS_COMMAND = 0x1000  # csp
+    FOLLOWING_ERROR = 0x2000  # pp, csp
+    HOMING_ERROR = 0x2000  # hm
+
+
+ENABLED_MASK, ENABLED_VALUE = State.OPERATION_ENABLED.value
+
+_S, _C = State, Command
+TRANSITIONS: dict[tuple[State, Command], tuple[int, State]] = {
+    (_S.SWITCH_ON_DISABLED, _C.SHUTDOWN): (2, _S.READY_TO_SWITCH_ON),
+    (_S.READY_TO_SWITCH_ON, _C.SWITCH_ON): (3, _S.SWITCHED_ON),
+    (_S.SWITCHED_ON, _C.ENABLE_OPERATION): (4, _S.OPERATION_ENABLED),
+    (_S.OPERATION_ENABLED, _C.SWITCH_ON): (5, _S.SWITCHED_ON),
+    (_S.SWITCHED_ON, _C.SHUTDOWN): (6, _S.READY_TO_SWITCH_ON),
+    (_S.READY_TO_SWITCH_ON, _C.DISABLE_VOLTAGE): (7, _S.SWITCH_ON_DISABLED),
+    (_S.READY_TO_SWITCH_ON, _C.QUICK_STOP): (7, _S.SWITCH_ON_DISABLED),
+    (_S.OPERATION_ENABLED, _C.SHUTDOWN): (8, _S.READY_TO_SWITCH_ON),
+    (_S.OPERATION_ENABLED, _C.DISABLE_VOLTAGE): (9, _S.SWITCH_ON_DISABLED),
+    (_S.SWITCHED_ON, _C.DISABLE_VOLTAGE): (10, _S.SWITCH_ON_DISABLED),
+    (_S.SWITCHED_ON, _C.QUICK_STOP): (10, _S.SWITCH_ON_DISABLED),
+    (_S.OPERATION_ENABLED, _C.QUICK_STOP): (11, _S.QUICK_STOP_ACTIVE),
+    (_S.QUICK_STOP_ACTIVE, _C.DISABLE_VOLTAGE): (12, _S.SWITCH_ON_DISABLED),
+    (_S.FAULT, _C.FAULT_RESET): (15, _S.SWITCH_ON_DISABLED),
+}
+"""(state, command) -> (number of the transition, next state): those that the host asks for."""
+
+AUTOMATIC: dict[State, tuple[int, State]] = {
+    _S.NOT_READY_TO_SWITCH_ON: (1, _S.SWITCH_ON_DISABLED),
+    _S.FAULT_REACTION_ACTIVE: (14, _S.FAULT),
+}
+"""Transitions that the drive makes by itself. 0 is power on, 13 any state to fault reaction."""
+
+
+def decode(statusword: int) -> State:
+    """The state that a statusword shows.
+
+    Every 16-bit word shows exactly one state or none (bits 0..3 in a combination that CiA 402
+    does not define); the latter is taken for NOT READY TO SWITCH ON, which commands nothing.
+    """
+    for state in State:
+        mask, value = state.value
+        if statusword & mask == value:
+            return state
+    return State.NOT_READY_TO_SWITCH_ON
+
+
+def next_command(state: State, target: State) -> Command | None:
+    """The command for the first transition on the shortest way from `state` to `target`.
+
+    Returns:
+        None when already there, or when the drive moves on by itself.
+
+    Raises:
+        ValueError: no command leads to `target` (FAULT and its reaction, for instance).
+    """
+    if target is State.FAULT_REACTION_ACTIVE or target in (
+        State.FAULT,
+        State.NOT_READY_TO_SWITCH_ON,
+    ):
+        raise ValueError(f"{target} cannot be commanded")
+    if state is target or state in AUTOMATIC:
+        return None
+    queue = deque([(state, None)])  # type: deque[tuple[State, Command | None]]
+    seen = {state}
+    while queue:
+        at, first = queue.popleft()
+        for (origin, command), (_, after) in TRANSITIONS.items():
+            if origin is at and after not in seen:
+                if after is target:
+                    return command if first is None else first
+                seen.add(after)
+                queue.append((after, command if first is None else first))
+    raise ValueError(f"no way from {state} to {target}")
+
+
+def next_controlword(state: State, target: State, previous: int = 0) -> int:
+    """The controlword to send in `state` on the way to `target`.
+
+    Args:
+        state: what the statusword shows.
+        target: where to go; QUICK STOP ACTIVE from a state without motion stays where it is.
+        previous: controlword sent last; a fault is reset by a rising edge of bit 7 only, so a
+            word with that bit is followed by one without.
+
+    Raises:
+        ValueError: no command leads to `target`.
+    """
+    if state is target:
+        return HOLD.get(state, previous)
+    command = next_command(state, target)
+    if command is None:
+        return previous & ~Command.FAULT_RESET
+    if command is Command.FAULT_RESET and previous & Command.FAULT_RESET:
+        return int(Command.DISABLE_VOLTAGE)
+    return int(command)
+
+
+HOLD: dict[State, int] = {
+    _S.SWITCH_ON_DISABLED: int(_C.DISABLE_VOLTAGE),
+    _S.READY_TO_SWITCH_ON: int(_C.SHUTDOWN),
+    _S.SWITCHED_ON: int(_C.SWITCH_ON),
+    _S.OPERATION_ENABLED: int(_C.ENABLE_OPERATION),
+    _S.QUICK_STOP_ACTIVE: int(_C.QUICK_STOP),
+}
+"""The controlword that keeps a drive in a state."""

@@ -1,0 +1,43 @@
+"""The time that the driver lives in: the bus's own where it has one, else the monotonic clock.
+
+The lock-step bus brings a virtual clock in its attribute `clock`; there, only waiting moves time.
+This is the one module of the package that reads a wall clock.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol, runtime_checkable
+
+
+@runtime_checkable
+class Clock(Protocol):
+    """Integer nanoseconds from an arbitrary origin, never running backwards."""
+
+    def now_ns(self) -> int:
+        """The time now [ns]."""
+
+    def sleep_until_ns(self, t: int) -> None:
+        """Returns at `t` [ns] or as soon after as possible; at once when `t` is past."""
+
+
+class MonotonicClock:
+    """The operating system's monotonic clock; sleeps to absolute deadlines, so errors don't add."""
+
+    __slots__ = ()
+
+    def now_ns(self) -> int:
+        """The time now [ns]."""
+        return time.monotonic_ns()
+
+    def sleep_until_ns(self, t: int) -> None:
+        """Sleeps until `t` [ns]; returns at once when it is past."""
+        # No spinning at the end: on few cores it takes the drives' time and worsens the p99.
+        while (left := t - time.monotonic_ns()) > 0:
+            time.sleep(left * 1e-9)
+
+
+def clock_of(bus: object) -> Clock:
+    """The clock of a python-can bus: its attribute `clock` where it offers one, else monotonic."""
+    clock = getattr(bus, "clock", None)
+    return clock if isinstance(clock, Clock) else MonotonicClock()

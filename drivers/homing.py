@@ -1,0 +1,107 @@
+"""Homing (mode hm) of all axes together, judged by the statusword of every SYNC.
+
+Statusword bits 13 (error), 12 (attained), 10 (target reached): 0 0 0 in progress; 0 0 1 not
+started or interrupted; 0 1 0 attained, still moving; 0 1 1 done; 1 x x error. "Not started" and
+"interrupted" look alike: what tells them apart is whether it was in progress before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum, auto
+
+from drivers import objects as od
+from drivers.cia402 import Command, Control, State, Status
+from drivers.cycle import Channel, Cycle
+from drivers.errors import HomingError
+from drivers.faults import error_text
+from drivers.power import Cycles, state_of
+from drivers.settings import AxisSettings
+
+START_TIMEOUT = 0.5
+"""How long a drive may take to begin [s]."""
+SETTLE = 0.05
+"""An old "attained" may stand this long after the start before it is believed [s]."""
+
+
+class Progress(Enum):
+    """What an axis' homing is doing."""
+
+    WAITING = auto()
+    RUNNING = auto()
+    DONE = auto()
+    INTERRUPTED = auto()
+    FAILED = auto()
+
+
+def timeout_for(settings: AxisSettings) -> float:
+    """Longest sensible homing [s]: the whole travel there and back at the slower speed."""
+    low, high = settings.travel
+    return 2 * (high - low) / min(settings.homing_velocity) + START_TIMEOUT
+
+
+def judge(statusword: int, before: Progress, elapsed: float) -> Progress:
+    """The progress after one more statusword.
+
+    Args:
+        statusword: in mode hm, start bit set.
+        before: progress until now.
+        elapsed: since the start bit was sent [s].
+    """
+    if statusword & Status.HOMING_ERROR:
+        return Progress.FAILED
+    reached = bool(statusword & Status.TARGET_REACHED)
+    if statusword & Status.HOMING_ATTAINED:
+        believed = before is Progress.RUNNING or elapsed >= SETTLE
+        return Progress.DONE if reached and believed else before
+    if not reached:
+        return Progress.RUNNING
+    return Progress.INTERRUPTED if before is Progress.RUNNING else Progress.WAITING
+
+
+def home(cycle: Cycle, channels: Sequence[Channel], period: float) -> None:
+    """Homes the channels, which are enabled in mode hm; they end at rest, start bit cleared.
+
+    Raises:
+        HomingError: an axis reports an error, stops on the way, does not begin, or is not done
+            within its timeout.
+        AxisFault: an alarm or missing process data.
+    """
+    progress = dict.fromkeys(channels, Progress.WAITING)
+    limits = {c: timeout_for(c.axis.settings) for c in channels}
+    for channel in channels:
+        channel.controlword = int(Command.ENABLE_OPERATION | Control.START_HOMING)
+    for count, _ in enumerate(Cycles(cycle, max(limits.values()) + 1, period, blind=False)):
+        elapsed = count * period
+        for channel in channels:
+            if progress[channel] is Progress.DONE or not channel.valid:
+                continue
+            if state_of(channel) is not State.OPERATION_ENABLED:
+                raise _error(channel, f"left OPERATION ENABLED, is in {state_of(channel)}")
+            now = progress[channel] = judge(channel.statusword, progress[channel], elapsed)
+            if now is Progress.DONE:
+                channel.controlword = int(Command.ENABLE_OPERATION)
+            elif now is Progress.FAILED:
+                raise _error(channel, "the drive reports a homing error")
+            elif now is Progress.INTERRUPTED:
+                raise _error(channel, "homing was interrupted before it was attained")
+            elif now is Progress.WAITING and elapsed > START_TIMEOUT:
+                raise _error(channel, f"homing did not begin within {START_TIMEOUT:g} s")
+            elif elapsed > limits[channel]:
+                raise _error(channel, f"homing not done within {limits[channel]:g} s")
+        if all(p is Progress.DONE for p in progress.values()):
+            cycle.exchange()  # start bits off
+            for channel in channels:
+                channel.axis.homed = True
+            return
+
+
+def _error(channel: Channel, what: str) -> HomingError:
+    """Homing error with method, statusword, and the error code where the drive has one."""
+    axis = channel.axis
+    code = axis.error_code()
+    cause = (
+        f"method {axis.settings.homing_method}: {what} (statusword 0x{channel.statusword:04X}"
+        + (f", {error_text(code)})" if code else ")")
+    )
+    return HomingError(cause, axis=axis.name, obj=od.HOMING_METHOD, code=code or None)

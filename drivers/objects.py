@@ -1,0 +1,80 @@
+"""Names of the CANopen objects that the driver touches (CiA 301, CiA 402-2).
+
+Only names and numbers: types, access and presence are the EDS's business.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectRef:
+    """One object dictionary entry.
+
+    Attributes:
+        index: 0x0000..0xFFFF.  sub: sub-index 0..255.  name: the field's word for it.
+    """
+
+    index: int
+    sub: int
+    name: str
+
+    def __str__(self) -> str:
+        return f"0x{self.index:04X}:{self.sub:02X} {self.name}".rstrip()
+
+
+# CiA 301: communication profile
+DEVICE_TYPE = ObjectRef(0x1000, 0, "device type")
+ERROR_REGISTER = ObjectRef(0x1001, 0, "error register")
+SYNC_COB_ID = ObjectRef(0x1005, 0, "COB-ID SYNC")
+CYCLE_PERIOD = ObjectRef(0x1006, 0, "communication cycle period")
+HEARTBEAT_CONSUMER = ObjectRef(0x1016, 1, "consumer heartbeat time")
+HEARTBEAT_PRODUCER = ObjectRef(0x1017, 0, "producer heartbeat time")
+VENDOR_ID = ObjectRef(0x1018, 1, "vendor id")
+PRODUCT_CODE = ObjectRef(0x1018, 2, "product code")
+REVISION = ObjectRef(0x1018, 3, "revision number")
+
+# CiA 402: device control
+ABORT_CONNECTION_OPTION = ObjectRef(0x6007, 0, "abort connection option code")
+ERROR_CODE = ObjectRef(0x603F, 0, "error code")
+CONTROLWORD = ObjectRef(0x6040, 0, "controlword")
+STATUSWORD = ObjectRef(0x6041, 0, "statusword")
+QUICK_STOP_OPTION = ObjectRef(0x605A, 0, "quick stop option code")
+FAULT_REACTION_OPTION = ObjectRef(0x605E, 0, "fault reaction option code")
+MODE = ObjectRef(0x6060, 0, "modes of operation")
+MODE_DISPLAY = ObjectRef(0x6061, 0, "modes of operation display")
+SUPPORTED_MODES = ObjectRef(0x6502, 0, "supported drive modes")
+
+# CiA 402: position, force
+POSITION_ACTUAL = ObjectRef(0x6064, 0, "position actual value")
+FOLLOWING_ERROR_WINDOW = ObjectRef(0x6065, 0, "following error window")
+FOLLOWING_ERROR_TIMEOUT = ObjectRef(0x6066, 0, "following error timeout")
+POSITION_WINDOW = ObjectRef(0x6067, 0, "position window")
+POSITION_WINDOW_TIME = ObjectRef(0x6068, 0, "position window time")
+MAX_FORCE = ObjectRef(0x6072, 0, "max torque")
+RATED_FORCE = ObjectRef(0x6076, 0, "motor rated torque")
+FORCE_ACTUAL = ObjectRef(0x6077, 0, "torque actual value")
+TARGET_POSITION = ObjectRef(0x607A, 0, "target position")
+HOME_OFFSET = ObjectRef(0x607C, 0, "home offset")
+SOFT_LIMIT_LOW = ObjectRef(0x607D, 1, "min position limit")
+SOFT_LIMIT_HIGH = ObjectRef(0x607D, 2, "max position limit")
+PROFILE_VELOCITY = ObjectRef(0x6081, 0, "profile velocity")
+PROFILE_ACCELERATION = ObjectRef(0x6083, 0, "profile acceleration")
+PROFILE_DECELERATION = ObjectRef(0x6084, 0, "profile deceleration")
+QUICK_STOP_DECELERATION = ObjectRef(0x6085, 0, "quick stop deceleration")
+ENCODER_INCREMENTS = ObjectRef(0x608F, 1, "encoder increments")
+ENCODER_REVOLUTIONS = ObjectRef(0x608F, 2, "motor revolutions")
+GEAR_MOTOR = ObjectRef(0x6091, 1, "motor shaft revolutions")
+GEAR_SHAFT = ObjectRef(0x6091, 2, "driving shaft revolutions")
+FEED = ObjectRef(0x6092, 1, "feed")
+FEED_REVOLUTIONS = ObjectRef(0x6092, 2, "feed shaft revolutions")
+FORCE_OFFSET = ObjectRef(0x60B2, 0, "torque offset")
+INTERPOLATION_VALUE = ObjectRef(0x60C2, 1, "interpolation time period value")
+INTERPOLATION_INDEX = ObjectRef(0x60C2, 2, "interpolation time index")
+
+# CiA 402: homing
+HOMING_METHOD = ObjectRef(0x6098, 0, "homing method")
+HOMING_SEARCH_SPEED = ObjectRef(0x6099, 1, "speed during search for switch")
+HOMING_INDEX_SPEED = ObjectRef(0x6099, 2, "speed during search for zero")
+HOMING_ACCELERATION = ObjectRef(0x609A, 0, "homing acceleration")

@@ -1,0 +1,274 @@
+"""Power states of all axes together, by controlwords in the RPDOs, one SYNC at a time.
+
+A target position goes out with every controlword; until an axis is enabled it follows the actual
+position, so that enabling never moves anything.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+
+from drivers import objects as od
+from drivers.cia402 import Command, Control, Mode, State, decode, next_controlword
+from drivers.cycle import Channel, Cycle
+from drivers.errors import AxisFault, DriverError, NodeError
+from drivers.faults import error_text
+
+TIMEOUT = 2.0
+"""For a change of power state without motion [s]."""
+REST_TIMEOUT = 1.0
+REST_SYNCS = 20
+REST_BAND = 50e-9
+"""An axis rests when it stays within this band [m] for `REST_SYNCS`."""
+OFFSET_RAMP = 0.05
+"""Time in which a force offset is taken back before an axis is disabled [s]."""
+
+_MODE_BITS = int(
+    Control.NEW_SETPOINT | Control.CHANGE_IMMEDIATELY | Control.RELATIVE | Control.HALT
+)
+
+
+def state_of(channel: Channel) -> State:
+    """The power state that the axis' last statusword shows."""
+    return decode(channel.statusword)
+
+
+def fault(channel: Channel, what: str) -> AxisFault:
+    """An `AxisFault` with everything the axis tells: statusword, emergency, error code.
+
+    Reads 0x603F by SDO: not for use between the SYNCs of a stream.
+    """
+    axis = channel.axis
+    code = axis.error_code()
+    alarm = axis.node.alarm
+    parts = [what]
+    if alarm is not None:
+        parts.append(alarm.cause)
+    if code:
+        parts.append(f"error code {error_text(code)}")
+    parts.append(f"statusword 0x{channel.statusword:04X} ({state_of(channel)})")
+    if not code and alarm is not None:
+        code = alarm.code
+    return AxisFault("; ".join(parts), axis=axis.name, obj=od.ERROR_CODE, code=code or None)
+
+
+class Power:
+    """Takes all axes from one power state to another.
+
+    Attributes:
+        mode: mode of operation that all axes were set to last, None before the first.
+    """
+
+    def __init__(self, cycle: Cycle, period: float) -> None:
+        self.mode: Mode | None = None
+        self._cycle = cycle
+        self._period = period
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """One per axis."""
+        return self._cycle.channels
+
+    @property
+    def enabled(self) -> bool:
+        """Whether all axes were in OPERATION ENABLED when last heard."""
+        return all(c.seen and state_of(c) is State.OPERATION_ENABLED for c in self.channels)
+
+    def set_mode(self, mode: Mode) -> None:
+        """Sets the mode of operation on all axes by SDO, and waits for it."""
+        for channel in self.channels:
+            channel.axis.set_mode(mode)
+        self.mode = mode
+
+    def change_over(self, mode: Mode, channels: Sequence[Channel]) -> bool:
+        """Changes the mode of operation under power, without a jump, where that is possible.
+
+        Returns:
+            False when an axis is not enabled or its drive refuses.
+
+        Raises:
+            AxisFault: an axis faults meanwhile.
+        """
+        ready = State.OPERATION_ENABLED
+        if self.mode is None or not all(c.seen and state_of(c) is ready for c in channels):
+            return False
+        self.ramp_offsets_out()
+        for channel in self.channels:
+            channel.controlword &= ~_MODE_BITS
+            if self.mode is Mode.HOMING:  # its targets were in other coordinates
+                channel.target = channel.position
+        self._cycle.resume()
+        for _ in range(2):  # 0x607A is right in the drive before the mode that obeys it begins
+            self._cycle.exchange()
+        try:
+            self.set_mode(mode)
+        except NodeError as refused:
+            if refused.abort_code is None:
+                raise
+            return False
+        self.go(ready, channels)
+        return True
+
+    def wait_for_rest(self) -> None:
+        """Waits until all axes stand still, `REST_TIMEOUT` at most."""
+        recent: deque[tuple[int, ...]] = deque(maxlen=REST_SYNCS)
+        for _ in self._cycles(REST_TIMEOUT, blind=True):
+            recent.append(tuple(c.position for c in self.channels))
+            if len(recent) == REST_SYNCS and all(
+                max(p) - min(p) <= REST_BAND / c.axis.scale.increment
+                for p, c in zip(zip(*recent, strict=True), self.channels, strict=True)
+            ):
+                return
+
+    def go(self, target: State, channels: Sequence[Channel] | None = None) -> None:
+        """Leads axes (all by default) to `target`; one that faults stops the attempt.
+
+        Raises:
+            AxisFault: an axis is in or falls into FAULT, or does not get there in time.
+        """
+        chosen = self.channels if channels is None else channels
+        for _ in self._cycles(TIMEOUT):
+            waiting = False
+            for channel in chosen:
+                if channel.seen:
+                    state = state_of(channel)
+                    if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+                        raise fault(channel, "is in fault, to be reset first")
+                    channel.controlword = next_controlword(state, target, channel.controlword)
+                    if state is not State.OPERATION_ENABLED:
+                        channel.target, channel.offset = channel.position, 0
+                    waiting |= state is not target
+                else:
+                    waiting = True
+            if not waiting:
+                return
+        late = next((c for c in chosen if not c.seen or state_of(c) is not target), chosen[0])
+        if not late.seen:
+            self._silent(late)
+        raise fault(late, f"does not reach {target} within {TIMEOUT:g} s")
+
+    def _silent(self, channel: Channel) -> None:
+        raise AxisFault(
+            f"no process data (TPDO 0x{channel.axis.tpdo_id:03X}) at all: does it answer SYNC?",
+            axis=channel.axis.name, obj=od.STATUSWORD,
+        )  # fmt: skip
+
+    def reset_faults(self) -> None:
+        """Acknowledges the faults of all axes that have one.
+
+        Raises:
+            AxisFault: a fault stays (its cause persists).
+        """
+        self._cycle.clear_alarms()
+        for _ in self._cycles(TIMEOUT, blind=True):
+            waiting = False
+            for channel in self.channels:
+                if not channel.seen:
+                    waiting = True
+                    continue
+                state = state_of(channel)
+                if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+                    waiting = True
+                    channel.controlword = next_controlword(
+                        state, State.SWITCH_ON_DISABLED, channel.controlword
+                    )
+                    channel.target, channel.offset = channel.position, 0
+                elif channel.controlword & Command.FAULT_RESET:
+                    channel.controlword = int(Command.DISABLE_VOLTAGE)
+                    waiting = True
+            if not waiting:
+                self._cycle.clear_alarms()
+                return
+        for channel in self.channels:
+            if not channel.seen:
+                self._silent(channel)
+            if state_of(channel) in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+                raise fault(channel, "the fault cannot be reset")
+
+    def ramp_offsets_out(self) -> None:
+        """Takes the force offsets back to 0 at constant targets, while enabled."""
+        steps = max(1, round(OFFSET_RAMP / self._period))
+        start = [c.offset for c in self.channels]
+        if not any(start) or not self.enabled:
+            return
+        self._cycle.resume()
+        for step in range(1, steps + 1):
+            for channel, offset in zip(self.channels, start, strict=True):
+                channel.offset = round(offset * (1 - step / steps))
+            self._cycle.exchange()
+
+    def quick_stop(self, timeout: float) -> None:
+        """Quick-stops all axes at once and waits until none is moving under power.
+
+        Raises:
+            AxisFault: an axis is still enabled or still stopping after `timeout` [s].
+            BusError: the bus fails.
+        """
+        moving = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE)
+        for channel in self.channels:
+            channel.controlword, channel.offset = int(Command.QUICK_STOP), 0
+        last: tuple[int, ...] = ()
+        for _ in self._cycles(timeout, blind=True):
+            positions = tuple(c.position for c in self.channels)
+            still, last = positions == last, positions
+            states = [state_of(c) for c in self.channels if c.valid]
+            # drives with option codes 5..8 stay in QUICK STOP ACTIVE: standing still is the end
+            if not any(
+                s in moving and (s is not State.QUICK_STOP_ACTIVE or not still) for s in states
+            ):
+                if all(c.valid or c.missed > 1 for c in self.channels):
+                    return
+        for channel in self.channels:
+            if channel.valid and state_of(channel) in moving:
+                raise AxisFault(
+                    f"0x{channel.statusword:04X}: still {state_of(channel)} {timeout:g} s after "
+                    "the quick stop",
+                    axis=channel.axis.name, obj=od.STATUSWORD,
+                )  # fmt: skip
+
+    def switch_off(self) -> None:
+        """Power off on all axes, whatever state they are in; stays silent about faults.
+
+        Raises:
+            BusError: the bus fails.
+        """
+        for channel in self.channels:
+            channel.controlword, channel.offset = int(Command.DISABLE_VOLTAGE), 0
+        off = (State.SWITCH_ON_DISABLED, State.FAULT, State.NOT_READY_TO_SWITCH_ON)
+        for _ in self._cycles(TIMEOUT, blind=True):
+            if all(state_of(c) in off if c.valid else c.missed > 1 for c in self.channels):
+                return
+
+    def attempt_by_sdo(self, command: Command) -> None:
+        """Writes a controlword by SDO where the cyclic path is no way; errors are passed over."""
+        for channel in self.channels:
+            try:
+                channel.axis.node.write(od.CONTROLWORD, int(command))
+            except DriverError:
+                continue
+
+    def _cycles(self, timeout: float, blind: bool = False) -> Cycles:
+        return Cycles(self._cycle, timeout, self._period, blind)
+
+
+class Cycles:
+    """Iterates over SYNCs with the channels' commands until a timeout [s] has gone by.
+
+    The first value comes after the first SYNC. The last cycle's commands are sent before the
+    next value, so that a loop sets commands for the SYNC to come.
+    """
+
+    def __init__(self, cycle: Cycle, timeout: float, period: float, blind: bool) -> None:
+        self._exchange: Callable[[], None] = cycle.exchange_blindly if blind else cycle.exchange
+        self._left = max(1, round(timeout / period))
+        cycle.resume()
+
+    def __iter__(self) -> Cycles:
+        return self
+
+    def __next__(self) -> None:
+        if self._left == 0:
+            raise StopIteration
+        self._left -= 1
+        self._exchange()

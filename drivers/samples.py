@@ -1,0 +1,75 @@
+"""What streaming brings back: raw integers per SYNC for the sink, SI arrays for the engine."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Sample = tuple[int, ...]
+"""One SYNC for the sink: (time_ns, late, then per axis: target_counts, offset_permille,
+position_counts, force_permille, statusword, valid, arrival_ns); arrival -1 when missed."""
+
+FIELDS = 7
+"""Values per axis in a `Sample`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """What one unit of an axis' CAN integers is: `increment` [m], `force` [N] (rated / 1000)."""
+
+    increment: float
+    force: float
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """K SYNCs of n axes, SI, demands as they were sent (after rounding).
+
+    Attributes:
+        time: float64[K], of the SYNC, since the first SYNC streamed after boot [s].
+        position_demand: float64[K, n], r_k [m].  force_offset: float64[K, n], f_k [N].
+        position: float64[K, n], 0x6064 sampled at the SYNC [m].
+        force: float64[K, n], 0x6077 sampled at the SYNC [N].
+        statusword: uint16[K, n].
+        valid: bool[K, n], False where the TPDO stayed away and the last values stand.
+        arrival: float64[K, n], of the TPDO after the SYNC [s], nan where missed.
+        late: bool[K], the SYNC left more than half a period after its instant.
+    """
+
+    time: NDArray[np.float64]
+    position_demand: NDArray[np.float64]
+    force_offset: NDArray[np.float64]
+    position: NDArray[np.float64]
+    force: NDArray[np.float64]
+    statusword: NDArray[np.uint16]
+    valid: NDArray[np.bool_]
+    arrival: NDArray[np.float64]
+    late: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @classmethod
+    def from_rows(cls, rows: array[int], scales: Sequence[Scale]) -> Samples:
+        """Samples from the concatenated `Sample` tuples of any number of SYNCs."""
+        n = len(scales)
+        raw = np.frombuffer(rows, dtype=np.int64).reshape(-1, 2 + FIELDS * n)
+        axes = raw[:, 2:].reshape(-1, n, FIELDS)
+        increment = np.array([s.increment for s in scales])
+        force = np.array([s.force for s in scales])
+        valid = axes[:, :, 5] != 0
+        return cls(
+            time=np.asarray(raw[:, 0] * 1e-9, dtype=np.float64),
+            position_demand=axes[:, :, 0] * increment,
+            force_offset=axes[:, :, 1] * force,
+            position=axes[:, :, 2] * increment,
+            force=axes[:, :, 3] * force,
+            statusword=axes[:, :, 4].astype(np.uint16),
+            valid=valid,
+            arrival=np.where(valid, axes[:, :, 6] * 1e-9, np.nan),
+            late=raw[:, 1] != 0,
+        )

@@ -1,0 +1,120 @@
+"""What the driver needs to know of bus and axes: frozen, SI units, checked when made."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from drivers.errors import ConfigurationError
+
+HOST_NODE = 127
+"""Node id under which the host sends its heartbeat."""
+
+
+def _require(condition: bool, axis: str | None, name: str, reason: str) -> None:
+    if not condition:
+        raise ConfigurationError(f"{name}: {reason}", axis=axis)
+
+
+def _finite(value: float) -> bool:
+    return isinstance(value, int | float) and math.isfinite(value)
+
+
+@dataclass(frozen=True, slots=True)
+class BusSettings:
+    """A python-can bus and its SYNC.
+
+    Attributes:
+        interface: python-can interface (lockstep, virtual, udp_multicast, socketcan, ...).
+        channel: as that interface names it.
+        bitrate: [bit/s]; ignored by interfaces without one.
+        sync_period: Ts [s], a whole number of microseconds.
+    """
+
+    interface: str
+    channel: str
+    bitrate: int = 1_000_000
+    sync_period: float = 1e-3
+
+    def __post_init__(self) -> None:
+        _require(bool(self.interface), None, "bus interface", "is empty")
+        _require(self.bitrate > 0, None, "bitrate", f"must be > 0, is {self.bitrate!r}")
+        period = self.sync_period
+        _require(_finite(period) and period > 0, None, "sync_period", f"must be > 0, is {period!r}")
+        _require(
+            self.period_us >= 1 and abs(period * 1e6 - self.period_us) < 1e-6 * self.period_us,
+            None, "sync_period", f"must be a whole number of microseconds, is {period!r} s",
+        )  # fmt: skip
+
+    @property
+    def period_us(self) -> int:
+        """Ts [us], as 0x1006 holds it."""
+        return round(self.sync_period * 1e6)
+
+    @property
+    def period_ns(self) -> int:
+        """Ts [ns]."""
+        return self.period_us * 1000
+
+    def __str__(self) -> str:
+        return f"{self.interface}:{self.channel}"
+
+
+@dataclass(frozen=True, slots=True)
+class AxisSettings:
+    """One axis and its drive.
+
+    Attributes:
+        name: as in the machine file.  node: CANopen node id, 1..126 (127 is the host).
+        eds: the drive's EDS file.
+        rated_force: unit of the CiA 402 force values [N].  peak_force: drive's force limit [N].
+        increment: length of one position unit [m].
+        travel: (lowest, highest) position [m].
+        velocity, acceleration, jerk: limits [m/s, m/s^2, m/s^3].
+        following_error: window [m].
+        homing_method: CiA 402 homing method, 33..37 for stages without switches.
+        homing_velocity: (search, index) [m/s].
+    """
+
+    name: str
+    node: int
+    eds: Path
+    rated_force: float
+    peak_force: float
+    travel: tuple[float, float]
+    velocity: float
+    acceleration: float
+    jerk: float
+    following_error: float
+    increment: float = 1e-9
+    homing_method: int = 34
+    homing_velocity: tuple[float, float] = (0.01, 0.002)
+
+    def __post_init__(self) -> None:
+        axis = self.name
+        _require(bool(axis), None, "axis", "has no name")
+        _require(1 <= self.node < HOST_NODE, axis, "node", f"must be 1..126, is {self.node!r}")
+        for name in (
+            "rated_force", "peak_force", "velocity", "acceleration", "jerk",
+            "following_error", "increment",
+        ):  # fmt: skip
+            value = getattr(self, name)
+            _require(_finite(value) and value > 0, axis, name, f"must be > 0, is {value!r}")
+        low, high = self.travel
+        _require(
+            _finite(low) and _finite(high) and low < high, axis, "travel", "must be low < high"
+        )
+        _require(
+            max(abs(low), abs(high)) / self.increment < 2**31,
+            axis, "travel", f"does not fit INTEGER32 in units of {self.increment:g} m",
+        )  # fmt: skip
+        _require(
+            self.peak_force / self.rated_force <= 32.767,
+            axis, "peak_force", "exceeds 32.767 times rated_force, the range of INTEGER16",
+        )  # fmt: skip
+        _require(
+            len(self.homing_velocity) == 2
+            and all(_finite(v) and v > 0 for v in self.homing_velocity),
+            axis, "homing_velocity", f"must be two speeds > 0, is {self.homing_velocity!r}",
+        )  # fmt: skip

@@ -1,0 +1,403 @@
+"""The stage as the application sees it: axes booted, homed, enabled, streamed and stopped together.
+
+A fault of one axis stops all of them. Setpoints are csp (0x607A and 0x60B2, one pair a SYNC); pp
+and hm serve jogging and homing. Single-threaded: the host's heartbeat goes out while something
+here runs, and the drives stop by themselves when the host stays silent for 0.5 s (`idle` waits
+without that).
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+from types import TracebackType
+
+import can
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers import homing, profile_position
+from drivers.axis import Axis
+from drivers.bus import Network, Tap, open_bus
+from drivers.cia402 import Command, Mode, State
+from drivers.cycle import Channel, Cycle, Sink, Until
+from drivers.errors import AxisFault, BusError, ConfigurationError, DriverError, LimitError
+from drivers.faults import error_text
+from drivers.limits import checked_counts
+from drivers.power import Power
+from drivers.samples import Samples
+from drivers.settings import AxisSettings, BusSettings
+
+MAX_MISSED = 5
+"""TPDOs that may stay away in a row."""
+
+
+class Stage:
+    """All axes on one bus; a context manager that stops, disables and closes on the way out.
+
+    Attributes:
+        axes: one `Axis` per settings, in that order; arrays have their columns in it.
+        sink: called with a `Sample` once per streamed SYNC, before anything else is done with it.
+    """
+
+    def __init__(
+        self,
+        bus: BusSettings,
+        axes: Sequence[AxisSettings],
+        bus_object: can.BusABC,
+        tap: Tap | None = None,
+        max_missed: int = MAX_MISSED,
+    ) -> None:
+        """Use `open`; this one takes a bus that its caller closes."""
+        self.sink: Sink | None = None
+        self.settings = bus
+        self._owned: can.BusABC | None = None
+        self._open = True
+        _check_unique(axes)
+        self._network = Network(bus_object, str(bus), tap)
+        self.axes = tuple(Axis(self._network, axis) for axis in axes)
+        self._cycle = Cycle(self._network, self.axes, bus.period_ns, max_missed)
+        self._power = Power(self._cycle, bus.sync_period)
+
+    @classmethod
+    def open(
+        cls,
+        bus: BusSettings,
+        axes: Sequence[AxisSettings],
+        tap: Tap | None = None,
+        bus_object: can.BusABC | None = None,
+    ) -> Stage:
+        """Opens the bus and reads the EDS files; nothing is sent yet.
+
+        Args:
+            bus: which bus, and its SYNC period.
+            axes: settings of the axes.
+            tap: sees every frame sent or received as (time [ns], CAN-ID, data).
+            bus_object: an open python-can bus to use instead of opening one; stays open at the
+                end. Nobody else may read it meanwhile.
+
+        Raises:
+            BusError: the bus cannot be opened.
+            ConfigurationError: no usable EDS, or settings that contradict each other.
+        """
+        used = open_bus(bus) if bus_object is None else bus_object
+        try:
+            stage = cls(bus, axes, used, tap)
+        except BaseException:
+            if bus_object is None:
+                used.shutdown()
+            raise
+        if bus_object is None:
+            stage._owned = used
+        return stage
+
+    def __enter__(self) -> Stage:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        problem: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    # -- state ------------------------------------------------------------------------------
+
+    @property
+    def enabled(self) -> bool:
+        """Whether all axes were in OPERATION ENABLED when last heard."""
+        return self._power.enabled
+
+    @property
+    def homed(self) -> bool:
+        """Whether all axes were homed since their last boot-up."""
+        return all(axis.homed for axis in self.axes)
+
+    @property
+    def positions(self) -> tuple[float, ...]:
+        """Actual positions when last heard [m]."""
+        return tuple(c.position * c.axis.scale.increment for c in self._cycle.channels)
+
+    @property
+    def forces(self) -> tuple[float, ...]:
+        """Actual forces when last heard [N]."""
+        return tuple(c.force * c.axis.scale.force for c in self._cycle.channels)
+
+    @property
+    def targets(self) -> tuple[float, ...]:
+        """Target positions sent last [m]: where the next stream has to start."""
+        return tuple(c.target * c.axis.scale.increment for c in self._cycle.channels)
+
+    @property
+    def offsets(self) -> tuple[float, ...]:
+        """Force offsets sent last [N]."""
+        return tuple(c.offset * c.axis.scale.force for c in self._cycle.channels)
+
+    @property
+    def missed(self) -> int:
+        """Process data frames that stayed away, since opening."""
+        return self._cycle.missed
+
+    @property
+    def late(self) -> int:
+        """SYNCs that left more than half a period late, since opening."""
+        return self._cycle.late
+
+    # -- life cycle -------------------------------------------------------------------------
+
+    def boot(self) -> None:
+        """Resets, identifies and configures all nodes and makes them OPERATIONAL.
+
+        Raises:
+            NodeError: a node is missing, refuses an access, or is another device.
+            ConfigurationError: a drive cannot be set up as needed.
+        """
+        for axis in self.axes:
+            axis.node.boot()
+        for axis in self.axes:
+            axis.configure(self.settings)
+        self._network.service(self._network.clock.now_ns())
+        for axis in self.axes:
+            axis.node.start()
+        self._cycle.clear_alarms()
+
+    def home(self, force: bool = False) -> None:
+        """Homes all axes that are not homed yet (all with `force`).
+
+        They end at rest under power, in mode hm: `enable` is the next step.
+
+        Raises:
+            HomingError: names the axis, its method and what the drive says.
+            AxisFault: any other fault on the way.
+        """
+        chosen = [c for c in self._cycle.channels if force or not c.axis.homed]
+        if not chosen:
+            return
+        try:
+            self._enter(Mode.HOMING, chosen)
+            homing.home(self._cycle, chosen, self.settings.sync_period)
+            # the drive is done when its demand is; what the loop still owes would become a
+            # step of the target when csp takes over from the actual position
+            self._power.wait_for_rest()
+            self._cycle.check_alarms()
+        except BaseException:
+            self.safe_stop()
+            raise
+
+    def enable(self) -> None:
+        """Closes the loops of all axes in csp where they stand; harmless when enabled already.
+
+        Raises:
+            AxisFault: an axis is in fault, or does not get there.
+        """
+        if self._power.enabled and self._power.mode is Mode.CYCLIC_SYNC_POSITION:
+            return
+        try:
+            self._enter(Mode.CYCLIC_SYNC_POSITION, self._cycle.channels)
+        except BaseException:
+            self.safe_stop()
+            raise
+
+    def _enter(self, mode: Mode, channels: Sequence[Channel]) -> None:
+        """Axes enabled in the new mode.
+
+        Enabled ones change over under power, or presliding would throw them back by some 10 um;
+        where a drive refuses that, all go by SWITCH ON DISABLED.
+        """
+        self._network.pump(0.0)
+        self._cycle.clear_alarms()
+        if self._power.change_over(mode, channels):
+            return
+        self._power.switch_off()
+        self._power.wait_for_rest()
+        self._power.set_mode(mode)
+        self._power.go(State.OPERATION_ENABLED, channels)
+
+    def disable(self) -> None:
+        """Takes the force offsets back, then opens the loops of all axes."""
+        self._power.ramp_offsets_out()
+        self._power.switch_off()
+
+    def quick_stop(self) -> None:
+        """Stops all axes at their quick-stop deceleration; they end without power.
+
+        Raises:
+            AxisFault: an axis does not stop in time.
+            BusError: the bus fails.
+        """
+        slowest = max(s.velocity / s.acceleration for s in (a.settings for a in self.axes))
+        self._power.quick_stop(slowest + 0.5)
+        self._power.switch_off()
+
+    def reset_faults(self) -> None:
+        """Acknowledges all faults; `enable` is the next step.
+
+        Raises:
+            AxisFault: a fault stays.
+        """
+        self._power.reset_faults()
+
+    def idle(self, duration: float) -> None:
+        """Waits for `duration` [s], keeping heartbeats up both ways.
+
+        Raises:
+            AxisFault: an axis says something meanwhile.
+        """
+        self._network.pump(duration)
+        self._cycle.check_alarms()
+
+    def safe_stop(self) -> None:
+        """Quick stop and power off wherever it still reaches; never raises."""
+        try:
+            self.quick_stop()
+        except Exception:  # noqa: BLE001  whatever broke the bus: try the other way to the drives
+            for command in (Command.QUICK_STOP, Command.DISABLE_VOLTAGE):
+                try:
+                    self._power.attempt_by_sdo(command)
+                except Exception:  # noqa: BLE001  nothing is left to try
+                    return
+
+    def close(self) -> None:
+        """Stops and disables what is still moving, lets go of nodes and bus; never raises."""
+        if not self._open:
+            return
+        self._open = False
+        if any(c.seen for c in self._cycle.channels):
+            try:
+                self.disable() if self.enabled else self._power.switch_off()
+            except Exception:  # noqa: BLE001
+                self.safe_stop()
+        for axis in self.axes:
+            try:
+                axis.node.release()
+            except (DriverError, BusError):
+                pass
+            axis.node.detach()
+        self._network.disconnect()
+        if self._owned is not None:
+            self._owned.shutdown()
+
+    # -- motion -----------------------------------------------------------------------------
+
+    def stream(
+        self,
+        position: NDArray[np.float64],
+        offset: NDArray[np.float64],
+        until: Until | None = None,
+    ) -> Samples:
+        """Streams setpoints in csp, one row per SYNC, and returns what the drives sent back.
+
+        Streams that follow each other continue the same SYNC grid. Sample k was taken at SYNC k,
+        which also took over row k.
+
+        Args:
+            position: float64[K, n] target positions [m].
+            offset: float64[K, n] force offsets [N].
+            until: gets the actual positions [m] after each SYNC; True ends the stream with it.
+
+        Raises:
+            LimitError: a setpoint outside the limits; nothing was sent.
+            AxisFault: an axis faulted, or fell silent; all axes are stopped.
+            BusError: the bus failed; the drives stop when they miss the host's heartbeat.
+        """
+        channels = self._cycle.channels
+        axes = [c.axis.settings for c in channels]
+        if not self.enabled or self._power.mode is not Mode.CYCLIC_SYNC_POSITION:
+            raise AxisFault("the stage is not enabled", axis=self._not_enabled())
+        targets, offsets = checked_counts(
+            position, offset, axes, [c.target for c in channels], self.settings.sync_period
+        )
+        rows = array("q")
+        try:
+            self._cycle.stream(targets, offsets, rows, self.sink, until)
+        except AxisFault as problem:
+            self.safe_stop()
+            raise self._explained(problem) from problem
+        except BaseException:
+            self.safe_stop()
+            raise
+        return Samples.from_rows(rows, [c.axis.scale for c in channels])
+
+    def move_to(self, axis: str, position: float, velocity: float, acceleration: float) -> None:
+        """Moves one axis by the drive's own profile (pp); returns when the target is reached.
+
+        The axis ends enabled in csp with all others, holding the target.
+
+        Args:
+            axis: its name.
+            position: absolute [m].
+            velocity: of the profile [m/s].
+            acceleration: of the profile, both ways [m/s^2].
+
+        Raises:
+            LimitError: outside the axis' limits; nothing was sent.
+            AxisFault: the axis faulted or did not arrive; all axes are stopped.
+        """
+        channel = self._channel(axis)
+        s = channel.axis.settings
+        for value, limit, name in (
+            (velocity, s.velocity, "velocity"),
+            (acceleration, s.acceleration, "acceleration"),
+        ):
+            if not 0 < value <= limit:
+                raise LimitError(f"{name} {value!r} is not in (0, {limit:g}]", axis=axis)
+        if not s.travel[0] <= position <= s.travel[1]:
+            raise LimitError(
+                f"target {position!r} m is outside {s.travel[0]:g}..{s.travel[1]:g} m", axis=axis
+            )
+        try:
+            channel.axis.set_profile(velocity, acceleration)
+            self._enter(Mode.PROFILE_POSITION, self._cycle.channels)
+            distance = abs(position - channel.position * s.increment)
+            duration = distance / velocity + velocity / acceleration
+            profile_position.move(
+                self._cycle, channel, channel.axis.counts(position), duration,
+                self.settings.sync_period,
+            )  # fmt: skip
+        except BaseException:
+            self.safe_stop()
+            raise
+        self.enable()
+
+    def _channel(self, axis: str) -> Channel:
+        for channel in self._cycle.channels:
+            if channel.axis.name == axis:
+                return channel
+        names = ", ".join(a.name for a in self.axes)
+        raise ConfigurationError(f"no such axis (there are {names})", axis=axis)
+
+    def _not_enabled(self) -> str:
+        from drivers.power import state_of
+
+        for channel in self._cycle.channels:
+            if not channel.seen or state_of(channel) is not State.OPERATION_ENABLED:
+                return channel.axis.name
+        return self.axes[0].name
+
+    def _explained(self, problem: AxisFault) -> AxisFault:
+        """The same fault with the drive's own error code, read now that nothing moves."""
+        axis = next((a for a in self.axes if a.name == problem.axis), None)
+        code = None if axis is None else axis.error_code()
+        if not code or code == problem.code:
+            return problem
+        return AxisFault(
+            f"{problem.cause}; 0x603F:00 error code: {error_text(code)}",
+            axis=problem.axis, obj=problem.object, code=code,
+        )  # fmt: skip
+
+
+def _check_unique(axes: Sequence[AxisSettings]) -> None:
+    if not axes:
+        raise ConfigurationError("a stage needs at least one axis")
+    nodes: dict[int, str] = {}
+    names: set[str] = set()
+    for axis in axes:
+        if axis.node in nodes:
+            raise ConfigurationError(
+                f"node {axis.node} is axis {nodes[axis.node]}'s already", axis=axis.name
+            )
+        if axis.name in names:
+            raise ConfigurationError("there are two axes of this name", axis=axis.name)
+        nodes[axis.node] = axis.name
+        names.add(axis.name)

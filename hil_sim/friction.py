@@ -1,0 +1,78 @@
+"""The friction of the simulated plant: generalized Maxwell-slip, in steps of a few microseconds.
+
+Truth of the simulator; the estimator has a model of its own and never sees this one.
+Equations: docs/reference-stage.md, "The plant".
+
+Element i sticks:  dF_i/dt = k_i sigma0 v, until F_i reaches nu_i s(v) Fc in the direction of v.
+Element i slips, until v goes through zero:  F_i <- F_inf + (F_i - F_inf) exp(-C dt/(s(v) Fc)),
+F_inf = sgn(v) nu_i s(v) Fc.  Viscous friction is the plant's business.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+
+
+def element_shares(count: int) -> F64:
+    """Share nu_i = 2i/(N(N+1)) of each element in the Coulomb force, i = 1..N; they add to 1."""
+    return 2.0 * np.arange(1, count + 1) / (count * (count + 1))
+
+
+@numba.njit(cache=True, inline="always")
+def stribeck(velocity: float, static_ratio: float, stribeck_velocity: float, shape: float) -> float:
+    """s(v) = 1 + alpha exp(-|v/vs|^delta): the Stribeck curve over the Coulomb level."""
+    ratio = abs(velocity) / stribeck_velocity
+    if shape != 1.0:
+        ratio = ratio**shape
+    return 1.0 + static_ratio * math.exp(-ratio)
+
+
+@numba.njit(cache=True, inline="always")
+def slip_step(
+    forces: F64,
+    slipping: NDArray[np.bool_],
+    shares: F64,
+    count: int,
+    direction: float,
+    displacement: float,
+    element_stiffness: float,
+    level: float,
+    decay: float,
+) -> float:
+    """Advance all elements by one step of constant velocity; return their total force.
+
+    Args:
+        forces: F_i [N], shape (>= count,), changed in place.
+        slipping: slip flags, same shape, changed in place.
+        shares: nu_i, same shape.
+        count: elements in use.
+        direction: sign of the velocity, +1 or -1.
+        displacement: of this step [m].
+        element_stiffness: k_i sigma0 [N/m], the same for all elements.
+        level: s(v) Fc [N], what may scale Fc included.
+        decay: exp(-C dt/(s(v) Fc)) of this step.
+    """
+    total = 0.0
+    for i in range(count):
+        limit = shares[i] * level
+        force = forces[i]
+        if not slipping[i]:
+            stretched = force + element_stiffness * displacement
+            if stretched * direction >= limit:
+                slipping[i] = True
+                # A limit that fell below the force at higher speed is approached, not jumped to.
+                force = direction * max(limit, force * direction)
+            else:
+                force = stretched
+        if slipping[i]:
+            goal = direction * limit
+            force = goal + (force - goal) * decay
+        forces[i] = force
+        total += force
+    return total

@@ -1,0 +1,92 @@
+"""One axis of the plant in the drive's units: nm, nm/s and 1/1000 of the rated force.
+
+The incremental encoder counts from 0 where it was powered on; `origin` is the true counter value
+where the position actual value reads 0, moved by homing. Positions of commands are added up as
+integers, so that a target in nm reaches the loop as exactly that many nm.
+"""
+
+from __future__ import annotations
+
+from hil_sim.ports import PlantPort
+from hil_sim.settings import AxisSettings, StageSettings
+
+UNIT = 1e-9  # position unit of the drive [m]
+
+
+def _int32(value: float) -> int:
+    return max(-(1 << 31), min((1 << 31) - 1, round(value)))
+
+
+class Motor:
+    """Encoder, force and demand of one axis.
+
+    Attributes:
+        settings: of the axis.
+        tick_ns: control period [ns].
+        origin: true counter value at position 0 [increments].
+    """
+
+    def __init__(self, plant: PlantPort, axis: int, stage: StageSettings) -> None:
+        self.settings: AxisSettings = stage.axes[axis]
+        self.tick_ns = round(stage.control_period * 1e9)
+        self._plant = plant
+        self._axis = axis
+        self._scale = self.settings.increment / UNIT
+        self._whole = round(self._scale) if abs(self._scale - round(self._scale)) < 1e-9 else None
+        self._permille = self.settings.control.rated_force / 1000.0
+        self.origin = plant.encoder(axis)
+
+    def advance_to(self, time_ns: int) -> None:
+        """Bring the plant to the present."""
+        self._plant.advance_to(time_ns)
+
+    def counter(self) -> int:
+        """True encoder counter [increments], 0 at the index mark."""
+        return self._plant.encoder(self._axis)
+
+    def position(self) -> int:
+        """Position actual value [nm], INTEGER32."""
+        counts = self._plant.encoder(self._axis) - self.origin
+        value = counts * self._whole if self._whole else round(counts * self._scale)
+        return value if -0x80000000 <= value <= 0x7FFFFFFF else _int32(value)
+
+    def velocity(self) -> int:
+        """Velocity actual value [nm/s], INTEGER32."""
+        return _int32(self._plant.velocity(self._axis) / UNIT)
+
+    def force(self) -> int:
+        """Torque actual value [1/1000 of the rated force], INTEGER16."""
+        value = round(self._plant.force(self._axis) / self._permille)
+        return max(-32768, min(32767, value))
+
+    def demand(self) -> float:
+        """Demand inside the loop, true coordinate [m]."""
+        return self._plant.demand(self._axis)
+
+    def worst_following_error(self) -> float:
+        """Largest following error since this was last called [nm]."""
+        return self._plant.following_error(self._axis) / UNIT
+
+    def to_true(self, position: int) -> float:
+        """A position in the drive's coordinate [nm] as true coordinate [m]."""
+        if self._whole:
+            return (position + self.origin * self._whole) * UNIT
+        return position * UNIT + self.origin * self.settings.increment
+
+    def to_drive(self, position: float) -> int:
+        """A true coordinate [m] in the drive's coordinate [nm], INTEGER32."""
+        return _int32((position - self.origin * self.settings.increment) / UNIT)
+
+    def power(self, on: bool) -> None:
+        """Close the loop at the present position, or take the force off."""
+        self._plant.power(self._axis, on)
+
+    def command(self, position: int, permille: int, ticks: int) -> None:
+        """Ramp to a target [nm] and force offset [1/1000 rated] within `ticks` control ticks."""
+        whole = self._whole
+        true = (position + self.origin * whole) * UNIT if whole else self.to_true(position)
+        self._plant.command(self._axis, true, permille * self._permille, ticks)
+
+    def command_true(self, position: float, ticks: int) -> None:
+        """Ramp to a true coordinate [m] within `ticks` control ticks, force offset 0."""
+        self._plant.command(self._axis, position, 0.0, ticks)

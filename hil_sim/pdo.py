@@ -1,0 +1,374 @@
+"""Process data of the virtual drive: four RPDOs and four TPDOs with dynamic mapping (CiA 301).
+
+Synchronous TPDOs (type 1..240) sample at their SYNC and type 0 when the data changed; synchronous
+RPDOs (0..240) are kept and act at the next SYNC; 254 and 255 act at once and send on an event of
+the device profile (the statusword or the mode display changed) or on the event timer, not more
+often than the inhibit time. The mapping is changed by the book: PDO invalid (bit 31), count 0,
+entries, count, PDO valid. Not offered: RTR (252, 253), dummy entries, multiplexed PDOs, RPDO
+deadlines; a PDO may be made valid with nothing mapped and does nothing then.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from operator import itemgetter
+from typing import Any
+
+from canopen import SdoAbortedError
+from canopen.objectdictionary import datatypes
+from canopen.sdo import constants as abort
+
+from hil_sim.dictionary import Dictionary, key
+from hil_sim.ports import CanSegment, Timer
+
+COUNT = 4  # of each kind
+_ENTRIES = range(1, 9)
+_INVALID, _NO_RTR, _EXTENDED = 1 << 31, 1 << 30, 1 << 29
+_SYNCHRONOUS = range(241)
+_EVENT = (254, 255)
+_SYNC_WINDOW = key(0x1007)
+
+LENGTH_SHORT, LENGTH_LONG = 0x8210, 0x8220  # EMCY codes
+
+_CODES = {
+    datatypes.INTEGER8: "b", datatypes.UNSIGNED8: "B",
+    datatypes.INTEGER16: "h", datatypes.UNSIGNED16: "H",
+    datatypes.INTEGER32: "i", datatypes.UNSIGNED32: "I",
+    datatypes.INTEGER64: "q", datatypes.UNSIGNED64: "Q",
+    datatypes.REAL32: "f", datatypes.REAL64: "d",
+}  # fmt: skip
+
+
+def _restricted(cob_id: int) -> bool:
+    """CiA 301 table of COB-IDs that no PDO may use."""
+    return (
+        cob_id < 0x081
+        or 0x101 <= cob_id <= 0x180
+        or 0x581 <= cob_id <= 0x5FF
+        or 0x601 <= cob_id <= 0x67F
+        or 0x6E0 <= cob_id
+    )
+
+
+class _Pdo:
+    """What RPDO and TPDO share: parameters, mapping rules, codec."""
+
+    receive: bool
+
+    def __init__(self, dictionary: Dictionary, communication: int, mapping: int) -> None:
+        self.dictionary = dictionary
+        self.mapping = mapping
+        self.cob_key = key(communication, 1)
+        self.type_key = key(communication, 2)
+        self.cob_id = 0
+        self.valid = False
+        self.transmission = 1
+        self.keys: tuple[int, ...] = ()
+        self.codec = struct.Struct("<")
+        check = dictionary.check
+        check[self.cob_key] = self._check_cob
+        check[self.type_key] = self._check_type
+        check[key(mapping, 0)] = self._check_count
+        for sub in _ENTRIES:
+            check[key(mapping, sub)] = self._check_entry
+
+    def compile(self) -> None:
+        """Take the parameters from the dictionary."""
+        values = self.dictionary
+        cob = values.integer(self.cob_key)
+        self.cob_id = cob & 0x7FF
+        self.transmission = values.integer(self.type_key)
+        variables = [
+            self._variable(values.integer(key(self.mapping, sub)))
+            for sub in range(1, values.integer(key(self.mapping, 0)) + 1)
+        ]
+        self.keys = tuple(key(v.index, v.subindex) for v in variables)
+        self.codec = struct.Struct("<" + "".join(_CODES[v.data_type] for v in variables))
+        self.valid = not cob & _INVALID and bool(self.keys)
+
+    def _variable(self, entry: int) -> Any:
+        return self.dictionary.mappable(
+            entry >> 16, entry >> 8 & 0xFF, entry & 0xFF, receive=self.receive
+        )
+
+    def _exists(self) -> bool:
+        return not self.dictionary.integer(self.cob_key) & _INVALID
+
+    def _check_cob(self, value: int) -> None:
+        identifier = value & 0x1FFFFFFF
+        if self._exists() and not value & _INVALID and value != self.dictionary.integer(
+            self.cob_key
+        ):  # fmt: skip
+            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
+        no_rtr_missing = not self.receive and not value & _NO_RTR
+        if value & _EXTENDED or identifier > 0x7FF or no_rtr_missing:
+            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
+        if not value & _INVALID and _restricted(identifier):
+            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
+
+    def _check_type(self, value: int) -> None:
+        if value not in _SYNCHRONOUS and value not in _EVENT:
+            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
+
+    def _check_entry(self, value: int) -> None:
+        if self._exists() or self.dictionary.integer(key(self.mapping, 0)):
+            raise SdoAbortedError(abort.ABORT_UNSUPPORTED_ACCESS)
+        if value:
+            self._variable(value)
+
+    def _check_count(self, value: int) -> None:
+        if self._exists():
+            raise SdoAbortedError(abort.ABORT_UNSUPPORTED_ACCESS)
+        if value > len(_ENTRIES):
+            raise SdoAbortedError(abort.ABORT_PDO_LENGTH_EXCEEDED)
+        entries = [self.dictionary.integer(key(self.mapping, s)) for s in range(1, value + 1)]
+        for entry in entries:
+            self._variable(entry)  # an empty entry is an absent object
+        if sum(entry & 0xFF for entry in entries) > 64:
+            raise SdoAbortedError(abort.ABORT_PDO_LENGTH_EXCEEDED)
+
+
+class Rpdo(_Pdo):
+    """A PDO that the drive receives."""
+
+    receive = True
+
+    def __init__(self, dictionary: Dictionary, number: int, engine: PdoEngine) -> None:
+        super().__init__(dictionary, 0x1400 + number, 0x1600 + number)
+        self.pending: bytes | None = None
+        self._engine = engine
+        self._reported = False
+        self._guarded = False
+        self._hooks: tuple[tuple[int, Callable[[int], None]], ...] = ()
+
+    def compile(self) -> None:
+        """Take the parameters from the dictionary."""
+        super().compile()
+        self.pending = None
+        self._reported = False
+        d = self.dictionary
+        self._hooks = tuple((k, d.on_write[k]) for k in self.keys if k in d.on_write)
+        self._guarded = any(
+            k in d.check or d.variables[k].min is not None or d.variables[k].max is not None
+            for k in self.keys
+        )
+
+    def on_frame(self, data: bytes) -> None:
+        """Keep for the SYNC, or act at once for type 254 and 255."""
+        if len(data) != self.codec.size:
+            short = len(data) < self.codec.size
+            if not self._reported:  # once per configuration: a flood of EMCYs helps nobody
+                self._reported = True
+                self._engine.emergency(LENGTH_SHORT if short else LENGTH_LONG)
+            if short:
+                return
+            data = data[: self.codec.size]
+        if self.transmission > 240:
+            self.apply(data)
+        elif self._engine.in_window():
+            self.pending = data
+
+    def apply(self, data: bytes) -> None:
+        """Store the values, then let the objects that act on a write do so."""
+        values = self.dictionary.values
+        if self._guarded:
+            for k, value in zip(self.keys, self.codec.unpack(data), strict=True):
+                if self._acceptable(k, value):
+                    values[k] = value
+        else:
+            values.update(zip(self.keys, self.codec.unpack(data), strict=True))
+        for k, hook in self._hooks:
+            hook(values[k])  # type: ignore[arg-type]
+
+    def _acceptable(self, k: int, value: int) -> bool:
+        variable = self.dictionary.variables[k]
+        if variable.min is not None and value < variable.min:
+            return False
+        if variable.max is not None and value > variable.max:
+            return False
+        check = self.dictionary.check.get(k)
+        if check is not None:
+            try:
+                check(value)
+            except SdoAbortedError:
+                return False
+        return True
+
+
+class Tpdo(_Pdo):
+    """A PDO that the drive sends."""
+
+    receive = False
+
+    def __init__(self, dictionary: Dictionary, number: int, segment: CanSegment) -> None:
+        super().__init__(dictionary, 0x1800 + number, 0x1A00 + number)
+        self._segment = segment
+        self._inhibit_key = key(0x1800 + number, 3)
+        self._event_key = key(0x1800 + number, 5)
+        dictionary.check[self._inhibit_key] = self._check_inhibit
+        self._live: tuple[tuple[int, Callable[[], int]], ...] = ()
+        self._get: Callable[[dict[int, Any]], tuple[Any, ...]] = lambda _: ()
+        self._sync_count = 0
+        self._last: bytes | None = None
+        self._last_ns = -(1 << 62)
+        self._timer: Timer | None = None
+        self._deferred: Timer | None = None
+
+    def compile(self) -> None:
+        """Take the parameters from the dictionary."""
+        super().compile()
+        live = self.dictionary.live
+        self._live = tuple((k, live[k]) for k in self.keys if k in live)
+        keys = self.keys
+        # itemgetter returns a bare value for one key
+        self._get = itemgetter(*keys) if len(keys) > 1 else lambda v: tuple(v[k] for k in keys)
+        self._sync_count = 0
+
+    def start(self) -> None:
+        """Node became operational, or the PDO was changed while it is."""
+        self.stop()
+        if self.valid and self.transmission in _EVENT:
+            self._send_event()
+
+    def stop(self) -> None:
+        """No more frames from timers."""
+        for timer in (self._timer, self._deferred):
+            if timer is not None:
+                timer.cancel()
+        self._timer = self._deferred = None
+
+    def on_sync(self) -> None:
+        """Sample and send when it is this PDO's turn."""
+        if self.transmission > 1:
+            self._sync_count += 1
+            if self._sync_count < self.transmission:
+                return
+            self._sync_count = 0
+        data = self._sample()
+        if self.transmission == 0:
+            if data == self._last:
+                return
+            self._last = data
+        self._segment.emit(self.cob_id, data)
+
+    def _sample(self) -> bytes:
+        values = self.dictionary.values
+        for k, read in self._live:
+            values[k] = read()
+        return self.codec.pack(*self._get(values))
+
+    def on_event(self) -> None:
+        """Something that the device profile counts as an event happened."""
+        inhibit_ns = self.dictionary.integer(self._inhibit_key) * 100_000
+        if self._segment.now_ns - self._last_ns >= inhibit_ns:
+            self._send_event()
+        elif self._deferred is None:
+            self._deferred = self._segment.at(self._last_ns + inhibit_ns, self._send_event)
+
+    def _send_event(self) -> None:
+        self.stop()
+        now = self._last_ns = self._segment.now_ns
+        self._segment.emit(self.cob_id, self._sample())
+        period_ns = self.dictionary.integer(self._event_key) * 1_000_000
+        if period_ns:
+            self._timer = self._segment.at(now + period_ns, self._send_event)
+
+    def _check_inhibit(self, value: int) -> None:
+        if self._exists():
+            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
+
+
+class PdoEngine:
+    """All PDOs of a node.
+
+    Args:
+        emergency: called with an EMCY code when an RPDO has the wrong length.
+    """
+
+    def __init__(
+        self, dictionary: Dictionary, segment: CanSegment, emergency: Callable[[int], None]
+    ) -> None:
+        self.emergency = emergency
+        self._dictionary = dictionary
+        self._segment = segment
+        self._running = False
+        self._sync_ns = 0
+        self._window_ns = 0
+        self._subscribed: list[tuple[int, Rpdo]] = []
+        self._rpdos = [Rpdo(dictionary, n, self) for n in range(COUNT)]
+        self._tpdos = [Tpdo(dictionary, n, segment) for n in range(COUNT)]
+        self._sync_rpdos: tuple[Rpdo, ...] = ()
+        self._sync_tpdos: tuple[Tpdo, ...] = ()
+        self._event_tpdos: tuple[Tpdo, ...] = ()
+        dictionary.on_write[_SYNC_WINDOW] = lambda _: self._arrange()
+        for pdo in (*self._rpdos, *self._tpdos):
+            for k in (pdo.cob_key, pdo.type_key):
+                dictionary.on_write[k] = lambda _, pdo=pdo: self._changed(pdo)  # type: ignore[misc]
+
+    def start(self) -> None:
+        """The node became operational: PDOs exist from now on."""
+        self._running = True
+        for pdo in (*self._rpdos, *self._tpdos):
+            pdo.compile()
+        self._arrange()
+        for tpdo in self._event_tpdos:
+            tpdo.start()
+
+    def stop(self) -> None:
+        """The node left operational: nothing is received or sent, nothing kept."""
+        self._running = False
+        for tpdo in self._tpdos:
+            tpdo.stop()
+        for rpdo in self._rpdos:
+            rpdo.pending = None
+        self._arrange()
+
+    def on_sync(self) -> None:
+        """Send the synchronous TPDOs that are due; call `latch` afterwards."""
+        for tpdo in self._sync_tpdos:
+            tpdo.on_sync()
+
+    def latch(self) -> None:
+        """Let the synchronous RPDOs received since the last SYNC act."""
+        for rpdo in self._sync_rpdos:
+            data = rpdo.pending
+            if data is not None:
+                rpdo.pending = None
+                rpdo.apply(data)
+        if self._window_ns:
+            self._sync_ns = self._segment.now_ns
+
+    def on_event(self) -> None:
+        """Statusword or mode display changed."""
+        for tpdo in self._event_tpdos:
+            tpdo.on_event()
+
+    def in_window(self) -> bool:
+        """Whether a synchronous RPDO arriving now counts (0x1007, 0: always)."""
+        return not self._window_ns or self._segment.now_ns - self._sync_ns <= self._window_ns
+
+    def _changed(self, pdo: Rpdo | Tpdo) -> None:
+        if not self._running:
+            return
+        pdo.compile()
+        self._arrange()
+        if isinstance(pdo, Tpdo):
+            pdo.start()
+
+    def _arrange(self) -> None:
+        for cob_id, rpdo in self._subscribed:
+            self._segment.unsubscribe(cob_id, rpdo.on_frame)
+        live = self._running
+        self._window_ns = self._dictionary.integer(_SYNC_WINDOW) * 1000
+        self._subscribed = [(r.cob_id, r) for r in self._rpdos if live and r.valid]
+        for cob_id, rpdo in self._subscribed:
+            self._segment.subscribe(cob_id, rpdo.on_frame)
+        synchronous = [p for p in self._tpdos if live and p.valid and p.transmission <= 240]
+        self._sync_tpdos = tuple(synchronous)
+        self._event_tpdos = tuple(
+            p for p in self._tpdos if live and p.valid and p.transmission in _EVENT
+        )
+        self._sync_rpdos = tuple(
+            r for r in self._rpdos if live and r.valid and r.transmission <= 240
+        )

@@ -1,0 +1,74 @@
+"""What a virtual drive needs of its surroundings: a CAN segment, and the plant it drives.
+
+The drives do no input or output of their own. `lockstep.World` is a segment in virtual time,
+`server.RealTimeSegment` one in real time on any python-can bus; `plant.Plant` is the plant, and a
+test may put anything in its place that has these methods.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+
+class Timer(Protocol):
+    """A pending action of a segment's clock."""
+
+    def cancel(self) -> None:
+        """Forget the action; harmless when it has run already."""
+
+
+class CanSegment(Protocol):
+    """The bus as a node sees it: 11-bit data frames and one clock.
+
+    Attributes:
+        now_ns: time of the frame or timer being handled [ns], zero when the segment came up.
+    """
+
+    @property
+    def now_ns(self) -> int:
+        """See above."""
+
+    def emit(self, can_id: int, data: bytes) -> None:
+        """Send a data frame; delivered after the present handler has returned."""
+
+    def at(self, time_ns: int, action: Callable[[], None]) -> Timer:
+        """Call `action` at `time_ns`, or as soon as possible when that has passed."""
+
+    def subscribe(self, can_id: int, handler: Callable[[bytes], None]) -> None:
+        """Call `handler` with the payload of every frame with this id."""
+
+    def unsubscribe(self, can_id: int, handler: Callable[[bytes], None]) -> None:
+        """Undo `subscribe`; harmless when it was not subscribed."""
+
+
+class PlantPort(Protocol):
+    """All axes of the plant and their control loops, in true coordinates and SI units.
+
+    `axis` counts from 0 in the order of `StageSettings.axes`. Positions are in metres from the
+    plant's own zero, where the index mark of each encoder is.
+    """
+
+    def advance_to(self, time_ns: int) -> None:
+        """Integrate every control tick that starts before `time_ns`; idempotent."""
+
+    def power(self, axis: int, on: bool) -> None:
+        """Close the loop (demand := actual, integrator := 0) or take all force off."""
+
+    def command(self, axis: int, position: float, force: float, ticks: int) -> None:
+        """Ramp demand [m] and force offset [N] linearly to this pair within `ticks` ticks."""
+
+    def encoder(self, axis: int) -> int:
+        """Encoder counter [increments], noise included."""
+
+    def force(self, axis: int) -> float:
+        """Measured motor force [N]."""
+
+    def demand(self, axis: int) -> float:
+        """Demand inside the control loop [m]."""
+
+    def velocity(self, axis: int) -> float:
+        """Low-passed encoder velocity [m/s]."""
+
+    def following_error(self, axis: int) -> float:
+        """Largest |demand - encoder| [m] over the ticks since this was last called."""

@@ -1,0 +1,137 @@
+"""Profile position (pp): the set-point handshake and the drive's own profile.
+
+Write 0x607A, raise controlword bit 4; the drive takes it and raises statusword bit 12; lower bit
+4, and bit 12 falls when the drive can take another. Bit 5: at once, else one set-point waits for
+the present one to end; bit 6: relative to the target before. Bit 10 says that the position is
+within 0x6067 of the target for 0x6068. Not offered: bit 9, passing a set-point without a stop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hil_sim import objects as o
+from hil_sim.modes import INTERNAL_LIMIT, MODE_BIT_12, TARGET_REACHED, Context, Mode
+
+NEW_SETPOINT, IMMEDIATELY, RELATIVE = 1 << 4, 1 << 5, 1 << 6
+ACKNOWLEDGE = MODE_BIT_12
+JERK_LIMITED = 3  # of 0x6086
+
+
+@dataclass(frozen=True, slots=True)
+class Setpoint:
+    """A target with the profile parameters it was given with.
+
+    Attributes:
+        target: [nm], inside the soft limits.
+        clipped: it was asked for beyond them.
+        speed, acceleration, deceleration, jerk: SI units, jerk None: not limited.
+    """
+
+    target: int
+    clipped: bool
+    speed: float
+    acceleration: float
+    deceleration: float
+    jerk: float | None
+
+
+class ProfilePosition(Mode):
+    """pp (1)."""
+
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        self._active: Setpoint | None = None
+        self._waiting: Setpoint | None = None
+        self._target = 0
+        self._inside_ns: int | None = None
+
+    def start(self) -> None:
+        """Rest (or come to rest) where the demand is; that is the target."""
+        motor = self.context.motor
+        self._active = self._waiting = None
+        self._target = motor.to_drive(motor.demand())
+        self._inside_ns = None
+        self.set_bits(0)
+
+    def on_controlword(self, word: int, before: int) -> None:
+        """Handshake of bit 4."""
+        if word & NEW_SETPOINT and not before & NEW_SETPOINT:
+            if self.bits & ACKNOWLEDGE:
+                return  # both places are taken
+            self._take(bool(word & IMMEDIATELY), bool(word & RELATIVE))
+        elif not word & NEW_SETPOINT and self._waiting is None:
+            self.set_bits(self.bits & ~ACKNOWLEDGE)
+
+    def tick(self) -> None:
+        """Next set-point, target reached."""
+        super().tick()
+        if self.halted:
+            return
+        if not self.context.generator.done:
+            return
+        if self._waiting is not None:
+            setpoint, self._waiting = self._waiting, None
+            self._run(setpoint)
+            if not self.integer(o.CONTROLWORD) & NEW_SETPOINT:
+                self.set_bits(self.bits & ~ACKNOWLEDGE)
+            return
+        window = self.integer(o.POSITION_WINDOW)
+        now = self.context.segment.now_ns
+        if window != o.OFF and abs(self.context.motor.position() - self._target) > window:
+            self._inside_ns = None
+            self.set_bits(self.bits & ~TARGET_REACHED)
+            return
+        if self._inside_ns is None:
+            self._inside_ns = now
+        if now - self._inside_ns >= self.integer(o.POSITION_WINDOW_TIME) * 1_000_000:
+            self.set_bits(self.bits | TARGET_REACHED)
+
+    def resume(self) -> None:
+        """Go on to the target."""
+        super().resume()
+        if self._active is not None:
+            self._run(self._active)
+
+    def _take(self, immediately: bool, relative: bool) -> None:
+        base = 0
+        if relative:
+            base = self._target if self._waiting is None else self._waiting.target
+        wanted = base + self.integer(o.TARGET_POSITION)
+        low, high = self.soft_limits()
+        target = min(max(wanted, low), high)
+        jerk_limited = self.integer(o.PROFILE_TYPE) == JERK_LIMITED
+        setpoint = Setpoint(
+            target,
+            target != wanted,
+            max(1, self.integer(o.PROFILE_VELOCITY)) * 1e-9,
+            max(1, self.integer(o.PROFILE_ACCELERATION)) * 1e-6,
+            max(1, self.integer(o.PROFILE_DECELERATION)) * 1e-6,
+            max(1, self.integer(o.PROFILE_JERK)) * 1e-6 if jerk_limited else None,
+        )
+        busy = self._active is not None and not self.context.generator.done
+        if busy and not immediately:
+            self._waiting = setpoint
+            self.set_bits(self.bits | ACKNOWLEDGE)
+        else:
+            self._waiting = None
+            if self.halted:
+                self._active = setpoint
+                self._target = target
+            else:
+                self._run(setpoint)
+            self.set_bits(self.bits | ACKNOWLEDGE)
+
+    def _run(self, setpoint: Setpoint) -> None:
+        self._active = setpoint
+        self._target = setpoint.target
+        self._inside_ns = None
+        bits = self.bits & ~(TARGET_REACHED | INTERNAL_LIMIT)
+        self.set_bits(bits | INTERNAL_LIMIT if setpoint.clipped else bits)
+        self.context.generator.move(
+            self.context.motor.to_true(setpoint.target),
+            setpoint.speed,
+            setpoint.acceleration,
+            setpoint.deceleration,
+            setpoint.jerk,
+        )

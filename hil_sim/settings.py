@@ -1,0 +1,161 @@
+"""What the simulator needs to know of a stage: frozen, SI units, checked when made.
+
+Figures and their meaning: docs/reference-stage.md.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+
+def _require(condition: bool, name: str, reason: str) -> None:
+    if not condition:
+        raise ValueError(f"{name}: {reason}")
+
+
+def _positive(settings: object, *names: str) -> None:
+    for name in names:
+        value = getattr(settings, name)
+        _require(math.isfinite(value) and value > 0, name, f"must be > 0, is {value!r}")
+
+
+def _not_negative(settings: object, *names: str) -> None:
+    for name in names:
+        value = getattr(settings, name)
+        _require(math.isfinite(value) and value >= 0, name, f"must be >= 0, is {value!r}")
+
+
+@dataclass(frozen=True, slots=True)
+class FrictionSettings:
+    """Generalized Maxwell-slip friction of the simulated plant, k_i = 1/N, nu_i = 2i/(N(N+1)).
+
+    Attributes:
+        elements: number N of Maxwell-slip elements.
+        coulomb: Fc [N].
+        static_ratio: alpha = (Fs - Fc)/Fc, > -1.
+        stribeck_velocity: vs [m/s].
+        stribeck_shape: delta, dimensionless.
+        stiffness: sigma0, initial presliding stiffness [N/m].
+        attraction: C [N/s].
+        viscous: sigma_v [N s/m].
+        wander: rms of the Gauss-Markov factor on Fc, relative.
+        correlation_time: of that factor [s].
+    """
+
+    elements: int
+    coulomb: float
+    static_ratio: float
+    stribeck_velocity: float
+    stribeck_shape: float
+    stiffness: float
+    attraction: float
+    viscous: float
+    wander: float = 0.0
+    correlation_time: float = 0.5
+
+    def __post_init__(self) -> None:
+        _require(self.elements >= 1, "elements", f"must be >= 1, is {self.elements!r}")
+        _require(self.static_ratio > -1, "static_ratio", f"must be > -1, is {self.static_ratio!r}")
+        _positive(
+            self,
+            "coulomb", "stribeck_velocity", "stribeck_shape", "stiffness", "attraction",
+            "correlation_time",
+        )  # fmt: skip
+        _not_negative(self, "viscous", "wander")
+
+
+@dataclass(frozen=True, slots=True)
+class ControlSettings:
+    """The drive's position loop, current loop and force scaling.
+
+    Attributes:
+        kp: [N/m].  ki: [N/(m s)].  kd: [N s/m].
+        derivative_time: low-pass time constant of the derivative [s].
+        current_bandwidth: of the first-order current loop [Hz].
+        rated_force: unit of the CiA 402 force values [N].
+        peak_force: clamp of the controller's output [N].
+        period: control tick Tc [s].
+    """
+
+    kp: float
+    ki: float
+    kd: float
+    derivative_time: float
+    current_bandwidth: float
+    rated_force: float
+    peak_force: float
+    period: float
+
+    def __post_init__(self) -> None:
+        _positive(
+            self,
+            *(f.name for f in fields(self) if f.name not in ("ki", "kd", "derivative_time")),
+        )
+        _not_negative(self, "ki", "kd", "derivative_time")
+
+
+@dataclass(frozen=True, slots=True)
+class AxisSettings:
+    """One axis: its plant, drive, encoder and the limits its drive enforces.
+
+    Attributes:
+        name: as in the machine file.  node: CANopen node id, 1..127.
+        mass: moved mass [kg].
+        increment: encoder increment [m].  noise: encoder noise rms [m].
+        travel: (lowest, highest) position [m].
+        velocity, acceleration, jerk: limits [m/s, m/s^2, m/s^3].
+        following_error: window [m].
+    """
+
+    name: str
+    node: int
+    mass: float
+    friction: FrictionSettings
+    control: ControlSettings
+    increment: float
+    noise: float
+    travel: tuple[float, float]
+    velocity: float
+    acceleration: float
+    jerk: float
+    following_error: float
+
+    def __post_init__(self) -> None:
+        _require(1 <= self.node <= 127, "node", f"must be 1..127, is {self.node!r}")
+        _positive(self, "mass", "increment", "velocity", "acceleration", "jerk", "following_error")
+        _not_negative(self, "noise")
+        _require(self.travel[0] < self.travel[1], "travel", "must be [lowest, highest]")
+
+
+@dataclass(frozen=True, slots=True)
+class StageSettings:
+    """The whole stage.
+
+    Attributes:
+        sync_period: Ts [s]; a whole number of every axis' control periods.
+    """
+
+    sync_period: float
+    axes: tuple[AxisSettings, ...]
+
+    def __post_init__(self) -> None:
+        _positive(self, "sync_period")
+        _require(len(self.axes) > 0, "axes", "at least one")
+        periods = {a.control.period for a in self.axes}
+        _require(len(periods) == 1, "control_period", "must be the same on all axes")
+        ratio = self.sync_period / self.control_period
+        _require(
+            abs(ratio - round(ratio)) < 1e-6 and round(ratio) >= 1,
+            "control_period", "must divide sync_period",
+        )  # fmt: skip
+
+    @property
+    def control_period(self) -> float:
+        """Tc [s], the same on all axes."""
+        return self.axes[0].control.period
+
+    @property
+    def ticks(self) -> int:
+        """Control ticks per SYNC period, n = Ts/Tc."""
+        return round(self.sync_period / self.control_period)

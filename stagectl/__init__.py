@@ -1,0 +1,1 @@
+"""What people run: commands, recipes, sequencing, stores and reports of a two-axis stage."""

@@ -1,0 +1,82 @@
+"""The command line; each command is imported only when it is called.
+
+Exit codes: 0 done, 1 other failure, 2 unusable input, 3 fault of the stage, 130 stopped by the
+operator. Messages are one line and go to standard error.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+
+import click
+
+COMMANDS = {
+    "run": ("stagectl.cli.run", "Run a recipe on the stage, or on its simulation."),
+    "sim": ("stagectl.cli.sim", "Virtual drives in real time on a CAN bus."),
+    "gap": ("stagectl.cli.gap", "Where simulation and recording differ."),
+    "recover": ("stagectl.cli.recover", "Recordings out of what killed runs left."),
+    "completion": ("stagectl.cli.completion", "Shell completion."),
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are imported on demand."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """All commands, in the order of their use."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command, imported now."""
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = import_module(COMMANDS[cmd_name][0]).command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The list of commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="stagectl")
+def cli() -> None:
+    """Two-axis direct-drive inspection stages on CANopen: run, simulate, compare.
+
+    \b
+    Try it without hardware:
+      stagectl run recipes/inspection-20.yaml --simulate
+    \b
+    See what a recipe would do:
+      stagectl run recipes/inspection-20.yaml --dry-run
+
+    Every command has its own --help. Units are SI throughout.
+    """
+
+
+def main() -> None:
+    """Entry point of the `stagectl` command."""
+    from stagectl.errors import StagectlError
+
+    try:
+        cli.main(standalone_mode=False)
+    except click.exceptions.Abort:
+        click.echo("stagectl: stopped", err=True)
+        sys.exit(130)
+    except click.exceptions.Exit as end:
+        sys.exit(end.exit_code)
+    except click.ClickException as problem:
+        problem.show()
+        sys.exit(problem.exit_code)
+    except StagectlError as problem:
+        for line in str(problem).splitlines() or [type(problem).__name__]:
+            click.echo(f"stagectl: {line}", err=True)
+        sys.exit(problem.exit_code)
+    except BrokenPipeError:
+        sys.exit(1)
+    except OSError as problem:
+        where = f"{problem.filename}: " if problem.filename else ""
+        click.echo(f"stagectl: {where}{problem.strerror or problem}", err=True)
+        sys.exit(1)

@@ -1,0 +1,24 @@
+"""`stagectl completion`: the script that makes a shell complete stagectl's commands."""
+
+from __future__ import annotations
+
+import click
+from click.shell_completion import get_completion_class
+
+
+@click.command(short_help="Shell completion.")
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
+def command(shell: str) -> None:
+    """Print the completion script for SHELL.
+
+    \b
+    bash:  eval "$(stagectl completion bash)"
+    zsh:   eval "$(stagectl completion zsh)"
+    fish:  stagectl completion fish | source
+    """
+    from stagectl.cli import cli
+
+    kind = get_completion_class(shell)
+    if kind is None:
+        raise click.UsageError(f"no completion for {shell}")
+    click.echo(kind(cli, {}, "stagectl", "_STAGECTL_COMPLETE").source())

@@ -1,0 +1,105 @@
+"""What the operator sees while a run goes on: site, phase, settling, friction so far.
+
+Redrawn on events, not by a thread: nothing here competes with the SYNC cycle.
+"""
+
+from __future__ import annotations
+
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from stagectl.recipe.model import Recipe
+from stagectl.recipe.plan import MoveStep, plan
+from stagectl.sequencer.events import (
+    Event,
+    Exposed,
+    FrictionUpdated,
+    MarkNotFound,
+    MoveStarted,
+    Settled,
+    Stopping,
+)
+
+
+class RunProgress:
+    """A progress bar over the moves of a run, with a line of what is known.
+
+    Args:
+        console: to draw on; where it is no terminal, only what the operator must know is printed.
+        recipe: to be run.
+        axes: their names.
+    """
+
+    def __init__(self, console: Console, recipe: Recipe, axes: tuple[str, ...]) -> None:
+        self._console = console
+        self._sites = len(recipe.sites)
+        self._settling = ""
+        self._friction: dict[str, str] = dict.fromkeys(axes, "")
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=24),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[known]}", style="dim"),
+            console=console,
+            auto_refresh=False,
+            transient=True,
+            disable=not console.is_terminal,
+        )
+        moves = sum(isinstance(step, MoveStep) for step in plan(recipe))
+        self._task = self._progress.add_task("starting", total=moves, known="")
+        self._begun = 0
+
+    def __enter__(self) -> RunProgress:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._progress.stop()
+
+    def phase(self, words: str) -> None:
+        """A phase outside the moves begins."""
+        self._draw(words)
+
+    def event(self, event: Event) -> None:
+        """Something happened in the run."""
+        match event:
+            case MoveStarted():
+                self._begun += 1
+                self._draw(f"{self._where(event.site)}{event.kind}-move", self._begun - 1)
+            case Settled():
+                took = f"{event.duration * 1e3:.0f} ms"
+                self._settling = f"settled in {took}" if event.settled else f"not in {took}"
+                if not event.settled:
+                    self._warn(
+                        f"{self._where(event.site)}{event.kind}-move did not settle in {took}"
+                    )
+            case FrictionUpdated():
+                mark = "" if event.estimate.accepted else "?"
+                level = event.estimate.friction.coulomb
+                self._friction[event.axis] = f"Fc {event.axis} {level:.3g} N{mark}"
+            case Exposed():
+                self._draw(f"{self._where(event.site)}exposed", self._begun)
+            case MarkNotFound():
+                self._warn(f"site {event.site}: mark not found, no micro-move")
+            case Stopping():
+                self._draw(f"stopping: {event.reason}")
+
+    def _where(self, site: int | None) -> str:
+        return "" if site is None else f"site {site}/{self._sites} "
+
+    def _warn(self, text: str) -> None:
+        if self._console.is_terminal:
+            self._progress.console.print(f"[yellow]{text}[/yellow]")
+
+    def _draw(self, words: str, done: int | None = None) -> None:
+        known = ", ".join(part for part in (self._settling, *self._friction.values()) if part)
+        self._progress.update(self._task, description=words, completed=done, known=known)
+        self._progress.refresh()

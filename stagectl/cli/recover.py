@@ -1,0 +1,20 @@
+"""`stagectl recover`: recordings out of what killed runs left."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command(short_help="Recordings out of what killed runs left.")
+@click.argument("folder", type=click.Path(path_type=Path, file_okay=False, exists=True))
+def command(folder: Path) -> None:
+    """Turn the journal that a killed run left in FOLDER into its recording.h5.
+
+    `stagectl run --out FOLDER` does this by itself before it writes there.
+    """
+    from stagectl.store.recovery import recover_left_over
+
+    recovered = recover_left_over(folder)
+    click.echo("nothing to recover" if recovered is None else recovered.describe())

@@ -1,0 +1,193 @@
+"""`stagectl run`: a recipe on the stage or on its simulation."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from stagectl.cli.options import FILE, BusType, write_json
+
+if TYPE_CHECKING:
+    from stagectl.config.machine import Machine
+    from stagectl.recipe.model import Recipe
+
+PACKAGED = "wafer-xy"
+
+
+@click.command(short_help="Run a recipe on the stage, or on its simulation.")
+@click.argument("recipe", type=FILE)
+@click.option("--machine", type=FILE, help="What the host believes of the stage [wafer-xy].")
+@click.option(
+    "--simulate",
+    type=FILE,
+    is_flag=False,
+    flag_value=Path(PACKAGED),
+    metavar="[TRUTH]",
+    help="Run on virtual drives whose plant is this machine file [the packaged wafer-xy].",
+)
+@click.option("--bus", type=BusType(), help="Instead of the machine file's, e.g. socketcan:can0.")
+@click.option(
+    "--compensation",
+    type=click.Choice(["none", "model", "estimated", "oracle"]),
+    default="estimated",
+    show_default=True,
+    help="Force offsets: mass only; plus the machine file's friction; that, learned on line; "
+    "plus TRUTH's friction.",
+)
+@click.option(
+    "--friction-scale",
+    type=click.FloatRange(0.01, 100.0),
+    default=1.0,
+    show_default=True,
+    help="Start from the machine file's friction figures times this.",
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(0),
+    default=1,
+    show_default=True,
+    help="Of the simulation's noise and repeatability.",
+)
+@click.option("--faults", type=FILE, help="Seeded faults of bus and drives (not available yet).")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for recording, summary, report and bus log [runs/RECIPE-TIME].",
+)
+@click.option("--json", "json_out", type=FILE, help="Also write the summary here; - is stdout.")
+@click.option("--dry-run", is_flag=True, help="Only say what would be done; nothing moves.")
+def command(
+    recipe: Path,
+    machine: Path | None,
+    simulate: Path | None,
+    bus: tuple[str, str] | None,
+    compensation: str,
+    friction_scale: float,
+    seed: int,
+    faults: Path | None,
+    out: Path | None,
+    json_out: Path | None,
+    dry_run: bool,
+) -> None:
+    """Run RECIPE: at every site a macro-move, friction update, micro-move, exposure.
+
+    \b
+    On the virtual stage, no hardware:
+      stagectl run recipes/inspection-20.yaml --simulate
+    With a host that starts from half of all friction figures:
+      stagectl run recipes/inspection-20.yaml --simulate --friction-scale 0.5
+    On a real bus:
+      stagectl run RECIPE.yaml --machine M.yaml --bus socketcan:can0
+
+    Ctrl-C brings the stage to a controlled stop and keeps what was recorded; a second one
+    does not hurry it. Exit code 0 completed, 2 unusable input, 3 fault, 130 stopped.
+    """
+    from stagectl.recipe.load import load_recipe
+
+    if faults is not None:
+        raise click.UsageError("--faults: fault injection is not available in this version")
+    if compensation == "oracle" and simulate is None:
+        raise click.UsageError("--compensation oracle needs --simulate: nobody knows a real truth")
+    if simulate is not None and bus is not None:
+        raise click.UsageError("--bus: --simulate brings its own bus, in virtual time")
+    believed = _machine(machine)
+    loaded = load_recipe(recipe, believed)
+    if dry_run:
+        _dry_run(loaded, believed, json_out)
+        return
+    truth = None if simulate is None else _machine(simulate)
+    _check_truth(believed, truth)
+    _run(loaded, believed, truth, bus, compensation, friction_scale, seed, out, json_out)
+
+
+def _machine(path: Path | None) -> Machine:
+    from stagectl.config.machine import load_machine
+
+    packaged = path is None or (str(path) == PACKAGED and not path.exists())
+    return load_machine(None if packaged else path)
+
+
+def _check_truth(believed: Machine, truth: Machine | None) -> None:
+    """The same axes and SYNC, so that host and virtual drives can work together."""
+    from stagectl.errors import ConfigError
+
+    if truth is None:
+        return
+    if list(truth.axes) != list(believed.axes):
+        raise ConfigError(
+            f"{truth.source}: axes: {', '.join(truth.axes)}; "
+            f"the host's machine file has {', '.join(believed.axes)}"
+        )
+    for name, axis in truth.axes.items():
+        if axis.node != believed.axes[name].node:
+            raise ConfigError(
+                f"{truth.source}: axes.{name}.node: {axis.node}; "
+                f"the host's machine file has {believed.axes[name].node}"
+            )
+    if truth.bus.sync_period != believed.bus.sync_period:
+        raise ConfigError(
+            f"{truth.source}: bus.sync_period: {truth.bus.sync_period:g} s; "
+            f"the host's machine file has {believed.bus.sync_period:g} s"
+        )
+
+
+def _dry_run(recipe: Recipe, machine: Machine, json_out: Path | None) -> None:
+    from stagectl.recipe.dry_run import dry_run
+
+    outcome = dry_run(recipe, machine)
+    if json_out is not None:
+        write_json(outcome.as_dict(), json_out)
+    if json_out is None or str(json_out) != "-":
+        from rich.console import Console
+
+        Console().print(outcome.render())
+
+
+def _run(
+    recipe: Recipe,
+    machine: Machine,
+    truth: Machine | None,
+    bus: tuple[str, str] | None,
+    compensation: str,
+    friction_scale: float,
+    seed: int,
+    out: Path | None,
+    json_out: Path | None,
+) -> None:
+    from rich.console import Console
+
+    from stagectl.cli.closing import closing
+    from stagectl.cli.progress import RunProgress
+    from stagectl.compensation import Mode
+    from stagectl.session import Listener, RunRequest, execute
+
+    started = datetime.now(UTC).astimezone()
+    folder = out or Path("runs") / f"{recipe.name}-{started:%Y%m%d-%H%M%S}"
+    request = RunRequest(
+        recipe, machine, truth, bus, Mode(compensation), friction_scale, seed, folder, started
+    )
+    quiet = json_out is not None and str(json_out) == "-"
+    console = Console(stderr=quiet)
+    with RunProgress(console, recipe, tuple(machine.axes)) as progress:
+        result = execute(request, Listener(progress.phase, progress.event, _stop_on_signal))
+    if json_out is not None:
+        write_json(result.summary, json_out)
+    console.print(closing(result, folder))
+    if result.error is not None:
+        raise result.error
+
+
+def _stop_on_signal(stop: Callable[[str], None]) -> None:
+    """Ctrl-C and SIGTERM ask for a controlled stop from now on."""
+
+    def handler(number: int, _: Any) -> None:
+        name = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
+        stop(f"stopped by the operator ({name})")
+
+    signal.signal(signal.SIGINT, handler)
+    signal.signal(signal.SIGTERM, handler)

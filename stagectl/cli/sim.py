@@ -1,0 +1,67 @@
+"""`stagectl sim`: the virtual stage in real time on a CAN bus, for any CANopen master."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from pathlib import Path
+from typing import Any
+
+import click
+
+from stagectl.cli.options import FILE, BusType
+
+
+@click.command(short_help="Virtual drives in real time on a CAN bus.")
+@click.option("--machine", type=FILE, help="The stage to simulate [wafer-xy].")
+@click.option("--bus", type=BusType(), help="Any python-can bus [the machine file's].")
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True,
+              help="Of noise, repeatability and start position.")  # fmt: skip
+def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> None:
+    """Run one virtual CiA 402 drive per axis, their mechanics behind them, until Ctrl-C.
+
+    \b
+    Between processes on one machine, without CAN hardware:
+      stagectl sim --bus udp_multicast:239.74.163.2
+      stagectl run RECIPE.yaml --bus udp_multicast:239.74.163.2
+    On SocketCAN:
+      stagectl sim --bus socketcan:vcan0
+
+    The drives boot at once (boot-up message, then heartbeat); their EDS is packaged with
+    stagectl, the command prints where.
+    """
+    import can
+
+    from hil_sim.server import serve
+    from hil_sim.stage import VirtualStage
+    from stagectl.config.machine import load_machine
+    from stagectl.config.mapping import eds_path, stage_settings
+    from stagectl.errors import RunFault
+
+    stage = load_machine(machine)
+    settings = stage_settings(stage)
+    interface, channel = bus or (stage.bus.interface, str(stage.bus.channel))
+    try:
+        opened = can.Bus(interface=interface, channel=channel, bitrate=stage.bus.bitrate)
+    except (can.CanError, OSError, ValueError, ImportError) as error:
+        raise RunFault(f"bus {interface}:{channel}: cannot open: {error}") from error
+    stop = threading.Event()
+
+    def handler(number: int, frame: Any) -> None:
+        stop.set()
+
+    signal.signal(signal.SIGINT, handler)
+    signal.signal(signal.SIGTERM, handler)
+    virtual = VirtualStage(settings, seed)
+    nodes = ", ".join(f"{name} = node {axis.node}" for name, axis in stage.axes.items())
+    first, axis = next(iter(stage.axes.items()))
+    click.echo(f"{stage.name} on {interface}:{channel}: {nodes}; Ctrl-C ends it")
+    click.echo(f"EDS: {eds_path(stage, first, axis)}")
+    try:
+        segment = serve(virtual, opened, stop)
+    except can.CanError as error:
+        raise RunFault(f"bus {interface}:{channel}: {error}") from error
+    finally:
+        opened.shutdown()
+    if segment.refused:
+        click.echo(f"the bus refused {segment.refused} frames", err=True)

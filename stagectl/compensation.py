@@ -1,0 +1,200 @@
+"""Joins estimator, friction state and feedforward to the run: the force offsets of every move.
+
+Per axis: mass times demanded acceleration; friction predicted from the state that the stage is in
+(carried from move to move, corrected by the force at rest, evaluated ahead by the drive's lag); and
+the estimator that learns from what came back. The offset never jumps: at rest it stays where the
+last move left it, the position loop's integrator holding the rest, and a long move takes over what
+the integrator holds.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from estimation.belief import BeliefSettings
+from estimation.feedforward import friction_feedforward, mass_feedforward
+from estimation.gms import F64, Friction
+from estimation.kinematics import force_noise
+from estimation.split_horizon import Estimate, EstimatorSettings, MoveData, SplitHorizonEstimator
+from estimation.trajectory import Limits, Trajectory, plan
+from stagectl.config.machine import Axis, Machine
+
+TAKE_OVER = 0.1
+"""Shortest move in which the offset takes over what the integrator holds [s]."""
+
+
+class Mode(StrEnum):
+    """What the force offsets are made of."""
+
+    NONE = "none"
+    MODEL = "model"
+    ESTIMATED = "estimated"
+    ORACLE = "oracle"
+
+
+@dataclass(frozen=True, slots=True)
+class Learned:
+    """An estimate with the time it took.
+
+    Attributes:
+        estimate: of one axis from one move.
+        compute_time: [s].
+    """
+
+    estimate: Estimate
+    compute_time: float
+
+
+class AxisCompensation:
+    """Compensation of one axis.
+
+    Args:
+        axis: as the host believes it.
+        friction: model to start from.
+        mode: what the offsets are made of.
+        period: Ts [s].
+    """
+
+    def __init__(self, axis: Axis, friction: Friction, mode: Mode, period: float) -> None:
+        self.mode = mode
+        self._mass = axis.plant.mass
+        self._period = period
+        drive = axis.drive
+        self._ahead = 1.0 / (2.0 * math.pi * drive.current_bandwidth) + drive.control_period / 2.0
+        wander = axis.plant.friction.repeatability
+        self.estimator = SplitHorizonEstimator(
+            friction,
+            EstimatorSettings(
+                mass=self._mass,
+                period=period,
+                noise=force_noise(
+                    self._mass, axis.encoder.noise, axis.encoder.increment,
+                    drive.rated_force / 1000.0, period,
+                ),
+                peak_force=drive.peak_force,
+                belief=BeliefSettings(
+                    wander=wander.coulomb, correlation_time=wander.correlation_time
+                ),
+            ),
+            frozen=mode is not Mode.ESTIMATED,
+        )  # fmt: skip
+
+    def offsets(
+        self,
+        trajectory: Trajectory,
+        samples: int,
+        moment: float,
+        position: float,
+        rest_force: float,
+        rest_offset: float,
+    ) -> F64:
+        """Force offsets of a move, one per setpoint [N], shape (samples,).
+
+        Args:
+            trajectory: of the demand; setpoint k = 1..samples is its point at k Ts.
+            samples: how many.
+            moment: time of the rest before it [s].
+            position: at rest [m].
+            rest_force: force measured at rest [N].
+            rest_offset: force offset in force at rest [N].
+        """
+        force = mass_feedforward(self._mass, trajectory, samples, self._period, self._ahead)
+        if self.mode is Mode.NONE:
+            return rest_offset + force
+        state = self.estimator.at_rest(position, rest_force, moment)
+        friction = self.estimator.effective(moment + trajectory.duration / 2.0)
+        force += friction_feedforward(
+            friction, state, trajectory, samples, self._period, self._ahead
+        )
+        if trajectory.duration >= TAKE_OVER:
+            share = np.arange(1, samples + 1) * (self._period / trajectory.duration)
+            share = np.clip(share, 0.0, 1.0)
+            force += (rest_force - rest_offset) * share**2 * (3.0 - 2.0 * share)
+        return rest_offset + force
+
+    def stop_offsets(
+        self, stop: Trajectory, samples: int, offset: float, acceleration: float
+    ) -> F64:
+        """Force offsets of a motion to rest out of the middle of a move [N], shape (samples,).
+
+        Friction stays what it is; only the force for the acceleration goes.
+
+        Args:
+            stop: the motion to rest.
+            samples: how many.
+            offset: in force when the stop begins [N].
+            acceleration: demanded then [m/s^2].
+        """
+        force = mass_feedforward(self._mass, stop, samples, self._period, self._ahead)
+        return offset - self._mass * acceleration + force
+
+    def learn(self, move: MoveData) -> Learned | None:
+        """Follow a move, and update the model from it where that is the mode.
+
+        Returns the estimate, or None in the modes that do not estimate.
+
+        Raises:
+            ValueError: a move that cannot be followed (too short, nothing valid).
+        """
+        if self.mode is Mode.NONE:
+            return None
+        begin = time.perf_counter()
+        estimate = self.estimator.update(move)
+        spent = time.perf_counter() - begin
+        return Learned(estimate, spent) if self.mode is Mode.ESTIMATED else None
+
+
+def friction_model(axis: Axis) -> Friction:
+    """The friction that a machine file states for an axis, as the estimator's model."""
+    friction = axis.plant.friction
+    return Friction(
+        elements=friction.elements,
+        coulomb=friction.coulomb,
+        viscous=friction.viscous,
+        stiffness=friction.stiffness,
+        relaxation_rate=friction.attraction / friction.coulomb,
+        static_ratio=friction.static_ratio,
+        stribeck_velocity=friction.stribeck_velocity,
+        stribeck_shape=friction.stribeck_shape,
+    )
+
+
+def make_compensation(
+    machine: Machine, mode: Mode, scale: float = 1.0, truth: Machine | None = None
+) -> tuple[AxisCompensation, ...]:
+    """Compensation of every axis, in the machine's order, compiled and ready.
+
+    Args:
+        machine: what the host believes.
+        mode: what the offsets are made of.
+        scale: of the friction figures to start from.
+        truth: where `mode` is oracle, whose friction figures to use.
+    """
+    source = truth if mode is Mode.ORACLE and truth is not None else machine
+    made = tuple(
+        AxisCompensation(
+            axis, friction_model(source.axes[name]).scaled(scale), mode, machine.bus.sync_period
+        )
+        for name, axis in machine.axes.items()
+    )
+    _warm_up(next(iter(machine.axes.values())), machine.bus.sync_period)
+    return made
+
+
+def _warm_up(axis: Axis, period: float) -> None:
+    """Run every compiled kernel once, on a throw-away axis, before anything moves."""
+    scratch = AxisCompensation(axis, friction_model(axis), Mode.ESTIMATED, period)
+    limits = axis.limits
+    motion = plan(
+        0.0, 1e-3, Limits(limits.velocity / 10, limits.acceleration / 10, limits.jerk / 10)
+    )
+    samples = math.ceil(motion.duration / period) + 20
+    force = scratch.offsets(motion, samples, 0.0, 0.0, 0.0, 0.0)
+    position = motion.sample(np.asarray(np.arange(samples) * period, np.float64))[0]
+    for start in (0.0, 1.0):
+        scratch.learn(MoveData(position, force, np.ones(samples, dtype=np.bool_), start, 0.0))

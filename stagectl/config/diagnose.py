@@ -1,0 +1,171 @@
+"""Validation of a parsed file against a pydantic model, every problem in the operator's words.
+
+`validate` turns each pydantic error into one line `file:line:column: key: reason`; unknown keys
+get a suggestion from the keys that are known at that place.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterator
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import ErrorDetails
+
+from stagectl.config.yaml_nodes import Document, one_line, shown
+from stagectl.errors import ConfigError
+
+MAX_PROBLEMS = 100
+"""Problems that are told one by one; of the others only the number."""
+
+M = TypeVar("M", bound=BaseModel)
+
+
+class Section(BaseModel):
+    """Base of all models of files: frozen, no unknown keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def validate(document: Document, model: type[M]) -> M:
+    """The document as a model.
+
+    Raises:
+        ConfigError: with every problem found, in the order of the file.
+    """
+    problems = list(document.problems)
+    try:
+        result = model.model_validate(document.data)
+    except ValidationError as error:
+        refused = {_place(p) for p in problems}  # their placeholders may fail once more
+        errors = _without_misspelt(model, error.errors(include_url=False))
+        lines = (_line(document, model, e) for e in errors[:MAX_PROBLEMS])
+        problems += [line for line in lines if _place(line) not in refused]
+        problems = in_order(problems)
+        if (more := len(errors) - MAX_PROBLEMS) > 0:
+            problems.append(f"{document.name}: and {more} more problems")
+        raise ConfigError(problems) from None
+    if problems:
+        raise ConfigError(in_order(problems))
+    return result
+
+
+def in_order(problems: list[str]) -> list[str]:
+    """Problems of one file by line and column, each once."""
+    return sorted(dict.fromkeys(problems), key=_place)
+
+
+def _place(problem: str) -> tuple[int, int]:
+    match = re.search(r":(\d+):(\d+): ", problem)
+    return (int(match[1]), int(match[2])) if match else (0, 0)
+
+
+def suggestion(word: str, known: list[str]) -> str:
+    """`; did you mean 'x'?`, or the list of what is known where nothing is near."""
+    if near := _nearest(word, known):
+        return f"; did you mean '{near}'?"
+    return f"; known: {', '.join(known)}" if known else ""
+
+
+def _nearest(word: str, known: list[str]) -> str | None:
+    return next(iter(difflib.get_close_matches(word, known, n=1, cutoff=0.6)), None)
+
+
+def _without_misspelt(model: type[BaseModel], errors: list[ErrorDetails]) -> list[ErrorDetails]:
+    """Leaves out that a key is missing where an unknown key beside it is that key misspelt."""
+    misspelt = {
+        (*location[:-1], _nearest(str(location[-1]), _known_keys(model, location[:-1])))
+        for location in (e["loc"] for e in errors if e["type"] == "extra_forbidden")
+    }
+    return [e for e in errors if e["type"] != "missing" or e["loc"] not in misspelt]
+
+
+def _line(document: Document, model: type[BaseModel], error: ErrorDetails) -> str:
+    location, kind = error["loc"], error["type"]
+    if kind == "extra_forbidden":
+        word = str(location[-1])
+        reason = f"unknown key{suggestion(word, _known_keys(model, location[:-1]))}"
+        return document.problem(location, reason, at_key=True)
+    if kind == "union_tag_invalid":
+        tag = str(error["ctx"]["discriminator"]).strip("'")
+        known = re.findall(r"'([^']*)'", str(error["ctx"]["expected_tags"]))
+        word = str(error["ctx"]["tag"])
+        reason = f"must be one of {', '.join(known)}, is {shown(word)}"
+        return document.problem((*location, tag), reason)
+    if kind == "union_tag_not_found":
+        tag = str(error["ctx"]["discriminator"]).strip("'")
+        return document.problem((*location, tag), "is missing")
+    if location and location[-1] == "[key]":
+        return document.problem(location[:-1], _reason(error), at_key=True)
+    return document.problem(location, _reason(error))
+
+
+def _reason(error: ErrorDetails) -> str:
+    kind, value, ctx = error["type"], error["input"], error.get("ctx", {})
+    is_what = f"is {shown(value)}"
+    match kind:
+        case "missing":
+            return "is missing"
+        case "quantity" | "reason":
+            return str(ctx.get("reason", error["msg"]))
+        case "model_type" | "model_attributes_type" | "dict_type" | "mapping_type":
+            return f"must be a mapping (key: value), {is_what}"
+        case "list_type" | "tuple_type":
+            return f"must be a list, {is_what}"
+        case "greater_than":
+            return f"must be > {ctx['gt']:g}, {is_what}"
+        case "greater_than_equal":
+            return f"must be >= {ctx['ge']:g}, {is_what}"
+        case "less_than":
+            return f"must be < {ctx['lt']:g}, {is_what}"
+        case "less_than_equal":
+            return f"must be <= {ctx['le']:g}, {is_what}"
+        case "int_type" | "int_parsing" | "int_from_float":
+            return f"must be a whole number, {is_what}"
+        case "string_type":
+            hint = " (write it in quotes)" if isinstance(value, (int, float)) else ""
+            return f"must be a text, {is_what}{hint}"
+        case "string_too_short" | "string_too_long":
+            return f"must have 1 to 200 characters, {is_what}"
+        case "string_pattern_mismatch":
+            return f"must be a word of at most 32 letters, digits and _, {is_what}"
+        case "too_short":
+            return f"must have at least {ctx['min_length']} item(s), has {ctx['actual_length']}"
+        case "too_long":
+            return f"must have at most {ctx['max_length']} item(s), has {ctx['actual_length']}"
+        case "literal_error":
+            return f"must be {ctx['expected']}, {is_what}"
+        case _:
+            return one_line(f"{error['msg']}, {is_what}", 300)
+
+
+def _known_keys(model: type[BaseModel], location: tuple[str | int, ...]) -> list[str]:
+    """The keys that the model knows at a location (all of them where it is a union)."""
+    models: set[type[BaseModel]] = {model}
+    for part in location:
+        inner = {m for one in models for m in _models_in(_annotation(one, part))}
+        # list indices, keys of mappings and tags of unions are no fields: stay where we are;
+        # a tag names the one member of a union that was tried
+        tagged = {m for m in models if part == m.__name__}
+        models = inner or tagged or models
+    return list(dict.fromkeys(key for one in sorted(models, key=str) for key in _keys(one)))
+
+
+def _keys(model: type[BaseModel]) -> list[str]:
+    return [f.alias or name for name, f in model.model_fields.items()]
+
+
+def _annotation(model: type[BaseModel], key: str | int) -> Any:
+    for name, f in model.model_fields.items():
+        if key == (f.alias or name):
+            return f.annotation
+    return None
+
+
+def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from _models_in(argument)

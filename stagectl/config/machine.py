@@ -1,0 +1,312 @@
+"""The machine file: what the host believes of a stage, or, behind `--simulate`, what a stage is.
+
+The models hold exactly the keys of docs/machine.md, in SI units. `load_machine` gives a validated
+machine or a `ConfigError` with every problem. What the figures mean: docs/reference-stage.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Literal, NamedTuple
+
+from pydantic import BeforeValidator, Field, PrivateAttr, StrictInt, StringConstraints
+from pydantic_core import PydanticCustomError
+
+from stagectl.config.diagnose import Section, in_order, validate
+from stagectl.config.units import (
+    Length,
+    NotNegativeDamping,
+    NotNegativeIntegralGain,
+    NotNegativeLength,
+    NotNegativeNumber,
+    NotNegativeTime,
+    Number,
+    PositiveAcceleration,
+    PositiveForce,
+    PositiveForceRate,
+    PositiveFrequency,
+    PositiveJerk,
+    PositiveLength,
+    PositiveMass,
+    PositiveNumber,
+    PositiveStiffness,
+    PositiveTime,
+    PositiveVelocity,
+)
+from stagectl.config.yaml_nodes import (
+    Document,
+    load_document,
+    parse_document,
+    shown,
+)
+from stagectl.errors import ConfigError
+
+HOST_NODE = 127
+"""Node id under which the host sends its heartbeat."""
+POSITION_RANGE = 2**31 * 1e-9
+"""CiA 402 positions and velocities are INTEGER32 in 1 nm and 1 nm/s: less than this [m, m/s]."""
+FORCE_RANGE = 32.767
+"""CiA 402 force values are INTEGER16 in 1/1000 of the rated force: at most this multiple."""
+
+Name = Annotated[str, StringConstraints(min_length=1, max_length=200)]
+AxisName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]
+
+
+def _label(value: object) -> object:
+    """Channels, lots and wafers are often plain whole numbers."""
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+Label = Annotated[Name, BeforeValidator(_label)]
+
+
+class Effect(NamedTuple):
+    """A named physical effect with its parameters (SI), as in the table of effects."""
+
+    name: str
+    parameters: Mapping[str, float]
+
+
+def _effect(value: object) -> Effect:
+    """`{effect: NAME, KEY: NUMBER, ...}`; which keys an effect has is known to the simulator."""
+    if not isinstance(value, dict):
+        reason = f"must be a mapping {{effect: name, key: number}}, is {shown(value)}"
+        raise PydanticCustomError("reason", "{reason}", {"reason": reason})
+    name = value.get("effect")
+    if not isinstance(name, str) or not name:
+        reason = "needs the key effect with the effect's name"
+        raise PydanticCustomError("reason", "{reason}", {"reason": reason})
+    figures: dict[str, float] = {}
+    for key, figure in value.items():
+        if key == "effect":
+            continue
+        if isinstance(figure, bool) or not isinstance(figure, (int, float)):
+            reason = f"{name}: {key} must be a number (SI), is {shown(figure)}"
+            raise PydanticCustomError("reason", "{reason}", {"reason": reason})
+        figures[key] = float(figure)
+    return Effect(name, figures)
+
+
+def _pair(value: object) -> object:
+    if not isinstance(value, list) or len(value) != 2:
+        what = f"{len(value)} items" if isinstance(value, list) else shown(value)
+        reason = f"must be a list of two, is {what}"
+        raise PydanticCustomError("reason", "{reason}", {"reason": reason})
+    return value
+
+
+LengthPair = Annotated[tuple[Length, Length], BeforeValidator(_pair)]
+
+
+class Bus(Section):
+    """The CAN bus the drives are on; `sync_period` is the cycle Ts [s], bitrate in bit/s."""
+
+    interface: Name
+    channel: Label
+    bitrate: Annotated[StrictInt, Field(ge=10_000, le=1_000_000)]
+    sync_period: PositiveTime
+
+
+class Limits(Section):
+    """What the axis may be asked for [m/s, m/s^2, m/s^3] and the following error window [m]."""
+
+    velocity: PositiveVelocity
+    acceleration: PositiveAcceleration
+    jerk: PositiveJerk
+    following_error: PositiveLength
+
+
+class Encoder(Section):
+    """Increment and noise rms of the encoder [m]."""
+
+    increment: PositiveLength
+    noise: NotNegativeLength
+
+
+class Pid(Section):
+    """Position loop: kp [N/m], ki [N/(m s)], kd [N s/m], derivative's low-pass [s]."""
+
+    kp: PositiveStiffness
+    ki: NotNegativeIntegralGain
+    kd: NotNegativeDamping
+    derivative_time: NotNegativeTime
+
+
+class Drive(Section):
+    """Force scaling [N], current loop [Hz], control tick Tc [s] and position loop of a drive."""
+
+    rated_force: PositiveForce
+    peak_force: PositiveForce
+    current_bandwidth: PositiveFrequency
+    control_period: PositiveTime
+    pid: Pid
+
+
+class Repeatability(Section):
+    """How far the Coulomb level wanders by itself: rms fraction, correlation time [s]."""
+
+    coulomb: NotNegativeNumber = 0.0
+    correlation_time: PositiveTime = 0.5
+
+
+class Friction(Section):
+    """Generalized Maxwell-slip friction, in the symbols of docs/reference-stage.md.
+
+    Attributes:
+        elements: N.  coulomb: Fc [N].  static_ratio: alpha = (Fs - Fc)/Fc, > -1.
+        stribeck_velocity: vs [m/s].  stribeck_shape: delta.  stiffness: sigma0 [N/m].
+        attraction: C [N/s].  viscous: sigma_v [N s/m].
+    """
+
+    model: Literal["gms"]
+    elements: Annotated[StrictInt, Field(ge=1, le=64)]
+    coulomb: PositiveForce
+    static_ratio: Annotated[Number, Field(gt=-1)]
+    stribeck_velocity: PositiveVelocity
+    stribeck_shape: PositiveNumber
+    stiffness: PositiveStiffness
+    attraction: PositiveForceRate
+    viscous: NotNegativeDamping
+    repeatability: Repeatability = Repeatability()
+
+
+class Plant(Section):
+    """The mechanics; `tolerance` is how well its figures are known (relative, 1 sigma)."""
+
+    tolerance: Annotated[NotNegativeNumber, Field(lt=1)]
+    mass: PositiveMass
+    friction: Friction
+
+
+class Homing(Section):
+    """How an axis is homed: CiA 402 method, search speed and index speed [m/s]."""
+
+    method: Annotated[StrictInt, Field(ge=-128, le=127)] = 34
+    velocity: PositiveVelocity = 0.01
+    index_velocity: PositiveVelocity = 0.002
+
+
+class Axis(Section):
+    """One axis of the stage.
+
+    Attributes:
+        node: CANopen node id.  travel: lowest and highest position [m].
+        eds: the drive's EDS, relative to the machine file; None means the virtual drive's.
+        effects: what else acts on this axis, simulated only.
+    """
+
+    node: Annotated[StrictInt, Field(ge=1, le=127)]
+    travel: LengthPair
+    limits: Limits
+    encoder: Encoder
+    drive: Drive
+    plant: Plant
+    eds: Name | None = None
+    homing: Homing = Homing()
+    effects: tuple[Annotated[Effect, BeforeValidator(_effect)], ...] = ()
+
+
+class Machine(Section):
+    """A validated machine file. Sites and moves name the axes in the order of `axes`."""
+
+    name: Annotated[Name, Field(alias="machine")]
+    bus: Bus
+    axes: Annotated[Mapping[AxisName, Axis], Field(min_length=1, max_length=8)]
+
+    _document: Document = PrivateAttr()
+
+    @property
+    def text(self) -> str:
+        """The file's text as read: what goes into a recording."""
+        return self._document.text
+
+    @property
+    def source(self) -> str:
+        """How the file was named."""
+        return self._document.name
+
+    @property
+    def document(self) -> Document:
+        """The parsed file, to place further problems in it."""
+        return self._document
+
+
+def load_machine(path: Path | None = None) -> Machine:
+    """The machine of a file; None means the packaged `wafer-xy`.
+
+    Raises:
+        ConfigError: the file cannot be used; one line per problem.
+    """
+    if path is not None:
+        return _machine(load_document(path))
+    packaged = resources.files("stagectl") / "data" / "machines" / "wafer-xy.yaml"
+    return parse_machine(packaged.read_text(encoding="utf-8"), "wafer-xy.yaml (packaged)")
+
+
+def parse_machine(text: str, name: str) -> Machine:
+    """The machine of a text, as found inside a recording; `name` is what problems call it.
+
+    Raises:
+        ConfigError: the text cannot be used; one line per problem.
+    """
+    return _machine(parse_document(text, name))
+
+
+def _machine(document: Document) -> Machine:
+    machine = validate(document, Machine)
+    problems = _impossible(machine, document)
+    if problems:
+        raise ConfigError(in_order(problems))
+    machine._document = document  # noqa: SLF001 - set once, by its own module
+    return machine
+
+
+def _impossible(machine: Machine, document: Document) -> list[str]:
+    """What each value allows but the values together, or CiA 402 integers, do not."""
+    problems: list[str] = []
+
+    def refuse(location: tuple[str | int, ...], reason: str) -> None:
+        problems.append(document.problem(location, reason))
+
+    sync = machine.bus.sync_period
+    if not _whole(sync / 1e-6):
+        refuse(("bus", "sync_period"), f"must be a whole number of us, is {sync:.12g} s")
+    nodes: dict[int, str] = {}
+    first: float | None = None
+    for name, axis in machine.axes.items():
+        at = ("axes", name)
+        if axis.node == HOST_NODE:
+            refuse((*at, "node"), f"{HOST_NODE} is the host's own node id")
+        elif axis.node in nodes:
+            refuse((*at, "node"), f"{axis.node} is the node of axis {nodes[axis.node]} already")
+        nodes.setdefault(axis.node, name)
+        low, high = axis.travel
+        if low >= high:
+            refuse((*at, "travel"), f"must be [lowest, highest], is [{low:g}, {high:g}]")
+        if max(abs(low), abs(high)) >= POSITION_RANGE:
+            refuse((*at, "travel"), "beyond +-2.147 m, the range of a position in 1 nm")
+        if axis.limits.velocity >= POSITION_RANGE:
+            refuse((*at, "limits", "velocity"), "beyond 2.147 m/s, the range of 1 nm/s steps")
+        if axis.homing.velocity > axis.limits.velocity:
+            refuse((*at, "homing", "velocity"), "above the axis' velocity limit")
+        drive = axis.drive
+        if drive.peak_force < drive.rated_force:
+            refuse((*at, "drive", "peak_force"), "must be at least rated_force")
+        if drive.peak_force > FORCE_RANGE * drive.rated_force:
+            refuse((*at, "drive", "peak_force"), f"must be at most {FORCE_RANGE} x rated_force")
+        period = drive.control_period
+        if period > sync or not _whole(sync / period):
+            refuse(
+                (*at, "drive", "control_period"),
+                f"must divide bus.sync_period ({sync:g} s), is {period:g} s",
+            )
+        elif not math.isclose(period, first := first or period, rel_tol=1e-9):
+            refuse((*at, "drive", "control_period"), "must be the same on all axes")
+    return problems
+
+
+def _whole(ratio: float) -> bool:
+    return abs(ratio - round(ratio)) < 1e-6 * max(1.0, ratio) and round(ratio) >= 1

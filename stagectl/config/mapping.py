@@ -1,0 +1,126 @@
+"""From a machine file to the settings of the packages below: simulator and drivers.
+
+The lower packages know neither YAML nor this machine model; each takes its own frozen settings.
+"""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stagectl.config.machine import Axis, Machine
+from stagectl.errors import ConfigError
+
+if TYPE_CHECKING:
+    import drivers.settings
+    import hil_sim.settings
+
+
+def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
+    """The simulator's settings: the machine's figures exactly, `tolerance` is never drawn.
+
+    Raises:
+        ConfigError: the machine asks for what the simulator does not have (effects).
+    """
+    from hil_sim import settings
+
+    problems = [
+        machine.document.problem(
+            ("axes", name, "effects", index), f"effect '{effect.name}' cannot be simulated yet"
+        )
+        for name, axis in machine.axes.items()
+        for index, effect in enumerate(axis.effects)
+    ]
+    if problems:
+        raise ConfigError(problems)
+    axes = []
+    for name, axis in machine.axes.items():
+        friction, drive = axis.plant.friction, axis.drive
+        axes.append(
+            settings.AxisSettings(
+                name=name,
+                node=axis.node,
+                mass=axis.plant.mass,
+                friction=settings.FrictionSettings(
+                    elements=friction.elements,
+                    coulomb=friction.coulomb,
+                    static_ratio=friction.static_ratio,
+                    stribeck_velocity=friction.stribeck_velocity,
+                    stribeck_shape=friction.stribeck_shape,
+                    stiffness=friction.stiffness,
+                    attraction=friction.attraction,
+                    viscous=friction.viscous,
+                    wander=friction.repeatability.coulomb,
+                    correlation_time=friction.repeatability.correlation_time,
+                ),
+                control=settings.ControlSettings(
+                    kp=drive.pid.kp,
+                    ki=drive.pid.ki,
+                    kd=drive.pid.kd,
+                    derivative_time=drive.pid.derivative_time,
+                    current_bandwidth=drive.current_bandwidth,
+                    rated_force=drive.rated_force,
+                    peak_force=drive.peak_force,
+                    period=drive.control_period,
+                ),
+                increment=axis.encoder.increment,
+                noise=axis.encoder.noise,
+                travel=axis.travel,
+                velocity=axis.limits.velocity,
+                acceleration=axis.limits.acceleration,
+                jerk=axis.limits.jerk,
+                following_error=axis.limits.following_error,
+            )
+        )
+    return settings.StageSettings(sync_period=machine.bus.sync_period, axes=tuple(axes))
+
+
+def driver_settings(
+    machine: Machine,
+) -> tuple[drivers.settings.BusSettings, tuple[drivers.settings.AxisSettings, ...]]:
+    """The drivers' settings: bus, and per axis node, EDS, scaling, limits and homing.
+
+    Raises:
+        ConfigError: an axis' EDS file is not there.
+    """
+    from drivers import settings
+
+    bus = settings.BusSettings(
+        interface=machine.bus.interface,
+        channel=machine.bus.channel,
+        bitrate=machine.bus.bitrate,
+        sync_period=machine.bus.sync_period,
+    )
+    axes = tuple(
+        settings.AxisSettings(
+            name=name,
+            node=axis.node,
+            eds=eds_path(machine, name, axis),
+            rated_force=axis.drive.rated_force,
+            peak_force=axis.drive.peak_force,
+            travel=axis.travel,
+            velocity=axis.limits.velocity,
+            acceleration=axis.limits.acceleration,
+            jerk=axis.limits.jerk,
+            following_error=axis.limits.following_error,
+            homing_method=axis.homing.method,
+            homing_velocity=(axis.homing.velocity, axis.homing.index_velocity),
+        )
+        for name, axis in machine.axes.items()
+    )
+    return bus, axes
+
+
+def eds_path(machine: Machine, name: str, axis: Axis) -> Path:
+    """The axis' EDS file: beside the machine file where named there, else the virtual drive's.
+
+    Raises:
+        ConfigError: a named file is not there.
+    """
+    if axis.eds is None:
+        return Path(str(resources.files("hil_sim") / "eds" / "stagectl-linear-drive.eds"))
+    path = Path(machine.source).parent / axis.eds
+    if not path.is_file():
+        raise ConfigError(machine.document.problem(("axes", name, "eds"), f"no such file: {path}"))
+    return path

@@ -1,0 +1,203 @@
+"""Quantities in files: a number is SI; a text is a number with a unit, checked for its dimension.
+
+`80 um`, `5 ms`, `0.5 m/s`, `3 m/s^2`, `30 N s/m`, `0.6 N/um`, `16.07 MN/(m s)`. Units are m, g, s,
+N, Hz with the prefixes n, u (or the micro sign), m, c, k, M, joined by `/`, `*` or a space.
+Converted exactly (in decimals), so `80 um` is the same float as `80e-6`. Only used where files come
+in: inside the program everything is a plain SI float.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from typing import Annotated, Final
+
+from annotated_types import Ge, Gt
+from pydantic import BeforeValidator
+from pydantic_core import PydanticCustomError
+
+from stagectl.config.yaml_nodes import one_line, shown
+
+Exponents = tuple[int, int, int]  # of metre, kilogram, second
+
+
+@dataclass(frozen=True, slots=True)
+class Dimension:
+    """What a quantity is: its name, its SI exponents and an example with a unit."""
+
+    name: str
+    exponents: Exponents
+    example: str
+
+
+NUMBER: Final = Dimension("a number", (0, 0, 0), "")
+LENGTH: Final = Dimension("a length", (1, 0, 0), "80 um")
+TIME: Final = Dimension("a time", (0, 0, 1), "5 ms")
+VELOCITY: Final = Dimension("a velocity", (1, 0, -1), "10 mm/s")
+ACCELERATION: Final = Dimension("an acceleration", (1, 0, -2), "3 m/s^2")
+JERK: Final = Dimension("a jerk", (1, 0, -3), "200 m/s^3")
+FORCE: Final = Dimension("a force", (1, 1, -2), "40 N")
+MASS: Final = Dimension("a mass", (0, 1, 0), "8 kg")
+FREQUENCY: Final = Dimension("a frequency", (0, 0, -1), "1.5 kHz")
+STIFFNESS: Final = Dimension("a stiffness", (0, 1, -2), "0.6 N/um")
+DAMPING: Final = Dimension("a damping", (0, 1, -1), "20 N s/m")
+FORCE_RATE: Final = Dimension("a force per time", (1, 1, -3), "600 N/s")
+INTEGRAL_GAIN: Final = Dimension("a stiffness per time", (0, 1, -3), "16 MN/(m s)")
+
+_DIMENSIONS: Final = (
+    LENGTH, TIME, VELOCITY, ACCELERATION, JERK, FORCE, MASS, FREQUENCY, STIFFNESS, DAMPING,
+    FORCE_RATE, INTEGRAL_GAIN,
+)  # fmt: skip
+_BASE: Final[dict[str, tuple[int, Exponents]]] = {
+    "m": (0, (1, 0, 0)),
+    "g": (-3, (0, 1, 0)),
+    "s": (0, (0, 0, 1)),
+    "N": (0, (1, 1, -2)),
+    "Hz": (0, (0, 0, -1)),
+}
+_PREFIX: Final = {
+    "n": -9, "u": -6, "\N{MICRO SIGN}": -6, "\N{GREEK SMALL LETTER MU}": -6,
+    "m": -3, "c": -2, "k": 3, "M": 6,
+}  # fmt: skip
+_QUANTITY = re.compile(r"([-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]{1,3})?)\s*(.*)\Z")
+_TOKEN = re.compile(
+    r"\s*(?:([A-Za-z\u00b5\u03bc]+)(?:\^?(-?[1-4]|[\u00b2\u00b3]))?|([/*\u00b7()]))\s*"
+)
+_SUPERSCRIPT: Final = {"\N{SUPERSCRIPT TWO}": 2, "\N{SUPERSCRIPT THREE}": 3}
+
+
+def parse_unit(text: str) -> tuple[int, Exponents]:
+    """A unit such as `N/(m s)` as (power of ten to SI, SI exponents).
+
+    Raises:
+        ValueError: not a unit known here.
+    """
+    tokens: list[tuple[str, str, str]] = []
+    position = 0
+    while position < len(text) and len(tokens) < 20:
+        match = _TOKEN.match(text, position)
+        if match is None:
+            break
+        tokens.append((match[1] or "", match[2] or "", match[3] or ""))
+        position = match.end()
+    if position < len(text) or not tokens:
+        raise ValueError(text)
+
+    def product(closing: str) -> tuple[int, Exponents]:
+        ten, total, sign = 0, (0, 0, 0), 1
+        expect_factor = True
+        while tokens:
+            symbol, power, operator = tokens.pop(0)
+            if operator == ")":
+                if closing == ")" and not expect_factor:
+                    return ten, total
+                raise ValueError(text)
+            if operator in ("/", "*", "\u00b7"):
+                if expect_factor:
+                    raise ValueError(text)
+                sign, expect_factor = (-1 if operator == "/" else 1), True
+                continue
+            factor_ten, factor = product(")") if operator == "(" else _symbol(symbol, power)
+            ten += sign * factor_ten
+            total = (
+                total[0] + sign * factor[0],
+                total[1] + sign * factor[1],
+                total[2] + sign * factor[2],
+            )
+            sign, expect_factor = 1, False
+        if closing or expect_factor:
+            raise ValueError(text)
+        return ten, total
+
+    return product("")
+
+
+def _symbol(symbol: str, power: str) -> tuple[int, Exponents]:
+    """A base unit with its prefix, raised to a power."""
+    if symbol in _BASE:
+        ten, dim = _BASE[symbol]
+    elif symbol[:1] in _PREFIX and symbol[1:] in _BASE:
+        ten, dim = _BASE[symbol[1:]]
+        ten += _PREFIX[symbol[0]]
+    else:
+        raise ValueError(symbol)
+    n = _SUPERSCRIPT.get(power) or int(power or 1)
+    return ten * n, (dim[0] * n, dim[1] * n, dim[2] * n)
+
+
+def parse_quantity(value: object, dimension: Dimension) -> float:
+    """A value from a file as an SI float.
+
+    Args:
+        value: a number (SI), or a text: number and unit.
+        dimension: what it has to be.
+
+    Raises:
+        ValueError: not a finite number, no or an unknown unit, or another dimension; the text of
+            the exception says which and what was expected.
+    """
+    expected = f"must be {dimension.name}"
+    if dimension.example:
+        expected += f" (SI, or a text such as '{dimension.example}')"
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise ValueError(f"{expected}, is {shown(value)}")
+    if not isinstance(value, str):
+        if not math.isfinite(value):
+            raise ValueError(f"must be a finite number, is {value}")
+        return float(value)
+    text = value.strip()
+    match = _QUANTITY.match(text) if len(text) <= 64 else None
+    if match is None:
+        raise ValueError(f"{expected}, is {shown(value)}")
+    number, unit = match[1], match[2]
+    if not unit:
+        raise ValueError(f"{expected}, is a text: write {one_line(number)} without quotes")
+    try:
+        ten, exponents = parse_unit(unit)
+    except ValueError:
+        raise ValueError(f"{expected}: unknown unit '{one_line(unit, 30)}'") from None
+    if exponents != dimension.exponents:
+        other = next((d.name for d in _DIMENSIONS if d.exponents == exponents), "something else")
+        raise ValueError(f"{expected}, but {shown(value)} is {other}")
+    try:
+        result = float(Decimal(number) * Decimal(1).scaleb(ten))
+    except (InvalidOperation, OverflowError):
+        raise ValueError(f"{expected}, is {shown(value)}") from None
+    if not math.isfinite(result):
+        raise ValueError(f"must be a finite number, is {shown(value)}")
+    return result
+
+
+def _validator(dimension: Dimension) -> BeforeValidator:
+    def convert(value: object) -> float:
+        try:
+            return parse_quantity(value, dimension)
+        except ValueError as error:
+            raise PydanticCustomError("quantity", "{reason}", {"reason": str(error)}) from None
+
+    converter: Callable[[object], float] = convert
+    return BeforeValidator(converter)
+
+
+# Field types of the models: any value, > 0, >= 0.
+Number = Annotated[float, _validator(NUMBER)]
+Length = Annotated[float, _validator(LENGTH)]
+PositiveNumber = Annotated[float, _validator(NUMBER), Gt(0)]
+PositiveLength = Annotated[float, _validator(LENGTH), Gt(0)]
+PositiveTime = Annotated[float, _validator(TIME), Gt(0)]
+PositiveVelocity = Annotated[float, _validator(VELOCITY), Gt(0)]
+PositiveAcceleration = Annotated[float, _validator(ACCELERATION), Gt(0)]
+PositiveJerk = Annotated[float, _validator(JERK), Gt(0)]
+PositiveForce = Annotated[float, _validator(FORCE), Gt(0)]
+PositiveMass = Annotated[float, _validator(MASS), Gt(0)]
+PositiveFrequency = Annotated[float, _validator(FREQUENCY), Gt(0)]
+PositiveStiffness = Annotated[float, _validator(STIFFNESS), Gt(0)]
+PositiveForceRate = Annotated[float, _validator(FORCE_RATE), Gt(0)]
+NotNegativeNumber = Annotated[float, _validator(NUMBER), Ge(0)]
+NotNegativeLength = Annotated[float, _validator(LENGTH), Ge(0)]
+NotNegativeTime = Annotated[float, _validator(TIME), Ge(0)]
+NotNegativeDamping = Annotated[float, _validator(DAMPING), Ge(0)]
+NotNegativeIntegralGain = Annotated[float, _validator(INTEGRAL_GAIN), Ge(0)]

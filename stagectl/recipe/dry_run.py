@@ -1,0 +1,218 @@
+"""What a recipe would do on a machine, without any hardware: counts, path, duration, limits.
+
+The duration adds the time-optimal motion of every move, the settle hold after it, exposures and
+dwells. It leaves out homing, settling itself and retries, so a run takes at least this long.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass, field
+from functools import cache
+from typing import TYPE_CHECKING
+
+from stagectl.config.machine import Machine
+from stagectl.recipe.fiducial import Fiducial, make_fiducial
+from stagectl.recipe.model import Pair, PluginMark, Profile, Recipe, SimulatedMark
+from stagectl.recipe.plan import DwellStep, ExposeStep, FiducialStep, MoveStep, SettleStep, plan
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+_UNITS = {"velocity": "m/s", "acceleration": "m/s^2", "jerk": "m/s^3"}
+
+
+@dataclass(frozen=True, slots=True)
+class LimitUse:
+    """The most that a recipe asks of one limit of one axis.
+
+    Attributes:
+        quantity: velocity, acceleration, jerk, lowest or highest (position).
+        used, limit: in `unit`.
+    """
+
+    axis: str
+    quantity: str
+    used: float
+    limit: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class DryRun:
+    """Outcome of a dry run.
+
+    Attributes:
+        sites: number of sites.  moves: number of moves by kind.
+        path_length: sum of the straight distances [m].  duration: at least [s].
+        limits: what is asked of each limit.  positions: targets in their order [m].
+        notes: what could not be counted, and what in the recipe has no effect.
+    """
+
+    recipe: str
+    machine: str
+    sites: int
+    moves: dict[str, int]
+    path_length: float
+    duration: float
+    limits: tuple[LimitUse, ...]
+    positions: tuple[Pair, ...]
+    notes: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, object]:
+        """For `--json`; SI units."""
+        return {
+            "format": "stagectl-dry-run",
+            "version": 1,
+            "recipe": self.recipe,
+            "machine": self.machine,
+            "sites": self.sites,
+            "moves": dict(self.moves),
+            "path_length": self.path_length,
+            "duration": self.duration,
+            "limits": [
+                {
+                    "axis": use.axis,
+                    "quantity": use.quantity,
+                    "used": use.used,
+                    "limit": use.limit,
+                    "unit": use.unit,
+                }
+                for use in self.limits
+            ],
+            "positions": [list(position) for position in self.positions],
+            "notes": list(self.notes),
+        }
+
+    def render(self) -> RenderableType:
+        """For the terminal."""
+        from rich.console import Group
+        from rich.table import Table
+
+        moves = ", ".join(f"{count} {kind}" for kind, count in self.moves.items()) or "none"
+        head = Table.grid(padding=(0, 2))
+        head.add_row("recipe", f"{self.recipe} on {self.machine} (dry run: nothing moves)")
+        head.add_row("sites", str(self.sites))
+        head.add_row("moves", moves)
+        head.add_row("path", f"{self.path_length * 1e3:.3f} mm")
+        head.add_row("duration", f"at least {self.duration:.2f} s")
+        table = Table(title="What it asks of the limits", title_justify="left")
+        for title in ("axis", "limit", "asked", "allowed", "unit"):
+            table.add_column(title, justify="right" if title in ("asked", "allowed") else "left")
+        for use in self.limits:
+            table.add_row(use.axis, use.quantity, f"{use.used:.6g}", f"{use.limit:.6g}", use.unit)
+        return Group(head, table, *(f"note: {note}" for note in self.notes))
+
+
+def dry_run(recipe: Recipe, machine: Machine, start: Pair = (0.0, 0.0)) -> DryRun:
+    """Go through the plan as the sequencer would.
+
+    Args:
+        recipe: validated against `machine`.
+        machine: the machine it is to run on.
+        start: where the axes are when it begins [m]; home by default.
+
+    Raises:
+        ConfigError: the recipe's fiducial plug-in cannot be loaded.
+    """
+    walk = _Walk(recipe, start)
+    for step in plan(recipe, start):
+        walk.take(step)
+    return DryRun(
+        recipe=recipe.name,
+        machine=machine.name,
+        sites=len(recipe.sites),
+        moves=dict(walk.moves),
+        path_length=walk.path_length,
+        duration=walk.duration,
+        limits=_limits(recipe, machine, walk),
+        positions=tuple(walk.positions),
+        notes=(*recipe.notes, *walk.notes),
+    )
+
+
+@cache
+def _duration(distance: float, profile: Profile) -> float:
+    """Time of a motion [s]; distance in whole nm, so that a grid's equal steps are solved once."""
+    from estimation.trajectory import duration
+
+    if distance <= 0:
+        return 0.0
+    return duration(distance, profile.velocity, profile.acceleration, profile.jerk)
+
+
+@dataclass
+class _Walk:
+    """Where the stage is in the plan, and what has come together so far."""
+
+    recipe: Recipe
+    start: Pair
+    moves: Counter[str] = field(default_factory=Counter)
+    path_length: float = 0.0
+    duration: float = 0.0
+    positions: list[Pair] = field(default_factory=list)
+    profiles: dict[int, set[Profile]] = field(default_factory=lambda: {0: set(), 1: set()})
+    notes: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.position = self.start
+        self.mark: Pair | None = None
+        self.fiducial: Fiducial | None = None
+        source = self.recipe.fiducial
+        if isinstance(source, PluginMark):
+            self.notes.append(
+                f"micro-moves come from the plug-in '{source.name}': counted, not timed"
+            )
+        else:
+            self.fiducial = make_fiducial(source)
+            if isinstance(source, SimulatedMark):
+                self.notes.append("marks are simulated: the run will find the same ones")
+
+    def take(self, step: MoveStep | SettleStep | FiducialStep | ExposeStep | DwellStep) -> None:
+        """Count one step."""
+        match step:
+            case MoveStep():
+                self._move(step)
+            case SettleStep():
+                self.duration += step.hold
+            case ExposeStep() | DwellStep():
+                self.duration += step.duration
+            case FiducialStep():
+                site = self.recipe.sites[step.site - 1]
+                offset = self.fiducial.find(step.site, site) if self.fiducial else (0.0, 0.0)
+                self.mark = offset and (site[0] + offset[0], site[1] + offset[1])
+                if offset is None:
+                    self.notes.append(f"site {step.site}: no mark listed, no micro-move")
+
+    def _move(self, step: MoveStep) -> None:
+        if step.target is not None:
+            target = step.target
+        elif step.relative is not None:
+            target = (self.position[0] + step.relative[0], self.position[1] + step.relative[1])
+        elif self.mark is not None:
+            target = self.mark
+        else:
+            return
+        steps = (abs(target[0] - self.position[0]), abs(target[1] - self.position[1]))
+        self.duration += max(_duration(round(d, 9), step.profile) for d in steps)
+        self.path_length += math.hypot(*steps)
+        self.moves[step.kind] += 1
+        self.position = target
+        self.positions.append(target)
+        for axis in (0, 1):
+            if step.relative is None or step.relative[axis]:
+                self.profiles[axis].add(step.profile)
+
+
+def _limits(recipe: Recipe, machine: Machine, walk: _Walk) -> tuple[LimitUse, ...]:
+    uses: list[LimitUse] = []
+    for k, name in enumerate(recipe.axes):
+        axis = machine.axes[name]
+        for quantity, unit in _UNITS.items():
+            used = max((getattr(p, quantity) for p in walk.profiles[k]), default=0.0)
+            uses.append(LimitUse(name, quantity, used, getattr(axis.limits, quantity), unit))
+        visited = [position[k] for position in walk.positions] or [walk.start[k]]
+        uses.append(LimitUse(name, "lowest", min(visited), axis.travel[0], "m"))
+        uses.append(LimitUse(name, "highest", max(visited), axis.travel[1], "m"))
+    return tuple(uses)

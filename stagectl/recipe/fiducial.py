@@ -1,0 +1,131 @@
+"""Where the mark of a site is: the target of its micro-move.
+
+A camera is a plug-in: a callable without arguments under the entry point group
+`stagectl.fiducial` that returns a `Fiducial`. It is asked once the stage has settled at the site.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from importlib import metadata
+from typing import Final, Protocol
+
+from stagectl.errors import ConfigError, RunFault
+from stagectl.recipe.model import (
+    FiducialSource,
+    ListedMarks,
+    NoMark,
+    Pair,
+    PluginMark,
+    SimulatedMark,
+)
+
+ENTRY_POINTS: Final = "stagectl.fiducial"
+
+
+class Fiducial(Protocol):
+    """Finds marks."""
+
+    def find(self, site: int, position: Pair) -> Pair | None:
+        """Offset of the mark [m] from the site's nominal position, or None: not found.
+
+        Args:
+            site: number of the site, from 1.
+            position: nominal position of the site [m].
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Simulated:
+    """Uniform in +-`range` [m] on each axis, whole nm; each site has its own stream of `seed`."""
+
+    range: float
+    seed: int
+
+    def find(self, site: int, position: Pair) -> Pair | None:
+        """The same offset whenever the same site is asked for."""
+        import numpy as np
+
+        dx, dy = np.random.default_rng((self.seed, site)).uniform(-self.range, self.range, 2)
+        return round(float(dx), 9), round(float(dy), 9)
+
+
+@dataclass(frozen=True, slots=True)
+class Absent:
+    """No marks."""
+
+    def find(self, site: int, position: Pair) -> Pair | None:
+        """Never found."""
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class Offsets:
+    """Known offsets [m] by site."""
+
+    offsets: dict[int, Pair]
+
+    def find(self, site: int, position: Pair) -> Pair | None:
+        """The offset listed for the site; a site that is not listed is not found."""
+        return self.offsets.get(site)
+
+
+@dataclass(frozen=True, slots=True)
+class Plugin:
+    """A plug-in's fiducial, whose answers are checked: two finite lengths, or None."""
+
+    name: str
+    inner: Fiducial
+
+    def find(self, site: int, position: Pair) -> Pair | None:
+        """What the plug-in says.
+
+        Raises:
+            RunFault: it failed, or its answer is no offset.
+        """
+        try:
+            answer = self.inner.find(site, position)
+        except Exception as error:
+            reason = f"{type(error).__name__}: {error}".splitlines()[0]
+            raise RunFault(f"fiducial plug-in '{self.name}': site {site}: {reason}") from error
+        if answer is None:
+            return None
+        try:
+            dx, dy = (float(value) for value in answer)
+        except (TypeError, ValueError):
+            dx = dy = math.nan
+        if not (math.isfinite(dx) and math.isfinite(dy)):
+            raise RunFault(
+                f"fiducial plug-in '{self.name}': site {site}: the answer is no offset [m]"
+            )
+        return dx, dy
+
+
+def make_fiducial(source: FiducialSource) -> Fiducial:
+    """The finder for a recipe's source of marks.
+
+    Raises:
+        ConfigError: the plug-in is not installed or cannot be loaded.
+    """
+    match source:
+        case SimulatedMark():
+            return Simulated(source.range, source.seed)
+        case ListedMarks():
+            return Offsets(source.offsets)
+        case PluginMark():
+            return _plugin(source.name)
+        case NoMark():
+            return Absent()
+
+
+def _plugin(name: str) -> Plugin:
+    found = list(metadata.entry_points(group=ENTRY_POINTS, name=name))
+    if not found:
+        raise ConfigError(f"fiducial plug-in '{name}' is not installed")
+    try:
+        return Plugin(name, found[0].load()())
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}".splitlines()[0]
+        raise ConfigError(f"fiducial plug-in '{name}' cannot be loaded: {reason}") from error

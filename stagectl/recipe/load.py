@@ -1,0 +1,336 @@
+"""From a recipe file to a `Recipe` that the given machine can run, or every reason why it cannot.
+
+Checked before anything moves: every value by itself (schema), sites and moves inside the travel
+(with the reach of the fiducial), profiles within the axes' limits, files that the recipe names.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+
+from stagectl.config.diagnose import in_order, suggestion, validate
+from stagectl.config.machine import Axis, Machine
+from stagectl.config.yaml_nodes import Document, load_document, parse_document
+from stagectl.errors import ConfigError
+from stagectl.recipe import schema
+from stagectl.recipe.fiducial import ENTRY_POINTS
+from stagectl.recipe.model import (
+    MAX_STEPS,
+    Dwell,
+    FiducialSource,
+    ListedMarks,
+    Move,
+    NoMark,
+    Pair,
+    PluginMark,
+    Profile,
+    Recipe,
+    Repeat,
+    Reverse,
+    Settle,
+    SimulatedMark,
+    SiteLimits,
+    To,
+    unrolled,
+)
+from stagectl.recipe.plan import MoveStep, walk
+from stagectl.recipe.tables import read_offsets, read_sites
+
+Location = tuple[str | int, ...]
+Place = Callable[[str], str]
+"""Makes the one line of a problem from its reason."""
+
+MAX_SITES = 100_000
+MOVE_SECTIONS = ("velocity", "acceleration", "jerk")
+
+
+def load_recipe(path: Path, machine: Machine) -> Recipe:
+    """The recipe of a file, checked against the machine.
+
+    Raises:
+        ConfigError: the recipe cannot be run on this machine; one line per problem.
+    """
+    return _recipe(load_document(path), machine)
+
+
+def parse_recipe(text: str, name: str, machine: Machine) -> Recipe:
+    """The recipe of a text; files it names are looked for beside `name`.
+
+    Raises:
+        ConfigError: as `load_recipe`.
+    """
+    return _recipe(parse_document(text, name), machine)
+
+
+def _recipe(document: Document, machine: Machine) -> Recipe:
+    check = _Check(document, machine)
+    file = validate(document, schema.RecipeFile)
+    macro = check.profile(file.macro, ("macro",))
+    micro = check.profile(file.micro, ("micro",))
+    sites, places = check.sites(file.sites)
+    fiducial = check.fiducial(file.fiducial, len(sites))
+    check.keys(file)
+    check.settle(file.settle)
+    check.inside(sites, places, fiducial)
+    moves = check.moves(file.moves or [], macro, micro, ("moves",))
+    check.path(moves)
+    if check.problems:
+        raise ConfigError(in_order(check.problems))
+    first, second = machine.axes
+    unused = [k for k in ("expose", "fiducial") if moves and getattr(file, k) is not None]
+    return Recipe(
+        name=file.recipe,
+        axes=(first, second),
+        macro=macro,
+        micro=micro,
+        settle=Settle(
+            file.settle.window, file.settle.hold, file.settle.timeout, file.settle.on_timeout
+        ),
+        expose=file.expose or 0.0,
+        sites=sites,
+        fiducial=fiducial,
+        moves=moves,
+        lot=file.lot,
+        wafer=file.wafer,
+        limits=SiteLimits(file.limits.settling, file.limits.peak_error),
+        text=document.text,
+        source=document.name,
+        notes=tuple(f"{key} has no effect with moves" for key in unused),
+    )
+
+
+@dataclass
+class _Check:
+    """Builds the parts of a recipe and collects what is wrong with them."""
+
+    document: Document
+    machine: Machine
+    problems: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if len(self.machine.axes) != 2:
+            raise ConfigError(
+                self.machine.document.problem(
+                    ("axes",), f"a recipe needs two axes, has {len(self.machine.axes)}"
+                )
+            )
+
+    @property
+    def axes(self) -> list[tuple[str, Axis]]:
+        return list(self.machine.axes.items())
+
+    def refuse(self, location: Location, reason: str) -> None:
+        self.problems.append(self.document.problem(location, reason))
+
+    def keys(self, file: schema.RecipeFile) -> None:
+        """Which keys need or exclude one another."""
+        if file.sites is None and file.moves is None:
+            self.refuse(("sites",), "is missing (or a list of moves instead)")
+        elif file.sites is not None and file.moves is not None:
+            self.refuse(("moves",), "cannot stand beside sites: give one of them")
+        elif file.sites is not None:
+            for key in ("expose", "fiducial"):
+                if getattr(file, key) is None:
+                    self.refuse((key,), "is missing")
+
+    def settle(self, settle: schema.SettleSection) -> None:
+        """Windows below the encoder's increment and holds beyond the timeout never settle."""
+        coarse = max(axis.encoder.increment for _, axis in self.axes)
+        if settle.window < coarse:
+            self.refuse(("settle", "window"), f"is below the encoder increment, {coarse:g} m")
+        if settle.timeout < settle.hold:
+            self.refuse(("settle", "timeout"), f"is shorter than hold, {settle.hold:g} s")
+
+    def profile(
+        self, section: schema.ProfileSection, at: Location, only: int | None = None
+    ) -> Profile:
+        """The section as a profile, held against the limits of the axes (or of one)."""
+        profile = Profile(section.velocity, section.acceleration, section.jerk)
+        self.within_limits(profile, at, only)
+        return profile
+
+    def within_limits(self, profile: Profile, at: Location, only: int | None) -> None:
+        for key in MOVE_SECTIONS:
+            wanted = getattr(profile, key)
+            over = [
+                f"{name} ({getattr(axis.limits, key):g})"
+                for index, (name, axis) in enumerate(self.axes)
+                if only in (None, index) and wanted > getattr(axis.limits, key)
+            ]
+            if over:
+                self.refuse((*at, key), f"{wanted:g} is above the limit of axis {', '.join(over)}")
+
+    def sites(self, sites: object) -> tuple[tuple[Pair, ...], list[Place]]:
+        """The sites in the order of the visit, and for each how to place a problem of it."""
+
+        def place(*location: str | int) -> Place:
+            return lambda reason: self.document.problem(location, reason)
+
+        if isinstance(sites, schema.GridSites):
+            count = sites.grid.count[0] * sites.grid.count[1]
+            if count > MAX_SITES:
+                self.refuse(("sites", "grid", "count"), f"more than {MAX_SITES} sites: {count}")
+                return (), []
+            positions = grid_positions(sites.grid)
+            return positions, [place("sites", "grid")] * count
+        if isinstance(sites, schema.FileSites):
+            try:
+                rows = read_sites(Path(self.document.name).parent / sites.file)
+            except ConfigError as error:
+                self.problems += self.beside(("sites", "file"), error)
+                return (), []
+            return tuple(row.pair for row in rows), [row.problem for row in rows]
+        if isinstance(sites, list):
+            return tuple(sites), [place("sites", index) for index in range(len(sites))]
+        return (), []
+
+    def beside(self, location: Location, error: ConfigError) -> list[str]:
+        """Problems of a table; those without a line in it are placed where the recipe names it."""
+        if all(re.search(r":\d+:\d+: ", problem) for problem in error.problems):
+            return list(error.problems)
+        return [self.document.problem(location, str(error))]
+
+    def fiducial(self, section: object, sites: int) -> FiducialSource:
+        """The source of the marks; files are read and plug-ins looked up here."""
+        match section:
+            case schema.SimulatedFiducial():
+                return SimulatedMark(section.range, section.seed)
+            case schema.FileFiducial():
+                try:
+                    rows = read_offsets(Path(self.document.name).parent / section.file)
+                except ConfigError as error:
+                    self.problems += self.beside(("fiducial", "file"), error)
+                    return NoMark()
+                self.problems += [
+                    row.problem(f"site {row.site} is not in the recipe, which has {sites}")
+                    for row in rows
+                    if sites and row.site is not None and row.site > sites
+                ]
+                return ListedMarks({row.site: row.pair for row in rows if row.site is not None})
+            case schema.PluginFiducial():
+                known = sorted(metadata.entry_points(group=ENTRY_POINTS).names)
+                if section.name not in known:
+                    reason = f"no plug-in '{section.name}' is installed"
+                    reason += suggestion(section.name, known)
+                    self.refuse(("fiducial", "name"), reason)
+                return PluginMark(section.name)
+            case _:
+                return NoMark()
+
+    def inside(
+        self, sites: tuple[Pair, ...], places: list[Place], fiducial: FiducialSource
+    ) -> None:
+        """Each site, with the reach of its micro-move, inside the travel of both axes."""
+        reasons: dict[int, list[str]] = {}
+        for index, site in enumerate(sites):
+            low = high = (0.0, 0.0)
+            if isinstance(fiducial, SimulatedMark):
+                low, high = (-fiducial.range,) * 2, (fiducial.range,) * 2
+            elif isinstance(fiducial, ListedMarks):
+                offset = fiducial.offsets.get(index + 1, (0.0, 0.0))
+                low = (min(0.0, offset[0]), min(0.0, offset[1]))
+                high = (max(0.0, offset[0]), max(0.0, offset[1]))
+            for k, (name, axis) in enumerate(self.axes):
+                reason = _outside(site[k], low[k], high[k], axis.travel)
+                if reason:
+                    reasons.setdefault(index, []).append(f"{reason} of axis {name}")
+        first = next(iter(reasons), None)
+        if first is not None and len(set(places)) == 1 < len(places):  # a grid: one place for all
+            more = f" ({len(reasons)} sites in all)" if len(reasons) > 1 else ""
+            reasons = {first: [reasons[first][0] + more]}
+        for index, lines in list(reasons.items())[:100]:
+            self.problems += [places[index](f"site {index + 1}: {line}") for line in lines]
+
+    def moves(
+        self, items: list[schema.MoveItem], macro: Profile, micro: Profile, at: Location
+    ) -> tuple[Move, ...]:
+        """The list of moves with their profiles filled in and held against the limits."""
+        names = [name for name, _ in self.axes]
+        moves: list[Move] = []
+        for index, item in enumerate(items):
+            here = (*at, index)
+            match item:
+                case schema.DwellItem():
+                    moves.append(Dwell(item.dwell))
+                case schema.RepeatItem():
+                    inner = self.moves(item.moves, macro, micro, (*here, "moves"))
+                    moves.append(Repeat(item.repeat, inner))
+                case schema.ToItem():
+                    moves.append(To(item.to, item.kind, self.motion(item, macro, micro, here)))
+                case schema.ReverseItem():
+                    if item.axis not in names:
+                        reason = f"no such axis in the machine{suggestion(item.axis, names)}"
+                        self.refuse((*here, "axis"), reason)
+                        moves.append(Dwell(0.0))  # keeps the others in their places
+                        continue
+                    axis = names.index(item.axis)
+                    profile = self.motion(item, macro, micro, here, axis)
+                    moves.append(Reverse(item.reverse, axis, item.kind, profile))
+        return tuple(moves)
+
+    def motion(
+        self,
+        item: schema.ToItem | schema.ReverseItem,
+        macro: Profile,
+        micro: Profile,
+        at: Location,
+        only: int | None = None,
+    ) -> Profile:
+        """A move's own figures over those of its kind; a creep has to say how fast."""
+        base = macro if item.kind == "macro" else micro
+        if item.kind == "creep" and item.velocity is None:
+            self.refuse((*at, "velocity"), "is missing: a creep needs its own velocity")
+        profile = Profile(
+            item.velocity or base.velocity,
+            item.acceleration or base.acceleration,
+            item.jerk or base.jerk,
+        )
+        if profile != base:
+            self.within_limits(profile, at, only)
+        return profile
+
+    def path(self, moves: tuple[Move, ...]) -> None:
+        """Every position on the way inside the travel, from the home position on."""
+        if (total := unrolled(moves)) > MAX_STEPS:
+            self.refuse(("moves",), f"unrolls to {total} moves and dwells, more than {MAX_STEPS}")
+            return
+        seen: set[tuple[Location, int]] = set()
+        for location, position, step in walk(moves, (0.0, 0.0)):
+            for k, (name, axis) in enumerate(self.axes):
+                reason = _outside(position[k], 0.0, 0.0, axis.travel)
+                if reason and isinstance(step, MoveStep) and (location, k) not in seen:
+                    if step.relative is not None and step.relative[k] == 0:
+                        continue  # got there before, by a move that is reported
+                    seen.add((location, k))
+                    key = "to" if step.relative is None else "reverse"
+                    self.refuse((*location, key), f"{reason} of axis {name}")
+
+
+def grid_positions(grid: schema.Grid) -> tuple[Pair, ...]:
+    """Rows along the first axis; in a serpentine every second row runs backwards."""
+    columns, rows = grid.count
+    positions = []
+    for row in range(rows):
+        order = range(columns)
+        if grid.order == "serpentine" and row % 2:
+            order = range(columns - 1, -1, -1)
+        for column in order:
+            x = grid.origin[0] + column * grid.pitch[0]
+            y = grid.origin[1] + row * grid.pitch[1]
+            positions.append((round(x, 12), round(y, 12)))
+    return tuple(positions)
+
+
+def _outside(position: float, low: float, high: float, travel: tuple[float, float]) -> str | None:
+    """Why a position, with its reach, is not inside the travel."""
+    span = f"the travel {travel[0]:g} ... {travel[1]:g} m"
+    if not travel[0] <= position <= travel[1]:
+        return f"{position:.9g} m is outside {span}"
+    if position + low < travel[0] or position + high > travel[1]:
+        reach = max(-low, high)
+        return f"{position:.9g} m with its fiducial {reach:g} m away is outside {span}"
+    return None

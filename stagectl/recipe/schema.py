@@ -1,0 +1,203 @@
+"""The shape of a recipe file: which keys there are and what values they take.
+
+Only the shape and each value's own range; what the values mean together, and for a machine, is
+checked in `load`. Keys are explained in docs/recipe.md.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, StrictInt, StringConstraints, Tag
+
+from stagectl.config.diagnose import Section
+from stagectl.config.machine import Label, LengthPair, Name
+from stagectl.config.units import (
+    NotNegativeLength,
+    NotNegativeTime,
+    PositiveAcceleration,
+    PositiveJerk,
+    PositiveLength,
+    PositiveTime,
+    PositiveVelocity,
+)
+
+Count = Annotated[StrictInt, Field(ge=1, le=1000)]
+FileName = Annotated[str, StringConstraints(min_length=1, max_length=200)]
+
+
+class ProfileSection(Section):
+    """`macro` and `micro`."""
+
+    velocity: PositiveVelocity
+    acceleration: PositiveAcceleration
+    jerk: PositiveJerk
+
+
+class SettleSection(Section):
+    """`settle`."""
+
+    window: PositiveLength
+    hold: NotNegativeTime
+    timeout: PositiveTime
+    on_timeout: Literal["continue", "retry", "stop"] = "continue"
+
+
+class Grid(Section):
+    """`sites.grid`."""
+
+    origin: LengthPair
+    pitch: LengthPair
+    count: Annotated[list[Count], Field(min_length=2, max_length=2)]
+    order: Literal["serpentine", "raster"] = "serpentine"
+
+
+class GridSites(Section):
+    """`sites: {grid: ...}`."""
+
+    grid: Grid
+
+
+class FileSites(Section):
+    """`sites: {file: ...}`."""
+
+    file: FileName
+
+
+SiteList = Annotated[list[LengthPair], Field(min_length=1, max_length=100_000)]
+
+
+def _sites_tag(value: Any) -> str | None:
+    if isinstance(value, list):
+        return "list"
+    if isinstance(value, dict) and len({"grid", "file"} & value.keys()) == 1:
+        return "GridSites" if "grid" in value else "FileSites"
+    return None
+
+
+Sites = Annotated[
+    Annotated[GridSites, Tag("GridSites")]
+    | Annotated[FileSites, Tag("FileSites")]
+    | Annotated[SiteList, Tag("list")],
+    Discriminator(
+        _sites_tag,
+        custom_error_type="reason",
+        custom_error_message="must be {grid: ...}, {file: ...} or a list of pairs [x, y]",
+    ),
+]
+
+
+class SimulatedFiducial(Section):
+    """`fiducial: {source: simulated}`."""
+
+    source: Literal["simulated"]
+    range: NotNegativeLength
+    seed: Annotated[StrictInt, Field(ge=0, lt=2**63)] = 0
+
+
+class NoFiducial(Section):
+    """`fiducial: {source: none}`."""
+
+    source: Literal["none"]
+
+
+class FileFiducial(Section):
+    """`fiducial: {source: offsets}`."""
+
+    source: Literal["offsets"]
+    file: FileName
+
+
+class PluginFiducial(Section):
+    """`fiducial: {source: plugin}`."""
+
+    source: Literal["plugin"]
+    name: Name
+
+
+FiducialSection = Annotated[
+    SimulatedFiducial | NoFiducial | FileFiducial | PluginFiducial, Field(discriminator="source")
+]
+
+
+class SiteLimitsSection(Section):
+    """`limits`."""
+
+    settling: PositiveTime | None = None
+    peak_error: PositiveLength | None = None
+
+
+class MotionKeys(Section):
+    """What a single move may say of its own motion."""
+
+    velocity: PositiveVelocity | None = None
+    acceleration: PositiveAcceleration | None = None
+    jerk: PositiveJerk | None = None
+
+
+class ToItem(MotionKeys):
+    """`{to: [x, y], kind: ...}`."""
+
+    to: LengthPair
+    kind: Literal["macro", "micro", "creep"] = "macro"
+
+
+class ReverseItem(MotionKeys):
+    """`{reverse: d, axis: a}`."""
+
+    reverse: PositiveLength
+    axis: str
+    kind: Literal["macro", "micro", "creep", "other"] = "other"
+
+
+class DwellItem(Section):
+    """`{dwell: t}`."""
+
+    dwell: NotNegativeTime
+
+
+class RepeatItem(Section):
+    """`{repeat: n, moves: [...]}`."""
+
+    repeat: Annotated[StrictInt, Field(ge=1, le=100_000)]
+    moves: Annotated[list[MoveItem], Field(min_length=1)]
+
+
+_ITEMS = {"to": "ToItem", "reverse": "ReverseItem", "dwell": "DwellItem", "repeat": "RepeatItem"}
+
+
+def _item_tag(value: Any) -> str | None:
+    found = [tag for key, tag in _ITEMS.items() if isinstance(value, dict) and key in value]
+    return found[0] if len(found) == 1 else None
+
+
+MoveItem = Annotated[
+    Annotated[ToItem, Tag("ToItem")]
+    | Annotated[ReverseItem, Tag("ReverseItem")]
+    | Annotated[DwellItem, Tag("DwellItem")]
+    | Annotated[RepeatItem, Tag("RepeatItem")],
+    Discriminator(
+        _item_tag,
+        custom_error_type="reason",
+        custom_error_message="must be a mapping with exactly one of to, reverse, dwell, repeat",
+    ),
+]
+
+
+class RecipeFile(Section):
+    """A recipe file from its top."""
+
+    recipe: Name
+    macro: ProfileSection
+    micro: ProfileSection
+    settle: SettleSection
+    expose: NotNegativeTime | None = None
+    sites: Sites | None = None
+    fiducial: FiducialSection | None = None
+    moves: Annotated[list[MoveItem], Field(min_length=1)] | None = None
+    lot: Label | None = None
+    wafer: Label | None = None
+    limits: SiteLimitsSection = SiteLimitsSection()
+
+
+RepeatItem.model_rebuild()

@@ -1,0 +1,1 @@
+"""Self-contained HTML reports of runs: one file, no network, readable on a projector."""

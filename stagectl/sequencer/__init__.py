@@ -1,0 +1,1 @@
+"""Runs a recipe on a stage: engine, moves, events, settling statistics."""

@@ -1,0 +1,210 @@
+"""The run: macro-move, settle, estimate, micro-move, settle, expose, site after site.
+
+Goes through a plan step by step and lets the compensation learn from each move before the next one
+begins. A request to stop brings the stage to rest along a trajectory and ends the run as aborted.
+What goes wrong in the drives comes through as their own exception, the stage being stopped by then.
+Not here: opening, homing and disabling the stage, files, the screen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from estimation.trajectory import Limits
+from sim2real.recording import Move
+from stagectl.errors import Aborted, RunFault
+from stagectl.recipe.fiducial import Fiducial
+from stagectl.recipe.plan import (
+    DwellStep,
+    ExposeStep,
+    FiducialStep,
+    MoveStep,
+    SettleStep,
+    Step,
+)
+from stagectl.sequencer.events import (
+    Event,
+    Exposed,
+    FrictionUpdated,
+    MarkNotFound,
+    MoveStarted,
+    Settled,
+    Stopping,
+)
+from stagectl.sequencer.mover import Mover, MovingAxis, StagePort
+
+LEAD_IN = 0.1
+"""Rest before the first move, in which the force at rest is measured [s]."""
+MAX_RETRIES = 3
+"""How often `on_timeout: retry` waits once more before the run stops."""
+
+
+class StopRequest:
+    """Asked for by a signal handler or another thread; looked at on every SYNC."""
+
+    def __init__(self) -> None:
+        self.reason: str | None = None
+
+    def __call__(self, reason: str) -> None:
+        """Ask for a controlled stop; the first reason stays."""
+        if self.reason is None:
+            self.reason = reason
+
+    def asked(self) -> bool:
+        """Whether a stop was asked for."""
+        return self.reason is not None
+
+
+class Engine:
+    """Runs a plan on a stage.
+
+    Args:
+        stage: enabled in csp, at rest.
+        axes: in the order of the plan's coordinates.
+        fiducial: where the micro-moves' targets come from.
+        period: Ts [s].
+        on_move: called with each move before its first sample.
+        on_event: called with each event.
+
+    Attributes:
+        stop: call it with a reason to bring the run to a controlled stop.
+    """
+
+    def __init__(
+        self,
+        stage: StagePort,
+        axes: Sequence[MovingAxis],
+        fiducial: Fiducial,
+        period: float,
+        on_move: Callable[[Move], object],
+        on_event: Callable[[Event], object],
+    ) -> None:
+        self.stop = StopRequest()
+        self._mover = Mover(stage, axes, period, self.stop.asked)
+        self._fiducial = fiducial
+        self._period = period
+        self._on_move, self._on_event = on_move, on_event
+        self._site: int | None = None
+        self._site_position: tuple[float, ...] = tuple(self._mover.target)
+        self._mark: tuple[float, ...] | None = None
+
+    @property
+    def samples(self) -> int:
+        """SYNCs streamed so far."""
+        return self._mover.samples
+
+    def run(self, steps: Sequence[Step]) -> None:
+        """Go through the steps; the stage ends at rest, enabled, its force offsets in force.
+
+        Raises:
+            Aborted: a stop was asked for; the stage is at rest.
+            RunFault: a site did not settle and its recipe says stop; the stage is at rest.
+            drivers.DriverError: an axis or the bus failed; all axes are stopped.
+        """
+        try:
+            self._hold(LEAD_IN)
+            for step in steps:
+                self._do(step)
+            self._learn()
+        except (Aborted, RunFault) as end:
+            self._on_event(Stopping(str(end)))
+            raise
+
+    def _do(self, step: Step) -> None:
+        match step:
+            case MoveStep():
+                self._move(step)
+            case SettleStep():
+                self._settle(step)
+            case FiducialStep():
+                self._find_mark(step.site)
+            case ExposeStep():
+                self._hold(step.duration)
+                self._on_event(Exposed(self._site))
+            case DwellStep():
+                self._hold(step.duration)
+
+    def _move(self, step: MoveStep) -> None:
+        self._learn()
+        target = self._target_of(step)
+        if target is None:
+            return
+        self._site = step.site
+        if step.kind == "macro":
+            self._site_position = target
+        profile = step.profile
+        limits = Limits(profile.velocity, profile.acceleration, profile.jerk)
+        self._on_event(MoveStarted(step.site, step.kind, self._mover.time))
+        if not self._mover.go(step.kind, step.site, target, limits, self._on_move):
+            self._check_stop()
+
+    def _target_of(self, step: MoveStep) -> tuple[float, ...] | None:
+        """Absolute target on the setpoints' grid; None where there is no mark to go to."""
+        if step.target is not None:
+            wanted: Sequence[float] = step.target
+        elif step.relative is not None:
+            wanted = [t + r for t, r in zip(self._mover.target, step.relative, strict=True)]
+        else:
+            mark, self._mark = self._mark, None
+            if mark is None:
+                return None
+            wanted = mark
+        return self._mover.on_grid(wanted)
+
+    def _find_mark(self, site: int) -> None:
+        x, y = self._site_position
+        found = self._fiducial.find(site, (x, y))
+        self._mark = None if found is None else (x + found[0], y + found[1])
+        if found is None:
+            self._on_event(MarkNotFound(site))
+
+    def _settle(self, step: SettleStep) -> None:
+        """Wait for the window; a move that never came about (no mark) has nothing to wait for."""
+        move = self._mover.move
+        if move is None:
+            return
+        attempts = 1 + (MAX_RETRIES if step.on_timeout == "retry" else 0)
+        for _ in range(attempts):
+            waited, settled = self._wait(step)
+            self._on_event(Settled(move.site, move.kind, waited, settled))
+            if settled or step.on_timeout == "continue":
+                return
+        where = "" if move.site is None else f"site {move.site}: "
+        raise RunFault(
+            f"{where}{move.kind}-move did not settle to +-{step.window * 1e9:g} nm within "
+            f"{attempts * step.timeout * 1e3:g} ms (on_timeout: {step.on_timeout})"
+        )
+
+    def _wait(self, step: SettleStep) -> tuple[float, bool]:
+        """Hold until all axes have stayed in the window; time waited [s], and whether they did."""
+        window, targets = step.window, tuple(self._mover.target.tolist())
+        needed = max(1, round(step.hold / self._period))
+        inside = 0
+
+        def settled(position: tuple[float, ...]) -> bool:
+            nonlocal inside
+            inside += 1
+            for actual, target in zip(position, targets, strict=True):
+                if not -window <= actual - target <= window:
+                    inside = 0
+            return inside >= needed
+
+        begin = self._mover.time
+        self._mover.hold(max(step.timeout, step.hold), settled)
+        if inside < needed:
+            self._check_stop()
+        return self._mover.time - begin, inside >= needed
+
+    def _hold(self, duration: float) -> None:
+        self._mover.hold(duration)
+        self._check_stop()
+
+    def _learn(self) -> None:
+        move = self._mover.move
+        for axis, learned in self._mover.learn():
+            site = None if move is None else move.site
+            self._on_event(FrictionUpdated(site, axis, learned.estimate, learned.compute_time))
+
+    def _check_stop(self) -> None:
+        if self.stop.reason is not None:
+            raise Aborted(self.stop.reason)

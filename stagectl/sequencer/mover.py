@@ -1,0 +1,288 @@
+"""Moves and holds: setpoints and force offsets out, what came back to the compensation.
+
+Knows where the demand stands, which force offsets are in force, the force at rest, and the samples
+of the move that is going on. The sequencer's engine decides what to do; this does it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.split_horizon import MoveData
+from estimation.trajectory import Limits, Trajectory, plan, plan_stop
+from sim2real.recording import Move
+from stagectl.compensation import AxisCompensation, Learned
+
+F64 = NDArray[np.float64]
+Until = Callable[[tuple[float, ...]], bool]
+
+REST_SAMPLES = 5
+"""Samples whose mean is the force at rest."""
+BEFORE_MOVE = 2
+"""Samples at rest that a move's data begin with."""
+_CHUNK = 256
+"""Setpoints streamed at once while holding."""
+
+
+class Block(Protocol):
+    """Samples that a stream brought back: float64[K, n] in SI units, `valid` bool[K, n]."""
+
+    @property
+    def position(self) -> F64:
+        """Position actual [m]."""
+
+    @property
+    def force(self) -> F64:
+        """Force actual [N]."""
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Whether the sample came."""
+
+
+class StagePort(Protocol):
+    """What the sequencer needs of a stage that is enabled in csp."""
+
+    @property
+    def targets(self) -> tuple[float, ...]:
+        """Target positions sent last [m]."""
+
+    def stream(self, position: F64, offset: F64, until: Until | None = None) -> Block:
+        """One setpoint pair per SYNC, [m] and [N], shape (K, n); ends early where `until` says."""
+
+
+@dataclass(frozen=True, slots=True)
+class MovingAxis:
+    """One axis of the run.
+
+    Attributes:
+        name: as in the machine file.
+        limits: most that the axis may be asked for.
+        increment: of its setpoints [m].
+        compensation: its force offsets.
+    """
+
+    name: str
+    limits: Limits
+    increment: float
+    compensation: AxisCompensation
+
+
+class Mover:
+    """Streams moves and holds.
+
+    Args:
+        stage: enabled in csp, at rest.
+        axes: in the order of all arrays.
+        period: Ts [s].
+        stop: looked at on every SYNC; True ends what is going on early.
+
+    Attributes:
+        samples: SYNCs streamed so far: the index of the next sample.
+        target: demanded position [m], shape (n,).
+        move: the move since which samples are collected, None before the first.
+    """
+
+    def __init__(
+        self,
+        stage: StagePort,
+        axes: Sequence[MovingAxis],
+        period: float,
+        stop: Callable[[], bool],
+    ) -> None:
+        self.samples = 0
+        self.target: F64 = np.array(stage.targets, dtype=np.float64)
+        self.move: Move | None = None
+        self._stage, self._axes, self._period, self._stop = stage, tuple(axes), period, stop
+        count = len(self._axes)
+        self._offset: F64 = np.zeros(count)
+        self._blocks: list[Block] = []
+        self._tail = (np.zeros((0, count)), np.zeros((0, count)), np.zeros((0, count), np.bool_))
+        self._before = self._tail
+        self._rest_force: F64 = np.zeros(count)
+
+    @property
+    def time(self) -> float:
+        """On the axes' clock [s]: that of the next sample."""
+        return self.samples * self._period
+
+    def on_grid(self, position: Sequence[float]) -> tuple[float, ...]:
+        """The position [m] that can be sent: whole increments."""
+        return tuple(
+            round(p / axis.increment) * axis.increment
+            for p, axis in zip(position, self._axes, strict=True)
+        )
+
+    def go(
+        self,
+        kind: str,
+        site: int | None,
+        target: Sequence[float],
+        profile: Limits,
+        announce: Callable[[Move], object],
+    ) -> bool:
+        """Move all axes to rest at `target` [m]; returns False where it was stopped on the way.
+
+        Stopped, the stage is at rest, somewhere on the way.
+
+        Args:
+            kind: of the move.
+            site: it belongs to.
+            target: on the grid of setpoints.
+            profile: asked for; the axes' limits hold besides.
+            announce: called with the move before its first sample.
+        """
+        motion = [
+            plan(float(start), end, _within(profile, axis.limits))
+            for start, end, axis in zip(self.target, target, self._axes, strict=True)
+        ]
+        rows = math.ceil(max(m.duration for m in motion) / self._period) + 1
+        # The force at rest is only known where there was one: else the last one stands.
+        position, force, valid = self._tail
+        if len(force):
+            self._rest_force = np.array(
+                [_mean(force[:, a], valid[:, a]) for a in range(len(self._axes))]
+            )
+        offset = np.column_stack(
+            [
+                axis.compensation.offsets(
+                    m, rows, self.time, float(self.target[a]), float(self._rest_force[a]),
+                    float(self._offset[a]),
+                )
+                for a, (axis, m) in enumerate(zip(self._axes, motion, strict=True))
+            ]
+        )  # fmt: skip
+        names = [axis.name for axis in self._axes]
+        self.move = Move(
+            kind,
+            self.samples,
+            self.samples + rows,
+            dict(zip(names, self.target.tolist(), strict=True)),
+            dict(zip(names, target, strict=True)),
+            site,
+        )
+        announce(self.move)
+        self._before = (position[-BEFORE_MOVE:], force[-BEFORE_MOVE:], valid[-BEFORE_MOVE:])
+        self._blocks = []
+        done = self._stream(_demand(motion, rows, self._period), offset)
+        self._offset = offset[done - 1]
+        if done < rows:
+            self._break_off(motion, done)
+            return False
+        self.target = np.array(target)
+        return True
+
+    def hold(self, duration: float, until: Until | None = None) -> bool:
+        """Stay at the target for `duration` [s]; True where `until` ended it or a stop was asked.
+
+        Args:
+            duration: at most.
+            until: gets the actual positions [m] after each SYNC.
+        """
+        left = round(duration / self._period)
+        while left > 0:
+            rows = min(_CHUNK, left)
+            done = self._stream(
+                np.tile(self.target, (rows, 1)), np.tile(self._offset, (rows, 1)), until
+            )
+            if done < rows:
+                return True
+            left -= rows
+        return False
+
+    def learn(self) -> list[tuple[str, Learned]]:
+        """Let the compensation of each axis that moved learn from the move, its rest included."""
+        move, self.move = self.move, None
+        if move is None or not self._blocks:
+            return []
+        parts = [self._before, *((b.position, b.force, b.valid) for b in self._blocks)]
+        position, force, valid = (np.concatenate([p[i] for p in parts]) for i in range(3))
+        begin = (move.start - len(self._before[0])) * self._period
+        learned = []
+        for a, axis in enumerate(self._axes):
+            if abs(move.distance(axis.name)) < axis.increment or len(position) < 3:
+                continue
+            data = MoveData(
+                np.ascontiguousarray(position[:, a]),
+                np.ascontiguousarray(force[:, a]),
+                np.ascontiguousarray(valid[:, a]),
+                begin,
+                float(self._rest_force[a]),
+            )
+            result = axis.compensation.learn(data)
+            if result is not None:
+                learned.append((axis.name, result))
+        return learned
+
+    def _break_off(self, motion: Sequence[Trajectory], done: int) -> None:
+        """From the middle of a motion to rest as fast as the axes' limits allow."""
+        states = [[float(s[0]) for s in m.sample(np.array([done * self._period]))] for m in motion]
+        stops = [
+            plan_stop(state[0], state[1], state[2], axis.limits)
+            for state, axis in zip(states, self._axes, strict=True)
+        ]
+        rows = math.ceil(max(s.duration for s in stops) / self._period) + 1
+        offset = np.column_stack(
+            [
+                axis.compensation.stop_offsets(stop, rows, float(self._offset[a]), states[a][2])
+                for a, (axis, stop) in enumerate(zip(self._axes, stops, strict=True))
+            ]
+        )
+        self._stream(_demand(stops, rows, self._period), offset, _never)
+        self._offset = offset[-1]
+        self.target = np.array([s.target for s in stops])
+
+    def _stream(self, demand: F64, offset: F64, until: Until | None = None) -> int:
+        """Stream, keep the samples; returns how many rows were sent."""
+        stop = self._stop
+        check: Until
+        if until is None:
+
+            def check(_: tuple[float, ...]) -> bool:
+                return stop()
+        elif until is _never:
+            check = until
+        else:
+
+            def check(position: tuple[float, ...]) -> bool:
+                return until(position) or stop()
+
+        block = self._stage.stream(demand, offset, check)
+        self._blocks.append(block)
+        self.samples += len(block.position)
+        tail = (block.position, block.force, block.valid)
+        if len(block.position) < REST_SAMPLES:
+            tail = (
+                np.concatenate([self._tail[0], tail[0]]),
+                np.concatenate([self._tail[1], tail[1]]),
+                np.concatenate([self._tail[2], tail[2]]),
+            )
+        self._tail = (tail[0][-REST_SAMPLES:], tail[1][-REST_SAMPLES:], tail[2][-REST_SAMPLES:])
+        return len(block.position)
+
+
+def _never(_: tuple[float, ...]) -> bool:
+    return False
+
+
+def _within(profile: Limits, limits: Limits) -> Limits:
+    return Limits(
+        min(profile.velocity, limits.velocity),
+        min(profile.acceleration, limits.acceleration),
+        min(profile.jerk, limits.jerk),
+    )
+
+
+def _demand(motion: Sequence[Trajectory], rows: int, period: float) -> F64:
+    time = np.asarray(np.arange(1, rows + 1) * period, dtype=np.float64)
+    return np.column_stack([m.sample(time)[0] for m in motion])
+
+
+def _mean(values: F64, valid: NDArray[np.bool_]) -> float:
+    return float(values[valid].mean() if valid.any() else values.mean())

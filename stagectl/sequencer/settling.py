@@ -1,0 +1,238 @@
+"""Peak error and settling time of moves, to the definitions of docs/formats/run.md.
+
+Pure functions on recorded samples. The positions are the encoder's. What a run does when a move
+does not settle is the engine's business, not this module's.
+
+Alignment is the reference stage's: d_k = r_{k-1} + (r_k - r_{k-1}) Tc/Ts is the demand inside the
+drive when sample k is taken. Samples whose TPDO was missed (`valid` false) are no measurement and
+are left out of every maximum and comparison.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from sim2real.recording import AxisSignals, Move, Recording, aligned_demand
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+WINDOWS = (5e-8, 2e-7)
+RESOLUTION = 1e-9  # of setpoints on the bus [m]; a shorter move is none
+
+# Rounding to the resolution leaves the demand within half of it of its target.
+_ARRIVED = 0.5 * RESOLUTION + 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class MoveResult:
+    """How one axis did in one move.
+
+    Attributes:
+        move: number of the move in the recording, from 0.
+        site: from 1, or None.  axis: its name.  kind: of the move.
+        distance: |to - from| [m].
+        peak_error: largest |d_k - position| while the demand moves [m]; nan when every sample of
+            the motion was missed.
+        settling: window [m] -> settling time [s].
+        settled: inside the tightest window at its last sample.
+        completed: the demand reached its target; false for a move that was broken off.
+    """
+
+    move: int
+    site: int | None
+    axis: str
+    kind: str
+    distance: float
+    peak_error: float
+    settling: Mapping[float, float]
+    settled: bool
+    completed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class MoveStatistics:
+    """Statistics over the entries of one kind of move, both axes together.
+
+    Attributes:
+        count: entries (one per move and axis that moves).
+        peak_error_median: [m], None without entries.
+        settling_median: window [m] -> [s]; likewise mean and p90 (90th percentile, linear).
+    """
+
+    count: int
+    peak_error_median: float | None
+    settling_median: Mapping[float, float]
+    settling_mean: Mapping[float, float]
+    settling_p90: Mapping[float, float]
+
+
+def arrival(demand: FloatArray, target: float, start: int, end: int) -> int | None:
+    """First sample in [start, end) whose aligned demand is the target.
+
+    The demand inside the drive runs from r_{k-1} to r_k, so it is the target at sample k when both
+    are; positions go over the bus in steps of `RESOLUTION`, so half a step is no difference.
+
+    Args:
+        demand: float64[K], position demand r_k as sent [m].
+        target: [m].
+        start: first sample of the move.
+        end: one past the last sample to look at.
+    """
+    there = np.abs(demand[max(start - 1, 0) : end] - target) <= _ARRIVED
+    if start == 0:  # r_{-1} = r_0
+        there = np.concatenate((there[:1], there))
+    found = np.flatnonzero(there[1:] & there[:-1])
+    return start + int(found[0]) if len(found) else None
+
+
+def peak_error(
+    position: FloatArray, aligned: FloatArray, valid: BoolArray, start: int, end: int
+) -> float:
+    """Largest |d_k - position| in [start, end) [m]; nan when no sample there is valid.
+
+    Args:
+        position: float64[K], position actual [m].
+        aligned: float64[K], aligned demand d_k [m].
+        valid: bool[K].
+        start: first sample of the demand's motion.
+        end: one past its last.
+    """
+    error = np.abs(aligned[start:end] - position[start:end])[valid[start:end]]
+    return float(error.max()) if len(error) else float("nan")
+
+
+def settling(
+    position: FloatArray,
+    valid: BoolArray,
+    target: float,
+    arrived: int,
+    end: int,
+    window: float,
+    period: float,
+) -> tuple[float, bool]:
+    """Settling time to +-window.
+
+    With j the last sample in [arrived, end) outside the window: (j + 1 - arrived) period, or 0
+    when there is none. A move still outside at its last sample counts with the whole time.
+
+    Args:
+        position: float64[K], position actual [m].
+        valid: bool[K].
+        target: [m].
+        arrived: first sample whose aligned demand is the target.
+        end: one past the last sample of the rest: the start of the next move, or K.
+        window: half width w [m].
+        period: Ts [s].
+
+    Returns:
+        (time [s], whether it settled).
+    """
+    measured = np.flatnonzero(valid[arrived:end])
+    if len(measured) == 0:
+        return _seconds(end - arrived, period), False
+    outside = np.abs(position[arrived:end][measured] - target) > window
+    if outside[-1]:
+        return _seconds(end - arrived, period), False
+    last = np.flatnonzero(outside)
+    return (_seconds(int(measured[last[-1]]) + 1, period) if len(last) else 0.0), True
+
+
+def _seconds(samples: int, period: float) -> float:
+    return round(samples * period, 12)  # 7 periods are 0.007, not 0.007000000000000001
+
+
+def summarise_moves(
+    recording: Recording,
+    control_period: float,
+    sync_period: float,
+    windows: Sequence[float] = WINDOWS,
+) -> list[MoveResult]:
+    """One entry per move and axis that moves, in the order of the recording.
+
+    Args:
+        recording: of a run.
+        control_period: Tc [s].
+        sync_period: Ts [s].
+        windows: half widths [m], at least one.
+    """
+    aligned = {
+        name: aligned_demand(signals, control_period / sync_period)
+        for name, signals in recording.axes.items()
+    }
+    results: list[MoveResult] = []
+    for number, move in enumerate(recording.moves):
+        end = recording.rest_end(number)
+        for name, signals in recording.axes.items():
+            if abs(move.distance(name)) >= RESOLUTION:
+                results.append(
+                    _axis_result(
+                        number, move, name, signals, aligned[name], end, sync_period, windows
+                    )
+                )
+    return results
+
+
+def _axis_result(
+    number: int,
+    move: Move,
+    axis: str,
+    signals: AxisSignals,
+    aligned: FloatArray,
+    end: int,
+    period: float,
+    windows: Sequence[float],
+) -> MoveResult:
+    target = move.target[axis]
+    arrived = arrival(signals.position_demand, target, move.start, end)
+    # A move that was broken off has no arrival: its rest counts from where the demand stopped.
+    rest = min(move.end, end) if arrived is None else arrived
+    times = {
+        w: settling(signals.position_actual, signals.valid, target, rest, end, w, period)
+        for w in windows
+    }
+    return MoveResult(
+        move=number,
+        site=move.site,
+        axis=axis,
+        kind=move.kind,
+        distance=abs(move.distance(axis)),
+        peak_error=peak_error(signals.position_actual, aligned, signals.valid, move.start, rest),
+        settling={w: seconds for w, (seconds, _) in times.items()},
+        settled=times[min(windows)][1],
+        completed=arrived is not None,
+    )
+
+
+def statistics(
+    results: Iterable[MoveResult],
+    kind: str,
+    windows: Sequence[float] = WINDOWS,
+    axis: str | None = None,
+) -> MoveStatistics:
+    """Statistics over the completed moves of one kind.
+
+    Args:
+        results: of `summarise_moves`.
+        kind: "macro", "micro", ...
+        windows: half widths [m].
+        axis: only this one; None takes all together.
+    """
+    chosen = [
+        r for r in results if r.kind == kind and r.completed and (axis is None or r.axis == axis)
+    ]
+    if not chosen:
+        return MoveStatistics(0, None, {}, {}, {})
+    times = {w: np.array([r.settling[w] for r in chosen]) for w in windows}
+    peaks = [r.peak_error for r in chosen if np.isfinite(r.peak_error)]
+    return MoveStatistics(
+        count=len(chosen),
+        peak_error_median=float(np.median(peaks)) if peaks else None,
+        settling_median={w: float(np.median(t)) for w, t in times.items()},
+        settling_mean={w: float(np.mean(t)) for w, t in times.items()},
+        settling_p90={w: float(np.quantile(t, 0.9)) for w, t in times.items()},
+    )

@@ -1,0 +1,193 @@
+"""The journal of a run that goes on: append-only, so that a killed process loses nothing.
+
+One unbuffered `write` per SYNC hands the sample to the kernel; from there it survives the process
+(SIGKILL included), though not a power cut. `stagectl.store.recovery` turns a journal, whole or cut
+anywhere, into the HDF5 recording.
+
+Layout, little-endian: one line `stagectl-journal 1 {header as JSON}`, then records that start with
+a tag byte: `S` and a fixed-size sample, or `J`, uint32 length, uint32 CRC-32 and that many bytes of
+JSON (a move, an event, the outcome).
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import struct
+import zlib
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, is_dataclass
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from sim2real.recording import Move
+from stagectl.errors import StagectlError
+
+FILE_NAME = "recording.journal"
+MAGIC = b"stagectl-journal 1 "
+SAMPLE_TAG = ord("S")
+TEXT_TAG = ord("J")
+TEXT_HEAD = struct.Struct("<BII")  # tag, length, CRC-32
+
+
+@dataclass(frozen=True, slots=True)
+class AxisScaling:
+    """What the raw integers of one axis mean.
+
+    Attributes:
+        name: of the axis.
+        increment: one position count [m].
+        force_unit: one count of force: rated force / 1000 [N].
+    """
+
+    name: str
+    increment: float
+    force_unit: float
+
+
+@dataclass(frozen=True, slots=True)
+class JournalHeader:
+    """What the samples of a run were made with.
+
+    Attributes:
+        machine: text of the machine file.  recipe: text of the recipe, or "".
+        started: ISO 8601 time with zone.
+        axes: scaling of each axis, in the order of the sample tuples.
+    """
+
+    machine: str
+    recipe: str
+    started: str
+    axes: tuple[AxisScaling, ...]
+
+
+def sample_codec(axes: int) -> struct.Struct:
+    """Codec of one sample record: tag, then the drivers' sink tuple.
+
+    That is (time_ns, late), then for each axis (target_counts, offset_permille, position_counts,
+    force_permille, statusword, valid, arrival_ns); arrival_ns < 0 where the TPDO was missed.
+    """
+    return struct.Struct("<Bq?" + "ihihH?i" * axes)
+
+
+def sample_dtype(axes: int) -> np.dtype[np.void]:
+    """The same record as numpy sees it; fields of axis i end in `_i`."""
+    fields: list[tuple[str, str]] = [("tag", "u1"), ("time", "<i8"), ("late", "u1")]
+    for i in range(axes):
+        fields += [
+            (f"target_{i}", "<i4"),
+            (f"offset_{i}", "<i2"),
+            (f"position_{i}", "<i4"),
+            (f"force_{i}", "<i2"),
+            (f"statusword_{i}", "<u2"),
+            (f"valid_{i}", "u1"),
+            (f"arrival_{i}", "<i4"),
+        ]
+    return np.dtype(fields)
+
+
+class Journal:
+    """The journal being written; `sink` is what the drivers call once per SYNC.
+
+    Attributes:
+        path: of the journal file.
+        samples: how many have been written: the index of the next one.
+    """
+
+    def __init__(self, folder: Path, header: JournalHeader) -> None:
+        """Create `folder/recording.journal` and lock it while this process lives.
+
+        Raises:
+            StagectlError: there is a journal already (recover it first), or it cannot be written.
+        """
+        self.path = folder / FILE_NAME
+        self.samples = 0
+        codec = sample_codec(len(header.axes))
+        self._pack = codec.pack
+        self._size = codec.size
+        try:
+            self._fd = os.open(
+                self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o644
+            )
+        except FileExistsError:
+            raise StagectlError(
+                f"{self.path}: the journal of another run; it has to be recovered first"
+            ) from None
+        except OSError as error:
+            raise StagectlError(f"{self.path}: cannot create: {error.strerror}") from error
+        fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        self._write(MAGIC + json.dumps(asdict(header)).encode() + b"\n")
+        os.fsync(self._fd)
+
+    def sink(self, sample: Sequence[int]) -> None:
+        """Append one sample: the drivers' flat tuple of raw integers (see `sample_codec`).
+
+        Raises:
+            StagectlError: it cannot be written (disk full).
+        """
+        try:
+            if os.write(self._fd, self._pack(SAMPLE_TAG, *sample)) == self._size:
+                self.samples += 1
+                return
+        except OSError as error:
+            raise StagectlError(f"{self.path}: cannot write: {error.strerror}") from error
+        raise StagectlError(f"{self.path}: cannot write: the disk is full")
+
+    def move(self, move: Move) -> None:
+        """Note a move, best before its samples; a second one with the same start replaces it."""
+        self._text({"move": asdict(move)})
+
+    def event(self, event: str, **data: object) -> None:
+        """Note an event of the run with the number of the next sample.
+
+        Args:
+            event: its name.
+            data: anything JSON can hold, numpy scalars and arrays, dataclasses.
+        """
+        self._text({"event": {"event": event, "sample": self.samples, **data}})
+
+    def finish(self, outcome: str, fault: str | None = None) -> None:
+        """Note how the run ended ("completed", "aborted", "fault") and close."""
+        self._text({"outcome": outcome, "fault": fault})
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the file; idempotent. Without `finish` the run counts as killed."""
+        if self._fd >= 0:
+            fd, self._fd = self._fd, -1
+            os.close(fd)
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _text(self, record: dict[str, object]) -> None:
+        body = json.dumps(record, default=_plain).encode()
+        self._write(TEXT_HEAD.pack(TEXT_TAG, len(body), zlib.crc32(body)) + body)
+
+    def _write(self, data: bytes) -> None:
+        try:
+            if os.write(self._fd, data) == len(data):
+                return
+        except OSError as error:
+            raise StagectlError(f"{self.path}: cannot write: {error.strerror}") from error
+        raise StagectlError(f"{self.path}: cannot write: the disk is full")
+
+
+def _plain(value: object) -> object:
+    """What JSON has no word for; a note must not stop a run."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if is_dataclass(value) and not isinstance(value, type):
+        return asdict(value)
+    return str(value)

@@ -1,0 +1,345 @@
+"""Recordings on disk: HDF5, docs/formats/recording.md version 1.
+
+Reading takes files of other programs too: every value is checked, groups and attributes it does
+not know are ignored, and each failure is one line that names file, dataset and sample. Writing is
+atomic: the file appears under its name complete or not at all.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+
+from sim2real.recording import MOVE_KINDS, AxisSignals, Move, Recording
+from stagectl.errors import StagectlError, UnusableInput
+from stagectl.store.ledger import CycleLedger
+
+FORMAT = "stagectl-recording"
+VERSION = 1
+MAX_SAMPLES = 50_000_000  # 14 hours at 1 kHz; a declared size beyond it is a broken file
+MAX_MOVES = 1_000_000
+NO_SITE = 0  # in `/moves`; sites count from 1
+
+_SIGNALS = (
+    ("position_demand", "m"),
+    ("force_offset", "N"),
+    ("position_actual", "m"),
+    ("force_actual", "N"),
+)
+_COMPRESSION: dict[str, object] = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
+
+
+def read_recording(path: Path | str) -> Recording:
+    """Read a recording of format version 1.
+
+    Args:
+        path: the HDF5 file.
+
+    Returns:
+        The recording; arrays in SI units, `source` is the path as given.
+
+    Raises:
+        UnusableInput: no such file, not HDF5, truncated, another format or a newer version, a
+            missing dataset, lengths that differ, a non-finite sample, a move outside the samples.
+    """
+    with _opened(path) as file:
+        _check_format(file)
+        machine = _text(file, "machine")
+        time = _floats(file, "time")
+        if np.any(np.diff(time) <= 0):
+            sample = int(np.argmax(np.diff(time) <= 0)) + 1
+            raise UnusableInput(f"/time: sample {sample}: not later than the one before")
+        group = _group(file, "axes")
+        axes = {name: _axis(group, name, len(time)) for name in group}
+        if not axes:
+            raise UnusableInput("/axes: no axis")
+        return Recording(
+            machine=machine,
+            recipe=_text(file, "recipe", default=""),
+            started=_text(file, "started", default=""),
+            time=time,
+            axes=axes,
+            moves=_moves(file, tuple(axes), len(time)),
+            source=str(path),
+        )
+
+
+def read_ledger(path: Path | str) -> CycleLedger | None:
+    """Read the cycle ledger of a recording.
+
+    Args:
+        path: the HDF5 file.
+
+    Returns:
+        The ledger, or None where the recording has none of ours.
+
+    Raises:
+        UnusableInput: as `read_recording`.
+    """
+    with _opened(path) as file:
+        _check_format(file)
+        if "cycle/late" not in file or "cycle/arrival" not in file:
+            return None
+        late = _integers(file, "cycle/late")
+        group = _group(file, "cycle/arrival")
+        return CycleLedger(
+            arrival={
+                name: _floats(group, name, len(late), finite=False)  # nan where it missed
+                for name in group
+            },
+            late=late.astype(np.bool_),
+        )
+
+
+def write_recording(
+    recording: Recording,
+    path: Path | str,
+    ledger: CycleLedger | None = None,
+    *,
+    events: Sequence[Mapping[str, Any]] = (),
+    outcome: str | None = None,
+) -> None:
+    """Write a recording, atomically: to `<path>.part` first, then renamed.
+
+    Args:
+        recording: what to write.
+        path: the HDF5 file; one that exists is replaced.
+        ledger: punctuality of the same K cycles, written to `/cycle`.
+        events: of the run, each JSON-able, written to `/events` as one JSON text each.
+        outcome: how the run ended, written as an attribute.
+
+    Raises:
+        StagectlError: the file cannot be written.
+    """
+    path = Path(path)
+    part = path.with_name(path.name + ".part")
+    try:
+        with h5py.File(part, "w") as file:
+            _write(file, recording, ledger)
+            if events:
+                texts = [json.dumps(event) for event in events]
+                file.create_dataset("events", data=texts, dtype=h5py.string_dtype())
+                file["events"].attrs["unit"] = "1"
+            if outcome is not None:
+                file.attrs["outcome"] = outcome
+        with part.open("rb") as written:
+            os.fsync(written.fileno())
+        part.replace(path)
+    except OSError as error:
+        with suppress(OSError):  # whatever is in the way of the part file, too
+            part.unlink()
+        raise StagectlError(f"{path}: cannot write the recording: {_line(error)}") from error
+
+
+def _write(file: h5py.File, recording: Recording, ledger: CycleLedger | None) -> None:
+    file.attrs.update(
+        format=FORMAT,
+        version=VERSION,
+        machine=recording.machine,
+        recipe=recording.recipe,
+        started=recording.started,
+    )
+    _dataset(file, "time", recording.time, "s")
+    axes = file.create_group("axes", track_order=True)  # the machine's order, not the alphabet's
+    for name, signals in recording.axes.items():
+        group = axes.create_group(name)
+        for signal, unit in _SIGNALS:
+            _dataset(group, signal, getattr(signals, signal), unit)
+        if signals.statusword is not None:
+            _dataset(group, "statusword", signals.statusword.astype(np.uint16), "1")
+        _dataset(group, "valid", signals.valid.astype(np.uint8), "1")
+    _dataset(file, "moves", _move_table(recording), "m")
+    file["moves"].attrs["columns"] = "from_*, to_* in m; start, end in samples; site from 1, 0 none"
+    if ledger is not None:
+        cycle = file.create_group("cycle")
+        _dataset(cycle, "late", ledger.late.astype(np.uint8), "1")
+        _dataset(cycle, "missed", ledger.missed_per_cycle, "1")
+        arrival = cycle.create_group("arrival", track_order=True)
+        for name, values in ledger.arrival.items():
+            _dataset(arrival, name, values, "s")
+
+
+def _dataset(group: h5py.Group, name: str, values: npt.NDArray[Any], unit: str) -> None:
+    options = _COMPRESSION if len(values) else {}
+    group.create_dataset(name, data=values, **options).attrs["unit"] = unit
+
+
+def _move_table(recording: Recording) -> npt.NDArray[np.void]:
+    names = tuple(recording.axes)
+    columns = [("kind", "S8"), ("site", "<i8"), ("start", "<i8"), ("end", "<i8")]
+    columns += [(f"from_{name}", "<f8") for name in names]
+    columns += [(f"to_{name}", "<f8") for name in names]
+    rows = [
+        (
+            move.kind.encode("ascii"),
+            NO_SITE if move.site is None else move.site,
+            move.start,
+            move.end,
+            *(move.origin[name] for name in names),
+            *(move.target[name] for name in names),
+        )
+        for move in recording.moves
+    ]
+    return np.array(rows, dtype=np.dtype(columns))
+
+
+@contextmanager
+def _opened(path: Path | str) -> Iterator[h5py.File]:
+    """Open for reading; every failure inside becomes one line that starts with the file's name."""
+    if not Path(path).is_file():
+        missing = "is not a file" if Path(path).exists() else "no such file"
+        raise UnusableInput(f"{path}: {missing}")
+    try:
+        with h5py.File(path, "r") as file:
+            yield file
+    except UnusableInput as error:
+        raise UnusableInput(f"{path}: {error}") from error
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+        # h5py answers a damaged file with any of these.
+        reason = f"not a readable HDF5 file (damaged or truncated): {_line(error)}"
+        raise UnusableInput(f"{path}: {reason}") from error
+
+
+def _line(error: BaseException) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    return str(error).strip("\"'").split("\n")[0]
+
+
+def _check_format(file: h5py.File) -> None:
+    if _text(file, "format", default="") != FORMAT:
+        raise UnusableInput(f"attribute format: not {FORMAT!r}, so not a recording of ours")
+    version = file.attrs.get("version")
+    if not isinstance(version, int | np.integer) or version < 1:
+        raise UnusableInput(f"attribute version: must be a whole number from 1, is {version!r}")
+    if version > VERSION:
+        raise UnusableInput(
+            f"attribute version: {version} is newer than this program reads ({VERSION})"
+        )
+
+
+def _text(file: h5py.File, name: str, default: str | None = None) -> str:
+    value = file.attrs.get(name, default)
+    if value is None:
+        raise UnusableInput(f"attribute {name}: missing")
+    if not isinstance(value, str | bytes):
+        raise UnusableInput(f"attribute {name}: must be text")
+    try:
+        if isinstance(value, bytes):
+            value = value.decode("utf-8")
+        value.encode("utf-8")  # h5py passes broken bytes on as lone surrogates
+    except UnicodeError:
+        raise UnusableInput(f"attribute {name}: not UTF-8 text") from None
+    return value
+
+
+def _member(group: h5py.Group, name: str) -> object:
+    place = f"{group.name.rstrip('/')}/{name}"
+    if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
+        raise UnusableInput(f"{place}: is a link to another file")
+    try:
+        member: object = group[name]
+    except KeyError:
+        raise UnusableInput(f"{place}: missing") from None
+    return member
+
+
+def _group(parent: h5py.Group, name: str) -> h5py.Group:
+    member = _member(parent, name)
+    if not isinstance(member, h5py.Group):
+        raise UnusableInput(f"{parent.name.rstrip('/')}/{name}: must be a group")
+    return member
+
+
+def _array(group: h5py.Group, name: str, kinds: str, limit: int) -> npt.NDArray[Any]:
+    member = _member(group, name)
+    place = f"{group.name.rstrip('/')}/{name}"
+    if not isinstance(member, h5py.Dataset):
+        raise UnusableInput(f"{place}: must be a dataset")
+    if member.external:
+        raise UnusableInput(f"{place}: its data lies in another file")
+    if member.ndim != 1:
+        raise UnusableInput(f"{place}: must have one dimension, has shape {member.shape}")
+    if member.dtype.kind not in kinds:
+        raise UnusableInput(f"{place}: holds {member.dtype}, which is of the wrong kind")
+    if len(member) > limit:
+        raise UnusableInput(f"{place}: {len(member)} entries, at most {limit} are read")
+    try:
+        values: npt.NDArray[Any] = member[()]
+    except OSError as error:
+        raise UnusableInput(f"{place}: damaged: {_line(error)}") from error
+    return values
+
+
+def _length(group: h5py.Group, name: str, values: npt.NDArray[Any], length: int | None) -> None:
+    if length is not None and len(values) != length:
+        raise UnusableInput(
+            f"{group.name.rstrip('/')}/{name}: {len(values)} samples, /time has {length}"
+        )
+
+
+def _floats(
+    group: h5py.Group, name: str, length: int | None = None, *, finite: bool = True
+) -> npt.NDArray[np.float64]:
+    values = _array(group, name, "fiu", MAX_SAMPLES).astype(np.float64)
+    _length(group, name, values, length)
+    if finite and not np.all(np.isfinite(values)):
+        sample = int(np.argmin(np.isfinite(values)))
+        raise UnusableInput(
+            f"{group.name.rstrip('/')}/{name}: sample {sample}: is {values[sample]}"
+        )
+    return values
+
+
+def _integers(group: h5py.Group, name: str, length: int | None = None) -> npt.NDArray[Any]:
+    values = _array(group, name, "iub", MAX_SAMPLES)
+    _length(group, name, values, length)
+    return values
+
+
+def _axis(axes: h5py.Group, name: str, length: int) -> AxisSignals:
+    group = _group(axes, name)
+    demand, offset, actual, force = (_floats(group, s, length) for s, _ in _SIGNALS)
+    statusword = None
+    if "statusword" in group:
+        statusword = _integers(group, "statusword", length).astype(np.uint16)
+    valid = np.ones(length, dtype=np.bool_)
+    if "valid" in group:
+        valid = _integers(group, "valid", length).astype(np.bool_)
+    return AxisSignals(demand, offset, actual, force, statusword, valid)
+
+
+def _moves(file: h5py.File, axes: tuple[str, ...], length: int) -> tuple[Move, ...]:
+    table = _array(file, "moves", "V", MAX_MOVES)
+    columns = table.dtype.names or ()
+    ends = [f"{side}_{axis}" for side in ("from", "to") for axis in axes]
+    for name in ("kind", "start", "end", *ends):
+        if name not in columns:
+            raise UnusableInput(f"/moves: column {name} missing")
+    moves: list[Move] = []
+    for i, row in enumerate(table):
+        place = f"/moves: row {i}"
+        kind = row["kind"].decode("ascii", "replace") if row["kind"] else ""
+        if kind not in MOVE_KINDS:
+            raise UnusableInput(f"{place}: kind {kind!r} is none of {', '.join(MOVE_KINDS)}")
+        start, end = int(row["start"]), int(row["end"])
+        earliest = moves[-1].start if moves else 0
+        if not earliest <= start <= end <= length:
+            raise UnusableInput(
+                f"{place}: samples {start}..{end} are not in order within 0..{length}"
+            )
+        origin = {axis: float(row[f"from_{axis}"]) for axis in axes}
+        target = {axis: float(row[f"to_{axis}"]) for axis in axes}
+        if not np.all(np.isfinite([*origin.values(), *target.values()])):
+            raise UnusableInput(f"{place}: a non-finite position")
+        site = int(row["site"]) if "site" in columns else NO_SITE
+        moves.append(Move(kind, start, end, origin, target, site if site > NO_SITE else None))
+    return tuple(moves)

@@ -1,0 +1,275 @@
+"""From a journal to the HDF5 recording, also when the journal was cut anywhere.
+
+Everything up to the first record that is not whole is taken; what follows it is dropped, since
+nothing can be after a cut. A run that ends regularly takes the same way. Layout: journal.py.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from sim2real.recording import AxisSignals, Move, Recording
+from stagectl.errors import StagectlError, UnusableInput
+from stagectl.store.journal import (
+    FILE_NAME,
+    MAGIC,
+    SAMPLE_TAG,
+    TEXT_HEAD,
+    TEXT_TAG,
+    AxisScaling,
+    JournalHeader,
+    sample_dtype,
+)
+from stagectl.store.ledger import CycleLedger
+from stagectl.store.recording import read_recording, write_recording
+
+RECORDING_NAME = "recording.h5"
+KILLED = "killed"  # the outcome of a run whose journal does not tell
+
+_BLOCK = 8192  # records looked at at once while the end of a run of samples is sought
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JournalContent:
+    """What a journal holds.
+
+    Attributes:
+        recording: the samples and moves; moves are cut where the samples end.
+        ledger: punctuality of the cycles.
+        events: as they were noted, each with its name `event` and the `sample` it came before.
+        outcome: "completed", "aborted", "fault", or "killed" when the journal just ends.
+        fault: text of the fault, or None.
+    """
+
+    recording: Recording
+    ledger: CycleLedger
+    events: tuple[Mapping[str, Any], ...]
+    outcome: str
+    fault: str | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recovered:
+    """A journal that has become a recording.
+
+    Attributes:
+        path: of the recording, or None when the journal held no sample.
+        content: what it held, or None when it held no sample.
+    """
+
+    path: Path | None
+    content: JournalContent | None
+
+    def describe(self) -> str:
+        """One line for the operator."""
+        if self.path is None or self.content is None:
+            return "an interrupted run left a journal without samples; removed"
+        count = len(self.content.recording)
+        return f"an interrupted run left a journal; its {count} samples are now {self.path}"
+
+
+def read_journal(path: Path) -> JournalContent | None:
+    """Read a journal, whole or cut anywhere.
+
+    Returns:
+        Its content, or None when it was cut before the first sample.
+
+    Raises:
+        UnusableInput: it is not a journal.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise UnusableInput(f"{path}: {error.strerror}") from error
+    return _parse(data, path)
+
+
+def recover(path: Path, *, name: str = RECORDING_NAME, overwrite: bool = False) -> Recovered:
+    """Turn a journal into a recording beside it and remove the journal.
+
+    Args:
+        path: of the journal.
+        name: of the recording.
+        overwrite: replace whatever has that name. Otherwise the recording of another run is left
+            alone and a number is added to the name.
+
+    Raises:
+        UnusableInput: it is not a journal.
+        StagectlError: the run still goes on, or the recording cannot be written.
+    """
+    try:
+        with path.open("rb") as file:
+            _claim(file, path)
+            content = _parse(file.read(), path)
+            target = None
+            if content is not None:
+                target = path.with_name(name)
+                if not overwrite:
+                    target = _free(target, content.recording)
+                content = replace(content, recording=replace(content.recording, source=str(target)))
+                write_recording(
+                    content.recording,
+                    target,
+                    content.ledger,
+                    events=content.events,
+                    outcome=content.outcome,
+                )
+            path.unlink()
+    except OSError as error:
+        raise UnusableInput(f"{path}: {error.strerror}") from error
+    return Recovered(target, content)
+
+
+def recover_left_over(folder: Path, *, aside: bool = False) -> Recovered | None:
+    """Recover the journal that an interrupted run left in a folder, if there is one.
+
+    Args:
+        folder: where a run writes.
+        aside: a new run is about to write `recording.h5` there: use another name.
+    """
+    path = folder / FILE_NAME
+    if not path.exists():
+        return None
+    return recover(path, name="recording-recovered.h5" if aside else RECORDING_NAME)
+
+
+def _claim(file: BinaryIO, path: Path) -> None:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise StagectlError(f"{path}: a run that still goes on is writing it") from None
+
+
+def _free(target: Path, recording: Recording) -> Path:
+    """`target`, or with a number where that is the recording of another run."""
+    candidate, number = target, 1
+    while candidate.exists() and not _same_run(candidate, recording):
+        number += 1
+        candidate = target.with_name(f"{target.stem}-{number}{target.suffix}")
+    return candidate
+
+
+def _same_run(path: Path, recording: Recording) -> bool:
+    # A kill between the writing of a recording and the removal of its journal leaves both.
+    try:
+        other = read_recording(path)
+    except UnusableInput:
+        return False
+    return (other.started, len(other)) == (recording.started, len(recording))
+
+
+def _parse(data: bytes, path: Path) -> JournalContent | None:
+    line_end = data.find(b"\n")
+    if not data.startswith(MAGIC[: len(data)]):
+        raise UnusableInput(f"{path}: not a journal of ours")
+    if line_end < 0:
+        return None
+    header = _header(data[len(MAGIC) : line_end], path)
+    dtype = sample_dtype(len(header.axes))
+    blocks: list[npt.NDArray[np.void]] = []
+    moves: dict[int, Move] = {}
+    events: list[Mapping[str, Any]] = []
+    outcome, fault = KILLED, None
+    for record in _records(data, line_end + 1, dtype):
+        if isinstance(record, np.ndarray):
+            blocks.append(record)
+        elif "move" in record:
+            move = Move(**record["move"])
+            moves[move.start] = move
+        elif "event" in record:
+            events.append(record["event"])
+        elif "outcome" in record:
+            outcome, fault = record["outcome"], record["fault"]
+    if not blocks:
+        return None
+    samples = np.concatenate(blocks)
+    return JournalContent(
+        recording=_recording(header, samples, moves, path),
+        ledger=_ledger(header, samples),
+        events=tuple(events),
+        outcome=outcome,
+        fault=fault,
+    )
+
+
+def _header(text: bytes, path: Path) -> JournalHeader:
+    try:
+        fields = json.loads(text)
+        fields["axes"] = tuple(AxisScaling(**axis) for axis in fields["axes"])
+        return JournalHeader(**fields)
+    except (ValueError, TypeError, KeyError) as error:
+        raise UnusableInput(f"{path}: its header is damaged: {error}") from error
+
+
+def _records(
+    data: bytes, at: int, dtype: np.dtype[np.void]
+) -> Iterator[npt.NDArray[np.void] | dict[str, Any]]:
+    """Runs of samples and texts in order, up to the first record that is not whole."""
+    while at < len(data):
+        if data[at] == SAMPLE_TAG:
+            count = min((len(data) - at) // dtype.itemsize, _BLOCK)
+            if count == 0:
+                return
+            block = np.frombuffer(data, dtype=dtype, count=count, offset=at)
+            others = np.flatnonzero(block["tag"] != SAMPLE_TAG)
+            if len(others):
+                block = block[: others[0]]
+            yield block
+            at += len(block) * dtype.itemsize
+        elif data[at] == TEXT_TAG and at + TEXT_HEAD.size <= len(data):
+            _, length, checksum = TEXT_HEAD.unpack_from(data, at)
+            at += TEXT_HEAD.size
+            body = data[at : at + length]
+            if len(body) < length or zlib.crc32(body) != checksum:
+                return
+            yield json.loads(body)
+            at += length
+        else:
+            return
+
+
+def _recording(
+    header: JournalHeader, samples: npt.NDArray[np.void], moves: Mapping[int, Move], path: Path
+) -> Recording:
+    count = len(samples)
+    axes = {
+        axis.name: AxisSignals(
+            position_demand=samples[f"target_{i}"] * axis.increment,
+            force_offset=samples[f"offset_{i}"] * axis.force_unit,
+            position_actual=samples[f"position_{i}"] * axis.increment,
+            force_actual=samples[f"force_{i}"] * axis.force_unit,
+            statusword=samples[f"statusword_{i}"].astype(np.uint16),
+            valid=samples[f"valid_{i}"].astype(np.bool_),
+        )
+        for i, axis in enumerate(header.axes)
+    }
+    return Recording(
+        machine=header.machine,
+        recipe=header.recipe,
+        started=header.started,
+        time=(samples["time"] - samples["time"][0]) * 1e-9,
+        axes=axes,
+        moves=tuple(
+            replace(move, end=min(move.end, count))
+            for start, move in sorted(moves.items())
+            if start < count
+        ),
+        source=str(path),
+    )
+
+
+def _ledger(header: JournalHeader, samples: npt.NDArray[np.void]) -> CycleLedger:
+    arrival: dict[str, npt.NDArray[np.float64]] = {}
+    for i, axis in enumerate(header.axes):
+        values = samples[f"arrival_{i}"] * 1e-9
+        arrival[axis.name] = np.where(values < 0, np.nan, values)
+    return CycleLedger(arrival=arrival, late=samples["late"].astype(np.bool_))

@@ -1,0 +1,191 @@
+"""`summary.json` of a run: docs/formats/run.md, version 1, every key.
+
+Built from the recording and what the run alone knows. Numbers it has no value for are null, never
+NaN: JSON has none.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from sim2real.recording import Recording
+from stagectl.errors import StagectlError
+from stagectl.sequencer.settling import (
+    WINDOWS,
+    MoveResult,
+    MoveStatistics,
+    statistics,
+    summarise_moves,
+)
+from stagectl.store.ledger import CycleLedger
+
+FORMAT = "stagectl-run-summary"
+VERSION = 1
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterEstimate:
+    """One friction figure with its standard deviation, both in `unit`."""
+
+    value: float
+    sigma: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class FrictionEntry:
+    """One friction estimate of one axis at one site.
+
+    Attributes:
+        site: from 1.  axis: its name.
+        accepted: whether it was taken over.  reason: why not, or None.
+        compute_time: [s].
+        parameters: "coulomb", "viscous", "stiffness", ... -> estimate.
+    """
+
+    site: int
+    axis: str
+    accepted: bool
+    reason: str | None
+    compute_time: float
+    parameters: Mapping[str, ParameterEstimate]
+
+
+@dataclass(frozen=True, slots=True)
+class RunFacts:
+    """What the run alone knows.
+
+    Attributes:
+        recipe, machine: their names.
+        compensation: "none", "model", "estimated" or "oracle".
+        seed: of noise and repeatability.  simulated: on virtual drives.  lot: or None.
+        duration: of the run on the stage's clock [s].  wall_time: of its moves [s].
+        outcome: "completed", "aborted" or "fault".  fault: its text, or None.
+    """
+
+    recipe: str
+    machine: str
+    compensation: str
+    seed: int
+    simulated: bool
+    lot: str | None
+    duration: float
+    wall_time: float
+    outcome: str
+    fault: str | None = None
+
+
+def build_summary(
+    recording: Recording,
+    facts: RunFacts,
+    friction: Sequence[FrictionEntry],
+    *,
+    control_period: float,
+    sync_period: float,
+    ledger: CycleLedger | None = None,
+    windows: Sequence[float] = WINDOWS,
+) -> dict[str, Any]:
+    """The summary as JSON-able values.
+
+    Args:
+        recording: of the run.
+        facts: what the recording does not tell.
+        friction: estimates in the order they were made.
+        control_period: Tc [s].
+        sync_period: Ts [s].
+        ledger: punctuality; without it missed TPDOs are counted from `valid` and late is 0.
+        windows: settling windows [m].
+    """
+    results = summarise_moves(recording, control_period, sync_period, windows)
+    missed = sum(int((~signals.valid).sum()) for signals in recording.axes.values())
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "recipe": facts.recipe,
+        "machine": facts.machine,
+        "compensation": facts.compensation,
+        "seed": facts.seed,
+        "simulated": facts.simulated,
+        "lot": facts.lot,
+        "duration": facts.duration,
+        "wall_time": facts.wall_time,
+        "outcome": facts.outcome,
+        "fault": facts.fault,
+        "moves": [_move(result) for result in results],
+        "friction": [_friction(entry) for entry in friction],
+        "micro": statistics_block(statistics(results, "micro", windows)),
+        "macro": statistics_block(statistics(results, "macro", windows)),
+        "cycle": {
+            "period": sync_period,
+            "missed": missed if ledger is None else ledger.missed,
+            "late": 0 if ledger is None else ledger.late_cycles,
+        },
+    }
+
+
+def write_summary(summary: Mapping[str, Any], path: Path) -> None:
+    """Write a summary as JSON, atomically.
+
+    Raises:
+        StagectlError: it cannot be written.
+    """
+    text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        raise StagectlError(f"{path}: cannot write the summary: {error.strerror}") from error
+
+
+def window_key(window: float) -> str:
+    """A settling window [m] as a key of the summary: 5e-8 -> "5e-08"."""
+    return f"{window:.6g}"
+
+
+def statistics_block(block: MoveStatistics) -> dict[str, Any]:
+    """The `micro` or `macro` block of the summary."""
+    return {
+        "count": block.count,
+        "peak_error_median": block.peak_error_median,
+        "settling_median": _by_window(block.settling_median),
+        "settling_mean": _by_window(block.settling_mean),
+        "settling_p90": _by_window(block.settling_p90),
+    }
+
+
+def _by_window(values: Mapping[float, float]) -> dict[str, float]:
+    return {window_key(window): round(value, 9) for window, value in values.items()}
+
+
+def _move(result: MoveResult) -> dict[str, Any]:
+    entry: dict[str, Any] = {
+        "site": result.site,
+        "axis": result.axis,
+        "kind": result.kind,
+        "distance": result.distance,
+        "peak_error": _finite(result.peak_error),
+        "settling": _by_window(result.settling),
+        "settled": result.settled,
+    }
+    if not result.completed:  # broken off: not in the statistics either
+        entry["completed"] = False
+    return entry
+
+
+def _friction(entry: FrictionEntry) -> dict[str, Any]:
+    values = asdict(entry)
+    values["compute_time"] = _finite(entry.compute_time)
+    for parameter in values["parameters"].values():
+        parameter["value"] = _finite(parameter["value"])
+        parameter["sigma"] = _finite(parameter["sigma"])
+    return values
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

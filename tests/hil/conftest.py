@@ -1,0 +1,194 @@
+"""The virtual stage behind every bus that the driver has to work on: one suite, several rigs.
+
+lockstep lives in virtual time; virtual has the drives in a thread, udp_multicast and socketcan in
+a process, both in real time. Real-time rigs run SYNC at 4 ms: tests look at behaviour, and a
+loaded machine with two cores has milliseconds of jitter. socketcan runs where the environment
+names an interface that is up: STAGECTL_HIL_SOCKETCAN=vcan0.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import itertools
+import json
+import os
+import socket
+import subprocess
+import sys
+import threading
+import uuid
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+
+from drivers.bus import Tap
+from drivers.settings import AxisSettings, BusSettings
+from drivers.stage import Stage
+from stagectl.config.machine import Machine
+from stagectl.config.mapping import driver_settings, stage_settings
+
+START = (-5e-4, -4e-4)
+PRESENT_POSITION = 37
+"""Homing method that takes no time."""
+REAL_TIME_PERIOD = 4e-3
+_names = itertools.count(1)
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A bus with the drives switched on.
+
+    Attributes:
+        bus: how to open it.  axes: the driver's settings.
+        virtual_time: whether nothing can be late or lost.
+    """
+
+    bus: BusSettings
+    axes: tuple[AxisSettings, ...]
+    virtual_time: bool
+
+    @property
+    def period(self) -> float:
+        """Ts [s]."""
+        return self.bus.sync_period
+
+    def open(self, homing_method: int = PRESENT_POSITION, tap: Tap | None = None) -> Stage:
+        """A stage on this bus; most tests don't care where its zero is."""
+        axes = [dataclasses.replace(axis, homing_method=homing_method) for axis in self.axes]
+        return Stage.open(self.bus, axes, tap=tap)
+
+    @contextlib.contextmanager
+    def other(self) -> Iterator[can.BusABC]:
+        """Another participant's end of the same bus."""
+        with can.Bus(interface=self.bus.interface, channel=self.bus.channel) as bus:
+            yield bus
+
+
+def _lockstep(machine: Machine) -> Iterator[Rig]:
+    from hil_sim.lockstep import World
+    from hil_sim.stage import VirtualStage
+
+    bus, axes = driver_settings(machine)
+    world = World(f"hil-{next(_names)}")
+    VirtualStage(stage_settings(machine), seed=1, start=START).attach(world)
+    yield Rig(dataclasses.replace(bus, interface="lockstep", channel=world.name), axes, True)
+
+
+def _virtual(machine: Machine) -> Iterator[Rig]:
+    from hil_sim.server import serve
+    from hil_sim.stage import VirtualStage
+
+    bus, axes = driver_settings(machine)
+    settings = dataclasses.replace(stage_settings(machine), sync_period=REAL_TIME_PERIOD)
+    drives = VirtualStage(settings, seed=1, start=START)
+    drives.plant.advance_to(1_000_000)
+    channel = f"hil-{uuid.uuid4().hex}"
+    stop = threading.Event()
+    with can.Bus(interface="virtual", channel=channel) as theirs:
+        thread = threading.Thread(target=serve, args=(drives, theirs, stop))
+        thread.start()
+        yield Rig(BusSettings("virtual", channel, bus.bitrate, REAL_TIME_PERIOD), axes, False)
+        stop.set()
+        thread.join(5.0)
+        assert not thread.is_alive()
+
+
+def _process(machine: Machine, interface: str, channel: str) -> Iterator[Rig]:
+    bus, axes = driver_settings(machine)
+    command = [
+        sys.executable, str(Path(__file__).with_name("serve.py")),
+        interface, channel, str(REAL_TIME_PERIOD), *map(str, START),
+    ]  # fmt: skip
+    root = str(Path(__file__).parents[2])
+    path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
+    with subprocess.Popen(
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=os.environ | {"PYTHONPATH": path},
+    ) as server:
+        assert server.stdout is not None
+        assert server.stdin is not None
+        assert server.stdout.readline() == b"ready\n"
+        yield Rig(BusSettings(interface, channel, bus.bitrate, REAL_TIME_PERIOD), axes, False)
+        server.stdin.close()
+        assert server.wait(10.0) == 0
+
+
+def _udp_multicast(machine: Machine) -> Iterator[Rig]:
+    # Every group is heard on a port, so a port of our own keeps other runs out.
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        port = probe.getsockname()[1]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CAN_CONFIG", json.dumps({"port": port}))
+        yield from _process(machine, "udp_multicast", "239.74.163.2")
+
+
+def _socketcan(machine: Machine) -> Iterator[Rig]:
+    channel = os.environ.get("STAGECTL_HIL_SOCKETCAN")
+    if not channel:
+        pytest.skip("STAGECTL_HIL_SOCKETCAN names no CAN interface")
+    yield from _process(machine, "socketcan", channel)
+
+
+RIGS: dict[str, Callable[[Machine], Iterator[Rig]]] = {
+    "lockstep": _lockstep,
+    "virtual": _virtual,
+    "udp_multicast": _udp_multicast,
+    "socketcan": _socketcan,
+}
+
+
+@pytest.fixture(scope="module", params=list(RIGS))
+def rig(request: pytest.FixtureRequest, stage_machine: Machine) -> Iterator[Rig]:
+    """The drives behind one kind of bus, switched on once per module."""
+    yield from RIGS[request.param](stage_machine)
+
+
+@pytest.fixture
+def booted(rig: Rig) -> Iterator[Stage]:
+    """A stage on the rig, booted; whatever the test left behind is stopped and closed."""
+    with rig.open() as stage:
+        stage.boot()
+        yield stage
+
+
+@pytest.fixture
+def stage(booted: Stage) -> Stage:
+    """Booted, faults of earlier tests reset, homed and enabled."""
+    booted.reset_faults()
+    booted.home()
+    booted.enable()
+    return booted
+
+
+def hold(stage: Stage, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Setpoints that keep all axes where they are told to be now, with their offsets."""
+    return np.tile(stage.targets, (count, 1)), np.tile(stage.offsets, (count, 1))
+
+
+def travel_to(
+    stage: Stage, target: tuple[float, ...], duration: float, period: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Setpoints of a smooth (fifth order) motion from the present targets to `target` [m]."""
+    s = np.arange(1, round(duration / period) + 1) * period / duration
+    shape = s**3 * (10 - 15 * s + 6 * s**2)
+    start = np.array(stage.targets)
+    position = start + shape[:, None] * (np.array(target) - start)
+    return position, np.zeros_like(position)
+
+
+@pytest.fixture(name="hold")
+def _hold() -> Callable[..., tuple[np.ndarray, np.ndarray]]:
+    return hold
+
+
+@pytest.fixture(name="travel_to")
+def _travel_to() -> Callable[..., tuple[np.ndarray, np.ndarray]]:
+    return travel_to

@@ -1,0 +1,37 @@
+"""The virtual drives as a process of their own on a python-can bus, for the HIL suite.
+
+    python serve.py INTERFACE CHANNEL SYNC_PERIOD START_X START_Y
+
+Says "ready" on stdout when the drives are about to be switched on; ends with its stdin.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import threading
+
+import can
+
+from hil_sim.server import serve
+from hil_sim.stage import VirtualStage
+from stagectl.config.machine import load_machine
+from stagectl.config.mapping import stage_settings
+
+
+def main() -> None:
+    """Serve until stdin is closed."""
+    interface, channel, period, *start = sys.argv[1:]
+    settings = dataclasses.replace(stage_settings(load_machine()), sync_period=float(period))
+    stage = VirtualStage(settings, seed=1, start=[float(x) for x in start])
+    stage.plant.advance_to(1_000_000)  # compiles now, not at the first SYNC
+    stop = threading.Event()
+    threading.Thread(target=lambda: (sys.stdin.read(), stop.set()), daemon=True).start()
+    with can.Bus(interface=interface, channel=channel) as bus:
+        sys.stdout.write("ready\n")
+        sys.stdout.flush()
+        serve(stage, bus, stop)
+
+
+if __name__ == "__main__":
+    main()

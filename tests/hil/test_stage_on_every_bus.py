@@ -1,0 +1,243 @@
+"""What the driver promises, against the virtual drives, on every bus."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from pathlib import Path
+from typing import Any
+
+import can
+import numpy as np
+import pytest
+
+from drivers.errors import AxisFault, LimitError, NodeError
+from drivers.objects import ObjectRef
+from drivers.stage import Stage
+
+
+def wait(stage: Stage, rig: Any, duration: float) -> None:
+    """Time passes, and the host does nothing (it does not even pump)."""
+    if rig.virtual_time:
+        bus = stage._network.bus  # noqa: SLF001  the only way to let virtual time pass unpumped
+        bus.clock.sleep_until_ns(bus.clock.now_ns() + round(duration * 1e9))
+    else:
+        time.sleep(duration)
+
+
+def good(samples: Any, rig: Any) -> bool:
+    """All process data came, or nearly all on a bus in real time."""
+    share = samples.valid.mean()
+    return bool(share == 1.0 if rig.virtual_time else share > 0.9)
+
+
+def test_boot_home_at_the_index_enable_stream(rig: Any, travel_to: Any, hold: Any) -> None:
+    with rig.open(homing_method=34) as stage:
+        stage.boot()
+        assert not stage.homed
+        stage.home()
+        assert stage.homed
+        stage.enable()
+        assert max(map(abs, stage.positions)) < 1e-6
+        samples = stage.stream(*travel_to(stage, (4e-3, -3e-3), 0.3, rig.period))
+        rest = stage.stream(*hold(stage, round(0.3 / rig.period)))
+    assert good(samples, rig)
+    np.testing.assert_allclose(rest.position[-1], (4e-3, -3e-3), atol=100e-9)
+    np.testing.assert_array_equal(rest.position_demand[-1], np.round((4e-3, -3e-3), 9))
+    assert (rest.statusword[-1] & 0x6F == 0x27).all()
+    times = np.r_[samples.time, rest.time] / rig.period
+    np.testing.assert_allclose(times, np.round(times), atol=1e-6)
+    if rig.virtual_time:
+        np.testing.assert_allclose(np.diff(times), 1.0)
+    assert np.nanmax(rest.arrival) <= rig.period / 2
+
+
+def test_samples_are_taken_at_the_sync_that_takes_the_setpoint_over(
+    stage: Stage, rig: Any, travel_to: Any
+) -> None:
+    """Position lags its own row by one period, and not by two (reference-stage.md, Timing)."""
+    start = stage.targets
+    target = (start[0] + 5e-3, start[1] + 5e-3)
+    samples = stage.stream(*travel_to(stage, target, 0.4, rig.period))
+    demand, actual = samples.position_demand[:, 0], samples.position[:, 0]
+    clean = (
+        samples.valid.all(axis=1)
+        & np.r_[False, np.abs(np.diff(samples.time) / rig.period - 1) < 0.1]
+    )
+
+    def error(lag: int) -> float:
+        inside = slice(len(demand) // 4, 3 * len(demand) // 4)
+        return float(np.median(np.abs(np.roll(demand, lag) - actual)[inside][clean[inside]]))
+
+    assert error(1) < 0.2 * min(error(0), error(2))
+
+
+def test_the_force_offset_reaches_the_motor_in_newtons(stage: Stage, rig: Any, hold: Any) -> None:
+    position, offset = hold(stage, round(0.2 / rig.period))
+    stage.stream(position, offset)
+    offset[:] = (2.0, -3.0)
+    with_offset = stage.stream(position[:4], offset[:4])
+    before = with_offset.force[0]
+    # one period after it was taken over the current loop is through, the integrator not yet
+    step = with_offset.force[1] - before
+    if not with_offset.valid.all():
+        pytest.skip("process data were lost in these four cycles")
+    np.testing.assert_allclose(step, (2.0, -3.0), rtol=0.5)
+    np.testing.assert_allclose(with_offset.force_offset[0], (2.0, -3.0))
+
+
+def test_sent_setpoints_outside_the_limits_reach_no_drive(rig: Any, hold: Any) -> None:
+    seen: list[int] = []
+    with rig.open(tap=lambda t, can_id, data: seen.append(can_id)) as stage:
+        stage.boot()
+        stage.reset_faults()
+        stage.home()
+        stage.enable()
+        position, offset = hold(stage, 4)
+        position[2, 1] = 0.16
+        before = len(seen)
+        with pytest.raises(LimitError, match=r"axis y: 0x607D:02 .*row 2"):
+            stage.stream(position, offset)
+        assert len(seen) == before
+
+
+def test_quick_stop_in_motion_stops_and_takes_power_off(
+    stage: Stage, rig: Any, travel_to: Any
+) -> None:
+    position, offset = travel_to(stage, (0.03, 0.02), 0.4, rig.period)
+    half = len(position) // 2
+    moving = stage.stream(position[:half], offset[:half])
+    assert abs(moving.position[-1, 0] - moving.position[-3, 0]) > 1e-5
+    stage.quick_stop()
+    assert not stage.enabled
+    # 0.14 m/s at 10 m/s^2 is 1 mm; the other half of the motion would be 15 mm
+    assert abs(stage.positions[0] - moving.position[-1, 0]) < 5e-3
+    stage.enable()
+    assert stage.enabled
+
+
+def test_a_following_error_of_one_axis_stops_both_and_can_be_reset(
+    stage: Stage, rig: Any, travel_to: Any, hold: Any
+) -> None:
+    window = ObjectRef(0x6065, 0, "following error window")
+    stage.axes[0].node.write(window, 100)  # 100 nm: less than any motion needs
+    target = (stage.targets[0] + 0.02, stage.targets[1] + 0.01)
+    with pytest.raises(AxisFault, match=r"^axis x: .*following error.*0x8611") as caught:
+        stage.stream(*travel_to(stage, target, 0.4, rig.period))
+    assert caught.value.code == 0x8611
+    assert not stage.enabled
+    with pytest.raises(AxisFault, match=r"^axis x: .*reset first"):
+        stage.enable()
+    stage.axes[0].node.write(window, 1_000_000)
+    stage.reset_faults()
+    stage.enable()
+    assert len(stage.stream(*hold(stage, 5))) == 5
+
+
+def test_a_lost_heartbeat_stops_all_axes(stage: Stage, rig: Any, hold: Any) -> None:
+    stage.axes[1].node.write(ObjectRef(0x1017, 0, ""), 0)
+    with pytest.raises(AxisFault, match=r"^axis y: heartbeat lost: node 2 silent"):
+        stage.stream(*hold(stage, round(1.0 / rig.period)))
+    assert not stage.enabled
+
+
+def test_a_reboot_while_running_is_noticed(stage: Stage, rig: Any, hold: Any) -> None:
+    """Another master resets node 1."""
+    assert stage.homed
+    counted = 0
+    with rig.other() as other:
+
+        def until(position: tuple[float, ...]) -> bool:
+            nonlocal counted
+            counted += 1
+            if counted == 5:
+                other.send(can.Message(arbitration_id=0, is_extended_id=False, data=[129, 1]))
+            return False
+
+        with pytest.raises(AxisFault, match=r"^axis x: "):
+            stage.stream(*hold(stage, round(2.0 / rig.period)), until=until)
+    assert not stage.homed
+    assert not stage.enabled
+
+
+def test_the_drives_stop_by_themselves_when_the_host_falls_silent(
+    stage: Stage, rig: Any, hold: Any
+) -> None:
+    wait(stage, rig, 0.8)
+    with pytest.raises(AxisFault, match=r"^axis [xy]: .*(0x8130|QUICK STOP|DISABLED|FAULT)"):
+        stage.stream(*hold(stage, 10))
+    stage.reset_faults()
+    stage.enable()
+    assert stage.enabled
+
+
+def test_idle_keeps_the_drives_content(stage: Stage, rig: Any, hold: Any) -> None:
+    stage.idle(0.8)
+    assert len(stage.stream(*hold(stage, 10))) == 10
+
+
+def test_profile_position_move(stage: Stage, rig: Any, hold: Any) -> None:
+    other = stage.targets[0]
+    target = stage.targets[1] + 2e-3
+    stage.move_to("y", target, velocity=0.05, acceleration=1.0)
+    assert stage.enabled
+    assert stage.targets[1] == pytest.approx(target, abs=1e-9)
+    rest = stage.stream(*hold(stage, round(0.2 / rig.period)))
+    assert rest.position[-1, 1] == pytest.approx(target, abs=200e-9)
+    assert np.abs(rest.position[:, 1] - target).max() < 2e-6
+    assert rest.position[-1, 0] == pytest.approx(other, abs=200e-9)
+
+
+def test_another_device_is_refused(rig: Any, tmp_path: Path) -> None:
+    original = rig.axes[0].eds
+    for number, (old, new) in enumerate(
+        [("0x00535447", "0x00000022"), ("0x00000402", "0x00000999")]
+    ):
+        text = original.read_text()
+        assert old in text
+        other = tmp_path / f"other{number}.eds"
+        other.write_text(text.replace(old, new))
+        axes = (dataclasses.replace(rig.axes[0], eds=other), rig.axes[1])
+        with (
+            Stage.open(rig.bus, axes) as stage,
+            pytest.raises(NodeError, match=r"^axis x: 0x1018:0[12] .*another device"),
+        ):
+            stage.boot()
+
+
+def test_a_missing_node_is_named(rig: Any) -> None:
+    axes = (rig.axes[0], dataclasses.replace(rig.axes[1], node=9))
+    with (
+        Stage.open(rig.bus, axes) as stage,
+        pytest.raises(NodeError, match=r"^axis y: no boot-up message from node 9 within 2 s"),
+    ):
+        stage.boot()
+
+
+def test_a_refused_write_names_the_abort(booted: Stage) -> None:
+    with pytest.raises(NodeError, match=r"0x6041:00 status.*read only object \(abort 0x06010002\)"):
+        booted.axes[0].node.write(ObjectRef(0x6041, 0, "statusword"), 0)
+
+
+def test_closing_leaves_the_drives_without_power(rig: Any, hold: Any) -> None:
+    with rig.open() as stage:
+        stage.boot()
+        stage.reset_faults()
+        stage.home()
+        stage.enable()
+        stage.stream(*hold(stage, 5))
+    with rig.open() as again:
+        for axis in again.axes:
+            assert axis.node.read(ObjectRef(0x6041, 0, "statusword")) & 0x4F == 0x40
+        again.boot()  # and another session finds them as they should be
+
+
+def test_homing_again_only_on_request(stage: Stage, rig: Any, travel_to: Any, hold: Any) -> None:
+    there = (stage.targets[0] + 1e-3, stage.targets[1] - 1e-3)
+    stage.stream(*travel_to(stage, there, 0.1, rig.period))
+    stage.home()
+    stage.enable()
+    np.testing.assert_allclose(stage.targets, there, atol=1e-9)
+    stage.home(force=True)
+    stage.enable()
+    assert max(map(abs, stage.positions)) < 1e-6

@@ -1,0 +1,85 @@
+"""The fixtures that users get: virtual time, one thread, the same bytes every run."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from typing import Any
+
+import canopen
+import numpy as np
+
+from drivers.stage import Stage
+from hil_sim.lockstep import LockstepBus, World
+from hil_sim.stage import VirtualStage
+from stagectl.config.mapping import driver_settings, stage_settings
+
+
+def test_virtual_stage_is_ready_to_stream(virtual_stage: Stage, hold: Any) -> None:
+    samples = virtual_stage.stream(*hold(virtual_stage, 200))
+    assert len(samples) == 200
+    assert samples.valid.all()
+    assert not samples.late.any()
+    np.testing.assert_array_equal(np.round(samples.time * 1e3), np.arange(200))
+
+
+def test_virtual_drives_show_what_is_behind_the_curtain(
+    virtual_stage: Stage, virtual_drives: VirtualStage, travel_to: Any, hold: Any
+) -> None:
+    virtual_stage.stream(*travel_to(virtual_stage, (1e-3, 2e-3), 0.2, 1e-3))
+    samples = virtual_stage.stream(*hold(virtual_stage, 300))
+    counts = [virtual_drives.plant.encoder(axis) for axis in (0, 1)]
+    np.testing.assert_allclose(np.array(counts) * 1e-9, samples.position[-1], atol=10e-9)
+
+
+def test_any_canopen_master_can_use_the_bus(stage_bus: Any, stage_machine: Any) -> None:
+    """canopen's own, without its Notifier thread, fed by hand."""
+    _, axes = driver_settings(stage_machine)
+    network = canopen.Network(stage_bus)
+    states: list[int] = []
+    node = network.add_node(axes[0].node, str(axes[0].eds))
+    node.nmt.add_heartbeat_callback(states.append)
+    node.nmt.state = "RESET COMMUNICATION"
+    for _ in range(20):
+        message = stage_bus.recv(0.1)
+        if message is not None:
+            network.notify(message.arbitration_id, message.data, message.timestamp)
+    assert 0 in states
+    assert stage_bus.clock.now_ns() > 0
+
+
+def run(machine: Any, seed: int, travel_to: Any, hold: Any) -> tuple[str, str]:
+    """Digests of everything on the bus and of every sample, of one whole session."""
+    frames, samples = hashlib.sha256(), hashlib.sha256()
+    world = World("same-bytes")
+    VirtualStage(stage_settings(machine), seed).attach(world)
+    bus, axes = driver_settings(machine)
+
+    def tap(t: int, can_id: int, data: bytes) -> None:
+        frames.update(b"%d %d %s\n" % (t, can_id, data))
+
+    with Stage.open(bus, axes, tap=tap, bus_object=LockstepBus(channel="same-bytes")) as stage:
+        stage.sink = lambda sample: samples.update(repr(sample).encode())
+        stage.boot()
+        stage.home()
+        stage.enable()
+        stage.stream(*travel_to(stage, (2e-3, -1e-3), 0.2, 1e-3))
+        stage.stream(*hold(stage, 100))
+    return frames.hexdigest(), samples.hexdigest()
+
+
+def test_two_runs_give_the_same_bytes_and_another_seed_does_not(
+    stage_machine: Any, travel_to: Any, hold: Any
+) -> None:
+    first = run(stage_machine, 7, travel_to, hold)
+    assert run(stage_machine, 7, travel_to, hold) == first
+    other = run(stage_machine, 8, travel_to, hold)
+    assert other[0] != first[0]
+    assert other[1] != first[1]
+
+
+def test_no_thread_is_started(virtual_stage: Stage, hold: Any) -> None:
+    before = threading.active_count()
+    virtual_stage.stream(*hold(virtual_stage, 50))
+    virtual_stage.idle(0.5)
+    assert threading.active_count() == before

@@ -1,0 +1,67 @@
+"""Every figure of the machine file reaches the settings it belongs to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from stagectl.config import driver_settings, load_machine, parse_machine, stage_settings
+from stagectl.errors import ConfigError
+
+
+def test_stage_settings_hold_the_figures_exactly() -> None:
+    machine = load_machine()
+    stage = stage_settings(machine)
+    assert (stage.sync_period, stage.control_period, stage.ticks) == (1e-3, 1e-4, 10)
+    for settings, axis in zip(stage.axes, machine.axes.values(), strict=True):
+        friction, given = settings.friction, axis.plant.friction
+        for name in (
+            "elements", "coulomb", "static_ratio", "stribeck_velocity", "stribeck_shape",
+            "stiffness", "attraction", "viscous",
+        ):  # fmt: skip
+            assert getattr(friction, name) == getattr(given, name)
+        assert friction.wander == given.repeatability.coulomb
+        assert friction.correlation_time == given.repeatability.correlation_time
+        for name in ("kp", "ki", "kd", "derivative_time"):
+            assert getattr(settings.control, name) == getattr(axis.drive.pid, name)
+        for name in ("current_bandwidth", "rated_force", "peak_force"):
+            assert getattr(settings.control, name) == getattr(axis.drive, name)
+        for name in ("velocity", "acceleration", "jerk", "following_error"):
+            assert getattr(settings, name) == getattr(axis.limits, name)
+        assert (settings.node, settings.mass) == (axis.node, axis.plant.mass)
+        assert (settings.increment, settings.noise) == (axis.encoder.increment, axis.encoder.noise)
+        assert settings.travel == axis.travel
+
+
+def test_driver_settings_hold_bus_limits_and_homing() -> None:
+    text = load_machine().text.replace(
+        "node: 1", "node: 1\n    homing: {method: 33, velocity: 5 mm/s}", 1
+    )
+    bus, (x, y) = driver_settings(parse_machine(text, "m.yaml"))
+    assert (bus.interface, bus.channel, bus.bitrate, bus.sync_period) == (
+        "virtual", "stage", 1_000_000, 1e-3,
+    )  # fmt: skip
+    assert (x.name, x.node, x.rated_force, x.peak_force) == ("x", 1, 40.0, 120.0)
+    assert (y.travel, y.velocity, y.jerk, y.following_error) == ((-0.15, 0.15), 1.0, 2000.0, 1e-3)
+    assert (x.homing_method, x.homing_velocity) == (33, (0.005, 0.002))
+    assert (y.homing_method, y.homing_velocity) == (34, (0.01, 0.002))
+    assert x.eds.name == "stagectl-linear-drive.eds"
+
+
+def test_a_named_eds_is_looked_for_beside_the_machine_file(tmp_path: Path) -> None:
+    text = load_machine().text.replace("node: 1", "node: 1\n    eds: mine.eds", 1)
+    path = tmp_path / "m.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=r"m\.yaml:12:10: axes\.x\.eds: no such file"):
+        driver_settings(load_machine(path))
+    (tmp_path / "mine.eds").touch()
+    assert driver_settings(load_machine(path))[1][0].eds == tmp_path / "mine.eds"
+
+
+def test_effects_are_never_dropped_silently() -> None:
+    text = load_machine().text.replace(
+        "node: 1", "node: 1\n    effects: [{effect: cogging, amplitude: 1}]", 1
+    )
+    with pytest.raises(ConfigError, match=r"m:12:15: axes\.x\.effects\[1\]: effect 'cogging'"):
+        stage_settings(parse_machine(text, "m"))

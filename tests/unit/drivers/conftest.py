@@ -1,0 +1,228 @@
+"""A scripted bus with scripted drives: just enough CANopen to see what the driver does.
+
+Synchronous and in virtual time: whatever a frame leads to is in the receive queue when `send`
+returns; only waiting in `recv` or `clock.sleep_until_ns` moves time.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import deque
+from collections.abc import Callable, Iterator
+from importlib.resources import files
+from pathlib import Path
+
+import can
+import pytest
+
+from drivers.cia402 import AUTOMATIC, TRANSITIONS, Command, State
+from drivers.settings import AxisSettings, BusSettings
+from drivers.stage import Stage
+
+STATUS = {state: state.value[1] | 0x0200 for state in State}
+
+
+class ScriptedDrive:
+    """SDO server over a dict, CiA 402 states by table, follows its target at once.
+
+    Attributes:
+        objects: (index, sub) -> value; unset ones read 0.
+        refuse: (index, sub) -> SDO abort code.
+        stuck: objects whose writes are acknowledged but not kept.
+        silent: from now on it sends nothing.
+        mute_tpdo: number of SYNCs that it leaves unanswered.
+        on_sync: called with the drive and the number of the SYNC before it answers.
+    """
+
+    def __init__(self, bus: ScriptedBus, node: int, rated: float) -> None:
+        self.bus = bus
+        self.node = node
+        self.objects: dict[tuple[int, int], int] = {
+            (0x1000, 0): 0x00020192,
+            (0x1018, 1): 0x00535447,
+            (0x1018, 2): 0x402,
+            (0x6502, 0): 0xA1,
+            (0x6076, 0): round(rated * 1000),
+            (0x608F, 1): 1, (0x608F, 2): 1, (0x6091, 1): 1, (0x6091, 2): 1,
+            (0x6092, 1): 1, (0x6092, 2): 1,
+        }  # fmt: skip
+        self.sizes: dict[tuple[int, int], int] = {}
+        self.refuse: dict[tuple[int, int], int] = {}
+        self.stuck: set[tuple[int, int]] = set()
+        self.writes: list[tuple[int, int, int]] = []
+        self.silent = False
+        self.deaf = False
+        self.mute_tpdo = 0
+        self.nmt = 127
+        self.state = State.SWITCH_ON_DISABLED
+        self.bits = 0
+        self.position = 1234
+        self.force = 0
+        self.latched = (0, 0, 0)
+        self.controlword = 0
+        self.syncs = 0
+        self.on_sync: Callable[[ScriptedDrive, int], None] = lambda drive, count: None
+        self.next_beat = 0
+
+    def emit(self, can_id: int, data: bytes) -> None:
+        if not self.silent:
+            self.bus.deliver(can_id, data)
+
+    def emergency(self, code: int) -> None:
+        self.emit(0x80 + self.node, struct.pack("<HB5x", code, 0x21))
+
+    def on_frame(self, can_id: int, data: bytes) -> None:
+        if self.deaf:
+            return
+        if can_id == 0 and data[1] in (0, self.node):
+            if data[0] == 130:
+                self.nmt = 127
+                self.emit(0x700 + self.node, b"\0")
+            else:
+                self.nmt = {1: 5, 2: 4, 128: 127}[data[0]]
+        elif can_id == 0x600 + self.node and data[0] != 0x80:
+            self.answer_sdo(data)
+        elif can_id == 0x200 + self.node:
+            self.latched = struct.unpack("<Hih", data)
+        elif can_id == 0x80 and self.nmt == 5:
+            self.syncs += 1
+            self.on_sync(self, self.syncs)
+            if self.mute_tpdo:
+                self.mute_tpdo -= 1
+            else:
+                word = STATUS[self.state] | self.bits
+                self.emit(0x180 + self.node, struct.pack("<Hih", word, self.position, self.force))
+            self.take_over()
+
+    def take_over(self) -> None:
+        word, target, _ = self.latched
+        if self.state in AUTOMATIC:
+            self.state = AUTOMATIC[self.state][1]
+        elif self.state is State.FAULT:
+            if word & 0x80 and not self.controlword & 0x80:
+                self.state = State.SWITCH_ON_DISABLED
+        else:
+            step = TRANSITIONS.get((self.state, Command(word & 0x8F)))
+            self.state = self.state if step is None else step[1]
+        if self.state is State.OPERATION_ENABLED:
+            self.position = target
+        self.controlword = word
+
+    def answer_sdo(self, data: bytes) -> None:
+        command, index, sub = struct.unpack_from("<BHB", data)
+        key = (index, sub)
+        if key in self.refuse:
+            self.emit(0x580 + self.node, struct.pack("<BHBI", 0x80, index, sub, self.refuse[key]))
+        elif command == 0x40:
+            value = self.objects.get(key, 0)
+            if index == 0x6061:
+                value = self.objects.get((0x6060, 0), 0)
+            payload = struct.pack("<q", value)[:4]
+            size = self.sizes.get(key, 4)
+            self.emit(
+                0x580 + self.node,
+                struct.pack("<BHB", 0x43 | (4 - size) << 2, index, sub) + payload,
+            )
+        else:
+            size = 4 - (command >> 2 & 3)
+            self.sizes[key] = size
+            value = int.from_bytes(data[4 : 4 + size], "little")
+            self.writes.append((index, sub, value))
+            if key not in self.stuck:
+                self.objects[key] = value
+            self.emit(0x580 + self.node, struct.pack("<BHB4x", 0x60, index, sub))
+
+    def tick(self, now: int) -> None:
+        if now >= self.next_beat:
+            self.next_beat = now + 100_000_000
+            if self.objects.get((0x1017, 0)):
+                self.emit(0x700 + self.node, bytes([self.nmt]))
+
+
+class ScriptedClock:
+    def __init__(self, bus: ScriptedBus) -> None:
+        self.bus = bus
+        self.now = 0
+
+    def now_ns(self) -> int:
+        return self.now
+
+    def sleep_until_ns(self, t: int) -> None:
+        while self.now < t:
+            beat = min((d.next_beat for d in self.bus.drives), default=t)
+            self.now = max(self.now, min(t, beat))
+            for drive in self.bus.drives:
+                drive.tick(self.now)
+
+
+class ScriptedBus(can.BusABC):
+    """A python-can bus with drives behind it and a clock of its own."""
+
+    def __init__(self) -> None:
+        super().__init__(channel="scripted")
+        self.channel_info = "scripted"
+        self.drives: list[ScriptedDrive] = []
+        self.clock = ScriptedClock(self)
+        self.sent: list[tuple[int, int, bytes]] = []
+        self.broken: str | None = None
+        self.queue: deque[can.Message] = deque()
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        if self.broken is not None:
+            raise can.CanOperationError(self.broken)
+        data = bytes(msg.data)
+        self.sent.append((self.clock.now, msg.arbitration_id, data))
+        for drive in self.drives:
+            drive.on_frame(msg.arbitration_id, data)
+
+    def deliver(self, can_id: int, data: bytes) -> None:
+        self.queue.append(
+            can.Message(arbitration_id=can_id, is_extended_id=False, data=bytearray(data))
+        )
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        if not self.queue and timeout:
+            self.clock.sleep_until_ns(self.clock.now + round(timeout * 1e9))
+        return self.queue.popleft() if self.queue else None
+
+
+@pytest.fixture(scope="session")
+def eds() -> Path:
+    return Path(str(files("hil_sim"))) / "eds" / "stagectl-linear-drive.eds"
+
+
+@pytest.fixture
+def axis_settings(eds: Path) -> tuple[AxisSettings, ...]:
+    common = {
+        "eds": eds, "travel": (-0.15, 0.15), "velocity": 1.0, "acceleration": 10.0,
+        "jerk": 2000.0, "following_error": 1e-3,
+    }  # fmt: skip
+    return (
+        AxisSettings(name="x", node=1, rated_force=40.0, peak_force=120.0, **common),
+        AxisSettings(name="y", node=2, rated_force=60.0, peak_force=200.0, **common),
+    )
+
+
+@pytest.fixture
+def bus_settings() -> BusSettings:
+    return BusSettings("scripted", "0")
+
+
+@pytest.fixture
+def scripted(axis_settings: tuple[AxisSettings, ...]) -> Iterator[ScriptedBus]:
+    bus = ScriptedBus()
+    for axis in axis_settings:
+        bus.drives.append(ScriptedDrive(bus, axis.node, axis.rated_force))
+    yield bus
+    bus.broken = None
+    bus.shutdown()
+
+
+@pytest.fixture
+def stage(
+    scripted: ScriptedBus, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
+) -> Iterator[Stage]:
+    """Booted on the scripted bus; not homed, not enabled."""
+    with Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage:
+        stage.boot()
+        yield stage

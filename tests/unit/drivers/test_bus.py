@@ -1,0 +1,119 @@
+"""The host's end of the bus: pumping, heartbeat, tap, errors; and EDS problems."""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import can
+import pytest
+
+from drivers.bus import Network, PumpedResponses, open_bus
+from drivers.clock import Clock, MonotonicClock, clock_of
+from drivers.errors import BusError, ConfigurationError
+from drivers.node import load_dictionary
+from drivers.settings import AxisSettings, BusSettings
+from drivers.stage import Stage
+
+
+@pytest.fixture
+def pair() -> Iterator[tuple[can.BusABC, can.BusABC]]:
+    """Two ends of one of python-can's own virtual buses."""
+    with (
+        can.Bus(interface="virtual", channel="test_bus") as a,
+        can.Bus(interface="virtual", channel="test_bus") as b,
+    ):
+        yield a, b
+
+
+def test_a_bus_without_clock_gets_the_monotonic_one(pair: Any) -> None:
+    clock = clock_of(pair[0])
+    assert isinstance(clock, MonotonicClock)
+    start = time.monotonic_ns()
+    clock.sleep_until_ns(start + 5_000_000)
+    assert time.monotonic_ns() >= start + 5_000_000
+    clock.sleep_until_ns(start)  # past: at once
+
+
+def test_a_bus_with_clock_lends_it(scripted: Any) -> None:
+    assert isinstance(scripted.clock, Clock)
+    assert clock_of(scripted) is scripted.clock
+
+
+def test_pump_until_stops_at_the_condition_and_feeds_subscribers(pair: Any) -> None:
+    network = Network(pair[0], "virtual:test_bus")
+    got: list[bytes] = []
+    network.subscribe(0x123, lambda i, data, t: got.append(bytes(data)))
+    for value in range(3):
+        pair[1].send(can.Message(arbitration_id=0x123, is_extended_id=False, data=[value]))
+    assert network.pump_until(lambda: len(got) == 2, 1.0)
+    assert got == [b"\0", b"\1"]
+    assert not network.pump_until(lambda: len(got) == 9, 0.01)
+    assert got == [b"\0", b"\1", b"\2"]
+
+
+def test_the_host_beats_while_pumping_and_does_not_burst_after_a_pause(scripted: Any) -> None:
+    network = Network(scripted, "scripted")
+    network.pump(1.0)
+    beats = [t for t, i, data in scripted.sent if (i, data) == (0x77F, b"\x05")]
+    assert 9 <= len(beats) <= 11
+    scripted.clock.now += 5_000_000_000
+    network.pump(0.01)
+    assert len([i for _, i, _ in scripted.sent if i == 0x77F]) == len(beats) + 1
+
+
+def test_the_tap_sees_both_directions(pair: Any) -> None:
+    seen: list[tuple[int, bytes]] = []
+    network = Network(pair[0], "virtual", tap=lambda t, i, data: seen.append((i, data)))
+    network.send_message(0x601, b"\x40")
+    pair[1].send(can.Message(arbitration_id=0x581, is_extended_id=False, data=b"\x60"))
+    network.pump(0.0)
+    assert [s for s in seen if s[0] != 0x77F] == [(0x601, b"\x40"), (0x581, b"\x60")]
+
+
+def test_frames_that_are_no_services_of_ours_do_no_harm(scripted: Any, stage: Stage) -> None:
+    for can_id, data, extended in (
+        (0x081, b"\x01", False), (0x701, b"", False), (0x701, b"\0\0", False),
+        (0x581, b"\x80", False), (0x1FFFFFFF, bytes(8), True), (0x181, b"\1", False),
+    ):  # fmt: skip
+        scripted.queue.append(
+            can.Message(arbitration_id=can_id, is_extended_id=extended, data=bytearray(data))
+        )
+    scripted.queue.append(can.Message(is_error_frame=True))
+    stage.enable()
+    assert stage.enabled
+
+
+def test_answers_are_waited_for_and_late_ones_forgotten(scripted: Any) -> None:
+    answers = PumpedResponses(Network(scripted, "scripted"))
+    start = scripted.clock.now
+    with pytest.raises(queue.Empty):
+        answers.get(timeout=0.3)
+    assert scripted.clock.now == start + 300_000_000
+    answers.put(b"late")
+    assert answers.empty()
+    answers.put(b"mine")
+    assert answers.get(timeout=0.3) == b"mine"
+
+
+@pytest.mark.parametrize("interface", ["no_such_interface", "socketcan"])
+def test_a_bus_that_cannot_be_opened_is_named(interface: str) -> None:
+    with pytest.raises(BusError, match=rf"^bus {interface}:nowhere: cannot open: \S") as caught:
+        open_bus(BusSettings(interface, "nowhere"))
+    assert "\n" not in str(caught.value)
+
+
+def test_eds_problems_are_named(tmp_path: Path, axis_settings: tuple[AxisSettings, ...]) -> None:
+    import dataclasses
+
+    missing = dataclasses.replace(axis_settings[0], eds=tmp_path / "none.eds")
+    with pytest.raises(ConfigurationError, match=r"^axis x: EDS file .*none.eds: no such file"):
+        load_dictionary(missing)
+    broken = tmp_path / "broken.eds"
+    for text in ("", "not an eds\n", "[1018]\nObjectType=potato\n", "[DeviceInfo]\n"):
+        broken.write_text(text)
+        with pytest.raises(ConfigurationError, match=r"^axis x: EDS file .*broken.eds: ."):
+            load_dictionary(dataclasses.replace(axis_settings[0], eds=broken))

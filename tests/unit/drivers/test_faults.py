@@ -1,0 +1,46 @@
+"""Texts of error codes and of the exception tree."""
+
+from __future__ import annotations
+
+import pytest
+
+from drivers.errors import AxisFault, BusError, DriverError, HomingError, NodeError
+from drivers.faults import ERROR_TEXTS, error_text, register_text
+from drivers.objects import ObjectRef
+
+
+@pytest.mark.parametrize(
+    ("code", "text"),
+    [
+        (0x8611, "following error: the axis left its window (0x8611)"),
+        (0x8130, "heartbeat or life guard error: the drive lost its host (0x8130)"),
+        (0x7305, "incremental sensor 1 fault (0x7305)"),
+        (0x73FF, "sensor (0x73FF)"),  # by its class
+        (0x2399, "current (0x2399)"),
+        (0xFF17, "manufacturer specific (0xFF17)"),
+        (0xA000, "unknown error (0xA000)"),
+    ],
+)
+def test_error_texts(code: int, text: str) -> None:
+    assert error_text(code) == text
+
+
+def test_every_code_has_one_line() -> None:
+    for code in range(0, 0x10000, 7):
+        assert "\n" not in error_text(code)
+    assert all(ERROR_TEXTS.values())
+
+
+def test_register_text() -> None:
+    assert register_text(0x21) == "generic, device profile"
+    assert register_text(0) == "none"
+
+
+def test_errors_name_axis_object_cause_in_one_line() -> None:
+    problem = AxisFault("went wrong", axis="x", obj=ObjectRef(0x6065, 2, "window"), code=7)
+    assert str(problem) == "axis x: 0x6065:02 window: went wrong"
+    assert (problem.axis, problem.cause, problem.code) == ("x", "went wrong", 7)
+    assert str(BusError("bus can0: gone")) == "bus can0: gone"
+    assert str(NodeError("silent", axis="y")) == "axis y: silent"
+    assert issubclass(HomingError, AxisFault)
+    assert issubclass(AxisFault, DriverError)

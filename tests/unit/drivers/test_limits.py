@@ -1,0 +1,82 @@
+"""Setpoints are checked before anything is sent."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.errors import LimitError
+from drivers.limits import checked_counts
+from drivers.settings import AxisSettings
+
+TS = 1e-3
+
+
+def test_rounds_to_increments_and_permille(axis_settings: tuple[AxisSettings, ...]) -> None:
+    position = np.array([[1.4e-9, -1.6e-9], [2.6e-9, -2.4e-9]])
+    offset = np.array([[0.05, -0.1], [0.0, 1e9]])
+    targets, offsets = checked_counts(position, offset, axis_settings, (0, 0), TS)
+    assert targets.tolist() == [[1, -2], [3, -2]]
+    assert offsets.tolist() == [[1, -2], [0, 32767]]
+
+
+def test_the_ends_of_the_travel_and_the_velocity_limit_itself_are_allowed(
+    axis_settings: tuple[AxisSettings, ...],
+) -> None:
+    speed = axis_settings[0].velocity
+    x = np.minimum(0.145 + np.arange(1, 11) * speed * TS, 0.15)
+    position = np.stack([x, np.full(10, -0.15)], axis=1)
+    checked_counts(position, 0 * position, axis_settings, (145_000_000, -150_000_000), TS)
+
+
+@pytest.mark.parametrize(
+    ("row", "axis", "value", "text"),
+    [
+        (2, 0, 0.1500001, r"axis x: 0x607D:02 max position limit: row 2: .* above the limit 0.15"),
+        (4, 1, -0.151, r"axis y: 0x607D:01 min position limit: row 4: .* below the limit -0.15"),
+        (1, 1, np.inf, r"axis y: 0x607A:00 target position: row 1: inf m is no setpoint"),
+        (3, 0, 0.00101, r"axis x: 0x607A:00 .*row 3: 1.01 m/s .* exceeds the velocity limit 1 m/s"),
+    ],
+)
+def test_the_first_offender_is_named(
+    axis_settings: tuple[AxisSettings, ...], row: int, axis: int, value: float, text: str
+) -> None:
+    position = np.zeros((6, 2))
+    position[row, axis] = value
+    with pytest.raises(LimitError, match=text):
+        checked_counts(position, np.zeros((6, 2)), axis_settings, (0, 0), TS)
+
+
+def test_an_offset_that_is_no_number_is_named(axis_settings: tuple[AxisSettings, ...]) -> None:
+    offset = np.zeros((3, 2))
+    offset[1, 1] = np.nan
+    with pytest.raises(LimitError, match=r"axis y: 0x60B2:00 torque offset: row 1: nan N"):
+        checked_counts(np.zeros((3, 2)), offset, axis_settings, (0, 0), TS)
+
+
+@pytest.mark.parametrize("shapes", [((3, 1), (3, 1)), ((3,), (3,)), ((3, 2), (2, 2))])
+def test_wrong_shapes_are_refused(axis_settings: tuple[AxisSettings, ...], shapes: Any) -> None:
+    with pytest.raises(LimitError, match=r"must be \[K, 2\]"):
+        checked_counts(np.zeros(shapes[0]), np.zeros(shapes[1]), axis_settings, (0, 0), TS)
+
+
+@given(
+    st.lists(st.floats(-0.2, 0.2), min_size=1, max_size=8), st.integers(-150_000_000, 150_000_000)
+)
+def test_whatever_passes_is_within_travel_and_speed(steps: list[float], last: int) -> None:
+    from pathlib import Path
+
+    axis = AxisSettings(
+        "x", 1, Path("none.eds"), 40.0, 120.0, (-0.15, 0.15), 1.0, 10.0, 2000.0, 1e-3
+    )
+    position = last * 1e-9 + np.cumsum(steps).reshape(-1, 1) * 1e-2
+    try:
+        targets, _ = checked_counts(position, 0 * position, [axis], (last,), TS)
+    except LimitError:
+        return
+    assert np.abs(targets).max() <= 150_000_000
+    assert np.abs(np.diff(targets[:, 0], prepend=last)).max() <= 1_000_002

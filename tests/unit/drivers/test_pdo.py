@@ -1,0 +1,143 @@
+"""PDO codecs round trip; mappings are configured by the book."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.errors import ConfigurationError
+from drivers.objects import ObjectRef
+from drivers.pdo import MappedObject, PdoMapping, PdoRecord
+
+# CiA 301 data type -> bits and range, written down apart from the code under test
+INTEGERS = {
+    0x02: (8, -(2**7), 2**7 - 1), 0x03: (16, -(2**15), 2**15 - 1),
+    0x04: (32, -(2**31), 2**31 - 1), 0x15: (64, -(2**63), 2**63 - 1),
+    0x05: (8, 0, 2**8 - 1), 0x06: (16, 0, 2**16 - 1),
+    0x07: (32, 0, 2**32 - 1), 0x1B: (64, 0, 2**64 - 1),
+}  # fmt: skip
+
+
+def ref(number: int) -> ObjectRef:
+    return ObjectRef(0x6000 + number, number % 3, "something")
+
+
+@st.composite
+def mapping_and_values(draw: st.DrawFn) -> tuple[PdoMapping, list[int]]:
+    entries: list[MappedObject] = []
+    values: list[int] = []
+    left = 64
+    while left >= 8 and (not entries or draw(st.booleans())):
+        kind = draw(st.sampled_from([k for k, (bits, _, _) in INTEGERS.items() if bits <= left]))
+        bits, low, high = INTEGERS[kind]
+        entries.append(MappedObject(ref(len(entries)), kind))
+        values.append(draw(st.integers(low, high)))
+        left -= bits
+    return PdoMapping(tuple(entries)), values
+
+
+@given(mapping_and_values())
+def test_every_mapping_round_trips(case: tuple[PdoMapping, list[int]]) -> None:
+    mapping, values = case
+    data = mapping.encode(values)
+    assert len(data) * 8 == sum(e.bits for e in mapping.entries)
+    assert list(mapping.decode(data)) == values
+
+
+@given(mapping_and_values())
+def test_values_lie_little_endian_one_after_the_other(
+    case: tuple[PdoMapping, list[int]],
+) -> None:
+    mapping, values = case
+    whole = int.from_bytes(mapping.encode(values), "little")
+    for entry, value in zip(mapping.entries, values, strict=True):
+        assert whole & (2**entry.bits - 1) == value % 2**entry.bits
+        whole >>= entry.bits
+    assert whole == 0
+
+
+@given(st.floats(width=32, allow_nan=False))
+def test_real32_round_trips(value: float) -> None:
+    mapping = PdoMapping((MappedObject(ref(0), 0x08),))
+    assert mapping.decode(mapping.encode([value])) == (value,)
+
+
+def test_mapping_entries_are_index_sub_bits() -> None:
+    assert MappedObject(ObjectRef(0x607A, 0, ""), 0x04).entry == 0x607A0020
+    assert MappedObject(ObjectRef(0x2001, 5, ""), 0x05).entry == 0x20010508
+
+
+@pytest.mark.parametrize("kind", [0x01, 0x09, 0x10, 0x16, 0x0F])  # boolean, string, 24 bit, domain
+def test_types_without_a_codec_are_refused_by_name(kind: int) -> None:
+    with pytest.raises(ConfigurationError, match=r"0x6003:00 something: data type 0x00"):
+        MappedObject(ref(3), kind)
+
+
+def test_more_than_64_bits_are_refused() -> None:
+    with pytest.raises(ConfigurationError, match="72"):
+        PdoMapping((MappedObject(ref(0), 0x1B), MappedObject(ref(1), 0x05)))
+
+
+def test_a_value_that_does_not_fit_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="do not fit"):
+        PdoMapping((MappedObject(ref(0), 0x03),)).encode([40_000])
+
+
+@pytest.mark.parametrize("size", [0, 1, 3, 8])
+def test_a_frame_of_another_length_is_refused(size: int) -> None:
+    with pytest.raises(ConfigurationError, match=f"PDO of {size} bytes, its mapping has 2"):
+        PdoMapping((MappedObject(ref(0), 0x03),)).decode(bytes(size))
+
+
+class StrictNode:
+    """Refuses what CiA 301 forbids while configuring a PDO."""
+
+    name = "x"
+
+    def __init__(self, cob: int) -> None:
+        self.held = {(0x1800, 1): cob, (0x1800, 2): 254, (0x1A00, 0): 2}
+
+    def offers(self, obj: ObjectRef) -> bool:
+        return obj.index in (0x1800, 0x1A00)
+
+    def read(self, obj: ObjectRef) -> int:
+        return self.held[obj.index, obj.sub]
+
+    def write(self, obj: ObjectRef, value: int) -> None:
+        invalid = self.held[0x1800, 1] >> 31
+        if obj.index == 0x1A00:
+            assert invalid, "mapping changed while the PDO is valid"
+            assert obj.sub == 0 or self.held[0x1A00, 0] == 0, "entry written while count > 0"
+        elif obj.sub == 1:
+            old = self.held[0x1800, 1]
+            assert invalid or value >> 31, "COB-ID changed while the PDO is valid"
+            assert not (invalid and not value >> 31) or (old ^ value) & 0x7FF == 0, (
+                "new COB-ID and valid in one write"
+            )
+            assert (old ^ value) >> 30 & 1 == 0, "RTR bit changed"
+        else:
+            assert invalid, "transmission type changed while the PDO is valid"
+        self.held[obj.index, obj.sub] = value
+
+
+@pytest.mark.parametrize("cob", [0x181, 0xC0000000 | 0x181, 0x40000000 | 0x281, 0x80000000])
+def test_configuration_passes_a_strict_node(cob: int) -> None:
+    node = StrictNode(cob)
+    mapping = PdoMapping((MappedObject(ObjectRef(0x6041, 0, ""), 0x06),))
+    PdoRecord.transmit(1).configure(node, 0x181, mapping)
+    assert node.held == {
+        (0x1800, 1): 0x181 | cob & 1 << 30, (0x1800, 2): 1,
+        (0x1A00, 0): 1, (0x1A00, 1): 0x60410010,
+    }  # fmt: skip
+    PdoRecord.transmit(1).disable(node)
+    assert node.held[0x1800, 1] >> 31 == 1
+    PdoRecord.transmit(7).disable(node)  # not offered: nothing to do
+
+
+def test_the_stage_rpdo_is_what_struct_says() -> None:
+    kinds = ((0x6040, 0x06), (0x607A, 0x04), (0x60B2, 0x03))
+    mapping = PdoMapping(tuple(MappedObject(ObjectRef(i, 0, ""), t) for i, t in kinds))
+    assert mapping.encode([0x0F, -150_000_000, -25]) == struct.pack("<Hih", 0x0F, -150_000_000, -25)

@@ -1,0 +1,243 @@
+"""A host that speaks plain CANopen frames, and a plant that follows its demand exactly."""
+
+from __future__ import annotations
+
+import itertools
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import can
+import pytest
+
+from hil_sim.lockstep import World
+from hil_sim.settings import AxisSettings, ControlSettings, FrictionSettings, StageSettings
+from hil_sim.stage import VirtualStage
+
+MS = 1_000_000
+
+
+def axis(name: str, node: int) -> AxisSettings:
+    return AxisSettings(
+        name=name,
+        node=node,
+        mass=8.0,
+        friction=FrictionSettings(10, 6.0, 0.4, 2e-3, 1.0, 6e5, 600.0, 20.0, 0.01, 0.5),
+        control=ControlSettings(341e3, 16.07e6, 2714.0, 8.842e-4, 1500.0, 40.0, 120.0, 1e-4),
+        increment=1e-9,
+        noise=1e-9,
+        travel=(-0.15, 0.15),
+        velocity=1.0,
+        acceleration=10.0,
+        jerk=2000.0,
+        following_error=1e-3,
+    )
+
+
+class FollowingPlant:
+    """Implements `PlantPort`: the encoder is where the demand is, unless the axis is blocked."""
+
+    def __init__(self, start: tuple[float, ...], tick_ns: int = 100_000) -> None:
+        self.tick_ns = tick_ns
+        self.time_ns = 0
+        self.actual = list(start)
+        self.blocked = [False] * len(start)
+        self.powered = [False] * len(start)
+        self.offset = [0.0] * len(start)
+        self.commands: list[tuple[int, int, float, float, int]] = []
+        self._demand = list(start)
+        self._ramp = [(x, x, 1, 1) for x in start]  # from, to, ticks, done
+        self._worst = [0.0] * len(start)
+
+    def advance_to(self, time_ns: int) -> None:
+        while self.time_ns < time_ns:
+            self.time_ns += self.tick_ns
+            for a, (start, end, ticks, done) in enumerate(self._ramp):
+                done = min(done + 1, ticks)
+                self._ramp[a] = (start, end, ticks, done)
+                if self.powered[a]:
+                    self._demand[a] = end if done == ticks else start + (end - start) * done / ticks
+                    if not self.blocked[a]:
+                        self.actual[a] = self._demand[a]
+                    self._worst[a] = max(self._worst[a], abs(self._demand[a] - self.actual[a]))
+
+    def power(self, axis: int, on: bool) -> None:
+        self.powered[axis] = on
+        x = self.actual[axis]
+        self._demand[axis] = x
+        self._ramp[axis] = (x, x, 1, 1)
+        self.offset[axis] = 0.0
+
+    def command(self, axis: int, position: float, force: float, ticks: int) -> None:
+        self.commands.append((self.time_ns, axis, position, force, ticks))
+        self._ramp[axis] = (self._demand[axis], position, ticks, 0)
+        self.offset[axis] = force
+
+    def encoder(self, axis: int) -> int:
+        return round(self.actual[axis] * 1e9)
+
+    def force(self, axis: int) -> float:
+        return self.offset[axis]
+
+    def demand(self, axis: int) -> float:
+        return self._demand[axis]
+
+    def velocity(self, axis: int) -> float:
+        return 0.0
+
+    def following_error(self, axis: int) -> float:
+        worst, self._worst[axis] = self._worst[axis], 0.0
+        return worst
+
+
+class SdoAbortError(Exception):
+    """An abort code from the drive."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(f"0x{code:08X}")
+        self.code = code
+
+
+@dataclass
+class Frame:
+    time_ns: int
+    can_id: int
+    data: bytes
+
+
+class Host:
+    """Frames out, frames in; knows nothing of the drive's insides."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self.bus = bus
+        self.clock = bus.clock  # type: ignore[attr-defined]
+        self.frames: list[Frame] = []
+
+    def send(self, can_id: int, data: bytes = b"") -> None:
+        self.bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+        self.read()
+
+    def read(self) -> None:
+        while (message := self.bus.recv(0)) is not None:
+            self.frames.append(
+                Frame(round(message.timestamp * 1e9), message.arbitration_id, bytes(message.data))
+            )
+
+    def wait(self, milliseconds: float) -> None:
+        self.clock.sleep_until_ns(self.clock.now_ns() + round(milliseconds * MS))
+        self.read()
+
+    def take(self, can_id: int) -> list[Frame]:
+        """Frames with this id received so far, which are forgotten then."""
+        self.read()
+        found = [f for f in self.frames if f.can_id == can_id]
+        self.frames = [f for f in self.frames if f.can_id != can_id]
+        return found
+
+    def request(self, node: int, payload: bytes) -> bytes:
+        self.take(0x580 + node)
+        self.send(0x600 + node, payload)
+        (answer,) = self.take(0x580 + node)
+        if answer.data[0] == 0x80:
+            raise SdoAbortError(struct.unpack_from("<I", answer.data, 4)[0])
+        return answer.data
+
+    def write(self, node: int, index: int, sub: int, fmt: str, value: float) -> None:
+        data = struct.pack("<" + fmt, value)
+        head = struct.pack("<BHB", 0x23 | (4 - len(data)) << 2, index, sub)
+        self.request(node, head + data.ljust(4, b"\0"))
+
+    def refusal(self, action: Callable[[], object]) -> int:
+        """The abort code that an SDO access is answered with."""
+        try:
+            action()
+        except SdoAbortError as abort:
+            return abort.code
+        raise AssertionError("was not refused")
+
+    def read_object(self, node: int, index: int, sub: int, fmt: str) -> int:
+        answer = self.request(node, struct.pack("<BHB4x", 0x40, index, sub))
+        size = 4 - (answer[0] >> 2 & 3)
+        assert size == struct.calcsize("<" + fmt)
+        return struct.unpack_from("<" + fmt, answer, 4)[0]
+
+    def upload(self, node: int, index: int, sub: int) -> bytes:
+        """Segmented upload."""
+        answer = self.request(node, struct.pack("<BHB4x", 0x40, index, sub))
+        assert not answer[0] & 2, "was expedited"
+        (size,) = struct.unpack_from("<I", answer, 4)
+        data = b""
+        for toggle in itertools.cycle((0x60, 0x70)):
+            answer = self.request(node, bytes((toggle, 0, 0, 0, 0, 0, 0, 0)))
+            data += answer[1 : 8 - (answer[0] >> 1 & 7)]
+            if answer[0] & 1:
+                break
+        assert len(data) == size
+        return data
+
+    def nmt(self, command: int, node: int = 0) -> None:
+        self.send(0x000, bytes((command, node)))
+
+    def statusword(self, node: int = 1) -> int:
+        return self.read_object(node, 0x6041, 0, "H")
+
+    def control(self, word: int, node: int = 1) -> int:
+        """Controlword by SDO; the statusword after it."""
+        self.write(node, 0x6040, 0, "H", word)
+        return self.statusword(node)
+
+    def enable(self, mode: int, node: int = 1) -> None:
+        self.write(node, 0x6060, 0, "b", mode)
+        for word in (0x06, 0x07, 0x0F):
+            status = self.control(word, node)
+        assert status & 0x6F == 0x27
+
+    def cycle(
+        self, target: int, force: int = 0, word: int = 0x0F, node: int = 1
+    ) -> tuple[int, ...]:
+        """One SYNC of 1 ms with the default mapping: statusword, position, force."""
+        self.send(0x200 + node, struct.pack("<Hih", word, target, force))
+        self.send(0x080)
+        frame = self.take(0x180 + node)[-1]
+        self.wait(1)
+        return struct.unpack("<Hih", frame.data)
+
+
+_names = (f"unit-{n}" for n in itertools.count())
+
+
+@pytest.fixture
+def stage_settings() -> StageSettings:
+    return StageSettings(1e-3, (axis("x", 1), axis("y", 2)))
+
+
+@pytest.fixture
+def plant() -> FollowingPlant:
+    return FollowingPlant((2.5e-3, -1e-3))
+
+
+@pytest.fixture
+def world() -> World:
+    return World(next(_names))
+
+
+@pytest.fixture
+def stage(stage_settings: StageSettings, plant: FollowingPlant, world: World) -> VirtualStage:
+    stage = VirtualStage(stage_settings, seed=1, plant=plant)
+    stage.attach(world)
+    return stage
+
+
+@pytest.fixture
+def host(stage: VirtualStage, world: World) -> Iterator[Host]:
+    """A host on the bus of the following plant, 30 ms after power-on, nodes pre-operational."""
+    with can.Bus(interface="lockstep", channel=world.name) as bus:
+        host = Host(bus)
+        host.wait(30)
+        yield host
+
+
+@pytest.fixture
+def make_host() -> type[Host]:
+    """`Host` itself, for tests that bring their own bus."""
+    return Host

@@ -1,0 +1,144 @@
+"""The EDS that we ship, checked as CiA 306 tools do."""
+
+from __future__ import annotations
+
+import configparser
+import logging
+import re
+
+import canopen
+import pytest
+from canopen.objectdictionary import ODVariable, datatypes
+
+from hil_sim.dictionary import EDS_PATH
+
+PROMISED = (
+    "1000 1001 1003 1005 1006 1007 1008 1009 100A 1014 1016 1017 1018 1200 6040 6041 6060 6061 "
+    "6502 607A 6064 606C 6077 60B2 60F4 6065 6066 6067 6068 6071 6072 6073 6074 6075 6076 607D "
+    "6081 6083 6084 6085 6098 6099 609A 60C2 605A 605B 605C 605D 605E 6007 608F 6091 6092 603F "
+    "607C 1400 1401 1402 1403 1600 1601 1602 1603 1800 1801 1802 1803 1A00 1A01 1A02 1A03 2000"
+).split()
+ACCESS = {"ro", "rw", "wo", "rwr", "rww", "const"}
+TYPES = {
+    datatypes.INTEGER8, datatypes.INTEGER16, datatypes.INTEGER32, datatypes.UNSIGNED8,
+    datatypes.UNSIGNED16, datatypes.UNSIGNED32, datatypes.REAL32, datatypes.REAL64,
+    datatypes.VISIBLE_STRING,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def eds() -> configparser.RawConfigParser:
+    parser = configparser.RawConfigParser(strict=True)  # a duplicate section or key is an error
+    parser.optionxform = str  # type: ignore[method-assign,assignment]
+    parser.read(EDS_PATH)
+    return parser
+
+
+@pytest.fixture(scope="module")
+def dictionary() -> canopen.ObjectDictionary:
+    return canopen.import_od(str(EDS_PATH), node_id=5)
+
+
+def variables(dictionary):
+    for entry in dictionary.values():
+        yield from [entry] if isinstance(entry, ODVariable) else entry.values()
+
+
+def test_canopen_loads_it_without_a_warning(caplog):
+    with caplog.at_level(logging.WARNING):
+        canopen.import_od(str(EDS_PATH), node_id=1)
+    assert caplog.records == []
+
+
+def test_promised_objects_are_there(dictionary):
+    assert [i for i in PROMISED if int(i, 16) not in dictionary] == []
+
+
+def test_lists_of_objects_are_complete_and_disjoint(eds):
+    listed: list[int] = []
+    for section in ("MandatoryObjects", "OptionalObjects", "ManufacturerObjects"):
+        count = int(eds[section]["SupportedObjects"])
+        entries = [int(eds[section][str(n)], 16) for n in range(1, count + 1)]
+        assert len(eds[section]) == count + 1
+        assert entries == sorted(entries)
+        assert all((0x2000 <= i < 0x6000) == (section == "ManufacturerObjects") for i in entries)
+        listed += entries
+    sections = [int(s, 16) for s in eds.sections() if re.fullmatch("[0-9A-F]{4}", s)]
+    assert sorted(listed) == sorted(sections)
+    assert len(set(listed)) == len(listed)
+    assert {0x1000, 0x1001, 0x1018} <= set(listed)
+
+
+def test_sub_numbers_match_the_sub_objects(eds):
+    for section in eds.sections():
+        if not re.fullmatch("[0-9A-F]{4}", section) or eds[section]["ObjectType"] == "0x7":
+            continue
+        subs = [int(s[7:], 16) for s in eds.sections() if re.fullmatch(section + "sub[0-9A-F]+", s)]
+        assert int(eds[section]["SubNumber"]) == len(subs), section
+        highest = eds[section + "sub0"]["DefaultValue"]
+        if not section.startswith(("16", "1A")) and section != "1003":
+            assert int(highest, 0) == max(subs), section
+
+
+def test_types_access_and_ranges(dictionary):
+    for v in variables(dictionary):
+        where = f"{v.index:04X}:{v.subindex}"
+        assert v.data_type in TYPES, where
+        assert v.access_type in ACCESS, where
+        assert v.name, where
+        if v.default is not None and v.data_type != datatypes.VISIBLE_STRING:
+            v.encode_raw(v.default)  # fits its type
+            assert v.min is None or v.default >= v.min, where
+            assert v.max is None or v.default <= v.max, where
+
+
+def test_default_mappings_are_legal(dictionary):
+    for base, direction in ((0x1600, "writable"), (0x1A00, "readable")):
+        for n in range(4):
+            record = dictionary[base + n]
+            bits = 0
+            for sub in range(1, record[0].default + 1):
+                entry = record[sub].default
+                mapped = dictionary[entry >> 16]
+                if not isinstance(mapped, ODVariable):
+                    mapped = mapped[entry >> 8 & 0xFF]
+                assert mapped.pdo_mappable
+                assert getattr(mapped, direction)
+                assert len(mapped) == entry & 0xFF
+                bits += entry & 0xFF
+            assert bits <= 64
+
+
+def test_pdo_cob_ids_follow_the_node(dictionary):
+    assert [dictionary[0x1400 + n][1].default & 0x7FF for n in range(4)] == [
+        0x205, 0x305, 0x405, 0x505,
+    ]  # fmt: skip
+    assert [dictionary[0x1800 + n][1].default & 0x7FF for n in range(4)] == [
+        0x185, 0x285, 0x385, 0x485,
+    ]  # fmt: skip
+
+
+def test_file_and_device_information(eds, dictionary):
+    info, device = eds["FileInfo"], eds["DeviceInfo"]
+    for key in (
+        "FileName", "FileVersion", "FileRevision", "EDSVersion", "Description", "CreationTime",
+        "CreationDate", "CreatedBy", "ModificationTime", "ModificationDate", "ModifiedBy",
+    ):  # fmt: skip
+        assert info[key], key
+    assert info["FileName"] == EDS_PATH.name
+    assert int(device["VendorNumber"], 0) == dictionary[0x1018][1].default
+    assert int(device["ProductNumber"], 0) == dictionary[0x1018][2].default
+    assert int(device["RevisionNumber"], 0) == dictionary[0x1018][3].default
+    assert (int(device["NrOfRXPDO"]), int(device["NrOfTXPDO"])) == (4, 4)
+    lines = int(eds["Comments"]["Lines"])
+    assert all(f"Line{n}" in eds["Comments"] for n in range(1, lines + 1))
+
+
+def test_drive_serves_every_readable_object(host):
+    for v in variables(canopen.import_od(str(EDS_PATH), node_id=1)):
+        if v.index == 0x1003 and v.subindex:
+            continue  # empty
+        if v.data_type == datatypes.REAL64 or v.data_type == datatypes.VISIBLE_STRING:
+            host.upload(1, v.index, v.subindex)
+        else:
+            host.request(1, bytes((0x40, v.index & 0xFF, v.index >> 8, v.subindex, 0, 0, 0, 0)))

@@ -1,0 +1,185 @@
+"""The bus in virtual time, as python-can and canopen use it."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+
+import can
+import canopen
+import pytest
+
+from hil_sim.lockstep import World
+
+_names = (f"lockstep-{n}" for n in itertools.count())
+
+
+def frame(can_id: int, data: bytes = b"") -> can.Message:
+    return can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
+
+
+@pytest.fixture
+def name() -> str:
+    return next(_names)
+
+
+@pytest.fixture
+def bus(name):
+    with can.Bus(interface="lockstep", channel=name) as bus:
+        yield bus
+
+
+def test_everything_that_follows_is_done_when_send_returns(bus):
+    world = bus.world
+    order = []
+    world.subscribe(0x80, lambda d: (order.append("a"), world.emit(0x181, b"\x01")))
+    world.subscribe(0x80, lambda d: (order.append("b"), world.emit(0x182, b"\x02")))
+    world.subscribe(0x181, lambda d: order.append("c"))
+    bus.send(frame(0x80))
+    assert order == ["a", "b", "c"]  # first come, first delivered
+    assert [bus.recv(0).arbitration_id for _ in range(2)] == [0x181, 0x182]
+    assert bus.recv(0) is None
+
+
+def test_only_waiting_moves_time(bus):
+    bus.send(frame(1))
+    assert bus.clock.now_ns() == 0
+    began = time.monotonic()
+    assert bus.recv(3600.0) is None
+    assert time.monotonic() - began < 1.0
+    assert bus.clock.now_ns() == 3600 * 10**9
+    assert bus.recv(-1.0) is None
+    assert bus.clock.now_ns() == 3600 * 10**9
+
+
+def test_a_frame_on_the_way_ends_the_wait_at_its_time(bus):
+    bus.world.at(7_000_000, lambda: bus.world.emit(0x700, b"\x05"))
+    message = bus.recv(1.0)
+    assert message.timestamp == pytest.approx(7e-3)
+    assert bus.clock.now_ns() == 7_000_000
+
+
+def test_recv_of_zero_runs_what_is_due_now(bus):
+    world = bus.world
+    bus.clock.sleep_until_ns(5)
+    for can_id in (0x701, 0x702):
+        world.at(5, lambda can_id=can_id: world.emit(can_id, b"\0"))
+    assert bus.recv(0).arbitration_id == 0x701
+    assert bus.recv(0).arbitration_id == 0x702
+    assert bus.clock.now_ns() == 5
+
+
+def test_timers_run_in_order_and_may_be_cancelled(bus):
+    world, seen = bus.world, []
+    world.at(20, lambda: seen.append("late"))
+    world.at(10, lambda: seen.append("first"))
+    world.at(10, lambda: seen.append("second"))
+    world.at(15, lambda: seen.append("never")).cancel()
+    bus.clock.sleep_until_ns(30)
+    assert seen == ["first", "second", "late"]
+
+
+def test_waiting_for_ever_for_nothing_is_an_error(bus):
+    with pytest.raises(can.CanOperationError, match="no timer pending"):
+        bus.recv(None)
+
+
+def test_hosts_hear_each_other_but_not_themselves(name, bus):
+    with can.Bus(interface="lockstep", channel=name) as other:
+        bus.send(frame(0x123, b"\x01\x02"))
+        heard = other.recv(0)
+        assert (heard.arbitration_id, bytes(heard.data), heard.is_rx) == (0x123, b"\x01\x02", True)
+        assert bus.recv(0) is None
+    with can.Bus(interface="lockstep", channel=name, receive_own_messages=True) as echo:
+        echo.send(frame(0x7))
+        assert not echo.recv(0).is_rx
+
+
+def test_nodes_hear_only_data_frames_with_short_ids(name, bus):
+    heard = []
+    bus.world.subscribe(0x100, heard.append)
+    bus.send(can.Message(arbitration_id=0x100, is_extended_id=True))
+    bus.send(can.Message(arbitration_id=0x100, is_extended_id=False, is_remote_frame=True))
+    bus.send(frame(0x100, b"\x07"))
+    assert heard == [b"\x07"]
+
+
+def test_filters(bus):
+    bus.set_filters([{"can_id": 0x80, "can_mask": 0x7FF}])
+    bus.world.emit(0x81, b"")
+    bus.world.emit(0x80, b"")
+    assert bus.recv(0).arbitration_id == 0x80
+    assert bus.recv(0) is None
+
+
+def test_periodic_sending_in_virtual_time(name, bus):
+    with can.Bus(interface="lockstep", channel=name) as other:
+        task = bus.send_periodic(frame(0x80), 0.001)
+        bus.clock.sleep_until_ns(10_000_000)
+        task.stop()
+        bus.clock.sleep_until_ns(20_000_000)
+        stamps = []
+        while (message := other.recv(0)) is not None:
+            stamps.append(round(message.timestamp * 1e9))
+        assert stamps == [k * 1_000_000 for k in range(11)]
+
+
+def test_periodic_sending_for_a_duration(name, bus):
+    with can.Bus(interface="lockstep", channel=name) as other:
+        bus.send_periodic(frame(0x80), 0.001, duration=0.003)
+        bus.clock.sleep_until_ns(10_000_000)
+        assert len([1 for _ in range(9) if other.recv(0)]) == 3
+
+
+def test_foreign_thread_is_refused(bus):
+    errors = []
+
+    def foreign() -> None:
+        try:
+            bus.recv(1.0)
+        except can.CanOperationError as error:
+            errors.append(str(error))
+
+    thread = threading.Thread(target=foreign)
+    thread.start()
+    thread.join()
+    assert len(errors) == 1
+    assert "another thread" in errors[0]
+    assert bus.clock.now_ns() == 0
+
+
+def test_closed_bus_is_refused(name):
+    bus = can.Bus(interface="lockstep", channel=name)
+    bus.shutdown()
+    bus.shutdown()
+    with pytest.raises(can.CanOperationError, match="closed"):
+        bus.send(frame(1))
+
+
+def test_a_new_world_takes_the_name_over(name):
+    old = World(name)
+    new = World(name)
+    assert World.get(name) is new is not old
+    assert World.get(0) is World.get("0")
+
+
+def test_thread_safe_bus_has_the_clock(name):
+    with can.ThreadSafeBus(interface="lockstep", channel=name) as bus:
+        assert bus.recv(0.5) is None
+        assert bus.clock.now_ns() == 500_000_000
+
+
+def test_canopen_nodes_on_both_ends(name):
+    """The LocalNode of canopen as a node of the world: heartbeat through `send_periodic`."""
+    with can.Bus(interface="lockstep", channel=name) as bus:
+        network = canopen.Network(bus)
+        node = network.create_node(5, canopen.ObjectDictionary())
+        with can.Bus(interface="lockstep", channel=name) as other:
+            node.nmt.start_heartbeat(100)
+            bus.clock.sleep_until_ns(1_000_000_000)
+            beats = []
+            while (message := other.recv(0)) is not None:
+                beats.append(message.arbitration_id)
+            node.nmt.stop_heartbeat()
+        assert beats == [0x705] * 11

@@ -1,0 +1,195 @@
+"""Process data: mapping by the book, transmission types, what a SYNC latches."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+
+VALID_T1, OFF = 0x40000181, 1 << 31
+
+
+def remap(host, mapping, communication, entries, cob, kind=1):
+    host.write(1, communication, 1, "I", cob | OFF)
+    host.write(1, communication, 2, "B", kind)
+    host.write(1, mapping, 0, "B", 0)
+    for n, entry in enumerate(entries, 1):
+        host.write(1, mapping, n, "I", entry)
+    host.write(1, mapping, 0, "B", len(entries))
+    host.write(1, communication, 1, "I", cob)
+
+
+@pytest.fixture
+def other(host):
+    """TPDO 1 switched off on both nodes, so that only what a test sets up is heard."""
+    for node in (1, 2):
+        host.write(node, 0x1800, 1, "I", 0xC0000180 + node)
+    return host
+
+
+def test_remapped_tpdo(other):
+    remap(other, 0x1A01, 0x1801, [0x60610008, 0x60640020, 0x60410010], 0x40000281)
+    other.nmt(1)
+    other.send(0x080)
+    (frame,) = other.take(0x281)
+    assert struct.unpack("<biH", frame.data)[:2] == (0, 0)
+
+
+def test_mapping_is_refused_out_of_order(host):
+    entry = 0x60640020
+    assert host.refusal(lambda: host.write(1, 0x1A00, 0, "B", 0)) == 0x06010000  # PDO is valid
+    host.write(1, 0x1800, 1, "I", VALID_T1 | OFF)
+    assert (
+        host.refusal(lambda: host.write(1, 0x1A00, 1, "I", entry)) == 0x06010000
+    )  # count is not 0
+    host.write(1, 0x1A00, 0, "B", 0)
+    host.write(1, 0x1A00, 1, "I", entry)
+    host.write(1, 0x1A00, 0, "B", 1)
+    host.write(1, 0x1800, 1, "I", VALID_T1)
+
+
+def test_mapping_entries_are_checked(host):
+    host.write(1, 0x1800, 1, "I", VALID_T1 | OFF)
+    host.write(1, 0x1A00, 0, "B", 0)
+
+    def entry(value):
+        return host.refusal(lambda: host.write(1, 0x1A00, 1, "I", value))
+
+    assert entry(0x5FFF0010) == 0x06020000  # absent
+    assert entry(0x60640120) == 0x06090011 or entry(0x60640120) == 0x06020000
+    assert entry(0x60760020) == 0x06040041  # not for PDOs
+    assert entry(0x60640010) == 0x06040041  # 32 bits wide
+    host.write(1, 0x1400, 1, "I", 0x80000201)
+    host.write(1, 0x1600, 0, "B", 0)
+    refused = host.refusal(lambda: host.write(1, 0x1600, 1, "I", 0x60410010))
+    assert refused == 0x06040041  # the host cannot write it
+
+
+def test_more_than_eight_bytes(host):
+    host.write(1, 0x1800, 1, "I", VALID_T1 | OFF)
+    host.write(1, 0x1A00, 0, "B", 0)
+    for n in (1, 2, 3):
+        host.write(1, 0x1A00, n, "I", 0x60640020)
+    assert host.refusal(lambda: host.write(1, 0x1A00, 0, "B", 3)) == 0x06040042
+    host.write(1, 0x1A00, 0, "B", 2)
+
+
+def test_cob_id_rules(host):
+    def cob(value):
+        return host.refusal(lambda: host.write(1, 0x1800, 1, "I", value))
+
+    assert cob(0x40000281) == 0x06090030  # not while it is valid
+    host.write(1, 0x1800, 1, "I", VALID_T1 | OFF)
+    assert cob(0x00000181) == 0x06090030  # no RTR here
+    assert cob(0x60000181) == 0x06090030  # 11 bits only
+    assert cob(0x40000601) == 0x06090030  # SDO's
+    assert host.refusal(lambda: host.write(1, 0x1800, 2, "B", 252)) == 0x06090030  # RTR only
+
+
+def test_each_nth_sync(other):
+    remap(other, 0x1A00, 0x1800, [0x60410010], VALID_T1, kind=3)
+    other.nmt(1)
+    counts = []
+    for _ in range(7):
+        other.send(0x080)
+        counts.append(len(other.take(0x181)))
+    assert counts == [0, 0, 1, 0, 0, 1, 0]
+
+
+def test_type_0_sends_when_changed(other):
+    remap(other, 0x1A00, 0x1800, [0x60410010], VALID_T1, kind=0)
+    other.nmt(1)
+    counts = []
+    for k in range(4):
+        if k == 2:
+            other.control(0x06)
+        other.send(0x080)
+        counts.append(len(other.take(0x181)))
+    assert counts == [1, 0, 1, 0]
+
+
+def test_event_driven_with_timer_and_inhibit(other):
+    remap(other, 0x1A00, 0x1800, [0x60410010], VALID_T1 | OFF, kind=255)
+    other.write(1, 0x1800, 3, "H", 50)  # 5 ms
+    other.write(1, 0x1800, 5, "H", 20)  # ms
+    other.write(1, 0x1800, 1, "I", VALID_T1)
+    other.nmt(1)
+    start = other.clock.now_ns()
+    assert len(other.take(0x181)) == 1
+    other.control(0x06)  # inside the inhibit time: deferred
+    assert other.take(0x181) == []
+    other.wait(60)
+    stamps = [f.time_ns - start for f in other.take(0x181)]
+    assert stamps == [5_000_000, 25_000_000, 45_000_000]
+    other.control(0x07)
+    assert len(other.take(0x181)) == 1
+
+
+def test_no_process_data_outside_operational(host):
+    host.send(0x080)
+    assert host.take(0x181) == []
+    host.nmt(1)
+    host.send(0x080)
+    assert len(host.take(0x181)) == 1
+    host.nmt(128)
+    host.send(0x080)
+    assert host.take(0x181) == []
+
+
+def test_asynchronous_rpdo_acts_at_once_and_synchronous_at_sync(host):
+    host.nmt(1)
+    host.send(0x201, struct.pack("<Hih", 0x06, 0, 0))
+    assert host.statusword() & 0x4F == 0x40
+    host.send(0x080)
+    assert host.statusword() & 0x6F == 0x21
+    host.write(1, 0x1400, 2, "B", 255)
+    host.send(0x201, struct.pack("<Hih", 0x07, 0, 0))
+    assert host.statusword() & 0x6F == 0x23
+
+
+def test_last_rpdo_before_the_sync_counts(host):
+    host.nmt(1)
+    for target in (1, 2, 3):
+        host.send(0x201, struct.pack("<Hih", 0, target, 0))
+    assert host.read_object(1, 0x607A, 0, "i") == 0
+    host.send(0x080)
+    assert host.read_object(1, 0x607A, 0, "i") == 3
+
+
+def test_wrong_length_is_announced_once(host):
+    host.nmt(1)
+    for _ in range(3):
+        host.send(0x201, b"\0\0\0")
+    (emcy,) = host.take(0x081)
+    assert struct.unpack_from("<H", emcy.data) == (0x8210,)
+    host.write(1, 0x1400, 1, "I", 0x80000201)
+    host.write(1, 0x1600, 0, "B", 0)
+    host.write(1, 0x1600, 0, "B", 2)
+    host.write(1, 0x1400, 1, "I", 0x201)
+    host.send(0x201, struct.pack("<Hih", 0, 9, 0))
+    host.send(0x080)
+    assert struct.unpack_from("<H", host.take(0x081)[0].data) == (0x8220,)
+    assert host.read_object(1, 0x607A, 0, "i") == 9
+
+
+def test_rpdo_cannot_bring_in_what_sdo_may_not(host):
+    remap(host, 0x1601, 0x1401, [0x60600008], 0x301)
+    host.nmt(1)
+    host.send(0x301, struct.pack("<b", 3))
+    host.send(0x080)
+    assert host.read_object(1, 0x6061, 0, "b") == 0
+    host.send(0x301, struct.pack("<b", 8))
+    host.send(0x080)
+    assert host.read_object(1, 0x6061, 0, "b") == 8
+
+
+def test_rpdo_later_than_the_window_is_dropped(host):
+    host.write(1, 0x1007, 0, "I", 500)
+    host.nmt(1)
+    host.send(0x080)
+    host.wait(0.4)
+    host.send(0x201, struct.pack("<Hih", 0, 1, 0))
+    host.wait(0.4)
+    host.send(0x201, struct.pack("<Hih", 0, 2, 0))
+    host.send(0x080)
+    assert host.read_object(1, 0x607A, 0, "i") == 1

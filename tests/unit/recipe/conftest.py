@@ -1,0 +1,43 @@
+"""A machine, and a recipe text to change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from stagectl.config import Machine, load_machine
+from stagectl.errors import ConfigError
+from stagectl.recipe import Recipe, parse_recipe
+
+INSPECTION = Path(__file__).parents[3] / "recipes" / "inspection-20.yaml"
+
+
+@pytest.fixture(scope="session")
+def machine() -> Machine:
+    return load_machine()
+
+
+@pytest.fixture(scope="session")
+def inspection() -> str:
+    """The text of the recipe that the project ships."""
+    return INSPECTION.read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def recipe_of(machine: Machine) -> Callable[[str], Recipe]:
+    return lambda text: parse_recipe(text, "r.yaml", machine)
+
+
+@pytest.fixture
+def problems_of(machine: Machine) -> Callable[[str], tuple[str, ...]]:
+    """The problems of a text, which must have some."""
+
+    def problems(text: str, name: str = "r.yaml") -> tuple[str, ...]:
+        with pytest.raises(ConfigError) as caught:
+            parse_recipe(text, name, machine)
+        assert all("\n" not in line for line in caught.value.problems)
+        return caught.value.problems
+
+    return problems

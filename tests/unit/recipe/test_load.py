@@ -1,0 +1,352 @@
+"""Recipe files against a machine: what is read, and that every bad one says where and why."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from stagectl.config import Machine
+from stagectl.errors import ConfigError
+from stagectl.recipe import Recipe, load_recipe
+from stagectl.recipe.model import ListedMarks, NoMark, Profile, SimulatedMark
+
+Problems = Callable[..., tuple[str, ...]]
+RecipeOf = Callable[[str], Recipe]
+
+HEAD = """recipe: a
+macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
+micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
+settle: {window: 50 nm, hold: 5 ms, timeout: 0.15}
+"""
+
+
+def test_the_shipped_recipe(inspection: str, recipe_of: RecipeOf) -> None:
+    recipe = recipe_of(inspection)
+    assert recipe.name == "inspection-20"
+    assert recipe.axes == ("x", "y")
+    assert recipe.macro == Profile(0.5, 3.0, 200.0)
+    assert recipe.settle.window == 5e-8
+    assert recipe.settle.on_timeout == "continue"
+    assert recipe.expose == 0.02
+    assert recipe.fiducial == SimulatedMark(80e-6, 1)
+    assert recipe.text == inspection
+    assert len(recipe.sites) == 20
+    # serpentine: the second row runs backwards, so neighbours in the visit are one pitch apart
+    assert recipe.sites[:6] == (
+        (-0.05, -0.05), (-0.025, -0.05), (0.0, -0.05), (0.025, -0.05), (0.05, -0.05),
+        (0.05, -0.025),
+    )  # fmt: skip
+    assert recipe.sites[-1] == (-0.05, 0.025)
+
+
+def test_raster_order_starts_each_row_at_the_same_side(
+    inspection: str, recipe_of: RecipeOf
+) -> None:
+    recipe = recipe_of(inspection.replace("serpentine", "raster"))
+    assert recipe.sites[5] == (-0.05, -0.025)
+
+
+def test_units_mean_the_same_as_si_figures(inspection: str, recipe_of: RecipeOf) -> None:
+    text = (
+        inspection.replace("window: 5.0e-8", "window: 50 nm")
+        .replace("velocity: 0.01,", "velocity: 10 mm/s,")
+        .replace("range: 80.0e-6", "range: 80 um")
+        .replace("timeout: 0.15", "timeout: 150 ms")
+        .replace("pitch: [0.025, 0.025]", "pitch: [25 mm, 2.5 cm]")
+    )
+    one, other = recipe_of(inspection), recipe_of(text)
+    assert (one.settle, one.micro, one.fiducial, one.sites) == (
+        other.settle, other.micro, other.fiducial, other.sites,
+    )  # fmt: skip
+
+
+def test_optional_keys(inspection: str, recipe_of: RecipeOf) -> None:
+    recipe = recipe_of(
+        inspection + "lot: 1207\nwafer: W 03\nlimits: {settling: 10 ms, peak_error: 1 um}\n"
+    )
+    assert (recipe.lot, recipe.wafer) == ("1207", "W 03")
+    assert (recipe.limits.settling, recipe.limits.peak_error) == (0.01, 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key_and_reason"),
+    [
+        (
+            "velocity: 0.5",
+            "velocity: ^5 ms",
+            "macro.velocity: must be a velocity (SI, or a text such as '10 mm/s'), "
+            "but '5 ms' is a time",
+        ),
+        (
+            "velocity: 0.5",
+            "velocity: ^1.5",
+            "macro.velocity: 1.5 is above the limit of axis x (1), y (1)",
+        ),
+        ("jerk: 20.0", "jerk: ^20000", "micro.jerk: 20000 is above the limit of axis x (2000)"),
+        (
+            "acceleration: 3.0",
+            "acceleration: ^-3",
+            "macro.acceleration: must be > 0, is -3",
+        ),
+        (
+            "acceleration: 3.0",
+            "acceleration: ^.nan",
+            "macro.acceleration: must be a finite number, is .nan",
+        ),
+        (
+            "velocity: 0.5, acc",
+            "velocity: 0.5, ^velocity: 0.4, acc",
+            "macro.velocity: duplicate key (first at line 3)",
+        ),
+        (
+            "velocity: 0.5",
+            "^velocty: 0.5",
+            "macro.velocty: unknown key; did you mean 'velocity'?",
+        ),
+        (
+            "{velocity: 0.5, acceleration: 3.0, jerk: 200.0}",
+            "^[0.5, 3.0, 200.0]",
+            "macro: must be a mapping (key: value), is a list",
+        ),
+        ("macro: {", "^macros: {", "macros: unknown key; did you mean 'macro'?"),
+        (
+            "window: 5.0e-8",
+            "window: ^on",
+            "settle.window: must be a length (SI, or a text such as '80 um'), is 'on'",
+        ),
+        (
+            "window: 5.0e-8",
+            "window: ^1.0e-10",
+            "settle.window: is below the encoder increment, 1e-09 m",
+        ),
+        ("timeout: 0.15", "timeout: ^1 ms", "settle.timeout: is shorter than hold, 0.005 s"),
+        (
+            "timeout: 0.15",
+            "timeout: 0.15, on_timeout: ^shrug",
+            "settle.on_timeout: must be 'continue', 'retry' or 'stop', is 'shrug'",
+        ),
+        ("expose: 0.02", "expose: ^-1", "expose: must be >= 0, is -1"),
+        ("grid:", "girds:", "sites: must be {grid: ...}, {file: ...} or a list of pairs [x, y]"),
+        (
+            "count: [5, 4]",
+            "count: [5, ^4.5]",
+            "sites.grid.count[2]: must be a whole number, is 4.5",
+        ),
+        (
+            "count: [5, 4]",
+            "count: ^[999, 999]",
+            "sites.grid.count: more than 100000 sites: 998001",
+        ),
+        (
+            "{origin: [-0.05",
+            "^{origin: [-0.16",
+            "sites.grid: site 1: -0.16 m is outside the travel -0.15 ... 0.15 m of axis x "
+            "(4 sites in all)",
+        ),
+        (
+            "{origin: [-0.05, -0.05]",
+            "^{origin: [-0.15, -0.05]",
+            "sites.grid: site 1: -0.15 m with its fiducial 8e-05 m away is outside the travel",
+        ),
+        ("simulated,", "^simulates,", "fiducial.source: must be one of simulated, none, offsets"),
+        ("{source: simulated, ", "^{", "fiducial.source: is missing"),
+        ("seed: 1", "seed: ^-1", "fiducial.seed: must be >= 0, is -1"),
+        (
+            "simulated, range: 80.0e-6, seed: 1",
+            "plugin, name: ^camera",
+            "fiducial.name: no plug-in 'camera' is installed",
+        ),
+        ("recipe: inspection-20", "recipe: ^20", "recipe: must be a text, is 20"),
+    ],
+)
+def test_each_fault_is_one_line_at_its_place(
+    inspection: str, problems_of: Problems, old: str, new: str, key_and_reason: str
+) -> None:
+    """`^` in the new text marks the place that the problem should name."""
+    assert old in inspection
+    text = inspection.replace(old, new, 1)
+    (found,) = problems_of(text.replace("^", ""))
+    if "^" in text:
+        before = text[: text.index("^")]
+        place = f"{before.count(chr(10)) + 1}:{len(before) - before.rfind(chr(10))}"
+        assert found.startswith(f"r.yaml:{place}: {key_and_reason}")
+    else:
+        assert key_and_reason in found
+
+
+@pytest.mark.parametrize("key", ["recipe", "macro", "micro", "settle", "expose", "fiducial"])
+def test_keys_that_must_be_there(inspection: str, problems_of: Problems, key: str) -> None:
+    text = "\n".join(line for line in inspection.splitlines() if not line.startswith(f"{key}:"))
+    (found,) = problems_of(text)
+    assert found.endswith(f": {key}: is missing")
+
+
+def test_sites_and_moves_exclude_each_other(inspection: str, problems_of: Problems) -> None:
+    (both,) = problems_of(inspection + "moves: [{dwell: 1}]\n")
+    assert "moves: cannot stand beside sites" in both
+    (neither,) = problems_of(HEAD)
+    assert "sites: is missing (or a list of moves instead)" in neither
+
+
+def test_every_listed_site_outside_has_its_own_line(problems_of: Problems) -> None:
+    text = HEAD + "expose: 0\nfiducial: {source: none}\nsites:\n- [0, 0]\n- [0.2, 0]\n- [0, -1]\n"
+    assert problems_of(text) == (
+        "r.yaml:9:3: sites[2]: site 2: 0.2 m is outside the travel -0.15 ... 0.15 m of axis x",
+        "r.yaml:10:3: sites[3]: site 3: -1 m is outside the travel -0.15 ... 0.15 m of axis y",
+    )
+
+
+def test_a_site_at_the_very_edge_is_inside_without_a_fiducial(recipe_of: RecipeOf) -> None:
+    recipe = recipe_of(HEAD + "expose: 0\nfiducial: {source: none}\nsites: [[0.15, -0.15]]\n")
+    assert recipe.sites == ((0.15, -0.15),)
+    assert recipe.fiducial == NoMark()
+
+
+MOVES = HEAD + "moves:\n"
+
+
+@pytest.mark.parametrize(
+    ("moves", "line"),
+    [
+        (
+            "- {to: [0, 1]}",
+            "r.yaml:6:8: moves[1].to: 1 m is outside the travel -0.15 ... 0.15 m of axis y",
+        ),
+        (
+            "- {reverse: 1 mm, axis: z}",
+            "r.yaml:6:25: moves[1].axis: no such axis in the machine; known: x, y",
+        ),
+        (
+            "- {to: [0, 0], kind: creep}",
+            "r.yaml:6:3: moves[1].velocity: is missing: a creep needs its own velocity",
+        ),
+        (
+            "- {to: [0, 0], velocity: 3}",
+            "r.yaml:6:26: moves[1].velocity: 3 is above the limit of axis x (1), y (1)",
+        ),
+        (
+            "- {to: [0, 0], dwell: 3}",
+            "r.yaml:6:3: moves[1]: must be a mapping with exactly one of to, reverse",
+        ),
+        (
+            "- {rpeat: 3, moves: []}",
+            "r.yaml:6:3: moves[1]: must be a mapping with exactly one of to, reverse",
+        ),
+        ("- {repeat: 2, moves: []}", "r.yaml:6:22: moves[1].moves: must have at least 1 item(s)"),
+        ("- {repeat: 0, moves: [{dwell: 1}]}", "r.yaml:6:12: moves[1].repeat: must be >= 1, is 0"),
+        (
+            "- {dwell: 1}\n- {repeat: 2, moves: [{dwell: 1}, {to: [0, 0], kinds: macro}]}",
+            "r.yaml:7:48: moves[2].moves[2].kinds: unknown key; did you mean 'kind'?",
+        ),
+        (
+            "- {repeat: 2, moves: [{dwell: 1}, {reverse: 1, axis: y}]}",
+            "r.yaml:6:45: moves[1].moves[2].reverse: 1 m is outside the travel -0.15 ... 0.15 m "
+            "of axis y",
+        ),
+        (
+            "- {repeat: 90000, moves: [{repeat: 90000, moves: [{dwell: 0}]}]}",
+            "r.yaml:6:1: moves: unrolls to 8100000000 moves and dwells, more than 100000",
+        ),
+        ("  to: [0, 0]", "r.yaml:6:3: moves: must be a list, is a mapping"),
+    ],
+)
+def test_each_fault_of_a_move(problems_of: Problems, moves: str, line: str) -> None:
+    (found,) = problems_of(MOVES + moves)
+    assert found.startswith(line)
+
+
+def test_a_refused_move_does_not_shift_the_places_of_others(problems_of: Problems) -> None:
+    found = problems_of(MOVES + "- {reverse: 1 mm, axis: z}\n- {to: [0, 1]}\n")
+    assert [line.split(": ")[1] for line in found] == ["moves[1].axis", "moves[2].to"]
+
+
+def test_keys_without_effect_are_noted_not_hidden(recipe_of: RecipeOf) -> None:
+    recipe = recipe_of(HEAD + "expose: 1\nmoves: [{dwell: 1}]\n")
+    assert recipe.notes == ("expose has no effect with moves",)
+
+
+def test_sites_and_offsets_from_files(
+    tmp_path: Path, machine: Machine, problems_of: Problems
+) -> None:
+    path = tmp_path / "r.yaml"
+    path.write_text(
+        HEAD + "expose: 0\nsites: {file: s.csv}\nfiducial: {source: offsets, file: o.csv}\n"
+    )
+    sites, offsets = tmp_path / "s.csv", tmp_path / "o.csv"
+    sites.write_text("# mm\ny, x\n1 mm, 2e-3\n-0.1, 150 mm\n")
+    offsets.write_text("site,dx,dy\n2,-5 um,1e-6\n")
+    recipe = load_recipe(path, machine)
+    assert recipe.sites == ((2e-3, 1e-3), (0.15, -0.1))
+    assert recipe.fiducial == ListedMarks({2: (-5e-6, 1e-6)})
+
+    offsets.write_text("site,dx,dy\n2,5 um,0\n3,0,0\n")
+    with pytest.raises(ConfigError) as caught:
+        load_recipe(path, machine)
+    assert caught.value.problems == (
+        f"{offsets}:3:1: site 3 is not in the recipe, which has 2",
+        f"{sites}:4:1: site 2: 0.15 m with its fiducial 5e-06 m away is outside the travel "
+        "-0.15 ... 0.15 m of axis x",
+    )
+
+    offsets.unlink()
+    sites.write_text("x,y\n1,2,3\n nan,5 ms\n")
+    with pytest.raises(ConfigError) as caught:
+        load_recipe(path, machine)
+    assert [line.removeprefix(str(tmp_path)) for line in caught.value.problems] == [
+        "/s.csv:2:1: must have 2 cells, has 3",
+        "/s.csv:3:2: x: must be a finite number, is nan",
+        "/s.csv:3:6: y: must be a length (SI, or a text such as '80 um'), but '5 ms' is a time",
+        f"/r.yaml:7:35: fiducial.file: {offsets}: no such file",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("table", "reason"),
+    [
+        ("", ":1:1: is empty: a header line x,y is expected"),
+        ("x\n1\n", ":1:1: y: is missing"),
+        ("x,y,z\n1,2,3\n", ":1:1: z: unknown column; known: x, y, site"),
+        ("x,x,y\n1,2,3\n", ":1:1: x: duplicate column"),
+        ("x,y\n", ":1:1: must have 1 to 100000 rows below the header, has 0"),
+        ("site,x,y\n2,0,0\n", ":2:1: site must be 1, is 2: sites count from 1 without a gap"),
+        ("site,x,y\none,0,0\n", ":2:1: site: must be a site number from 1, is 'one'"),
+        ("x,y\n,0\n", ":2:1: x: must be a length, is ''"),
+    ],
+)
+def test_faults_of_a_table(tmp_path: Path, problems_of: Problems, table: str, reason: str) -> None:
+    (tmp_path / "s.csv").write_text(table)
+    text = HEAD + "expose: 0\nsites: {file: s.csv}\nfiducial: {source: none}\n"
+    (found,) = problems_of(text, str(tmp_path / "r.yaml"))
+    assert found == f"{tmp_path}/s.csv{reason}"
+
+
+def test_a_missing_file_a_directory_and_an_empty_file(tmp_path: Path, machine: Machine) -> None:
+    empty = tmp_path / "empty.yaml"
+    empty.touch()
+    for path, reason in {
+        tmp_path / "no.yaml": ": no such file",
+        tmp_path: ": is a directory, not a file",
+        empty: ":1:1: is empty",
+    }.items():
+        with pytest.raises(ConfigError) as caught:
+            load_recipe(path, machine)
+        assert caught.value.problems == (f"{path}{reason}",)
+
+
+def test_a_table_that_is_a_directory_is_placed_where_the_recipe_names_it(
+    tmp_path: Path, problems_of: Problems
+) -> None:
+    (tmp_path / "sites2").mkdir()
+    text = HEAD + "expose: 0\nsites: {file: sites2}\nfiducial: {source: none}\n"
+    (found,) = problems_of(text, str(tmp_path / "r.yaml"))
+    assert found == (
+        f"{tmp_path}/r.yaml:6:15: sites.file: {tmp_path}/sites2: is a directory, not a file"
+    )
+
+
+def test_thousands_of_problems_are_counted_not_listed(problems_of: Problems) -> None:
+    found = problems_of(MOVES + "- {too: 1}\n" * 5000)
+    assert len(found) == 101
+    assert found[-1] == "r.yaml: and 4900 more problems"

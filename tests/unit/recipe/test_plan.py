@@ -1,0 +1,90 @@
+"""The order of steps: sites, lists of moves, reversals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from stagectl.recipe import Recipe, plan
+from stagectl.recipe.model import Profile
+from stagectl.recipe.plan import DwellStep, ExposeStep, FiducialStep, MoveStep, SettleStep
+
+RecipeOf = Callable[[str], Recipe]
+HEAD = """recipe: a
+macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
+micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
+settle: {window: 50 nm, hold: 5 ms, timeout: 0.15, on_timeout: retry}
+"""
+MACRO, MICRO = Profile(0.5, 3.0, 200.0), Profile(0.01, 0.2, 20.0)
+SETTLE = SettleStep(5e-8, 5e-3, 0.15, "retry")
+
+
+def test_a_site_is_macro_settle_mark_micro_settle_expose(recipe_of: RecipeOf) -> None:
+    recipe = recipe_of(
+        HEAD + "expose: 0.02\nfiducial: {source: simulated, range: 1 um}\nsites: [[0, 0.01]]\n"
+    )
+    assert plan(recipe) == (
+        MoveStep(1, "macro", (0.0, 0.01), MACRO),
+        SETTLE,
+        FiducialStep(1),
+        MoveStep(1, "micro", None, MICRO),
+        SETTLE,
+        ExposeStep(0.02),
+    )
+
+
+def test_without_marks_and_camera_there_are_macro_moves_only(recipe_of: RecipeOf) -> None:
+    recipe = recipe_of(HEAD + "expose: 0\nfiducial: {source: none}\nsites: [[0, 0], [0, 0.01]]\n")
+    assert plan(recipe) == (
+        MoveStep(1, "macro", (0.0, 0.0), MACRO),
+        SETTLE,
+        MoveStep(2, "macro", (0.0, 0.01), MACRO),
+        SETTLE,
+    )
+
+
+def test_the_shipped_recipe_has_every_site_once_in_order(
+    inspection: str, recipe_of: RecipeOf
+) -> None:
+    recipe = recipe_of(inspection)
+    macro = [s for s in plan(recipe) if isinstance(s, MoveStep) and s.kind == "macro"]
+    assert [s.site for s in macro] == list(range(1, 21))
+    assert [s.target for s in macro] == list(recipe.sites)
+
+
+def test_moves_of_each_kind_take_their_profile_and_own_figures(recipe_of: RecipeOf) -> None:
+    recipe = recipe_of(
+        HEAD + "moves:\n- {to: [0.01, 0]}\n- {to: [0.02, 0], kind: micro, velocity: 5 mm/s}\n"
+        "- {dwell: 0.1}\n- {to: [0, 0], kind: creep, velocity: 1 mm/s, jerk: 1}\n"
+    )
+    assert plan(recipe) == (
+        MoveStep(None, "macro", (0.01, 0.0), MACRO),
+        SETTLE,
+        MoveStep(None, "micro", (0.02, 0.0), Profile(0.005, 0.2, 20.0)),
+        SETTLE,
+        DwellStep(0.1),
+        MoveStep(None, "creep", (0.0, 0.0), Profile(0.001, 0.2, 1.0)),
+    )
+
+
+def relatives(recipe: Recipe, start: tuple[float, float] = (0.0, 0.0)) -> list[object]:
+    return [s.relative for s in plan(recipe, start) if isinstance(s, MoveStep) and s.relative]
+
+
+def test_reverse_goes_against_the_last_move_of_that_axis(recipe_of: RecipeOf) -> None:
+    recipe = recipe_of(
+        HEAD + "moves:\n- {to: [0.01, -0.01]}\n- {reverse: 1.0e-4, axis: x}\n"
+        "- {reverse: 2.0e-4, axis: y}\n- {reverse: 1.0e-4, axis: x}\n"
+    )
+    assert relatives(recipe) == [(-1e-4, 0.0), (0.0, 2e-4), (1e-4, 0.0)]
+    # coming from further out, the first move went the other way
+    assert relatives(recipe, (0.05, 0.0))[0] == (1e-4, 0.0)
+
+
+def test_a_first_reverse_goes_in_the_positive_direction_and_repeats_alternate(
+    recipe_of: RecipeOf,
+) -> None:
+    recipe = recipe_of(
+        HEAD + "moves: [{repeat: 2, moves: [{repeat: 2, moves: [{reverse: 10 um, axis: y}]}]}]\n"
+    )
+    assert relatives(recipe) == [(0.0, 1e-5), (0.0, -1e-5), (0.0, 1e-5), (0.0, -1e-5)]
+    assert not any(isinstance(step, SettleStep) for step in plan(recipe))

@@ -1,0 +1,211 @@
+"""The report: one file that needs nothing else, saying what the summary says."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim2real.recording import Recording, aligned_demand
+from stagectl.errors import StagectlError
+from stagectl.report import content
+from stagectl.report.page import render, write_report
+from stagectl.report.traces import BEFORE, chart_data
+from stagectl.store.recording import read_recording
+from stagectl.store.summary import FrictionEntry, ParameterEstimate, RunFacts, build_summary
+
+TC, TS = 1e-4, 1e-3
+FACTS = RunFacts("inspection", "wafer-xy", "estimated", 1, True, None, 9.7, 0.6, "completed")
+FRICTION = [
+    FrictionEntry(1, "x", True, None, 3e-5, {"coulomb": ParameterEstimate(6.02, 0.01, "N")}),
+    FrictionEntry(
+        2, "y", False, "innovation <too> large", 3e-5, {"coulomb": ParameterEstimate(99, 9, "N")}
+    ),
+]
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    """Another program's recording, with sites as a run of ours would have them."""
+    read = read_recording(Path(__file__).parents[2] / "data" / "null-1-other-moves.h5")
+    moves = tuple(replace(move, site=i // 2 + 1) for i, move in enumerate(read.moves))
+    return replace(read, moves=moves)
+
+
+@pytest.fixture(scope="module")
+def summary(recording: Recording) -> dict[str, Any]:
+    return build_summary(recording, FACTS, FRICTION, control_period=TC, sync_period=TS)
+
+
+class Page(HTMLParser):
+    """Collects tags, what they load, the visible text and the embedded data."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.loads: list[str] = []
+        self.words: list[str] = []
+        self.stack: list[str] = []
+        self.data = ""
+        self._in_data = False
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        attributes = dict(attrs)
+        self.loads += [v for k, v in attrs if k in ("src", "href", "srcset", "action") and v]
+        self._in_data = attributes.get("id") == "data"
+        if tag not in ("meta", "link", "br", "img", "input"):
+            self.stack.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.stack.pop() == tag  # well-formed: nothing unescaped broke out
+        self._in_data = False
+
+    def handle_data(self, data: str) -> None:
+        if self._in_data:
+            self.data += data
+        elif self.stack and self.stack[-1] not in ("script", "style"):
+            self.words.append(data.strip())
+
+    @property
+    def text(self) -> str:
+        return " ".join(word for word in self.words if word)
+
+
+def test_needs_nothing_but_itself(recording: Recording, summary: dict[str, Any]):
+    html = render(recording, summary, control_period=TC)
+    page = Page(html)
+    assert page.loads == []
+    assert page.stack == []
+    assert "default-src 'none'" in html
+    assert not re.search(r"@import|url\(|fetch\(|XMLHttpRequest|import\(", html)
+    assert "uPlot" in html
+
+
+def test_says_what_the_summary_says(recording: Recording, summary: dict[str, Any]):
+    text = Page(render(recording, summary, control_period=TC)).text
+    assert "Completed" in text
+    median = summary["micro"]["settling_median"]["5e-08"] * 1e3
+    assert f"±50 nm in {median:g} ms" in text
+    assert "1 of 2 friction estimates were refused" in text
+    assert "innovation <too> large" in text  # as text, not as a tag
+    assert "6.02" in text
+
+
+def test_text_of_files_cannot_become_markup(recording: Recording, summary: dict[str, Any]):
+    evil = "</script><script>alert(1)</script>"
+    bad = replace(recording, machine=evil, recipe=evil)
+    entry = replace(FRICTION[1], reason=evil, parameters={evil: ParameterEstimate(1, 1, evil)})
+    facts = replace(FACTS, recipe=evil, fault=evil, outcome="fault")
+    told = build_summary(bad, facts, [entry], control_period=TC, sync_period=TS)
+    html = render(bad, told, control_period=TC)
+    assert html.count("<script>alert") == 0
+    page = Page(html)
+    assert page.stack == []
+    assert list(json.loads(page.data)["friction"][0]["parameters"]) == [evil]
+
+
+def test_embedded_error_is_that_of_the_recording(recording: Recording, summary: dict[str, Any]):
+    data = json.loads(Page(render(recording, summary, control_period=TC)).data)
+    assert len(data["moves"]) == len(recording.moves)
+    number = 5
+    move, shown = recording.moves[number], data["moves"][number]
+    x = recording.axes["x"]
+    first, end = move.start - BEFORE, recording.moves[number + 1].start
+    error = (aligned_demand(x, TC / TS) - x.position_actual)[first:end] * 1e9
+    np.testing.assert_allclose(shown["error"]["x"], error, rtol=0, atol=0.051)
+    np.testing.assert_allclose(shown["force"]["x"], x.force_actual[first:end], atol=0.0051)
+    assert shown["start"] == -BEFORE
+    k = round(shown["arrived"]["x"]) + move.start
+    assert abs(aligned_demand(x, TC / TS)[k] - move.target["x"]) < 1e-9
+    assert abs(aligned_demand(x, TC / TS)[k - 1] - move.target["x"]) > 1e-9
+
+
+def test_missed_samples_are_gaps(recording: Recording):
+    k = recording.moves[2].start
+    x = replace(recording.axes["x"], valid=np.arange(len(recording)) != k)
+    masked = replace(recording, axes={"x": x, "y": recording.axes["y"]})
+    told = build_summary(masked, FACTS, [], control_period=TC, sync_period=TS)
+    data = chart_data(masked, told, TC)
+    assert data["moves"][2]["error"]["x"][BEFORE] is None
+    assert data["moves"][2]["force"]["x"][BEFORE] is None
+    assert data["moves"][2]["error"]["y"][BEFORE] is not None
+
+
+def test_a_cross_stands_where_the_window_drawn_was_missed(
+    recording: Recording, summary: dict[str, Any]
+):
+    drawn = chart_data(recording, summary, TC)["settling"]
+    assert [("5e-08" in e["outside"]) for e in drawn] == [
+        not m["settled"] for m in summary["moves"]
+    ]
+    wider = [e for e in drawn if "2e-07" in e["outside"]]
+    assert 0 < len(wider) < sum("5e-08" in e["outside"] for e in drawn)
+    for entry in wider:  # outside the wider window at the end: the whole time for both
+        assert entry["times"]["2e-07"] == entry["times"]["5e-08"]
+
+
+def test_a_long_run_embeds_its_slowest_micro_moves_and_says_how_many_it_leaves_out(
+    recording: Recording, summary: dict[str, Any]
+):
+    data = chart_data(recording, summary, TC, max_samples=2000)
+    assert 0 < len(data["moves"]) < 15
+    assert data["left_out"] == len(recording.moves) - len(data["moves"])
+    assert {move["kind"] for move in data["moves"]} == {"micro"}
+    assert len(data["settling"]) == len(summary["moves"])  # the overview stays whole
+    assert data["moves"][data["first"]]["kind"] == "micro"
+
+
+def test_a_run_that_was_aborted_before_its_first_move(recording: Recording):
+    empty = replace(recording, moves=())
+    facts = replace(FACTS, outcome="aborted", compensation="none")
+    told = build_summary(empty, facts, [], control_period=TC, sync_period=TS)
+    page = Page(render(empty, told, control_period=TC))
+    assert "Aborted" in page.text
+    assert "No micro-move was completed." in page.text
+    assert "Friction was not estimated" in page.text
+    assert json.loads(page.data)["moves"] == []
+
+
+def test_a_summary_of_another_recording_is_refused(recording: Recording, summary: dict[str, Any]):
+    with pytest.raises(ValueError, match="not those of the recording"):
+        chart_data(replace(recording, moves=recording.moves[:5]), summary, TC)
+
+
+def test_is_written_whole_or_not_at_all(
+    recording: Recording, summary: dict[str, Any], tmp_path: Path
+):
+    path = tmp_path / "report.html"
+    write_report(path, recording, summary, control_period=TC)
+    assert path.read_text(encoding="utf-8").rstrip().endswith("</html>")
+    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+    with pytest.raises(StagectlError, match="cannot write the report"):
+        write_report(tmp_path / "absent" / "r.html", recording, summary, control_period=TC)
+
+
+@pytest.mark.parametrize(
+    ("metres", "text"),
+    [(9e-8, "0.0900"), (5.2e-5, "52.0"), (0.025, "25 000"), (0.0, "0"), (None, "–")],  # noqa: RUF001
+)
+def test_lengths_have_three_significant_digits(metres: float | None, text: str):
+    assert content.micrometres(metres) == text
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(0.0, "0"), (0.1435, "143.5"), (0.002, "2")])
+def test_times_in_milliseconds(seconds: float, text: str):
+    assert content.milliseconds(seconds) == text
+
+
+def test_moves_broken_off_are_not_in_the_table(summary: dict[str, Any]):
+    moves = [{**move, "completed": False} for move in summary["moves"] if move["axis"] == "x"]
+    moves += [move for move in summary["moves"] if move["axis"] == "y"]
+    assert {row.axis for row in content.rows({**summary, "moves": moves}, ("x", "y"))} == {"y"}
+
+
+def test_refused_figures_are_not_the_latest(summary: dict[str, Any]):
+    assert content.latest_friction(summary, ("x", "y")) == [("x", "coulomb", "6.02", "0.0100", "N")]
