@@ -87,8 +87,8 @@ class Axis:
         node = self.node
         node.write_optional(od.CYCLE_PERIOD, bus.period_us)
         value, index = interpolation_period(bus.period_us)
-        node.write_checked(od.INTERPOLATION_VALUE, value)
-        node.write_checked(od.INTERPOLATION_INDEX, index)
+        node.write_optional(od.INTERPOLATION_VALUE, value)
+        node.write_optional(od.INTERPOLATION_INDEX, index)
         for ref, number in self._limits().items():
             node.write_optional(ref, number)
         PdoRecord.receive(1).configure(node, self.rpdo_id, self.rpdo)

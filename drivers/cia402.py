@@ -155,6 +155,8 @@ def next_controlword(state: State, target: State, previous: int = 0) -> int:
     if state is target:
         return HOLD.get(state, previous)
     command = next_command(state, target)
+    if state is State.NOT_READY_TO_SWITCH_ON and target is not State.SWITCH_ON_DISABLED:
+        return int(Command.SHUTDOWN)  # some drives show 0x0000 until they are spoken to
     if command is None:
         return previous & ~Command.FAULT_RESET
     if command is Command.FAULT_RESET and previous & Command.FAULT_RESET:

@@ -11,7 +11,7 @@ Mappings are those of `axis.py`: (controlword, target, offset) and (statusword, 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import can
 import numpy as np
@@ -113,6 +113,12 @@ class Cycle:
         """One SYNC whatever the nodes say: for stopping."""
         self._cycle([channel.frame() for channel in self.channels])
 
+    def forget(self) -> None:
+        """Forgets what the axes said: they are about to be set up anew."""
+        for channel in self.channels:
+            channel.seen = channel.valid = False
+            channel.controlword = channel.offset = 0
+
     def clear_alarms(self) -> None:
         """Forgets the nodes' alarms and missed frames."""
         self._alarmed.clear()
@@ -161,9 +167,10 @@ class Cycle:
             AxisFault: an axis leaves OPERATION ENABLED, alarms, or its data stay away.
         """
         channels = self.channels
+        # made row by row: thousands of rows at once would make the first SYNC late
         frames = [self._frames(c, targets[:, j], offsets[:, j]) for j, c in enumerate(channels)]
         setpoints = [
-            list(zip(targets[:, j].tolist(), offsets[:, j].tolist(), strict=True))
+            zip(targets[:, j].tolist(), offsets[:, j].tolist(), strict=True)
             for j in range(len(channels))
         ]
         increments = [c.axis.scale.increment for c in channels]
@@ -202,8 +209,8 @@ class Cycle:
 
     def _frames(
         self, channel: Channel, targets: NDArray[np.int64], offsets: NDArray[np.int64]
-    ) -> list[bytes]:
-        """All RPDOs of a stream, packed at once."""
+    ) -> Iterator[bytes]:
+        """The RPDOs of a stream, packed at once."""
         names = ("controlword", "target", "offset")
         codes = [e.code for e in channel.axis.rpdo.entries]
         block = np.empty(
@@ -212,7 +219,7 @@ class Cycle:
         block["controlword"] = channel.controlword
         block["target"], block["offset"] = targets, offsets
         data, size = block.tobytes(), block.dtype.itemsize
-        return [data[i : i + size] for i in range(0, len(data), size)]
+        return (data[i : i + size] for i in range(0, len(data), size))
 
     def _check_enabled(self) -> None:
         for channel in self.channels:
@@ -270,6 +277,7 @@ class Cycle:
     def _collect(
         self, recv: Callable[[float], can.Message | None], sent: int, deadline: int
     ) -> None:
+        """Receives until every axis' TPDO is there, or nothing more has come by the deadline."""
         by_id, now_ns, tap = self._by_id, self._network.clock.now_ns, self._network.tap
         left = len(self.channels)
         wait = (deadline - sent) * 1e-9
@@ -290,9 +298,10 @@ class Cycle:
                         channel.valid = channel.seen = True
                         channel.missed = 0
                         left -= 1
-            if now >= deadline:
+            elif now >= deadline:
                 break
-            wait = (deadline - now) * 1e-9
+            # past the deadline what waits in the queue still counts: it was us who were late
+            wait = (deadline - now) * 1e-9 if now < deadline else 0.0
         if left:
             self.missed += left
             for channel in self.channels:

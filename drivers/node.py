@@ -173,6 +173,15 @@ class Node:
                     f"is 0x{found:08X}, the EDS describes 0x{expected:08X}: another device",
                     axis=self.name, obj=ref,
                 )  # fmt: skip
+        revision = self._remote.object_dictionary.get_variable(0x1018, od.REVISION.sub)
+        if revision is not None and revision.default is not None:
+            # the major number stands for the CANopen behaviour, the minor one for the firmware
+            described, found = revision.default >> 16, self.read(od.REVISION) >> 16
+            if found != described:
+                raise NodeError(
+                    f"major revision is {found}, the EDS describes {described}",
+                    axis=self.name, obj=od.REVISION,
+                )  # fmt: skip
         kind = self.read(od.DEVICE_TYPE) & 0xFFFF
         if kind != 402:
             raise NodeError(

@@ -17,7 +17,10 @@ from drivers.faults import error_text
 
 TIMEOUT = 2.0
 """For a change of power state without motion [s]."""
-REST_TIMEOUT = 1.0
+HOLDING_TIMEOUT = 1.0
+"""For the loop to take a following error out after homing [s]."""
+RINGING_TIMEOUT = 0.3
+"""For an axis without power, which may ring on its presliding stiffness much longer [s]."""
 REST_SYNCS = 20
 REST_BAND = 50e-9
 """An axis rests when it stays within this band [m] for `REST_SYNCS`."""
@@ -110,10 +113,10 @@ class Power:
         self.go(ready, channels)
         return True
 
-    def wait_for_rest(self) -> None:
-        """Waits until all axes stand still, `REST_TIMEOUT` at most."""
+    def wait_for_rest(self, timeout: float) -> None:
+        """Waits until all axes stand still, or `timeout` [s] is over."""
         recent: deque[tuple[int, ...]] = deque(maxlen=REST_SYNCS)
-        for _ in self._cycles(REST_TIMEOUT, blind=True):
+        for _ in self._cycles(timeout, blind=True):
             recent.append(tuple(c.position for c in self.channels))
             if len(recent) == REST_SYNCS and all(
                 max(p) - min(p) <= REST_BAND / c.axis.scale.increment

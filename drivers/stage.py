@@ -20,11 +20,12 @@ from drivers import homing, profile_position
 from drivers.axis import Axis
 from drivers.bus import Network, Tap, open_bus
 from drivers.cia402 import Command, Mode, State
+from drivers.clock import Clock
 from drivers.cycle import Channel, Cycle, Sink, Until
 from drivers.errors import AxisFault, BusError, ConfigurationError, DriverError, LimitError
 from drivers.faults import error_text
 from drivers.limits import checked_counts
-from drivers.power import Power
+from drivers.power import HOLDING_TIMEOUT, RINGING_TIMEOUT, Power
 from drivers.samples import Samples
 from drivers.settings import AxisSettings, BusSettings
 
@@ -66,6 +67,7 @@ class Stage:
         axes: Sequence[AxisSettings],
         tap: Tap | None = None,
         bus_object: can.BusABC | None = None,
+        max_missed: int = MAX_MISSED,
     ) -> Stage:
         """Opens the bus and reads the EDS files; nothing is sent yet.
 
@@ -75,6 +77,7 @@ class Stage:
             tap: sees every frame sent or received as (time [ns], CAN-ID, data).
             bus_object: an open python-can bus to use instead of opening one; stays open at the
                 end. Nobody else may read it meanwhile.
+            max_missed: TPDOs of an axis that may stay away in a row.
 
         Raises:
             BusError: the bus cannot be opened.
@@ -82,7 +85,7 @@ class Stage:
         """
         used = open_bus(bus) if bus_object is None else bus_object
         try:
-            stage = cls(bus, axes, used, tap)
+            stage = cls(bus, axes, used, tap, max_missed)
         except BaseException:
             if bus_object is None:
                 used.shutdown()
@@ -100,6 +103,8 @@ class Stage:
         problem: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        if kind is not None and self._open:
+            self.safe_stop()
         self.close()
 
     # -- state ------------------------------------------------------------------------------
@@ -113,6 +118,11 @@ class Stage:
     def homed(self) -> bool:
         """Whether all axes were homed since their last boot-up."""
         return all(axis.homed for axis in self.axes)
+
+    @property
+    def clock(self) -> Clock:
+        """The time that everything here runs in: virtual on the lock-step bus."""
+        return self._network.clock
 
     @property
     def positions(self) -> tuple[float, ...]:
@@ -153,6 +163,8 @@ class Stage:
             NodeError: a node is missing, refuses an access, or is another device.
             ConfigurationError: a drive cannot be set up as needed.
         """
+        self._cycle.forget()
+        self._power.mode = None
         for axis in self.axes:
             axis.node.boot()
         for axis in self.axes:
@@ -179,7 +191,7 @@ class Stage:
             homing.home(self._cycle, chosen, self.settings.sync_period)
             # the drive is done when its demand is; what the loop still owes would become a
             # step of the target when csp takes over from the actual position
-            self._power.wait_for_rest()
+            self._power.wait_for_rest(HOLDING_TIMEOUT)
             self._cycle.check_alarms()
         except BaseException:
             self.safe_stop()
@@ -191,9 +203,13 @@ class Stage:
         Raises:
             AxisFault: an axis is in fault, or does not get there.
         """
-        if self._power.enabled and self._power.mode is Mode.CYCLIC_SYNC_POSITION:
-            return
         try:
+            if self._power.enabled and self._power.mode is Mode.CYCLIC_SYNC_POSITION:
+                self._network.pump(0.0)
+                self._cycle.resume()
+                self._cycle.exchange()  # what was last heard may be long ago
+                if self._power.enabled:
+                    return
             self._enter(Mode.CYCLIC_SYNC_POSITION, self._cycle.channels)
         except BaseException:
             self.safe_stop()
@@ -210,7 +226,7 @@ class Stage:
         if self._power.change_over(mode, channels):
             return
         self._power.switch_off()
-        self._power.wait_for_rest()
+        self._power.wait_for_rest(RINGING_TIMEOUT)
         self._power.set_mode(mode)
         self._power.go(State.OPERATION_ENABLED, channels)
 

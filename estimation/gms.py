@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numba
 import numpy as np
@@ -28,7 +29,7 @@ REST_BAND = 4e-9
 """Displacement below which the axis counts as at rest: a few times the encoder noise [m]."""
 
 # Order of a friction model's figures in the vector that the kernels take.
-_COULOMB, _STIFFNESS, _ALPHA, _VS, _DELTA, _RATE = range(6)
+COULOMB, STIFFNESS, ALPHA, VS, DELTA, RATE = range(6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,9 +107,12 @@ class Friction:
         )
 
 
+@cache
 def element_shares(elements: int) -> F64:
-    """nu_i = 2i/(N(N+1)), i = 1..N: each element's share in the Coulomb force."""
-    return 2.0 * np.arange(1, elements + 1) / (elements * (elements + 1))
+    """nu_i = 2i/(N(N+1)), i = 1..N: each element's share in the Coulomb force; read-only."""
+    shares: F64 = 2.0 * np.arange(1, elements + 1) / (elements * (elements + 1))
+    shares.flags.writeable = False
+    return shares
 
 
 @dataclass(slots=True)
@@ -155,25 +159,46 @@ class FrictionState:
         The difference is spread evenly, as an unseen displacement would, but no element passes
         its static limit; what no element can take is left out.
         """
-        limits = element_shares(friction.elements) * friction.coulomb * (1 + friction.static_ratio)
-        for _ in range(friction.elements):
-            missing = total - self.total
-            free = np.where(missing > 0, self.forces < limits, self.forces > -limits)
-            if abs(missing) < 1e-9 or not free.any():
-                return
-            self.forces[free] += missing / free.sum()
-            np.clip(self.forces, -limits, limits, out=self.forces)
+        static = friction.coulomb * (1.0 + friction.static_ratio)
+        correct_forces(self.forces, element_shares(friction.elements), static, total)
 
 
 @numba.njit(cache=True)
-def _follow(  # type: ignore[no-untyped-def]
+def correct_forces(forces, shares, static, total):  # type: ignore[no-untyped-def]
+    """Spread what is missing to `total` over the elements that are not at their limit."""
+    count = forces.shape[0]
+    for i in range(count):
+        limit = shares[i] * static
+        forces[i] = min(max(forces[i], -limit), limit)
+    for _ in range(count):
+        missing = total - forces.sum()
+        if abs(missing) < 1e-9:
+            return
+        free = 0
+        for i in range(count):
+            limit = shares[i] * static
+            if (forces[i] < limit) if missing > 0 else (forces[i] > -limit):
+                free += 1
+        if free == 0:
+            return
+        for i in range(count):
+            limit = shares[i] * static
+            if (forces[i] < limit) if missing > 0 else (forces[i] > -limit):
+                forces[i] = min(max(forces[i] + missing / free, -limit), limit)
+
+
+@numba.njit(cache=True)
+def follow_positions(  # type: ignore[no-untyped-def]
     p, shares, forces, slipping, memory, position, velocity, period, substeps, band,
     force, jacobian, d_coulomb, d_stiffness, d_rate,
 ):  # fmt: skip
-    """Drive the elements through sampled positions; see `follow`."""
+    """Drive the elements through sampled positions; see `follow`, which calls it.
+
+    `p` is `Friction.vector()`; d_coulomb, d_stiffness, d_rate are dF_i by Fc, sigma0 and C/Fc.
+    """
     count = shares.shape[0]
-    coulomb, alpha, vs, delta, rate = p[_COULOMB], p[_ALPHA], p[_VS], p[_DELTA], p[_RATE]
-    stiffness = p[_STIFFNESS] / count
+    coulomb, alpha, vs, delta, rate = p[COULOMB], p[ALPHA], p[VS], p[DELTA], p[RATE]
+    stiffness = p[STIFFNESS] / count
     dt = period / substeps
     total = forces.sum()
     by_coulomb = d_coulomb.sum()
@@ -247,7 +272,6 @@ def follow(
     period: float,
     substeps: int = 4,
     band: float = REST_BAND,
-    start_sensitivity: F64 | None = None,
 ) -> tuple[F64, F64]:
     """Sum of the element forces along sampled positions, starting from `state`.
 
@@ -259,19 +283,18 @@ def follow(
         period: of the samples [s].
         substeps: steps inside a sample.
         band: displacement below which nothing moves [m].
-        start_sensitivity: dF_i/dFc of the start, shape (N,); default zero.
 
     Returns:
         force: sum of F_i at each sample [N], shape (K,).
-        jacobian: its derivatives by Fc, sigma0 and C/Fc, each with the others fixed, shape (K, 3).
+        jacobian: its derivatives by Fc, sigma0 and C/Fc, each with the others and the start
+            fixed, shape (K, 3).
     """
     force = np.empty(len(position))
     jacobian = np.empty((len(position), 3))
     none = np.zeros(friction.elements)
-    d_coulomb = none.copy() if start_sensitivity is None else start_sensitivity.copy()
-    _follow(
+    follow_positions(
         friction.vector(), element_shares(friction.elements), state.forces, state.slipping,
         state.memory, np.ascontiguousarray(position), np.ascontiguousarray(velocity), period,
-        substeps, band, force, jacobian, d_coulomb, none.copy(), none,
+        substeps, band, force, jacobian, none, none.copy(), none.copy(),
     )  # fmt: skip
     return force, jacobian

@@ -6,6 +6,7 @@ Few unknowns, many samples; bounds by an active set on each step; halved steps w
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -14,8 +15,9 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
-Model = Callable[[F64], tuple[F64, F64]]
-"""Unknowns, shape (n,) -> whitened residual, shape (K,), and its Jacobian, shape (K, n)."""
+Model = Callable[[F64], tuple[F64, F64, float]]
+"""Unknowns, shape (n,) -> normal equations of the whitened residual r with Jacobian J:
+J'J, shape (n, n), J'r, shape (n,), and r'r."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +28,6 @@ class Solution:
         value: unknowns, shape (n,).
         covariance: of them, arrival cost included, shape (n, n).
         chi_square: sum of squared whitened residuals at the solution, without arrival cost.
-        samples: number of residuals.
         iterations, evaluations: of the solver.
         at_bound: which unknowns lie on a bound, shape (n,).
         converged: whether the last step was small.
@@ -35,7 +36,6 @@ class Solution:
     value: F64
     covariance: F64
     chi_square: float
-    samples: int
     iterations: int
     evaluations: int
     at_bound: NDArray[np.bool_]
@@ -50,12 +50,12 @@ def solve(
     upper: F64,
     guess: F64 | None = None,
     max_iterations: int = 12,
-    tolerance: float = 1e-4,
+    tolerance: float = 0.02,
 ) -> Solution:
     """Minimise arrival cost plus squared residuals.
 
     Args:
-        model: whitened residual and Jacobian; unknowns are best scaled to about 1.
+        model: normal equations; unknowns are best scaled to about 1.
         prior: mean of the arrival cost, shape (n,).
         information: P^-1 of the arrival cost, positive definite, shape (n, n).
         lower: bounds, shape (n,).
@@ -68,34 +68,34 @@ def solve(
         ValueError: a residual that is not finite.
     """
     value = np.clip(prior if guess is None else guess, lower, upper)
-    residual, jacobian = _evaluate(model, value)
-    cost = _cost(residual, value, prior, information)
+    curvature, slope, chi_square = _evaluate(model, value)
+    cost = chi_square + _away(value, prior, information)
     evaluations, iterations, converged = 1, 0, False
     while iterations < max_iterations and not converged:
         iterations += 1
-        normal = information + jacobian.T @ jacobian
-        gradient = information @ (value - prior) + jacobian.T @ residual
+        normal = information + curvature
+        gradient = information @ (value - prior) + slope
         step = _bounded_step(normal, gradient, lower - value, upper - value)
         size = float(np.sqrt(step @ normal @ step))
         for _ in range(6):
             trial = np.clip(value + step, lower, upper)
-            trial_residual, trial_jacobian = _evaluate(model, trial)
+            evaluated = _evaluate(model, trial)
             evaluations += 1
-            trial_cost = _cost(trial_residual, trial, prior, information)
+            trial_cost = evaluated[2] + _away(trial, prior, information)
             if trial_cost <= cost * (1 + 1e-12):
-                value, residual, jacobian, cost = trial, trial_residual, trial_jacobian, trial_cost
+                value, cost = trial, trial_cost
+                curvature, slope, chi_square = evaluated
                 break
             step = step / 2
         else:
             break
-        converged = size < tolerance or (size < 1e-2 and iterations > 3)
+        converged = size < tolerance
     at_bound = (value <= lower) | (value >= upper)
-    covariance = np.asarray(np.linalg.inv(information + jacobian.T @ jacobian), dtype=np.float64)
+    covariance = np.asarray(np.linalg.inv(information + curvature), dtype=np.float64)
     return Solution(
         value,
         covariance,
-        float(residual @ residual),
-        len(residual),
+        chi_square,
         iterations,
         evaluations,
         at_bound,
@@ -103,20 +103,24 @@ def solve(
     )
 
 
-def _evaluate(model: Model, value: F64) -> tuple[F64, F64]:
-    residual, jacobian = model(value)
-    if not np.isfinite(residual).all():
+def _evaluate(model: Model, value: F64) -> tuple[F64, F64, float]:
+    evaluated = model(value)
+    if not math.isfinite(evaluated[2]):
         raise ValueError(f"residual is not finite at {value.tolist()}")
-    return residual, jacobian
+    return evaluated
 
 
-def _cost(residual: F64, value: F64, prior: F64, information: F64) -> float:
+def _away(value: F64, prior: F64, information: F64) -> float:
+    """Arrival cost."""
     away = value - prior
-    return float(residual @ residual + away @ information @ away)
+    return float(away @ information @ away)
 
 
 def _bounded_step(normal: F64, gradient: F64, lowest: F64, highest: F64) -> F64:
     """Minimiser of the quadratic model inside a box: fix what leaves it on its bound, repeat."""
+    step = np.asarray(np.linalg.solve(normal, -gradient), dtype=np.float64)
+    if ((step >= lowest) & (step <= highest)).all():
+        return step
     step = np.zeros_like(gradient)
     free = np.ones(len(gradient), dtype=np.bool_)
     for _ in range(len(gradient) + 1):

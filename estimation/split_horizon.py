@@ -53,7 +53,8 @@ class EstimatorSettings:
         bounds: lowest and highest value of each figure, relative to the start model.
         misfit: largest rms of the whitened residual that is accepted.
         jump: a change beyond so many predicted standard deviations, and beyond `jump_share`
-            of the figure, is refused at first; `jump_patience` refusals in a row make it news.
+            of the figure, is refused.
+        patience: so many refused moves in a row mean that the stage has changed.
     """
 
     mass: float
@@ -66,7 +67,7 @@ class EstimatorSettings:
     misfit: float = 6.0
     jump: float = 6.0
     jump_share: float = 0.15
-    jump_patience: int = 2
+    patience: int = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,9 +211,9 @@ class SplitHorizonEstimator:
             self._belief = belief
             self.friction = belief.friction(self._start)
         else:
-            self._belief = prior
+            self._belief = self._after_refusal(prior, used)
         level_model = replace(self.friction, coulomb=self.friction.coulomb * self.level)
-        self.state = window.simulate(level_model)[2]
+        self.state = window.final_state(level_model)
         self._time = move.time + (count - 1) * self.settings.period
         return Estimate(reason is None, reason, self.friction, self.sigma, self.level, used, misfit)
 
@@ -241,10 +242,10 @@ class SplitHorizonEstimator:
             try:
                 fit = window.fit(prior, mask, figures, self.settings.bounds, belief.mean)
             except (ValueError, np.linalg.LinAlgError) as error:
-                return belief, used, misfit, f"no solution in zone {zone}: {error}"
+                return belief, used + zone, misfit, f"no solution in zone {zone}: {error}"
             doubt = self._doubt(fit)
             if doubt is not None:
-                return belief, used, fit.misfit, f"zone {zone}: {doubt}"
+                return belief, used + zone, fit.misfit, f"zone {zone}: {doubt}"
             belief, used, misfit = fit.belief, used + zone, max(misfit, fit.misfit)
         return belief, used, misfit, None if used else "too little motion to learn from"
 
@@ -258,8 +259,21 @@ class SplitHorizonEstimator:
             return f"{FIGURES[fit.at_bound[0]]} ran into its bound"
         return None
 
+    def _after_refusal(self, prior: Belief, used: str) -> Belief:
+        """What is believed after a refused move.
+
+        Several in a row that did have motion in them: the stage has changed. Belief opens up to
+        where it began, so that the next good move is learned from; the model in force stays.
+        """
+        if used:
+            self._refused += 1
+        if self._refused < self.settings.patience:
+            return prior
+        self._refused = 0
+        return Belief(prior.mean, Belief.at_start(self.settings.belief).covariance)
+
     def _jumped(self, prior: Belief, belief: Belief) -> str | None:
-        """A change that drift cannot explain is refused, unless it comes back move after move."""
+        """A change that drift cannot explain."""
         for i, name in enumerate(FIGURES[:MASS]):
             change = float(belief.mean[i] / prior.mean[i] - 1.0)
             allowed = max(
@@ -267,10 +281,7 @@ class SplitHorizonEstimator:
                 self.settings.jump_share,
             )
             if abs(change) > allowed:
-                self._refused += 1
-                if self._refused <= self.settings.jump_patience:
-                    return f"{name} jumps by {change:+.0%}"
-                return None
+                return f"{name} jumps by {change:+.0%}"
         return None
 
 

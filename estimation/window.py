@@ -11,11 +11,34 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.belief import LEVEL, Belief, BeliefSettings, model_at
-from estimation.gms import F64, Friction, FrictionState, follow
+from estimation.belief import (
+    COULOMB,
+    LEVEL,
+    MASS,
+    RATE,
+    STIFFNESS,
+    VISCOUS,
+    Belief,
+    BeliefSettings,
+)
+from estimation.gms import (
+    ALPHA,
+    F64,
+    REST_BAND,
+    Friction,
+    FrictionState,
+    correct_forces,
+    element_shares,
+    follow,
+    follow_positions,
+)
+from estimation.gms import COULOMB as MODEL_COULOMB
+from estimation.gms import RATE as MODEL_RATE
+from estimation.gms import STIFFNESS as MODEL_STIFFNESS
 from estimation.kinematics import Kinematics
 from estimation.least_squares import solve
 
@@ -83,26 +106,20 @@ class MoveWindow:
         self._period, self._settings = period, settings
         count = len(force)
         self._knots = max(2, 1 + round(count * period / KNOT_SPACING))
-        place = np.linspace(0, self._knots - 1, count)
-        self._hats = np.clip(1 - np.abs(place[:, None] - np.arange(self._knots)[None, :]), 0, 1)
         self._gap = (count - 1) * period / (self._knots - 1)
 
-    def simulate(self, model: Friction) -> tuple[F64, F64, FrictionState]:
-        """Element forces along the move under `model`, their Jacobian, and the final state.
+    def final_state(self, model: Friction) -> FrictionState:
+        """The friction state at the end of the move under `model`.
 
         The state before the move is carried over to the model and made to agree with the force
-        measured at rest; the Jacobian knows of both.
+        measured at rest.
         """
         state = self._state.copy()
         state.rescale(model.coulomb / self._known.coulomb)
         state.correct(self._rest_force, model)
         state.settle_at(self._origin)
-        by_coulomb = state.forces / model.coulomb
-        force, jacobian = follow(
-            model, state, self._motion.position, self._motion.velocity, self._period, SUBSTEPS,
-            start_sensitivity=by_coulomb - by_coulomb.mean(),
-        )  # fmt: skip
-        return force, jacobian, state
+        follow(model, state, self._motion.position, self._motion.velocity, self._period, SUBSTEPS)
+        return state
 
     def fit(
         self,
@@ -127,35 +144,29 @@ class MoveWindow:
         """
         fixed = [i for i in range(LEVEL) if i not in free]
         prior, information = self._arrival_cost(belief, fixed)
-        velocity, acceleration = self._motion.velocity[mask], self._motion.acceleration[mask]
-        measured, hats = self._force[mask], self._hats[mask]
-        start, mass = self._start, self._mass
+        start = self._start
+        figures = np.array(
+            [start.coulomb, start.viscous, start.stiffness, start.relaxation_rate, self._mass]
+        )
         spread = math.hypot(self._noise, self._model_error * belief.friction(start).coulomb)
+        shape = start.vector()
+        shares = element_shares(start.elements)
+        state, motion = self._state, self._motion
 
-        def whitened(p: F64) -> tuple[F64, F64]:
-            model = model_at(start, p)
-            force, by = self.simulate(model)[:2]
-            by = by[mask]
-            level = model.coulomb * by[:, :1] * hats
-            predicted = force[mask] + level @ p[LEVEL:] + model.viscous * velocity
-            predicted += mass * p[LEVEL - 1] * acceleration
-            jacobian = np.column_stack(
-                [
-                    by[:, 0] * start.coulomb,
-                    velocity * start.viscous,
-                    by[:, 1] * start.stiffness,
-                    by[:, 2] * start.relaxation_rate,
-                    mass * acceleration,
-                    level,
-                ]
-            )
-            return (predicted - measured) / spread, jacobian / spread
+        def normal_equations(p: F64) -> tuple[F64, F64, float]:
+            curvature, slope = np.zeros((len(p), len(p))), np.zeros(len(p))
+            chi_square = _normal_equations(
+                p, figures, shape, shares, state.forces, self._known.coulomb, self._rest_force,
+                state.memory[0], state.slipping, self._origin, motion.position, motion.velocity,
+                motion.acceleration, self._force, mask, spread, self._period, curvature, slope,
+            )  # fmt: skip
+            return curvature, slope, float(chi_square)
 
         lower = np.concatenate([np.full(LEVEL, bounds[0]), np.full(self._knots, -LEVEL_BOUND)])
         upper = np.concatenate([np.full(LEVEL, bounds[1]), np.full(self._knots, LEVEL_BOUND)])
         first = prior.copy()
         first[list(free)] = guess[list(free)]
-        solution = solve(whitened, prior, information, lower, upper, first)
+        solution = solve(normal_equations, prior, information, lower, upper, first)
         keep = [*range(LEVEL), len(prior) - 1]
         mean = solution.value[keep]
         covariance = solution.covariance[np.ix_(keep, keep)]
@@ -164,7 +175,7 @@ class MoveWindow:
             covariance[i, i] = belief.covariance[i, i]
         return Fit(
             Belief(mean, covariance),
-            math.sqrt(solution.chi_square / max(solution.samples, 1)),
+            math.sqrt(solution.chi_square / max(int(mask.sum()), 1)),
             tuple(int(i) for i in np.nonzero(solution.at_bound[:LEVEL])[0]),
             solution.evaluations,
         )
@@ -187,3 +198,65 @@ class MoveWindow:
             information[j + 1, j + 1] += 1.0 / walk
         level = belief.mean[LEVEL] * keep ** np.arange(self._knots)
         return np.concatenate([belief.mean[:LEVEL], level]), information
+
+
+@numba.njit(cache=True)
+def _normal_equations(  # type: ignore[no-untyped-def]
+    p, figures, shape, shares, forces, known_coulomb, rest_force, direction, slipping, origin,
+    position, velocity, acceleration, force, mask, spread, period, curvature, slope,
+):  # fmt: skip
+    """Fill J'J and J'r of the whitened residual (predicted minus measured), return r'r.
+
+    `p`: relative figures, then the level at each knot; `figures`: what they are relative to;
+    `shape`: friction model as `Friction.vector`, of which the figures replace their part;
+    `forces`: F_i at rest before the move under a Coulomb force of `known_coulomb`, with
+    `direction` and `slipping` as the motion before it left them.
+    """
+    count, unknowns = shares.shape[0], p.shape[0]
+    knots = unknowns - LEVEL
+    model = shape.copy()
+    coulomb = figures[COULOMB] * p[COULOMB]
+    model[MODEL_COULOMB] = coulomb
+    model[MODEL_STIFFNESS] = figures[STIFFNESS] * p[STIFFNESS]
+    model[MODEL_RATE] = figures[RATE] * p[RATE]
+    viscous, mass = figures[VISCOUS] * p[VISCOUS], figures[MASS] * p[MASS]
+    # The rest scales with the Coulomb force, but its sum is what was measured.
+    state = forces * (coulomb / known_coulomb)
+    correct_forces(state, shares, coulomb * (1.0 + shape[ALPHA]), rest_force)
+    d_coulomb = (state - state.mean()) / coulomb
+    samples = position.shape[0]
+    friction = np.empty(samples)
+    by = np.empty((samples, 3))
+    memory = np.array([direction, origin])
+    follow_positions(
+        model, shares, state, slipping.copy(), memory, position, velocity, period, SUBSTEPS,
+        REST_BAND, friction, by, d_coulomb, np.zeros(count), np.zeros(count),
+    )  # fmt: skip
+    row = np.zeros(unknowns)
+    chi_square = 0.0
+    for k in range(samples):
+        if not mask[k]:
+            continue
+        # The level is linear between knots.
+        place = k * (knots - 1) / (samples - 1)
+        knot = min(int(place), knots - 2)
+        share = place - knot
+        level = p[LEVEL + knot] * (1.0 - share) + p[LEVEL + knot + 1] * share
+        scale = coulomb * by[k, 0]
+        predicted = friction[k] + level * scale + viscous * velocity[k] + mass * acceleration[k]
+        residual = (predicted - force[k]) / spread
+        chi_square += residual * residual
+        row[:] = 0.0
+        row[COULOMB] = by[k, 0] * figures[COULOMB] / spread
+        row[VISCOUS] = velocity[k] * figures[VISCOUS] / spread
+        row[STIFFNESS] = by[k, 1] * figures[STIFFNESS] / spread
+        row[RATE] = by[k, 2] * figures[RATE] / spread
+        row[MASS] = acceleration[k] * figures[MASS] / spread
+        row[LEVEL + knot] = scale * (1.0 - share) / spread
+        row[LEVEL + knot + 1] = scale * share / spread
+        for i in range(unknowns):
+            if row[i] != 0.0:
+                slope[i] += row[i] * residual
+                for j in range(unknowns):
+                    curvature[i, j] += row[i] * row[j]
+    return chi_square

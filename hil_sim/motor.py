@@ -36,10 +36,6 @@ class Motor:
         self._permille = self.settings.control.rated_force / 1000.0
         self.origin = plant.encoder(axis)
 
-    def advance_to(self, time_ns: int) -> None:
-        """Bring the plant to the present."""
-        self._plant.advance_to(time_ns)
-
     def counter(self) -> int:
         """True encoder counter [increments], 0 at the index mark."""
         return self._plant.encoder(self._axis)

@@ -1,4 +1,4 @@
-"""Process data of the virtual drive: four RPDOs and four TPDOs with dynamic mapping (CiA 301).
+"""Process data objects of the virtual drive: parameters, mapping, packing (CiA 301).
 
 Synchronous TPDOs (type 1..240) sample at their SYNC and type 0 when the data changed; synchronous
 RPDOs (0..240) are kept and act at the next SYNC; 254 and 255 act at once and send on an event of
@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from operator import itemgetter
-from typing import Any
+from functools import partial
+from typing import Any, Protocol
 
 from canopen import SdoAbortedError
 from canopen.objectdictionary import datatypes
@@ -22,12 +22,10 @@ from canopen.sdo import constants as abort
 from hil_sim.dictionary import Dictionary, key
 from hil_sim.ports import CanSegment, Timer
 
-COUNT = 4  # of each kind
 _ENTRIES = range(1, 9)
 _INVALID, _NO_RTR, _EXTENDED = 1 << 31, 1 << 30, 1 << 29
 _SYNCHRONOUS = range(241)
-_EVENT = (254, 255)
-_SYNC_WINDOW = key(0x1007)
+EVENT = (254, 255)
 
 LENGTH_SHORT, LENGTH_LONG = 0x8210, 0x8220  # EMCY codes
 
@@ -108,7 +106,7 @@ class _Pdo:
             raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
 
     def _check_type(self, value: int) -> None:
-        if value not in _SYNCHRONOUS and value not in _EVENT:
+        if value not in _SYNCHRONOUS and value not in EVENT:
             raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
 
     def _check_entry(self, value: int) -> None:
@@ -129,12 +127,22 @@ class _Pdo:
             raise SdoAbortedError(abort.ABORT_PDO_LENGTH_EXCEEDED)
 
 
+class RpdoOwner(Protocol):
+    """What an RPDO asks of the node."""
+
+    def emergency(self, code: int) -> None:
+        """An EMCY for something that passes by itself."""
+
+    def in_window(self) -> bool:
+        """Whether a synchronous RPDO arriving now counts."""
+
+
 class Rpdo(_Pdo):
     """A PDO that the drive receives."""
 
     receive = True
 
-    def __init__(self, dictionary: Dictionary, number: int, engine: PdoEngine) -> None:
+    def __init__(self, dictionary: Dictionary, number: int, engine: RpdoOwner) -> None:
         super().__init__(dictionary, 0x1400 + number, 0x1600 + number)
         self.pending: bytes | None = None
         self._engine = engine
@@ -207,8 +215,7 @@ class Tpdo(_Pdo):
         self._inhibit_key = key(0x1800 + number, 3)
         self._event_key = key(0x1800 + number, 5)
         dictionary.check[self._inhibit_key] = self._check_inhibit
-        self._live: tuple[tuple[int, Callable[[], int]], ...] = ()
-        self._get: Callable[[dict[int, Any]], tuple[Any, ...]] = lambda _: ()
+        self._readers: tuple[Callable[[], Any], ...] = ()
         self._sync_count = 0
         self._last: bytes | None = None
         self._last_ns = -(1 << 62)
@@ -218,17 +225,14 @@ class Tpdo(_Pdo):
     def compile(self) -> None:
         """Take the parameters from the dictionary."""
         super().compile()
-        live = self.dictionary.live
-        self._live = tuple((k, live[k]) for k in self.keys if k in live)
-        keys = self.keys
-        # itemgetter returns a bare value for one key
-        self._get = itemgetter(*keys) if len(keys) > 1 else lambda v: tuple(v[k] for k in keys)
+        live, values = self.dictionary.live, self.dictionary.values
+        self._readers = tuple(live.get(k) or partial(values.__getitem__, k) for k in self.keys)
         self._sync_count = 0
 
     def start(self) -> None:
         """Node became operational, or the PDO was changed while it is."""
         self.stop()
-        if self.valid and self.transmission in _EVENT:
+        if self.valid and self.transmission in EVENT:
             self._send_event()
 
     def stop(self) -> None:
@@ -240,6 +244,9 @@ class Tpdo(_Pdo):
 
     def on_sync(self) -> None:
         """Sample and send when it is this PDO's turn."""
+        if self.transmission == 1:
+            self._segment.emit(self.cob_id, self._sample())
+            return
         if self.transmission > 1:
             self._sync_count += 1
             if self._sync_count < self.transmission:
@@ -253,10 +260,7 @@ class Tpdo(_Pdo):
         self._segment.emit(self.cob_id, data)
 
     def _sample(self) -> bytes:
-        values = self.dictionary.values
-        for k, read in self._live:
-            values[k] = read()
-        return self.codec.pack(*self._get(values))
+        return self.codec.pack(*[read() for read in self._readers])
 
     def on_event(self) -> None:
         """Something that the device profile counts as an event happened."""
@@ -277,98 +281,3 @@ class Tpdo(_Pdo):
     def _check_inhibit(self, value: int) -> None:
         if self._exists():
             raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
-
-
-class PdoEngine:
-    """All PDOs of a node.
-
-    Args:
-        emergency: called with an EMCY code when an RPDO has the wrong length.
-    """
-
-    def __init__(
-        self, dictionary: Dictionary, segment: CanSegment, emergency: Callable[[int], None]
-    ) -> None:
-        self.emergency = emergency
-        self._dictionary = dictionary
-        self._segment = segment
-        self._running = False
-        self._sync_ns = 0
-        self._window_ns = 0
-        self._subscribed: list[tuple[int, Rpdo]] = []
-        self._rpdos = [Rpdo(dictionary, n, self) for n in range(COUNT)]
-        self._tpdos = [Tpdo(dictionary, n, segment) for n in range(COUNT)]
-        self._sync_rpdos: tuple[Rpdo, ...] = ()
-        self._sync_tpdos: tuple[Tpdo, ...] = ()
-        self._event_tpdos: tuple[Tpdo, ...] = ()
-        dictionary.on_write[_SYNC_WINDOW] = lambda _: self._arrange()
-        for pdo in (*self._rpdos, *self._tpdos):
-            for k in (pdo.cob_key, pdo.type_key):
-                dictionary.on_write[k] = lambda _, pdo=pdo: self._changed(pdo)  # type: ignore[misc]
-
-    def start(self) -> None:
-        """The node became operational: PDOs exist from now on."""
-        self._running = True
-        for pdo in (*self._rpdos, *self._tpdos):
-            pdo.compile()
-        self._arrange()
-        for tpdo in self._event_tpdos:
-            tpdo.start()
-
-    def stop(self) -> None:
-        """The node left operational: nothing is received or sent, nothing kept."""
-        self._running = False
-        for tpdo in self._tpdos:
-            tpdo.stop()
-        for rpdo in self._rpdos:
-            rpdo.pending = None
-        self._arrange()
-
-    def on_sync(self) -> None:
-        """Send the synchronous TPDOs that are due; call `latch` afterwards."""
-        for tpdo in self._sync_tpdos:
-            tpdo.on_sync()
-
-    def latch(self) -> None:
-        """Let the synchronous RPDOs received since the last SYNC act."""
-        for rpdo in self._sync_rpdos:
-            data = rpdo.pending
-            if data is not None:
-                rpdo.pending = None
-                rpdo.apply(data)
-        if self._window_ns:
-            self._sync_ns = self._segment.now_ns
-
-    def on_event(self) -> None:
-        """Statusword or mode display changed."""
-        for tpdo in self._event_tpdos:
-            tpdo.on_event()
-
-    def in_window(self) -> bool:
-        """Whether a synchronous RPDO arriving now counts (0x1007, 0: always)."""
-        return not self._window_ns or self._segment.now_ns - self._sync_ns <= self._window_ns
-
-    def _changed(self, pdo: Rpdo | Tpdo) -> None:
-        if not self._running:
-            return
-        pdo.compile()
-        self._arrange()
-        if isinstance(pdo, Tpdo):
-            pdo.start()
-
-    def _arrange(self) -> None:
-        for cob_id, rpdo in self._subscribed:
-            self._segment.unsubscribe(cob_id, rpdo.on_frame)
-        live = self._running
-        self._window_ns = self._dictionary.integer(_SYNC_WINDOW) * 1000
-        self._subscribed = [(r.cob_id, r) for r in self._rpdos if live and r.valid]
-        for cob_id, rpdo in self._subscribed:
-            self._segment.subscribe(cob_id, rpdo.on_frame)
-        synchronous = [p for p in self._tpdos if live and p.valid and p.transmission <= 240]
-        self._sync_tpdos = tuple(synchronous)
-        self._event_tpdos = tuple(
-            p for p in self._tpdos if live and p.valid and p.transmission in _EVENT
-        )
-        self._sync_rpdos = tuple(
-            r for r in self._rpdos if live and r.valid and r.transmission <= 240
-        )

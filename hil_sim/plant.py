@@ -79,6 +79,39 @@ def _read_encoder(plant, state, control_period, normal):  # type: ignore[no-unty
 
 
 @numba.njit(cache=True)
+def command(loop, position, force, ticks):  # type: ignore[no-untyped-def]
+    """Ramp demand and force offset from the last commanded pair to this one within `ticks`."""
+    loop.from_position = loop.demand
+    loop.from_force = loop.offset
+    loop.to_position = position
+    loop.to_force = force
+    loop.ramp_ticks = ticks
+    loop.ramp_done = 0
+
+
+@numba.njit(cache=True)
+def _step(  # type: ignore[no-untyped-def]
+    plant, control, state, loop, forces, slipping, shares, period, normals, first, ticks,
+    orders, report,
+):  # fmt: skip
+    """Take over the orders, advance, report: what `Plant` needs of one call."""
+    for a in range(plant.shape[0]):
+        if orders[a, 0] != 0.0:
+            command(loop[a], orders[a, 1], orders[a, 2], int(orders[a, 3]))
+            orders[a, 0] = 0.0
+        if orders[a, 4] != 0.0:
+            state[a].worst_error = 0.0
+            orders[a, 4] = 0.0
+    _advance(plant, control, state, loop, forces, slipping, shares, period, normals, first, ticks)
+    for a in range(plant.shape[0]):
+        report[a, 0] = state[a].encoder
+        report[a, 1] = state[a].motor_force
+        report[a, 2] = loop[a].demand
+        report[a, 3] = state[a].speed
+        report[a, 4] = state[a].worst_error
+
+
+@numba.njit(cache=True)
 def _advance(  # type: ignore[no-untyped-def]
     plant, control, state, loop, forces, slipping, shares, period, normals, first, ticks
 ):  # fmt: skip
@@ -140,17 +173,6 @@ def _simulate(  # type: ignore[no-untyped-def]
         _advance(
             plant, control, state, loop, forces, slipping, shares, period, normals, k * ticks, ticks
         )
-
-
-@numba.njit(cache=True)
-def command(loop, position, force, ticks):  # type: ignore[no-untyped-def]
-    """Ramp demand and force offset from the last commanded pair to this one within `ticks`."""
-    loop.from_position = loop.demand
-    loop.from_force = loop.offset
-    loop.to_position = position
-    loop.to_force = force
-    loop.ramp_ticks = ticks
-    loop.ramp_done = 0
 
 
 def _plant_record(axis: AxisSettings) -> tuple[float, ...]:
@@ -283,39 +305,37 @@ class Plant:
         arrays.state["wander"] = self._noise.start_wander(settings)
         self._normals = self._noise.draw(_NOISE_BLOCK)
         self._used = 0
-        # Views of one record per axis: attribute access without a search each time.
-        self._states = [arrays.state[a] for a in range(count)]
-        self._loops = [arrays.loop[a] for a in range(count)]
+        # Orders wait for the next step; its report is kept as plain floats.
+        self._orders = np.zeros((count, 5))
+        self._report = np.zeros((count, 5))
+        self._report[:, 0] = self._report[:, 2] = arrays.state["encoder"]
+        self._values: list[list[float]] = self._report.tolist()
+        self._increments = [axis.increment for axis in settings.axes]
         self._kernel = (
-            arrays.plant,
-            arrays.control,
-            arrays.state,
-            arrays.loop,
-            arrays.forces,
-            arrays.slipping,
-            arrays.shares,
-            self._period,
-        )
+            arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces,
+            arrays.slipping, arrays.shares, self._period,
+        )  # fmt: skip
 
     def advance_to(self, time_ns: int) -> None:
         """Integrate all control ticks that start before `time_ns`; no effect for the past."""
-        ticks = -((self.time_ns - time_ns) // self._period_ns)
-        if ticks <= 0:
+        if time_ns <= self.time_ns:
             return
+        ticks = -((self.time_ns - time_ns) // self._period_ns)
         self.time_ns += ticks * self._period_ns
         while ticks > 0:
             if self._used == _NOISE_BLOCK:
                 self._normals = self._noise.draw(_NOISE_BLOCK)
                 self._used = 0
             part = min(ticks, _NOISE_BLOCK - self._used)
-            _advance(*self._kernel, self._normals, self._used, part)
+            _step(*self._kernel, self._normals, self._used, part, self._orders, self._report)
             self._used += part
             ticks -= part
+        self._values = self._report.tolist()
 
     def power(self, axis: int, on: bool) -> None:
         """Close the loop (demand := actual, integrator and offset := 0) or cut the force."""
-        loop = self._loops[axis]
-        reading = self._states[axis]["encoder"]
+        loop = self._arrays.loop[axis]
+        reading = self._values[axis][0]
         for name in ("demand", "from_position", "to_position"):
             loop[name] = reading
         for name in (
@@ -324,33 +344,35 @@ class Plant:
         ):  # fmt: skip
             loop[name] = 0
         loop["powered"] = on
-        self._states[axis]["worst_error"] = 0.0
+        self._orders[axis] = (0.0, 0.0, 0.0, 0.0, 1.0)
+        self._values[axis][2] = reading
+        self._values[axis][4] = 0.0
 
     def command(self, axis: int, position: float, force: float, ticks: int) -> None:
         """Ramp demand [m] and force offset [N] linearly to this pair, reached after `ticks`."""
-        command(self._loops[axis], position, force, ticks)
+        self._orders[axis, :4] = (1.0, position, force, ticks)
 
     def encoder(self, axis: int) -> int:
         """Encoder counts at `time_ns`, from the plant's true zero."""
-        return round(self._states[axis]["encoder"] / self.settings.axes[axis].increment)
+        return round(self._values[axis][0] / self._increments[axis])
 
     def force(self, axis: int) -> float:
         """Measured motor force at `time_ns` [N]."""
-        return float(self._states[axis]["motor_force"])
+        return self._values[axis][1]
 
     def demand(self, axis: int) -> float:
         """Position demand inside the drive [m]."""
-        return float(self._loops[axis]["demand"])
+        return self._values[axis][2]
 
     def velocity(self, axis: int) -> float:
         """Velocity as the drive reports it: from the encoder, low-passed [m/s]."""
-        return float(self._states[axis]["speed"])
+        return self._values[axis][3]
 
     def following_error(self, axis: int) -> float:
         """Largest |demand - encoder| since this was last called [m]."""
-        state = self._states[axis]
-        worst = float(state["worst_error"])
-        state["worst_error"] = 0.0
+        values = self._values[axis]
+        worst, values[4] = values[4], 0.0
+        self._orders[axis, 4] = 1.0
         return worst
 
 

@@ -2,8 +2,8 @@
 
 A trapezoid of velocity from any position and velocity to rest at a target, in closed form, sampled
 once per period; for a jerk-limited profile the samples go through a moving average whose length
-makes the steepest step of acceleration (from +a to -a) keep the jerk. Rest is reached exactly at
-the target. No blending of successive set-points.
+makes the steepest step of acceleration (from +a to -a) keep the jerk, but is at most 1 s. Rest is
+reached exactly at the target. No blending of successive set-points.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
+
+_LONGEST_SMOOTHING = 1.0  # [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,5 +173,6 @@ class ProfileGenerator:
 
     def _smooth(self, duration: float | None) -> None:
         if self.done:  # a window is never changed under way: that would jump
-            length = 1 if duration is None else max(1, round(duration / self.period))
+            duration = min(duration or 0.0, _LONGEST_SMOOTHING)
+            length = max(1, round(duration / self.period))
             self._window = deque([self.position] * length, maxlen=length)

@@ -95,6 +95,11 @@ class DriveSdoServer(SdoServer):
         if last:
             self._buffer = None
 
+    def block_download(self, data: bytes) -> None:
+        """Not offered."""
+        _, self._index, self._subindex = sdo.SDO_STRUCT.unpack_from(data)
+        raise SdoAbortedError(sdo.ABORT_INVALID_COMMAND_SPECIFIER)
+
     def block_upload(self, data: bytes) -> None:
         """Only its initiation may be answered by an ordinary upload."""
         if data[0] & 0x03:

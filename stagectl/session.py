@@ -18,7 +18,7 @@ from typing import Any
 from drivers import DriverError, Stage
 from drivers.settings import AxisSettings, BusSettings
 from estimation.trajectory import Limits
-from hil_sim.lockstep import World
+from hil_sim.world import World
 from hil_sim.stage import VirtualStage
 from sim2real.recording import Recording
 from stagectl.compensation import AxisCompensation, Mode, make_compensation

@@ -10,8 +10,9 @@ import canopen
 import numpy as np
 
 from drivers.stage import Stage
-from hil_sim.lockstep import LockstepBus, World
+from hil_sim.lockstep import LockstepBus
 from hil_sim.stage import VirtualStage
+from hil_sim.world import World
 from stagectl.config.mapping import driver_settings, stage_settings
 
 
@@ -33,7 +34,7 @@ def test_virtual_drives_show_what_is_behind_the_curtain(
 
 
 def test_any_canopen_master_can_use_the_bus(stage_bus: Any, stage_machine: Any) -> None:
-    """canopen's own, without its Notifier thread, fed by hand."""
+    """The one that canopen is itself, without its Notifier thread, fed by hand."""
     _, axes = driver_settings(stage_machine)
     network = canopen.Network(stage_bus)
     states: list[int] = []

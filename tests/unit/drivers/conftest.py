@@ -30,6 +30,7 @@ class ScriptedDrive:
         refuse: (index, sub) -> SDO abort code.
         stuck: objects whose writes are acknowledged but not kept.
         silent: from now on it sends nothing.
+        waits_for_word: shows 0x0000 until a controlword other than 0 comes.
         mute_tpdo: number of SYNCs that it leaves unanswered.
         on_sync: called with the drive and the number of the SYNC before it answers.
     """
@@ -41,6 +42,7 @@ class ScriptedDrive:
             (0x1000, 0): 0x00020192,
             (0x1018, 1): 0x00535447,
             (0x1018, 2): 0x402,
+            (0x1018, 3): 0x00010003,
             (0x6502, 0): 0xA1,
             (0x6076, 0): round(rated * 1000),
             (0x608F, 1): 1, (0x608F, 2): 1, (0x6091, 1): 1, (0x6091, 2): 1,
@@ -53,6 +55,7 @@ class ScriptedDrive:
         self.silent = False
         self.deaf = False
         self.mute_tpdo = 0
+        self.waits_for_word = False
         self.nmt = 127
         self.state = State.SWITCH_ON_DISABLED
         self.bits = 0
@@ -96,6 +99,8 @@ class ScriptedDrive:
 
     def take_over(self) -> None:
         word, target, _ = self.latched
+        if self.state is State.NOT_READY_TO_SWITCH_ON and self.waits_for_word and not word:
+            return
         if self.state in AUTOMATIC:
             self.state = AUTOMATIC[self.state][1]
         elif self.state is State.FAULT:

@@ -61,8 +61,8 @@ def test_the_host_beats_while_pumping_and_does_not_burst_after_a_pause(scripted:
     beats = [t for t, i, data in scripted.sent if (i, data) == (0x77F, b"\x05")]
     assert 9 <= len(beats) <= 11
     scripted.clock.now += 5_000_000_000
-    network.pump(0.01)
-    assert len([i for _, i, _ in scripted.sent if i == 0x77F]) == len(beats) + 1
+    network.pump(0.2)
+    assert 1 <= len([i for _, i, _ in scripted.sent if i == 0x77F]) - len(beats) <= 4
 
 
 def test_the_tap_sees_both_directions(pair: Any) -> None:

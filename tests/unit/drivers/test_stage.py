@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import struct
 from typing import Any
 
@@ -71,6 +72,7 @@ def test_missing_node_is_named(
     [
         ((0x1018, 1), 0x22, NodeError, r"^axis x: 0x1018:01 vendor id: is 0x00000022, the EDS"),
         ((0x1018, 2), 0x99, NodeError, r"^axis x: 0x1018:02 product code: is 0x00000099"),
+        ((0x1018, 3), 0x30000, NodeError, r"0x1018:03 .*major revision is 3, the EDS describes 1"),
         ((0x1000, 0), 0x191, NodeError, r"^axis x: 0x1000:00 device type: is profile 401"),
         ((0x6076, 0), 39000, ConfigurationError, r"0x6076:00 .*says 39 N, the settings 40 N"),
         ((0x6092, 1), 1000, ConfigurationError, r"0x6092:01 feed: factor group: .* 0.001 encoder"),
@@ -147,6 +149,7 @@ def test_enable_targets_the_actual_position_and_stream_returns_what_was_sent(
     position, offset = rest(stage, 4)
     position[:, X] += np.arange(4) * 1.4e-9
     offset[:, Y] = 0.1234
+    scripted.drives[X].force, scripted.drives[Y].force = 25, -50
     seen: list[tuple[int, ...]] = []
     stage.sink = seen.append
     samples = stage.stream(position, offset)
@@ -155,11 +158,30 @@ def test_enable_targets_the_actual_position_and_stream_returns_what_was_sent(
     )
     np.testing.assert_allclose(samples.force_offset[:, Y], 0.12)  # 2 x 60 N / 1000
     np.testing.assert_allclose(samples.time, [0, 1e-3, 2e-3, 3e-3])
+    assert scripted.drives[Y].latched == (0x0F, -7000, 2)
+    np.testing.assert_allclose(samples.force, np.tile((1.0, -3.0), (4, 1)))
     # the drive samples before it takes the setpoint over
     np.testing.assert_allclose(samples.position[1:, X], samples.position_demand[:-1, X])
     assert samples.valid.all()
     assert not samples.late.any()
-    assert seen[2] == (2_000_000, 0, 5003, 0, 5001, 0, 0x227, 1, 0, -7000, 2, -7000, 0, 0x227, 1, 0)
+    assert seen[2] == (
+        2_000_000,
+        0,
+        5003,
+        0,
+        5001,
+        25,
+        0x227,
+        1,
+        0,
+        -7000,
+        2,
+        -7000,
+        -50,
+        0x227,
+        1,
+        0,
+    )
 
 
 def test_streams_continue_the_sync_grid_and_until_ends_one(stage: Stage, scripted: Any) -> None:
@@ -402,3 +424,91 @@ def test_no_sdo_while_streaming(stage: Stage, scripted: Any) -> None:
     stage.stream(*rest(stage, 300))
     ids = {can_id for _, can_id, _ in scripted.sent[before:]}
     assert ids == {0x080, 0x201, 0x202, 0x77F}
+
+
+def test_a_reboot_sets_everything_up_anew(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+    stage.boot()
+    assert not stage.enabled
+    stage.enable()
+    assert len(stage.stream(*rest(stage, 3))) == 3
+
+
+def test_enable_does_not_trust_what_it_heard_long_ago(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+    scripted.drives[X].state = State.SWITCH_ON_DISABLED
+    stage.enable()
+    assert stage.enabled
+    assert scripted.drives[X].state is State.OPERATION_ENABLED
+
+
+def test_late_cycles_are_counted_and_never_sent_in_a_burst(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+
+    def slow(position: tuple[float, ...]) -> bool:
+        calls.append(position)
+        if len(calls) == 3:
+            scripted.clock.now += 3_700_000
+        return False
+
+    calls: list[tuple[float, ...]] = []
+    samples = stage.stream(*rest(stage, 6), until=slow)
+    assert samples.late.tolist() == [False, False, False, True, False, False]
+    np.testing.assert_allclose(samples.time, np.array([0, 1, 2, 5, 6, 7]) * 1e-3)
+    syncs = [t for t, can_id, _ in scripted.sent if can_id == 0x80][-6:]
+    assert min(np.diff(syncs)) >= 300_000
+    assert stage.late == 1
+
+
+def test_a_duplicate_of_an_old_tpdo_is_not_taken_for_the_new_one(
+    stage: Stage, scripted: Any
+) -> None:
+    """Of the axis that answers last: its old frame would end the cycle before its new one."""
+    stage.enable()
+    stage.sink = lambda sample: scripted.deliver(
+        0x182, struct.pack("<Hih", 0x227, sample[11] - 5, 0)
+    )
+    position, offset = rest(stage, 6)
+    position[:, Y] += np.arange(6) * 1e-7
+    samples = stage.stream(position, offset)
+    np.testing.assert_allclose(samples.position[1:, Y], samples.position_demand[:-1, Y])
+    assert samples.valid.all()
+
+
+def test_a_drive_that_shows_0x0000_until_spoken_to_is_enabled(stage: Stage, scripted: Any) -> None:
+    drive = scripted.drives[X]
+    drive.state = State.NOT_READY_TO_SWITCH_ON
+
+    drive.waits_for_word = True
+    stage.enable()
+    assert stage.enabled
+
+
+def test_a_drive_without_force_offset_is_refused_before_anything_is_sent(
+    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...], tmp_path: Any
+) -> None:
+    text = axis_settings[0].eds.read_text()
+    head, rest_ = text.split("[60B2]")
+    other = tmp_path / "without.eds"
+    other.write_text(head + rest_[rest_.index("\n[") :])
+    axes = (dataclasses.replace(axis_settings[0], eds=other), axis_settings[1])
+    with pytest.raises(
+        ConfigurationError, match=r"^axis x: 0x60B2:00 torque offset: the EDS does not list it"
+    ):
+        Stage.open(bus_settings, axes, bus_object=scripted)
+    assert scripted.sent == []
+
+
+@pytest.mark.parametrize("problem", [KeyboardInterrupt, RuntimeError])
+def test_whatever_goes_wrong_in_the_application_stops_the_axes(
+    stage: Stage, scripted: Any, problem: type[BaseException]
+) -> None:
+    stage.enable()
+
+    def until(position: tuple[float, ...]) -> bool:
+        raise problem
+
+    with pytest.raises(problem):
+        stage.stream(*rest(stage, 10), until=until)
+    assert off(scripted)
+    assert not stage.enabled

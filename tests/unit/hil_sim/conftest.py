@@ -206,7 +206,7 @@ class Host:
 _names = (f"unit-{n}" for n in itertools.count())
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def stage_settings() -> StageSettings:
     return StageSettings(1e-3, (axis("x", 1), axis("y", 2)))
 
@@ -241,3 +241,9 @@ def host(stage: VirtualStage, world: World) -> Iterator[Host]:
 def make_host() -> type[Host]:
     """`Host` itself, for tests that bring their own bus."""
     return Host
+
+
+@pytest.fixture(scope="session")
+def make_following_plant() -> Callable[[], FollowingPlant]:
+    """For tests that need a new plant for each example."""
+    return lambda: FollowingPlant((2.5e-3, -1e-3))

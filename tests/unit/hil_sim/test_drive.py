@@ -170,6 +170,84 @@ def test_following_error_faults_after_its_time_and_needs_an_edge_to_reset(stream
     assert host.cycle(0, word=0x86)[0] & 0x4F == 0x40
 
 
+@pytest.mark.parametrize(("option", "distance"), [(0, 0.0), (1, 100e-6), (2, 25e-6)])
+def test_fault_reaction_by_its_option(streaming, plant, option, distance):
+    """10 mm/s stopped without ramp, at 0.5 m/s^2 (0x6084) and at 2 m/s^2 (0x6085)."""
+    host = streaming
+    host.write(1, 0x6084, 0, "I", 500_000)
+    host.write(1, 0x6085, 0, "I", 2_000_000)
+    host.write(1, 0x605E, 0, "h", option)
+    host.write(1, 0x6007, 0, "h", 1)
+    host.write(1, 0x1029, 1, "B", 1)
+    host.write(1, 0x1016, 1, "I", 127 << 16 | 5)
+    host.send(0x77F, b"\x05")
+    for k in range(5):
+        host.cycle(k * 10_000)
+    moving = plant.actual[0]
+    host.wait(40)
+    assert host.statusword() & 0x4F == 0x08
+    assert not plant.powered[0]
+    assert plant.actual[0] - moving == pytest.approx(distance, abs=1e-9)
+
+
+def test_following_error_window_can_be_switched_off(streaming, plant):
+    streaming.write(1, 0x6065, 0, "I", 0xFFFFFFFF)
+    plant.blocked[0] = True
+    assert stream(streaming, [2_000_000] * 30)[-1][0] & 0x6F == 0x27
+
+
+def test_following_error_in_pp(host, plant):
+    plant.blocked[0] = True
+    host.enable(1)
+    host.write(1, 0x607A, 0, "i", 20_000_000)
+    host.control(0x1F)
+    host.wait(300)
+    assert host.statusword() & 0x204F == 0x2008
+    assert host.read_object(1, 0x603F, 0, "H") == 0x8611
+
+
+def test_error_history_keeps_the_newest_eight(host, plant):
+    host.write(1, 0x1016, 1, "I", 127 << 16 | 10)
+    for _ in range(10):
+        host.send(0x77F, b"\x05")
+        host.wait(15)
+    assert host.read_object(1, 0x1003, 0, "B") == 8
+    assert host.read_object(1, 0x1003, 8, "I") == 0x8130
+    assert host.read_object(1, 0x1001, 0, "B") == 0x11
+    host.send(0x77F, b"\x05")
+    assert host.read_object(1, 0x1001, 0, "B") == 0  # back again, and no fault to reset
+    assert host.take(EMCY)[-1].data[:3] == b"\0\0\0"
+    host.write(1, 0x1003, 0, "B", 0)
+    assert host.read_object(1, 0x1003, 0, "B") == 0
+
+
+def test_fault_stays_when_the_heartbeat_comes_back(host):
+    host.write(1, 0x1016, 1, "I", 127 << 16 | 10)
+    host.enable(8)
+    host.send(0x77F, b"\x05")
+    host.wait(20)
+    host.send(0x77F, b"\x05")
+    assert host.statusword() & 0x4F == 0x08
+    assert host.read_object(1, 0x603F, 0, "H") == 0x8130
+    assert host.control(0x80) & 0x4F == 0x40
+    assert host.read_object(1, 0x603F, 0, "H") == 0
+
+
+def test_interpolation_takes_0x60c2(streaming, plant):
+    streaming.write(1, 0x60C2, 1, "B", 2)
+    streaming.cycle(1000)
+    assert plant.commands[-1][4] == 20
+
+
+def test_a_fault_of_one_node_leaves_the_other_alone(streaming, plant):
+    host = streaming
+    host.enable(8, node=2)
+    plant.blocked[0] = True
+    stream(host, [2_000_000] * 20)
+    assert host.statusword(1) & 0x4F == 0x08
+    assert host.statusword(2) & 0x6F == 0x27
+
+
 def test_short_excursion_is_no_fault(streaming, plant):
     plant.blocked[0] = True
     stream(streaming, [2_000_000] * 3)

@@ -94,6 +94,8 @@ def test_hosts_hear_each_other_but_not_themselves(name, bus):
     with can.Bus(interface="lockstep", channel=name, receive_own_messages=True) as echo:
         echo.send(frame(0x7))
         assert not echo.recv(0).is_rx
+        echo.world.emit(0x181, b"")  # a node's frame
+        assert echo.recv(0).is_rx
 
 
 def test_nodes_hear_only_data_frames_with_short_ids(name, bus):

@@ -64,3 +64,11 @@ def test_stop_takes_the_braking_distance(v, rate):
         generator.step()
     assert generator.done
     assert generator.position == pytest.approx(v * abs(v) / (2 * rate), abs=1e-12)
+
+
+def test_absurdly_small_jerk_is_smoothed_over_a_second_at_most():
+    generator = ProfileGenerator(1e-3)
+    generator.move(1e-3, 1.0, 4000.0, 4000.0, jerk=1e-6)
+    for _ in range(1100):
+        generator.step()
+    assert generator.done

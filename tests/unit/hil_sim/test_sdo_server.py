@@ -20,6 +20,8 @@ from hypothesis import strategies as st
         (0x6007, 0, "h", 4, 0x06090031),  # too high
         (0x6007, 0, "h", -1, 0x06090032),  # too low
         (0x6060, 0, "b", 3, 0x06090030),  # mode not offered
+        (0x60C2, 2, "b", 40, 0x06090031),  # ages
+        (0x60C2, 2, "b", -7, 0x06090032),
         (0x1003, 0, "B", 1, 0x06090030),  # only 0 clears
         (0x1005, 0, "I", 0x40000080, 0x06090030),  # produces no SYNC
     ],

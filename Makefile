@@ -1,0 +1,40 @@
+# What people type: `make run`, `make test`. Everything lives in .venv; nothing needs root.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+.PHONY: run test lint types layers bench docs clean help
+
+help: ## this list
+	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
+
+# --group needs pip 25.1, which older Pythons' venvs do not bring.
+$(STAMP): pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade 'pip>=25.1'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable . --group dev
+	@touch $@
+
+run: $(STAMP) ## run the inspection recipe on the virtual stage
+	$(BIN)/stagectl run recipes/inspection-20.yaml --simulate --out runs/inspection-20
+
+test: $(STAMP) lint types layers ## lint, types, layers, all tests
+	$(BIN)/python -m pytest
+
+lint: $(STAMP) ## ruff
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(STAMP) ## mypy --strict
+	$(BIN)/mypy
+
+layers: $(STAMP) ## import contracts
+	$(BIN)/lint-imports
+
+bench: $(STAMP) ## figures of docs/figures.md, and ratios of the hot paths
+	$(BIN)/python benchmarks/run_figures.py
+	$(BIN)/python benchmarks/cycle_rate.py
+
+clean: ## remove what was built
+	rm -rf $(VENV) runs .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

@@ -1,0 +1,114 @@
+"""All process data of a node: four RPDOs and four TPDOs, what a SYNC does with them, and when.
+
+They exist while the node is OPERATIONAL. `pdo.py` says what is offered and what is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from hil_sim.dictionary import Dictionary, key
+from hil_sim.pdo import EVENT, Rpdo, Tpdo
+from hil_sim.ports import CanSegment
+
+COUNT = 4  # of each kind
+_SYNC_WINDOW = key(0x1007)
+
+
+class PdoEngine:
+    """All PDOs of a node.
+
+    Args:
+        emergency: called with an EMCY code when an RPDO has the wrong length.
+    """
+
+    def __init__(
+        self, dictionary: Dictionary, segment: CanSegment, emergency: Callable[[int], None]
+    ) -> None:
+        self._emergency = emergency
+        self._dictionary = dictionary
+        self._segment = segment
+        self._running = False
+        self._sync_ns = 0
+        self._window_ns = 0
+        self._subscribed: list[tuple[int, Rpdo]] = []
+        self._rpdos = [Rpdo(dictionary, n, self) for n in range(COUNT)]
+        self._tpdos = [Tpdo(dictionary, n, segment) for n in range(COUNT)]
+        self._sync_rpdos: tuple[Rpdo, ...] = ()
+        self._sync_tpdos: tuple[Tpdo, ...] = ()
+        self._event_tpdos: tuple[Tpdo, ...] = ()
+        dictionary.on_write[_SYNC_WINDOW] = lambda _: self._arrange()
+        for pdo in (*self._rpdos, *self._tpdos):
+            for k in (pdo.cob_key, pdo.type_key):
+                dictionary.on_write[k] = lambda _, pdo=pdo: self._changed(pdo)  # type: ignore[misc]
+
+    def start(self) -> None:
+        """The node became operational: PDOs exist from now on."""
+        self._running = True
+        for pdo in (*self._rpdos, *self._tpdos):
+            pdo.compile()
+        self._arrange()
+        for tpdo in self._event_tpdos:
+            tpdo.start()
+
+    def stop(self) -> None:
+        """The node left operational: nothing is received or sent, nothing kept."""
+        self._running = False
+        for tpdo in self._tpdos:
+            tpdo.stop()
+        for rpdo in self._rpdos:
+            rpdo.pending = None
+        self._arrange()
+
+    def on_sync(self) -> None:
+        """Send the synchronous TPDOs that are due; call `latch` afterwards."""
+        for tpdo in self._sync_tpdos:
+            tpdo.on_sync()
+
+    def latch(self) -> None:
+        """Let the synchronous RPDOs received since the last SYNC act."""
+        for rpdo in self._sync_rpdos:
+            data = rpdo.pending
+            if data is not None:
+                rpdo.pending = None
+                rpdo.apply(data)
+        if self._window_ns:
+            self._sync_ns = self._segment.now_ns
+
+    def emergency(self, code: int) -> None:
+        """An EMCY for something that passes by itself."""
+        self._emergency(code)
+
+    def on_event(self) -> None:
+        """Statusword or mode display changed."""
+        for tpdo in self._event_tpdos:
+            tpdo.on_event()
+
+    def in_window(self) -> bool:
+        """Whether a synchronous RPDO arriving now counts (0x1007, 0: always)."""
+        return not self._window_ns or self._segment.now_ns - self._sync_ns <= self._window_ns
+
+    def _changed(self, pdo: Rpdo | Tpdo) -> None:
+        if not self._running:
+            return
+        pdo.compile()
+        self._arrange()
+        if isinstance(pdo, Tpdo):
+            pdo.start()
+
+    def _arrange(self) -> None:
+        for cob_id, rpdo in self._subscribed:
+            self._segment.unsubscribe(cob_id, rpdo.on_frame)
+        live = self._running
+        self._window_ns = self._dictionary.integer(_SYNC_WINDOW) * 1000
+        self._subscribed = [(r.cob_id, r) for r in self._rpdos if live and r.valid]
+        for cob_id, rpdo in self._subscribed:
+            self._segment.subscribe(cob_id, rpdo.on_frame)
+        synchronous = [p for p in self._tpdos if live and p.valid and p.transmission <= 240]
+        self._sync_tpdos = tuple(synchronous)
+        self._event_tpdos = tuple(
+            p for p in self._tpdos if live and p.valid and p.transmission in EVENT
+        )
+        self._sync_rpdos = tuple(
+            r for r in self._rpdos if live and r.valid and r.transmission <= 240
+        )

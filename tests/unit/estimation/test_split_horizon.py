@@ -1,0 +1,266 @@
+"""The estimator on moves of the independent closed-loop simulation: what it learns and refuses."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from estimation.gms import Friction
+from estimation.kinematics import differentiate, force_noise
+from estimation.split_horizon import EstimatorSettings, MoveData, SplitHorizonEstimator
+from estimation.trajectory import Limits, plan
+from estimation.zones import split
+from hil_sim.plant import simulate
+from hil_sim.settings import StageSettings
+from stagectl.config import load_machine, stage_settings
+
+TS = 1e-3
+MACRO, MICRO = Limits(0.5, 3.0, 200.0), Limits(0.01, 0.2, 20.0)
+TRUE = Friction(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+SETTINGS = EstimatorSettings(mass=8.0, period=TS, noise=force_noise(8.0, 1e-9, 1e-9, 0.04, TS))
+
+
+@dataclass
+class Drive:
+    """Samples of axis x over a sequence of moves, and where each begins."""
+
+    position: np.ndarray
+    force: np.ndarray
+    starts: list[int]
+
+    def move(self, number: int) -> MoveData:
+        begin = self.starts[number] - 2
+        end = self.starts[number + 1] if number + 1 < len(self.starts) else len(self.position)
+        return MoveData(
+            self.position[begin:end].copy(),
+            self.force[begin:end].copy(),
+            np.ones(end - begin, dtype=bool),
+            begin * TS,
+            float(self.force[begin - 3 : begin + 2].mean()),
+        )
+
+
+def only_x(wander: float = 0.01) -> StageSettings:
+    stage = stage_settings(load_machine())
+    x = stage.axes[0]
+    return replace(stage, axes=(replace(x, friction=replace(x.friction, wander=wander)),))
+
+
+def drive(moves, stage=None, seed=1, mass=8.0) -> Drive:
+    """Closed loop, force offset = mass times acceleration; rests of 150 ms."""
+    at, demand, offset, starts = 0.0, [np.zeros(100)], [np.zeros(100)], []
+    count = 100
+    for target, limits in moves:
+        motion = plan(at, target, limits)
+        rows = int(motion.duration / TS) + 150
+        x, _, a = motion.sample(np.arange(1, rows + 1) * TS)
+        starts.append(count)
+        demand.append(x)
+        offset.append(mass * a)
+        count += rows
+        at = target
+    response = simulate(
+        stage or only_x(), np.concatenate(demand)[:, None], np.concatenate(offset)[:, None], seed
+    )
+    return Drive(response.position[:, 0], response.force[:, 0], starts)
+
+
+SEQUENCE = [
+    (25e-3, MACRO), (25.06e-3, MICRO), (0.0, MACRO), (-0.05e-3, MICRO), (20e-3, MACRO),
+    (19.95e-3, MICRO), (45e-3, MACRO), (45.07e-3, MICRO),
+]  # fmt: skip
+
+
+def learn(estimator: SplitHorizonEstimator, data: Drive, numbers=None):
+    estimator.at_rest(0.0, 0.0, 0.0)
+    return [estimator.update(data.move(n)) for n in numbers or range(len(data.starts))]
+
+
+@pytest.fixture(scope="module")
+def data() -> Drive:
+    return drive(SEQUENCE)
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
+def test_finds_the_truth_from_a_wrong_start(data, scale):
+    estimator = SplitHorizonEstimator(TRUE.scaled(scale), SETTINGS)
+    estimates = learn(estimator, data)
+    assert all(e.accepted for e in estimates), [e.reason for e in estimates]
+    last = estimator.friction
+    # The Coulomb level itself wanders by 1 % rms.
+    assert last.coulomb * estimator.level == pytest.approx(6.0, rel=0.03)
+    assert last.viscous == pytest.approx(20.0, rel=0.06)
+    assert last.stiffness == pytest.approx(6e5, rel=0.04)
+    assert last.relaxation_rate == pytest.approx(100.0, rel=0.25)
+
+
+def test_first_macro_move_gives_coulomb_and_viscous(data):
+    estimator = SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS)
+    first = learn(estimator, data, [0])[0]
+    assert first.accepted
+    assert first.zones == "A"  # of the state before it only the sum is known
+    assert first.friction.coulomb == pytest.approx(6.0, rel=0.04)
+    assert first.friction.viscous == pytest.approx(20.0, rel=0.1)
+    assert first.friction.stiffness == TRUE.scaled(0.5).stiffness
+
+
+def test_both_directions_give_the_same():
+    forth = learn(SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS), drive(SEQUENCE))[-1]
+    mirrored = [(-target, limits) for target, limits in SEQUENCE]
+    back = learn(SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS), drive(mirrored))[-1]
+    for name in ("coulomb", "viscous", "stiffness"):
+        assert getattr(back.friction, name) == pytest.approx(
+            getattr(forth.friction, name), rel=0.05
+        )
+
+
+def test_spread_is_what_sigma_says():
+    # Truths over estimates' own sigma, over 12 stages that differ only in noise and wander.
+    errors = []
+    for seed in range(12):
+        estimator = SplitHorizonEstimator(TRUE.scaled(0.7), SETTINGS)
+        learn(estimator, drive(SEQUENCE, seed=seed))
+        sigma = estimator.sigma
+        errors.append(
+            [
+                (estimator.friction.coulomb - 6.0) / sigma["coulomb"],
+                (estimator.friction.viscous - 20.0) / sigma["viscous"],
+            ]
+        )
+    rms = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert (rms < 2.5).all(), rms
+
+
+def test_sigma_shrinks_with_every_move(data):
+    estimates = learn(SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS), data)
+    assert estimates[-1].sigma["coulomb"] < estimates[0].sigma["coulomb"]
+    assert estimates[-1].sigma["stiffness"] < estimates[0].sigma["stiffness"] / 20
+
+
+def test_frozen_keeps_the_figures_and_follows_the_level(data):
+    estimator = SplitHorizonEstimator(TRUE, SETTINGS, frozen=True)
+    learn(estimator, data)
+    assert estimator.friction == TRUE
+    assert estimator.level != 1.0
+    assert abs(estimator.level - 1.0) < 0.05
+
+
+def test_state_is_carried_to_the_force_at_rest(data):
+    estimator = SplitHorizonEstimator(TRUE, SETTINGS, frozen=True)
+    learn(estimator, data)
+    assert estimator.state is not None
+    rest = float(data.force[-5:].mean())
+    assert estimator.state.total == pytest.approx(rest, abs=0.05 * 6.0)
+
+
+def test_level_is_forgotten_with_its_correlation_time(data):
+    estimator = SplitHorizonEstimator(TRUE, SETTINGS, frozen=True)
+    learn(estimator, data)
+    end = len(data.position) * TS
+    now, later = estimator.effective(end).coulomb, estimator.effective(end + 5.0).coulomb
+    assert abs(later - 6.0) < 0.01 * abs(now - 6.0) + 1e-9
+
+
+class TestRefusals:
+    def settled(self, data) -> SplitHorizonEstimator:
+        estimator = SplitHorizonEstimator(TRUE, SETTINGS)
+        learn(estimator, data, range(6))
+        return estimator
+
+    def test_a_jump_is_refused_and_the_last_good_model_kept(self, data):
+        estimator = self.settled(data)
+        before = estimator.friction
+        move = data.move(6)
+        wrong = replace(move, force=8.0 * 0 + move.force * 1.6)
+        estimate = estimator.update(wrong)
+        assert not estimate.accepted
+        assert estimate.reason
+        assert estimator.friction == before
+
+    def test_a_change_that_stays_is_accepted_in_the_end(self, data):
+        estimator = self.settled(data)
+        rougher = only_x()
+        axis = rougher.axes[0]
+        friction = replace(axis.friction, coulomb=9.0, attraction=900.0)
+        rougher = replace(rougher, axes=(replace(axis, friction=friction),))
+        changed = drive(SEQUENCE, rougher)
+        verdicts = [estimator.update(changed.move(n)).accepted for n in range(8)]
+        assert not verdicts[0]
+        assert verdicts[-1]
+        assert estimator.friction.coulomb == pytest.approx(9.0, rel=0.06)
+
+    def test_no_motion_no_update(self, data):
+        estimator = self.settled(data)
+        before = estimator.friction
+        rest = MoveData(np.zeros(80), np.full(80, 1.0), np.ones(80, dtype=bool), 9.0, 1.0)
+        estimate = estimator.update(rest)
+        assert (estimate.accepted, estimate.reason) == (False, "too little motion to learn from")
+        assert estimator.friction == before
+
+    def test_garbage_is_refused(self, data):
+        estimator = self.settled(data)
+        before = estimator.friction
+        move = data.move(6)
+        noise = np.random.default_rng(0).normal(0.0, 20.0, len(move.force))
+        estimate = estimator.update(replace(move, force=move.force + noise))
+        assert not estimate.accepted
+        assert estimator.friction == before
+
+    def test_not_finite_samples_are_left_out(self, data):
+        estimator = self.settled(data)
+        move = data.move(6)
+        force = move.force.copy()
+        force[50] = np.nan
+        estimate = estimator.update(replace(move, force=force))
+        assert estimate.accepted
+        assert np.isfinite(estimate.friction.coulomb)
+
+    def test_missing_samples_do_no_harm(self, data):
+        clean, holed = self.settled(data), self.settled(data)
+        move = data.move(6)
+        valid = move.valid.copy()
+        valid[[30, 31, 80, 120]] = False
+        position, force = move.position.copy(), move.force.copy()
+        for k in np.flatnonzero(~valid):  # as the recording has it: the last value stands
+            position[k], force[k] = position[k - 1], force[k - 1]
+        expected = clean.update(move)
+        found = holed.update(replace(move, valid=valid, position=position, force=force))
+        assert found.accepted
+        assert found.friction.coulomb == pytest.approx(expected.friction.coulomb, rel=0.01)
+
+    def test_nothing_valid_is_an_error(self, data):
+        estimator = self.settled(data)
+        move = data.move(6)
+        with pytest.raises(ValueError, match="valid"):
+            estimator.update(replace(move, valid=np.zeros(len(move.valid), dtype=bool)))
+
+    def test_lengths_that_differ_are_an_error(self, data):
+        move = data.move(0)
+        with pytest.raises(ValueError, match="length"):
+            self.settled(data).update(replace(move, force=move.force[:-1]))
+
+
+class TestZones:
+    def test_zone_a_is_inside_the_slide(self, data):
+        move = data.move(2)
+        motion = differentiate(move.position, TS)
+        zones = split(motion, float(move.position[0]), TRUE)
+        assert zones.slide.sum() > 100
+        slide = np.flatnonzero(zones.slide)
+        travel = np.abs(motion.position - move.position[0])
+        assert travel[slide[0]] > 2 * TRUE.breakaway_travel
+        assert (np.diff(slide) == 1).all()
+        assert not (zones.slide & zones.stick).any()
+
+    def test_a_micro_move_has_no_zone_a(self, data):
+        move = data.move(1)
+        motion = differentiate(move.position, TS)
+        zones = split(motion, float(move.position[0]), TRUE)
+        assert not zones.slide.any()
+        assert zones.stick.sum() > 20
+
+    def test_noise_at_rest_is_no_motion(self):
+        noise = np.random.default_rng(0).normal(0, 1e-9, 300)
+        zones = split(differentiate(noise, TS), 0.0, TRUE)
+        assert not zones.slide.any()
+        assert zones.moving.sum() < 30
