@@ -142,7 +142,8 @@ def _virtual_stage(request: RunRequest, bus: BusSettings) -> Iterator[BusSetting
         yield bus
         return
     channel = f"run-{id(request)}"
-    VirtualStage(stage_settings(request.truth), request.seed).attach(World(channel))
+    world = World(channel)  # held here: the registry of worlds does not keep it alive
+    VirtualStage(stage_settings(request.truth), request.seed).attach(world)
     yield replace(bus, interface="lockstep", channel=channel)
 
 

@@ -68,7 +68,9 @@ def main() -> None:
     except click.exceptions.Exit as end:
         sys.exit(end.exit_code)
     except click.ClickException as problem:
-        problem.show()
+        context = getattr(problem, "ctx", None)
+        hint = f" (see '{context.command_path} --help')" if context is not None else ""
+        click.echo(f"stagectl: {' '.join(problem.format_message().split())}{hint}", err=True)
         sys.exit(problem.exit_code)
     except StagectlError as problem:
         for line in str(problem).splitlines() or [type(problem).__name__]:

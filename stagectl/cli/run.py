@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -91,6 +92,8 @@ def command(
 
     if faults is not None:
         raise click.UsageError("--faults: fault injection is not available in this version")
+    if not math.isfinite(friction_scale):
+        raise click.BadParameter("must be a number", param_hint="--friction-scale")
     if compensation == "oracle" and simulate is None:
         raise click.UsageError("--compensation oracle needs --simulate: nobody knows a real truth")
     if simulate is not None and bus is not None:

@@ -19,6 +19,11 @@ from stagectl.config.machine import load_machine
 from stagectl.config.mapping import stage_settings
 
 
+def _wait_for_end(stop: threading.Event) -> None:
+    sys.stdin.read()
+    stop.set()
+
+
 def main() -> None:
     """Serve until stdin is closed."""
     interface, channel, period, *start = sys.argv[1:]
@@ -26,7 +31,7 @@ def main() -> None:
     stage = VirtualStage(settings, seed=1, start=[float(x) for x in start])
     stage.plant.advance_to(1_000_000)  # compiles now, not at the first SYNC
     stop = threading.Event()
-    threading.Thread(target=lambda: (sys.stdin.read(), stop.set()), daemon=True).start()
+    threading.Thread(target=_wait_for_end, args=(stop,), daemon=True).start()
     with can.Bus(interface=interface, channel=channel) as bus:
         sys.stdout.write("ready\n")
         sys.stdout.flush()

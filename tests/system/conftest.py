@@ -1,0 +1,92 @@
+"""Whole runs: in this process through the session, and as users start them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from stagectl.compensation import Mode
+from stagectl.config.machine import Machine, load_machine, parse_machine
+from stagectl.recipe.load import load_recipe
+from stagectl.session import Listener, RunRequest, RunResult, execute
+
+ROOT = Path(__file__).parents[2]
+RECIPE = ROOT / "recipes" / "inspection-20.yaml"
+
+Run = Callable[..., RunResult]
+Stagectl = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+@pytest.fixture(scope="session")
+def machine() -> Machine:
+    return load_machine()
+
+
+@pytest.fixture(scope="session")
+def altered() -> Callable[..., Machine]:
+    """The machine with both axes' friction figures times these; `rate` is that of C/Fc."""
+    return _altered
+
+
+def _altered(
+    machine: Machine, coulomb: float, viscous: float, stiffness: float, rate: float
+) -> Machine:
+    lines = []
+    for line in machine.text.splitlines():
+        key, _, value = line.strip().partition(":")
+        scale = {
+            "coulomb": coulomb, "viscous": viscous, "stiffness": stiffness,
+            "attraction": coulomb * rate,
+        }.get(key)  # fmt: skip
+        if scale is not None and value.strip():
+            number = float(value.split("#")[0])
+            line = f"{line.split(':')[0]}: {number * scale!r}"
+        lines.append(line)
+    return parse_machine("\n".join(lines), "altered")
+
+
+@pytest.fixture(scope="session")
+def run(machine: Machine, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """Run a recipe on the virtual stage, over the lock-step CAN bus."""
+
+    def go(
+        mode: str = "estimated",
+        seed: int = 1,
+        scale: float = 1.0,
+        truth: Machine | None = None,
+        recipe: Path = RECIPE,
+        folder: Path | None = None,
+        listener: Listener | None = None,
+    ) -> RunResult:
+        request = RunRequest(
+            load_recipe(recipe, machine),
+            machine,
+            truth or machine,
+            None,
+            Mode(mode),
+            scale,
+            seed,
+            folder or tmp_path_factory.mktemp("run"),
+            datetime.now(UTC),
+        )
+        return execute(request, listener or Listener())
+
+    return go
+
+
+@pytest.fixture
+def stagectl() -> Stagectl:
+    """The command as a process of its own."""
+
+    def call(*arguments: str | Path, **options: object) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "stagectl", *map(str, arguments)],
+            capture_output=True, text=True, timeout=100, check=False, **options,
+        )  # type: ignore[call-overload, no-any-return]  # fmt: skip
+
+    return call

@@ -1,0 +1,230 @@
+"""The command as users meet it: help, dry run, bad input, Ctrl-C, SIGKILL."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from stagectl.store.recording import read_recording
+
+ROOT = Path(__file__).parents[2]
+RECIPE = ROOT / "recipes" / "inspection-20.yaml"
+DATA = ROOT / "tests" / "data"
+
+
+def test_help_is_light():
+    code = (
+        "import sys\n"
+        "sys.argv = ['stagectl', '--help']\n"
+        "from stagectl.cli import main\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        "heavy = {'numba', 'scipy', 'h5py', 'numpy', 'can', 'canopen', 'pydantic', 'rich'}\n"
+        "sys.stderr.write(' '.join(sorted(heavy & set(sys.modules))))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "run" in done.stdout
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize("command", [["run"], ["sim"], ["gap"], ["gap", "measure"], ["recover"]])
+def test_every_command_has_help(stagectl, command):
+    done = stagectl(*command, "--help")
+    assert done.returncode == 0
+    assert "Usage:" in done.stdout
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_script(stagectl, shell):
+    done = stagectl("completion", shell)
+    assert done.returncode == 0
+    assert "_STAGECTL_COMPLETE" in done.stdout
+
+
+def test_run_and_json(stagectl, tmp_path):
+    done = stagectl("run", RECIPE, "--simulate", "--out", tmp_path / "a", "--json", "-")
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    assert summary["outcome"] == "completed"
+    assert "completed" in done.stderr
+    assert {p.name for p in (tmp_path / "a").iterdir()} == {
+        "recording.h5", "summary.json", "report.html", "bus.asc",
+    }  # fmt: skip
+
+
+def test_dry_run_touches_nothing(stagectl, tmp_path):
+    done = stagectl("run", RECIPE, "--dry-run", "--json", tmp_path / "plan.json", cwd=tmp_path)
+    assert done.returncode == 0
+    plan = json.loads((tmp_path / "plan.json").read_text())
+    assert plan["sites"] == 20
+    assert plan["moves"] == {"macro": 20, "micro": 20}
+    assert "dry run" in done.stdout
+    assert [p.name for p in tmp_path.iterdir()] == ["plan.json"]
+
+
+BAD = {
+    "unknown key": ("expose: 0.02", "exposee: 0.02", "exposee"),
+    "wrong unit": ("velocity: 0.5,", 'velocity: "0.5 s",', "velocity"),
+    "not a number": ("velocity: 0.5,", "velocity: .nan,", "velocity"),
+    "duplicate key": ("expose: 0.02", "expose: 0.02\nexpose: 0.03", "expose"),
+    "outside travel": ("[-0.05, -0.05]", "[-0.05, -0.5]", "sites"),
+    "too fast": ("velocity: 0.5,", "velocity: 1.5,", "velocity"),
+    "too hard": ("acceleration: 3.0", "acceleration: 30.0", "acceleration"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_recipe_is_one_line_and_nothing_moves(stagectl, tmp_path, case):
+    old, new, key = BAD[case]
+    text = RECIPE.read_text()
+    assert old in text
+    recipe = tmp_path / "recipe.yaml"
+    recipe.write_text(text.replace(old, new))
+    done = stagectl("run", recipe, "--simulate", "--out", tmp_path / "out")
+    assert done.returncode == 2
+    lines = done.stderr.strip().splitlines()
+    assert len(lines) == 1, done.stderr
+    assert "recipe.yaml:" in lines[0]
+    assert key in lines[0]
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["run", "missing.yaml", "--simulate"], "missing.yaml"),
+        (["run", RECIPE, "--machine", "missing.yaml"], "missing.yaml"),
+        (["run", RECIPE, "--compensation", "oracle"], "oracle"),
+        (["run", RECIPE, "--simulate", "--bus", "virtual:x"], "--bus"),
+        (["run", RECIPE, "--bus", "virtual"], "INTERFACE:CHANNEL"),
+        (["run", RECIPE, "--simulate", "--seed", "-1"], "--seed"),
+        (["run", RECIPE, "--simulate", "--friction-scale", "nan"], "--friction-scale"),
+        (["gap", "measure", "missing.h5"], "missing.h5"),
+        (["gap", "measure", RECIPE], "inspection-20.yaml"),
+    ],
+)
+def test_bad_arguments_are_one_line(stagectl, tmp_path, arguments, word):
+    done = stagectl(*arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert word in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_truncated_recording(stagectl, tmp_path):
+    cut = tmp_path / "cut.h5"
+    cut.write_bytes((DATA / "null-1.h5").read_bytes()[:100_000])
+    done = stagectl("gap", "measure", cut)
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert "cut.h5" in done.stderr
+
+
+def test_gap_measure(stagectl, tmp_path):
+    done = stagectl("gap", "measure", DATA / "null-3.h5", "--json", tmp_path / "gap.json")
+    assert done.returncode == 0, done.stderr
+    report = json.loads((tmp_path / "gap.json").read_text())
+    assert (report["format"], report["version"]) == ("stagectl-gap-report", 1)
+    for axis in ("x", "y"):
+        assert report["gap"][axis]["position"]["nominal"] <= 0.15e-6
+        assert report["gap"][axis]["force"]["nominal"] <= 0.14
+        assert set(report["gap"][axis]["position"]) == {"nominal", "floor", "unit"}
+
+
+def test_a_bus_that_cannot_be_opened_is_a_clear_fault(stagectl, tmp_path):
+    done = stagectl("run", RECIPE, "--bus", "socketcan:nosuchcan9", "--out", tmp_path / "o")
+    assert done.returncode == 3
+    assert "nosuchcan9" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert json.loads((tmp_path / "o" / "summary.json").read_text())["outcome"] == "fault"
+
+
+LONG = """
+recipe: long
+macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
+micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
+settle: {window: 5.0e-8, hold: 0.005, timeout: 0.15}
+expose: 0.02
+moves:
+  - repeat: 5000
+    moves:
+      - {to: [0.03, 0.03], kind: macro}
+      - {to: [-0.03, -0.03], kind: macro}
+fiducial: {source: none}
+"""
+
+
+def start_long(folder: Path) -> subprocess.Popen[str]:
+    (folder / "long.yaml").write_text(LONG)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "stagectl", "run", "long.yaml", "--simulate", "--out", "out"],
+        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    journal = folder / "out" / "recording.journal"
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        if journal.exists() and journal.stat().st_size > 100_000:
+            return process
+        time.sleep(0.02)
+    process.kill()
+    raise AssertionError(f"no samples: {process.communicate()}")
+
+
+def test_ctrl_c_stops_and_keeps_what_was_recorded(tmp_path):
+    process = start_long(tmp_path)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "stopped by the operator" in errors
+    assert "Traceback" not in errors
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["outcome"] == "aborted"
+    recording = read_recording(tmp_path / "out" / "recording.h5")
+    assert len(recording) > 1000
+    for signals in recording.axes.values():  # a controlled stop: at rest at the end
+        assert abs(signals.position_demand[-1] - signals.position_demand[-2]) <= 1e-9
+    assert not (tmp_path / "out" / "recording.journal").exists()
+
+
+def test_nothing_is_lost_when_killed(stagectl, tmp_path):
+    process = start_long(tmp_path)
+    process.kill()
+    process.communicate(timeout=30)
+    assert not (tmp_path / "out" / "recording.h5").exists()
+    done = stagectl("recover", tmp_path / "out")
+    assert done.returncode == 0
+    assert "recording.h5" in done.stdout
+    assert len(read_recording(tmp_path / "out" / "recording.h5")) > 1000
+
+
+def test_two_processes_over_udp_multicast_in_real_time(stagectl, tmp_path):
+    group = "239.74.163.77"
+    recipe = tmp_path / "short.yaml"
+    recipe.write_text(
+        RECIPE.read_text().replace("count: [5, 4]", "count: [2, 1]").replace("-20", "-2")
+    )
+    server = subprocess.Popen(
+        [sys.executable, "-m", "stagectl", "sim", "--bus", f"udp_multicast:{group}"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    try:
+        assert server.stdout is not None
+        assert "node 1" in server.stdout.readline()
+        done = stagectl(
+            "run", recipe, "--bus", f"udp_multicast:{group}", "--out", tmp_path / "out",
+            "--json", "-",
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        summary = json.loads(done.stdout)
+        assert summary["outcome"] == "completed"
+        assert not summary["simulated"]
+        assert summary["macro"]["count"] >= 3
+    finally:
+        server.send_signal(signal.SIGINT)
+        server.communicate(timeout=20)
+    assert server.returncode == 0

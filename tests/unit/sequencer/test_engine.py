@@ -1,0 +1,233 @@
+"""The engine on a plant without a bus: order of things, settling, stops, lost marks."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from estimation.trajectory import Limits
+from hil_sim.plant import Plant
+from sim2real.recording import Move
+from stagectl.compensation import Mode, make_compensation
+from stagectl.config import load_machine, stage_settings
+from stagectl.errors import Aborted, RunFault
+from stagectl.recipe.model import Profile
+from stagectl.recipe.plan import (
+    DwellStep,
+    ExposeStep,
+    FiducialStep,
+    MoveStep,
+    SettleStep,
+)
+from stagectl.sequencer.engine import Engine
+from stagectl.sequencer.events import (
+    Exposed,
+    FrictionUpdated,
+    MarkNotFound,
+    MoveStarted,
+    Settled,
+    Stopping,
+)
+from stagectl.sequencer.mover import MovingAxis
+
+TS = 1e-3
+MACRO, MICRO = Profile(0.5, 3.0, 200.0), Profile(0.01, 0.2, 20.0)
+SETTLE = SettleStep(5e-8, 0.005, 0.15, "continue")
+
+
+@dataclass
+class Samples:
+    position: np.ndarray
+    force: np.ndarray
+    valid: np.ndarray
+
+
+class BareStage:
+    """The simulated mechanics behind the engine's port, no bus in between."""
+
+    def __init__(self) -> None:
+        self.settings = stage_settings(load_machine())
+        self.plant = Plant(self.settings, 1)
+        for a in range(2):
+            self.plant.power(a, True)
+        self.count = 0
+        self.demands: list[np.ndarray] = []
+        self.offsets: list[np.ndarray] = []
+        self.at_sample = {}
+
+    @property
+    def targets(self):
+        return (0.0, 0.0)
+
+    def stream(self, position, offset, until=None):
+        position = np.round(position / 1e-9) * 1e-9
+        seen, force = [], []
+        for target, extra in zip(position, offset, strict=True):
+            if self.count in self.at_sample:
+                self.at_sample[self.count]()
+            self.plant.advance_to(self.count * 1_000_000)
+            seen.append([self.plant.encoder(a) * 1e-9 for a in range(2)])
+            force.append([self.plant.force(a) for a in range(2)])
+            for a in range(2):
+                self.plant.command(a, target[a], extra[a], self.settings.ticks)
+            self.demands.append(target)
+            self.offsets.append(extra)
+            self.count += 1
+            if until is not None and until(tuple(seen[-1])):
+                break
+        return Samples(np.array(seen), np.array(force), np.ones((len(seen), 2), dtype=bool))
+
+
+class Marks:
+    def __init__(self, offset=(3e-5, -2e-5)) -> None:
+        self.offset = offset
+        self.asked = []
+
+    def find(self, site, position):
+        self.asked.append((site, position))
+        return self.offset
+
+
+def make(mode=Mode.ESTIMATED, marks=None, timeout_events=None):
+    machine = load_machine()
+    stage = BareStage()
+    compensation = make_compensation(machine, mode)
+    axes = [
+        MovingAxis(name, Limits(a.limits.velocity, a.limits.acceleration, a.limits.jerk), 1e-9, c)
+        for (name, a), c in zip(machine.axes.items(), compensation, strict=True)
+    ]
+    moves: list[Move] = []
+    events: list = []
+    engine = Engine(stage, axes, marks or Marks(), TS, moves.append, events.append)
+    return engine, stage, moves, events
+
+
+def site(number, position):
+    return [
+        MoveStep(number, "macro", position, MACRO),
+        SETTLE,
+        FiducialStep(number),
+        MoveStep(number, "micro", None, MICRO),
+        SETTLE,
+        ExposeStep(0.02),
+    ]
+
+
+def test_a_site_goes_macro_settle_learn_micro_settle_expose():
+    marks = Marks()
+    engine, stage, moves, events = make(marks=marks)
+    engine.run([*site(1, (0.02, 0.01)), *site(2, (0.04, 0.01))])
+    assert [m.kind for m in moves] == ["macro", "micro", "macro", "micro"]
+    assert [m.site for m in moves] == [1, 1, 2, 2]
+    assert moves[1].target == {"x": pytest.approx(0.02003), "y": pytest.approx(0.00998)}
+    assert moves[1].origin == moves[0].target
+    assert marks.asked == [(1, (0.02, 0.01)), (2, (0.04, 0.01))]
+    kinds = [type(e) for e in events]
+    # What the macro-move taught is there before the micro-move begins.
+    first = kinds.index(FrictionUpdated)
+    assert kinds[:first] == [MoveStarted, Settled]
+    assert kinds[first : first + 3] == [FrictionUpdated, FrictionUpdated, MoveStarted]
+    assert kinds.count(Exposed) == 2
+    for move in moves:
+        assert stage.demands[move.end - 1] == pytest.approx(list(move.target.values()), abs=1e-9)
+
+
+def test_moves_mark_where_the_demand_runs():
+    engine, stage, moves, _ = make()
+    engine.run(site(1, (0.02, 0.0)))
+    demand = np.array(stage.demands)
+    macro, micro = moves
+    assert (demand[macro.start - 1] == demand[0]).all()
+    assert (demand[macro.start] != demand[0]).any()
+    assert (demand[macro.end - 1 : micro.start] == demand[macro.end - 1]).all()
+    assert engine.samples == len(demand)
+
+
+def test_offsets_never_jump():
+    engine, stage, _, _ = make()
+    engine.run([*site(1, (0.02, 0.01)), *site(2, (0.04, -0.01))])
+    offsets = np.array(stage.offsets)
+    jerk = np.array([8.0, 14.0]) * 200.0 * TS
+    # Largest step: mass times jerk for one period, and friction building up at the onset.
+    assert (np.abs(np.diff(offsets, axis=0)) < 2.0 * jerk + 4.0).all()
+    settle_begin = np.abs(np.diff(np.array(stage.demands), axis=0)).max(axis=1) == 0.0
+    assert np.abs(np.diff(offsets, axis=0))[settle_begin][:-1].max() < 1.5
+
+
+def test_settles_as_soon_as_the_window_is_held():
+    engine, _, _, events = make(Mode.ORACLE)
+    engine.run(site(1, (0.02, 0.01)))
+    settled = [e for e in events if isinstance(e, Settled)]
+    assert all(e.settled for e in settled)
+    assert all(e.duration < 0.12 for e in settled)
+    assert min(e.duration for e in settled) >= 0.005 - 1e-12
+
+
+def test_timeout_continues_or_stops_as_the_recipe_says():
+    never = SettleStep(1e-10, 0.05, 0.03, "continue")
+    engine, _, _, events = make(Mode.NONE)
+    engine.run([MoveStep(1, "macro", (0.01, 0.0), MACRO), never])
+    assert [e.settled for e in events if isinstance(e, Settled)] == [False]
+    engine, _, _, events = make(Mode.NONE)
+    with pytest.raises(RunFault, match="site 1: macro-move did not settle"):
+        engine.run(
+            [MoveStep(1, "macro", (0.01, 0.0), MACRO), SettleStep(1e-10, 0.05, 0.03, "stop")]
+        )
+    assert isinstance(events[-1], Stopping)
+    engine, _, _, events = make(Mode.NONE)
+    with pytest.raises(RunFault, match="retry"):
+        engine.run(
+            [MoveStep(1, "macro", (0.01, 0.0), MACRO), SettleStep(1e-10, 0.05, 0.03, "retry")]
+        )
+    assert sum(isinstance(e, Settled) for e in events) == 4
+
+
+def test_a_mark_that_is_not_found_means_no_micro_move():
+    engine, _, moves, events = make(marks=Marks(None))
+    engine.run(site(1, (0.01, 0.0)))
+    assert [m.kind for m in moves] == ["macro"]
+    assert MarkNotFound(1) in events
+    assert Exposed(1) in events
+
+
+def test_stop_in_the_middle_of_a_move_brakes_within_the_limits():
+    engine, stage, moves, events = make(Mode.ORACLE)
+    stage.at_sample[220] = lambda: engine.stop("by test")
+    with pytest.raises(Aborted, match="by test"):
+        engine.run([*site(1, (0.05, 0.03)), *site(2, (0.0, 0.0))])
+    demand = np.array(stage.demands)
+    assert moves[0].start < 220 < moves[0].end
+    speed = np.diff(demand, axis=0) / TS
+    acceleration = np.diff(speed, axis=0) / TS
+    assert np.abs(acceleration[:, 0]).max() < 10.0 * 1.01  # the axis' own limit
+    assert not speed[-1].any()
+    assert len(demand) < 220 + 200
+    assert 0.0 < demand[-1, 0] < 0.05
+    actual = [stage.plant.encoder(a) * 1e-9 for a in range(2)]
+    assert np.abs(demand[-1] - actual).max() < 5e-5  # a twentieth of the following error window
+    assert isinstance(events[-1], Stopping)
+    assert len(moves) == 1
+
+
+def test_stop_while_waiting_ends_at_once():
+    engine, stage, moves, _ = make()
+    stage.at_sample[50] = lambda: engine.stop("early")
+    with pytest.raises(Aborted):
+        engine.run(site(1, (0.05, 0.03)))
+    assert engine.samples == 51
+    assert moves == []
+
+
+def test_relative_moves_and_dwells():
+    engine, _, moves, _ = make()
+    engine.run(
+        [
+            MoveStep(None, "creep", (1e-3, 0.0), Profile(0.005, 0.5, 50.0)),
+            DwellStep(0.05),
+            MoveStep(None, "other", None, MICRO, (-1e-4, 0.0)),
+        ]
+    )
+    assert [m.kind for m in moves] == ["creep", "other"]
+    assert moves[1].start - moves[0].end == 50
+    assert moves[1].target["x"] == pytest.approx(9e-4)
+    assert moves[0].site is None

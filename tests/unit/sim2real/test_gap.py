@@ -1,0 +1,89 @@
+"""The gap of a model against recordings, and its floor."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil_sim.plant import simulate
+from sim2real.gap import measure
+from sim2real.recording import AxisSignals, Recording
+from stagectl.config import load_machine, stage_settings
+from stagectl.store.recording import read_recording
+
+DATA = Path(__file__).parents[2] / "data"
+
+
+@pytest.fixture(scope="module")
+def stage():
+    return stage_settings(load_machine())
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    return read_recording(DATA / "null-2.h5")
+
+
+def test_null_recordings_are_within_the_bounds(stage, recorded):
+    for signals in measure(recorded, stage).values():
+        assert signals["position"].nominal < 0.15e-6
+        assert signals["force"].nominal < 0.14
+        assert 0.03e-6 < signals["position"].floor < 0.1e-6
+        assert 0.05 < signals["force"].floor < 0.16
+        assert signals["position"].unit == "m"
+
+
+def test_a_wrong_mass_shows(stage, recorded):
+    heavy = replace(stage, axes=(replace(stage.axes[0], mass=8.8), stage.axes[1]))
+    right, wrong = measure(recorded, stage, draws=1), measure(recorded, heavy, draws=1)
+    assert wrong["x"]["position"].nominal > 3 * right["x"]["position"].nominal
+    assert wrong["y"]["position"].nominal == right["y"]["position"].nominal
+
+
+def test_invalid_samples_do_not_count(stage, recorded):
+    x = recorded.axes["x"]
+    position, valid = x.position_actual.copy(), x.valid.copy()
+    position[5000:5010] += 1e-3
+    valid[5000:5010] = False
+    masked = replace(
+        recorded, axes={**recorded.axes, "x": replace(x, position_actual=position, valid=valid)}
+    )
+    clean, holed = measure(recorded, stage, draws=1), measure(masked, stage, draws=1)
+    assert holed["x"]["position"].nominal == pytest.approx(clean["x"]["position"].nominal, rel=0.01)
+
+
+def test_the_models_own_noise_free_run_has_no_gap(stage, recorded):
+    demand = np.column_stack([a.position_demand for a in recorded.axes.values()])
+    offset = np.column_stack([a.force_offset for a in recorded.axes.values()])
+    response = simulate(stage, demand, offset, None)
+    axes = {
+        name: replace(
+            signals, position_actual=response.position[:, i], force_actual=response.force[:, i]
+        )
+        for i, (name, signals) in enumerate(recorded.axes.items())
+    }
+    for signals in measure(replace(recorded, axes=axes), stage, draws=1).values():
+        assert signals["position"].nominal == 0.0
+        assert signals["force"].nominal == 0.0
+
+
+def test_a_recording_that_starts_with_force_starts_the_model_so(stage):
+    rest = [4.0, -6.0]
+    demand = np.zeros((400, 2))
+    response = simulate(stage, demand, demand, 5, rest_force=rest)
+    axes = {
+        name: AxisSignals(
+            demand[:, i], demand[:, i], response.position[:, i], response.force[:, i], None,
+            np.ones(400, dtype=bool),
+        )
+        for i, name in enumerate(("x", "y"))
+    }  # fmt: skip
+    recording = Recording("", "", "", np.arange(400) * 1e-3, axes, (), "made here")
+    for signals in measure(recording, stage, draws=1).values():
+        assert signals["force"].nominal < 0.1
+
+
+def test_other_axes_are_an_error(stage, recorded):
+    with pytest.raises(ValueError, match="axes x"):
+        measure(recorded, replace(stage, axes=stage.axes[:1]))
