@@ -12,7 +12,7 @@ import numpy as np
 from estimation.gms import F64, Friction, FrictionState, follow
 from estimation.trajectory import Trajectory
 
-_STEPS = 10  # of the friction model per sample
+_STEPS = 5  # of the friction model per sample
 
 
 def friction_feedforward(

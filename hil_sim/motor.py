@@ -53,7 +53,7 @@ class Motor:
     def force(self) -> int:
         """Torque actual value [1/1000 of the rated force], INTEGER16."""
         value = round(self._plant.force(self._axis) / self._permille)
-        return max(-32768, min(32767, value))
+        return value if -32768 <= value <= 32767 else 32767 if value > 0 else -32768
 
     def demand(self) -> float:
         """Demand inside the loop, true coordinate [m]."""

@@ -185,7 +185,8 @@ class Rpdo(_Pdo):
                 if self._acceptable(k, value):
                     values[k] = value
         else:
-            values.update(zip(self.keys, self.codec.unpack(data), strict=True))
+            for k, value in zip(self.keys, self.codec.unpack(data), strict=True):
+                values[k] = value
         for k, hook in self._hooks:
             hook(values[k])  # type: ignore[arg-type]
 

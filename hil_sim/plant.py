@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numba
 import numpy as np
@@ -104,7 +105,7 @@ def _step(  # type: ignore[no-untyped-def]
             orders[a, 4] = 0.0
     _advance(plant, control, state, loop, forces, slipping, shares, period, normals, first, ticks)
     for a in range(plant.shape[0]):
-        report[a, 0] = state[a].encoder
+        report[a, 0] = round(state[a].encoder / plant[a].increment)
         report[a, 1] = state[a].motor_force
         report[a, 2] = loop[a].demand
         report[a, 3] = state[a].speed
@@ -307,10 +308,11 @@ class Plant:
         self._used = 0
         # Orders wait for the next step; its report is kept as plain floats.
         self._orders = np.zeros((count, 5))
+        self._order_rows: list[Any] = [memoryview(row) for row in self._orders]  # type: ignore[arg-type]
         self._report = np.zeros((count, 5))
-        self._report[:, 0] = self._report[:, 2] = arrays.state["encoder"]
+        self._report[:, 0] = np.round(arrays.state["encoder"] / arrays.plant["increment"])
+        self._report[:, 2] = arrays.state["encoder"]
         self._values: list[list[float]] = self._report.tolist()
-        self._increments = [axis.increment for axis in settings.axes]
         self._kernel = (
             arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces,
             arrays.slipping, arrays.shares, self._period,
@@ -335,7 +337,7 @@ class Plant:
     def power(self, axis: int, on: bool) -> None:
         """Close the loop (demand := actual, integrator and offset := 0) or cut the force."""
         loop = self._arrays.loop[axis]
-        reading = self._values[axis][0]
+        reading = float(self._arrays.state[axis]["encoder"])
         for name in ("demand", "from_position", "to_position"):
             loop[name] = reading
         for name in (
@@ -350,11 +352,12 @@ class Plant:
 
     def command(self, axis: int, position: float, force: float, ticks: int) -> None:
         """Ramp demand [m] and force offset [N] linearly to this pair, reached after `ticks`."""
-        self._orders[axis, :4] = (1.0, position, force, ticks)
+        order = self._order_rows[axis]
+        order[0], order[1], order[2], order[3] = 1.0, position, force, ticks
 
     def encoder(self, axis: int) -> int:
         """Encoder counts at `time_ns`, from the plant's true zero."""
-        return round(self._values[axis][0] / self._increments[axis])
+        return int(self._values[axis][0])
 
     def force(self, axis: int) -> float:
         """Measured motor force at `time_ns` [N]."""
@@ -372,8 +375,16 @@ class Plant:
         """Largest |demand - encoder| since this was last called [m]."""
         values = self._values[axis]
         worst, values[4] = values[4], 0.0
-        self._orders[axis, 4] = 1.0
+        self._order_rows[axis][4] = 1.0
         return worst
+
+
+def warm_up(settings: StageSettings) -> None:
+    """Compile (or load) what a `Plant` of these settings needs, before time matters."""
+    scratch = Plant(settings, None)
+    scratch.power(0, True)
+    scratch.command(0, 0.0, 0.0, settings.ticks)
+    scratch.advance_to(1)
 
 
 @dataclass(frozen=True, slots=True)

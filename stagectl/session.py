@@ -18,8 +18,8 @@ from typing import Any
 from drivers import DriverError, Stage
 from drivers.settings import AxisSettings, BusSettings
 from estimation.trajectory import Limits
-from hil_sim.world import World
 from hil_sim.stage import VirtualStage
+from hil_sim.world import World
 from sim2real.recording import Recording
 from stagectl.compensation import AxisCompensation, Mode, make_compensation
 from stagectl.config.machine import Machine
@@ -178,7 +178,8 @@ class _Run:
         listener, recipe = self._listener, self._request.recipe
         try:
             listener.phase(f"opening {bus}")
-            with Stage.open(bus, axes, tap=log.tap) as stage:
+            missed = self._request.machine.bus.max_missed
+            with Stage.open(bus, axes, tap=log.tap, max_missed=missed) as stage:
                 listener.phase("booting the drives")
                 stage.boot()
                 listener.phase("homing")
@@ -297,7 +298,14 @@ class _Run:
             },
         )
         self._friction.append(entry)
-        self._journal.event("friction", entry=entry)
+        self._journal.event(
+            "friction",
+            site=entry.site,
+            axis=entry.axis,
+            accepted=entry.accepted,
+            reason=entry.reason,
+            parameters={n: (p.value, p.sigma) for n, p in entry.parameters.items()},
+        )
         if estimate.accepted:
             self._first_update.setdefault(event.axis, self._moves)
 

@@ -67,6 +67,9 @@ def main() -> None:
         sys.exit(130)
     except click.exceptions.Exit as end:
         sys.exit(end.exit_code)
+    except click.exceptions.NoArgsIsHelpError as problem:
+        problem.show()
+        sys.exit(problem.exit_code)
     except click.ClickException as problem:
         context = getattr(problem, "ctx", None)
         hint = f" (see '{context.command_path} --help')" if context is not None else ""

@@ -14,7 +14,14 @@ def command(folder: Path) -> None:
 
     `stagectl run --out FOLDER` does this by itself before it writes there.
     """
+    from stagectl.store.bus_log import recover_log
     from stagectl.store.recovery import recover_left_over
 
     recovered = recover_left_over(folder)
-    click.echo("nothing to recover" if recovered is None else recovered.describe())
+    log = recover_log(folder)
+    if recovered is not None:
+        click.echo(recovered.describe())
+    if log is not None:
+        click.echo(f"its bus log is now {log}")
+    if recovered is None and log is None:
+        click.echo("nothing to recover")

@@ -32,6 +32,7 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
     """
     import can
 
+    from hil_sim.plant import warm_up
     from hil_sim.server import serve
     from hil_sim.stage import VirtualStage
     from stagectl.config.machine import load_machine
@@ -52,6 +53,7 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
 
     signal.signal(signal.SIGINT, handler)
     signal.signal(signal.SIGTERM, handler)
+    warm_up(settings)
     virtual = VirtualStage(settings, seed)
     nodes = ", ".join(f"{name} = node {axis.node}" for name, axis in stage.axes.items())
     first, axis = next(iter(stage.axes.items()))

@@ -102,12 +102,18 @@ LengthPair = Annotated[tuple[Length, Length], BeforeValidator(_pair)]
 
 
 class Bus(Section):
-    """The CAN bus the drives are on; `sync_period` is the cycle Ts [s], bitrate in bit/s."""
+    """The CAN bus the drives are on.
+
+    Attributes:
+        bitrate: [bit/s].  sync_period: the cycle Ts [s].
+        max_missed: cycles in a row in which a drive may stay silent before all axes are stopped.
+    """
 
     interface: Name
     channel: Label
     bitrate: Annotated[StrictInt, Field(ge=10_000, le=1_000_000)]
     sync_period: PositiveTime
+    max_missed: Annotated[StrictInt, Field(ge=0, le=10_000)] = 5
 
 
 class Limits(Section):

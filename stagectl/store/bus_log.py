@@ -2,40 +2,48 @@
 
 Every data frame with its time since the first, classic CAN only (no CAN FD, no remote frames).
 Direction is the host's view, told by the CANopen function code (CiA 301, predefined connection
-set). Python-can's own writer takes 5 us a frame; this one has to keep up with 100,000 a second.
-Lines are buffered: a killed process loses the last few thousand frames of this log, never samples.
+set). While the run goes on frames are spooled as they are to `bus.frames` beside it, for `tap` is
+called inside the SYNC cycle; the text is made at the end, or by `recover` where a run was killed.
 """
 
 from __future__ import annotations
 
+import struct
+from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 
-from stagectl.errors import StagectlError
+from stagectl.errors import StagectlError, UnusableInput
+
+LOG_NAME = "bus.asc"
+SPOOL_SUFFIX = ".frames"
 
 # Function codes (COB-ID & ~0x7F) the host sends: NMT, SYNC (node 0), RPDO 1..4, SDO request.
 _HOST_SENDS = {0x000, 0x200, 0x300, 0x400, 0x500, 0x600}
 _SYNC = 0x080
 _HEARTBEAT = 0x700
-_FLUSH_LINES = 4096
+_HEAD = struct.Struct("<8sqB")  # magic, start of the run [us since 1970], host node
+_MAGIC = b"stgspool"
+_FRAME = struct.Struct("<qIB8s")  # time [ns], id, length, data
+_BLOCK = 4096  # frames made into text at once
 
 _DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 _MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 
 
 class BusLog:
-    """Writes frames to an ASC file; `tap` is what the drivers call for each.
+    """Takes frames while a run goes on; `tap` is what the drivers call for each.
 
     Attributes:
-        path: of the file.
+        path: of the ASC file, there after `close`.
     """
 
     def __init__(self, path: Path, started: datetime, host_node: int = 127) -> None:
-        """Create the file and write its header.
+        """Create the spool file.
 
         Args:
-            path: an existing file is replaced.
+            path: an existing file is replaced at the end.
             started: when the run began; only the header shows it.
             host_node: node id of the host, whose heartbeats are sent, not received.
 
@@ -43,21 +51,15 @@ class BusLog:
             StagectlError: it cannot be written.
         """
         self.path = path
-        self._host_node = host_node
-        self._lines: list[str] = []
-        self._ids: dict[int, str] = {}
-        self._first: int | None = None
-        self._last = -1
-        self._stamp = ""
+        self._spool = path.with_suffix(SPOOL_SUFFIX)
         try:
-            self._file = path.open("wb", buffering=0)  # the lines are the buffer
+            self._file = self._spool.open("wb", buffering=1 << 16)
+            self._file.write(_HEAD.pack(_MAGIC, round(started.timestamp() * 1e6), host_node))
         except OSError as error:
-            raise StagectlError(f"{path}: cannot create: {error.strerror}") from error
-        date = _date(started)
-        self._lines.append(
-            f"date {date}\nbase hex  timestamps absolute\ninternal events logged\n"
-            f"Begin Triggerblock {date}\n   0.000000 Start of measurement\n"
-        )
+            raise StagectlError(f"{self._spool}: cannot create: {error.strerror}") from error
+        self._write = self._file.write
+        self._pack = _FRAME.pack
+        self._zone = started.tzinfo
 
     def tap(self, t_ns: int, can_id: int, data: bytes) -> None:
         """Log one frame, sent or received.
@@ -70,31 +72,24 @@ class BusLog:
         Raises:
             StagectlError: it cannot be written (disk full).
         """
-        if t_ns != self._last:  # all frames of a lock-step cycle have one time
-            if self._first is None:
-                self._first = t_ns
-            self._last = t_ns
-            self._stamp = "%11.6f" % (max(t_ns - self._first, 0) * 1e-9)
-        identity = self._ids.get(can_id)
-        if identity is None:
-            identity = self._identity(can_id)
-        lines = self._lines
-        lines.append(f"{self._stamp}{identity}{len(data)} {data.hex(' ').upper()}\n")
-        if len(lines) >= _FLUSH_LINES:
-            self._flush()
+        try:
+            self._write(self._pack(t_ns, can_id, len(data), data))
+        except OSError as error:
+            raise StagectlError(f"{self._spool}: cannot write: {error.strerror}") from error
 
     def close(self) -> None:
-        """Write what is buffered and close; idempotent.
+        """Make the ASC file out of the spool; idempotent.
 
         Raises:
             StagectlError: it cannot be written.
         """
-        if not self._file.closed:
-            self._lines.append("End TriggerBlock\n")
-            try:
-                self._flush()
-            finally:
-                self._file.close()
+        if self._file.closed:
+            return
+        try:
+            self._file.close()
+        except OSError as error:
+            raise StagectlError(f"{self._spool}: cannot write: {error.strerror}") from error
+        convert(self._spool, self.path, self._zone)
 
     def __enter__(self) -> BusLog:
         return self
@@ -107,6 +102,79 @@ class BusLog:
     ) -> None:
         self.close()
 
+
+def recover_log(folder: Path) -> Path | None:
+    """Make the ASC file out of the spool that a killed run left in a folder.
+
+    Returns:
+        The file, or None where there was no spool.
+
+    Raises:
+        UnusableInput: the spool is not one.
+        StagectlError: the file cannot be written.
+    """
+    path = folder / LOG_NAME
+    spool = path.with_suffix(SPOOL_SUFFIX)
+    if not spool.exists():
+        return None
+    convert(spool, path, datetime.now().astimezone().tzinfo)
+    return path
+
+
+def convert(spool: Path, path: Path, zone: object = None) -> None:
+    """Make an ASC file out of a spool, whole or cut anywhere, and remove the spool.
+
+    Args:
+        spool: file of a `BusLog`.
+        path: to write; an existing file is replaced.
+        zone: tzinfo of the date in its header.
+
+    Raises:
+        UnusableInput: it is not a spool.
+        StagectlError: the file cannot be written.
+    """
+    part = path.with_name(path.name + ".part")
+    try:
+        with spool.open("rb") as frames:
+            head = frames.read(_HEAD.size)
+            if len(head) < _HEAD.size or not head.startswith(_MAGIC):
+                raise UnusableInput(f"{spool}: not the frames of a bus log")
+            _, started, host_node = _HEAD.unpack(head)
+            date = _date(datetime.fromtimestamp(started * 1e-6, zone))  # type: ignore[arg-type]
+            with part.open("w", encoding="ascii", newline="\n") as text:
+                text.write(
+                    f"date {date}\nbase hex  timestamps absolute\ninternal events logged\n"
+                    f"Begin Triggerblock {date}\n   0.000000 Start of measurement\n"
+                )
+                lines = _Lines(host_node)
+                while block := frames.read(_FRAME.size * _BLOCK):
+                    text.writelines(lines.of(block[: len(block) // _FRAME.size * _FRAME.size]))
+                text.write("End TriggerBlock\n")
+        part.replace(path)
+        spool.unlink()
+    except OSError as error:
+        raise StagectlError(f"{path}: cannot write: {error.strerror}") from error
+
+
+class _Lines:
+    """Frames as lines of text, their times relative to the first."""
+
+    def __init__(self, host_node: int) -> None:
+        self._host_node = host_node
+        self._ids: dict[int, str] = {}
+        self._first: int | None = None
+
+    def of(self, block: bytes) -> Iterator[str]:
+        last, stamp = -1, ""
+        for t_ns, can_id, length, data in _FRAME.iter_unpack(block):
+            if t_ns != last:  # all frames of a lock-step cycle have one time
+                if self._first is None:
+                    self._first = t_ns
+                last = t_ns
+                stamp = "%11.6f" % (max(t_ns - self._first, 0) * 1e-9)
+            identity = self._ids.get(can_id) or self._identity(can_id)
+            yield f"{stamp}{identity}{length} {data[:length].hex(' ').upper()}\n"
+
     def _identity(self, can_id: int) -> str:
         function, node = can_id & 0x780, can_id & 0x7F
         sent = (
@@ -118,16 +186,6 @@ class BusLog:
         text = f" 1  {name:<15} {'Tx' if sent else 'Rx':<4} d "
         self._ids[can_id] = text
         return text
-
-    def _flush(self) -> None:
-        data = "".join(self._lines).encode("ascii")
-        self._lines.clear()
-        try:
-            complete = self._file.write(data) == len(data)
-        except OSError as error:
-            raise StagectlError(f"{self.path}: cannot write: {error.strerror}") from error
-        if not complete:
-            raise StagectlError(f"{self.path}: cannot write: the disk is full")
 
 
 def _date(time: datetime) -> str:
