@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
-MAX_ELEMENTS = 32
+MAX_ELEMENTS = 64
 REST_BAND = 4e-9
 """Displacement below which the axis counts as at rest: a few times the encoder noise [m]."""
 
@@ -37,7 +37,7 @@ class Friction:
     """Parameters of one axis' friction.
 
     Attributes:
-        elements: number N of Maxwell-slip elements, 1..32.
+        elements: number N of Maxwell-slip elements, 1..64.
         coulomb: Fc [N].
         viscous: sigma_v [N s/m].
         stiffness: sigma0, initial presliding stiffness [N/m].

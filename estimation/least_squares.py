@@ -1,8 +1,8 @@
 """Bounded Gauss-Newton with an arrival cost; equation (4) of the source paper.
 
 Minimises  |p - prior|^2 in P^-1  +  sum r_k(p)^2 / R_k  with  lower <= p <= upper.
-Few unknowns, many samples: the model hands over its normal equations, each step is a box-
-constrained quadratic problem solved by an active set (compiled), steps are halved where the cost rises.
+Few unknowns, many samples: the model hands over its normal equations, each step is a quadratic
+problem in a box, solved by an active set (compiled); steps are halved where the cost rises.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ class EstimatorSettings:
         misfit: largest rms of the whitened residual that is accepted.
         jump: a change beyond so many predicted standard deviations, and beyond `jump_share`
             of the figure, is refused.
-        patience: so many refused moves in a row mean that the stage has changed.
+        patience: so many jumps in a row, the same way, mean that the stage has changed.
     """
 
     mass: float
@@ -136,7 +136,8 @@ class SplitHorizonEstimator:
         self._frozen = frozen
         self._belief = Belief.at_start(settings.belief)
         self._time: float | None = None
-        self._refused = 0
+        self._jump: F64 | None = None
+        self._jumps = 0
 
     @property
     def level(self) -> float:
@@ -205,13 +206,14 @@ class SplitHorizonEstimator:
             window, prior, slide if slide.sum() >= MIN_SLIDE else None,
             moving if stick_counts else None,
         )  # fmt: skip
-        reason = reason or self._jumped(prior, belief)
+        jumped = None if reason is not None else self._jumped(prior, belief)
+        reason = reason or jumped
         if reason is None:
-            self._refused = 0
+            self._jump, self._jumps = None, 0
             self._belief = belief
             self.friction = belief.friction(self._start)
         else:
-            self._belief = self._after_refusal(prior, used)
+            self._belief = self._after_refusal(prior, belief, jumped is not None)
         level_model = replace(self.friction, coulomb=self.friction.coulomb * self.level)
         self.state = window.final_state(level_model)
         self._time = move.time + (count - 1) * self.settings.period
@@ -259,17 +261,24 @@ class SplitHorizonEstimator:
             return f"{FIGURES[fit.at_bound[0]]} ran into its bound"
         return None
 
-    def _after_refusal(self, prior: Belief, used: str) -> Belief:
+    def _after_refusal(self, prior: Belief, found: Belief, jumped: bool) -> Belief:
         """What is believed after a refused move.
 
-        Several in a row that did have motion in them: the stage has changed. Belief opens up to
-        where it began, so that the next good move is learned from; the model in force stays.
+        Sound moves in a row that jump the same way: the stage has changed. Belief opens up to
+        where it began, so that the next sound move is learned from; the model in force stays.
+        Moves that could not be trusted say nothing.
         """
-        if used:
-            self._refused += 1
-        if self._refused < self.settings.patience:
+        if not jumped:
             return prior
-        self._refused = 0
+        change = found.mean[:MASS] / prior.mean[:MASS] - 1.0
+        same_way = self._jump is not None and float(change @ self._jump) > 0.5 * float(
+            np.linalg.norm(change) * np.linalg.norm(self._jump)
+        )
+        self._jumps = self._jumps + 1 if same_way else 1
+        self._jump = change
+        if self._jumps < self.settings.patience:
+            return prior
+        self._jump, self._jumps = None, 0
         return Belief(prior.mean, Belief.at_start(self.settings.belief).covariance)
 
     def _jumped(self, prior: Belief, belief: Belief) -> str | None:

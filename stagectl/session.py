@@ -32,6 +32,7 @@ from stagectl.report.page import write_report
 from stagectl.sequencer.engine import Engine
 from stagectl.sequencer.events import Event, FrictionUpdated
 from stagectl.sequencer.mover import MovingAxis
+from stagectl.sequencer.verdict import SiteVerdict, judge
 from stagectl.store.bus_log import BusLog
 from stagectl.store.journal import AxisScaling, Journal, JournalHeader
 from stagectl.store.recovery import recover, recover_left_over
@@ -84,12 +85,14 @@ class RunResult:
         error: what ended it early, else None.
         first_update: axis -> index of the recording's move after whose update its friction model
             was first learned; absent where it never was.
+        verdicts: pass or fail per site, where the recipe has limits.
     """
 
     summary: dict[str, Any]
     recording: Recording | None
     error: StagectlError | None
     first_update: dict[str, int]
+    verdicts: tuple[SiteVerdict, ...]
 
 
 @dataclass(slots=True)
@@ -254,7 +257,18 @@ class _Run:
             write_report(
                 request.folder / "report.html", recording, summary, control_period=control_period
             )
-        return RunResult(summary, recording, error, dict(self._first_update))
+        verdicts = (
+            ()
+            if recording is None
+            else judge(
+                recording,
+                request.recipe.limits,
+                request.recipe.settle.window,
+                control_period,
+                period,
+            )
+        )
+        return RunResult(summary, recording, error, dict(self._first_update), verdicts)
 
     def _moving_axes(self, axes: tuple[AxisSettings, ...]) -> tuple[MovingAxis, ...]:
         return tuple(

@@ -43,7 +43,7 @@ class LazyGroup(click.Group):
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="stagectl")
 def cli() -> None:
-    """Two-axis direct-drive inspection stages on CANopen: run, simulate, compare.
+    r"""Two-axis direct-drive inspection stages on CANopen: run, simulate, compare.
 
     \b
     Try it without hardware:

@@ -7,13 +7,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich import box
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from stagectl.sequencer.verdict import SiteVerdict
 from stagectl.session import RunResult
 
 _STYLES = {"completed": "green", "aborted": "yellow", "fault": "red"}
+_ORDER = {"macro": 0, "micro": 1}
+_LISTED = 10  # refused estimates and failed sites shown
 
 
 def closing(result: RunResult, folder: Path) -> RenderableType:
@@ -23,18 +27,18 @@ def closing(result: RunResult, folder: Path) -> RenderableType:
     if summary["moves"]:
         parts.append(_moves(result))
     if summary["friction"]:
-        parts.append(_friction(summary["friction"]))
-        parts += _refused(summary["friction"])
+        parts += [_friction(summary["friction"]), *_refused(summary["friction"])]
+    parts += _judged(result.verdicts)
     cycle = summary["cycle"]
     if cycle["missed"] or cycle["late"]:
         parts.append(Text(f"cycles: {cycle['missed']} TPDOs missed, {cycle['late']} SYNCs late"))
-    parts.append(
-        Text(
-            f"files: {folder}{'/' if str(folder) != '/' else ''} "
-            "(report.html, recording.h5, summary.json, bus.asc)"
-        )
-    )
+    files = sorted(p.name for p in folder.iterdir()) if folder.is_dir() else []
+    parts.append(Text(f"files in {folder}: {', '.join(files)}"))
     return Group(*parts)
+
+
+def _table(title: str) -> Table:
+    return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1))
 
 
 def _headline(summary: dict[str, Any]) -> Text:
@@ -43,42 +47,24 @@ def _headline(summary: dict[str, Any]) -> Text:
     text.append(summary["outcome"], style=_STYLES[summary["outcome"]])
     text.append(f", {len(sites)} sites in {summary['duration']:.1f} s of the stage's time")
     if summary["simulated"] and summary["wall_time"] > 0:
-        text.append(
-            f" (simulated in {summary['wall_time']:.2f} s, "
-            f"{summary['duration'] / summary['wall_time']:.0f} x real time)"
-        )
+        speed = summary["duration"] / summary["wall_time"]
+        text.append(f" (simulated in {summary['wall_time']:.2f} s, {speed:.0f} x real time)")
     return text
 
 
 def _moves(result: RunResult) -> Table:
-    """Medians per axis and kind, before and after that axis' first friction update."""
-    table = Table(title="Moves: medians", title_justify="left")
-    for name in ("axis", "move", "friction model", "count", "peak error", "to ±50 nm", "to ±200 nm",
-                 "not settled"):  # fmt: skip
-        table.add_column(
-            name, justify="left" if name in ("axis", "move", "friction model") else "right"
-        )
-    summary = result.summary
-    learning = summary["compensation"] == "estimated"
+    """Medians per axis and kind, with and without the friction update where both are known."""
+    table = _table("Moves (medians)")
+    for name in ("axis", "move", "friction"):
+        table.add_column(name, no_wrap=True)
+    for name in ("count", "peak error", "±50 nm", "±200 nm", "open"):
+        table.add_column(name, justify="right", no_wrap=True)
     groups: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
-    order = {"macro": 0, "micro": 1}
-    number, last = -1, None
-    for move in summary["moves"]:
-        key = (move["site"], move["kind"])
-        if key != last or summary["moves"].index(move) == 0:
-            last = key
-        number = _move_number(result, move, number)
-        first = result.first_update.get(move["axis"])
-        model = (
-            summary["compensation"]
-            if not learning
-            else "updated"
-            if first is not None and number >= first
-            else "not updated yet"
-        )
-        groups.setdefault((move["axis"], move["kind"], model), []).append(move)
+    for number, move in zip(_move_numbers(result), result.summary["moves"], strict=True):
+        key = (move["axis"], move["kind"], _model(result, move["axis"], number))
+        groups.setdefault(key, []).append(move)
     for (axis, kind, model), moves in sorted(
-        groups.items(), key=lambda item: (item[0][0], order.get(item[0][1], 9), item[0][2])
+        groups.items(), key=lambda item: (item[0][0], _ORDER.get(item[0][1], 9), item[0][2])
     ):
         table.add_row(
             axis,
@@ -93,15 +79,28 @@ def _moves(result: RunResult) -> Table:
     return table
 
 
-def _move_number(result: RunResult, move: dict[str, Any], last: int) -> int:
-    """Index in the recording of the move that an entry belongs to, searched from the last one."""
-    if result.recording is None:
-        return 0
-    for number in range(max(last, 0), len(result.recording.moves)):
-        candidate = result.recording.moves[number]
-        if candidate.kind == move["kind"] and candidate.site == move["site"]:
-            return number
-    return last
+def _model(result: RunResult, axis: str, move: int) -> str:
+    """What the offsets of a move were made of."""
+    mode: str = result.summary["compensation"]
+    if mode != "estimated":
+        return {"none": "no model", "model": "machine file", "oracle": "truth"}[mode]
+    first = result.first_update.get(axis)
+    return "updated" if first is not None and move >= first else "before update"
+
+
+def _move_numbers(result: RunResult) -> list[int]:
+    """For each entry of the summary, the index of its move in the recording."""
+    moves = result.recording.moves if result.recording is not None else ()
+    numbers, number = [], 0
+    for entry in result.summary["moves"]:
+        while number < len(moves) - 1 and not (
+            moves[number].kind == entry["kind"]
+            and moves[number].site == entry["site"]
+            and abs(abs(moves[number].distance(entry["axis"])) - entry["distance"]) < 1e-12
+        ):
+            number += 1
+        numbers.append(number)
+    return numbers
 
 
 def _median(values: Sequence[float | None]) -> float:
@@ -110,32 +109,47 @@ def _median(values: Sequence[float | None]) -> float:
 
 
 def _friction(entries: Sequence[dict[str, Any]]) -> Table:
-    table = Table(title="Friction at the end: value ± 1 sigma", title_justify="left")
+    table = _table("Friction at the end")
+    for name in ("axis", "figure"):
+        table.add_column(name, no_wrap=True)
+    for name in ("value", "± 1 sigma"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for name in ("unit", "estimates accepted"):
+        table.add_column(name, no_wrap=True)
     latest = {entry["axis"]: entry for entry in entries}
-    names = list(next(iter(latest.values()))["parameters"])
-    table.add_column("axis")
-    for name in names:
-        table.add_column(name, justify="right")
-    table.add_column("estimates", justify="right")
     for axis, entry in sorted(latest.items()):
         of_axis = [e for e in entries if e["axis"] == axis]
-        accepted = sum(e["accepted"] for e in of_axis)
-        table.add_row(
-            axis,
-            *(
-                f"{p['value']:.4g} ± {p['sigma']:.2g} {p['unit']}"
-                for p in entry["parameters"].values()
-            ),
-            f"{accepted} of {len(of_axis)} accepted",
-        )
+        accepted = f"{sum(e['accepted'] for e in of_axis)} of {len(of_axis)}"
+        for row, (name, p) in enumerate(entry["parameters"].items()):
+            table.add_row(
+                axis if row == 0 else "",
+                name,
+                f"{p['value']:.4g}",
+                f"{p['sigma']:.2g}",
+                p["unit"],
+                accepted if row == 0 else "",
+            )
     return table
 
 
 def _refused(entries: Sequence[dict[str, Any]]) -> list[RenderableType]:
-    refused = [e for e in entries if not e["accepted"]]
-    if not refused:
+    refused = [f"site {e['site']} axis {e['axis']}: {e['reason']}" for e in entries
+               if not e["accepted"]]  # fmt: skip
+    return _list("estimates refused, the last good model kept:", refused)
+
+
+def _judged(verdicts: Sequence[SiteVerdict]) -> list[RenderableType]:
+    if not verdicts:
         return []
-    lines = [f"  site {e['site']} axis {e['axis']}: {e['reason']}" for e in refused[:10]]
-    if len(refused) > 10:
-        lines.append(f"  and {len(refused) - 10} more, in summary.json")
-    return [Text("\n".join(["estimates refused, the last good model kept:", *lines]))]
+    failed = [f"site {v.site}: {'; '.join(v.failures)}" for v in verdicts if v.failures]
+    passed = f"limits: {len(verdicts) - len(failed)} of {len(verdicts)} sites pass"
+    return _list(passed + ("; failed:" if failed else ""), failed, always=True)
+
+
+def _list(title: str, lines: Sequence[str], always: bool = False) -> list[RenderableType]:
+    if not lines and not always:
+        return []
+    shown = [f"  {line}" for line in lines[:_LISTED]]
+    if len(lines) > _LISTED:
+        shown.append(f"  and {len(lines) - _LISTED} more")
+    return [Text("\n".join([title, *shown]))]

@@ -9,7 +9,7 @@ from click.shell_completion import get_completion_class
 @click.command(short_help="Shell completion.")
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 def command(shell: str) -> None:
-    """Print the completion script for SHELL.
+    r"""Print the completion script for SHELL.
 
     \b
     bash:  eval "$(stagectl completion bash)"

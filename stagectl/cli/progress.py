@@ -23,6 +23,10 @@ from stagectl.sequencer.events import (
 )
 
 
+REDRAW = 0.1
+"""Shortest time between two drawings [s]."""
+
+
 class RunProgress:
     """A progress bar over the moves of a run, with a line of what is known.
 
@@ -51,6 +55,7 @@ class RunProgress:
         moves = sum(isinstance(step, MoveStep) for step in plan(recipe))
         self._task = self._progress.add_task("starting", total=moves, known="")
         self._begun = 0
+        self._redraw_at = 0.0
 
     def __enter__(self) -> RunProgress:
         self._progress.start()
@@ -102,4 +107,7 @@ class RunProgress:
     def _draw(self, words: str, done: int | None = None) -> None:
         known = ", ".join(part for part in (self._settling, *self._friction.values()) if part)
         self._progress.update(self._task, description=words, completed=done, known=known)
-        self._progress.refresh()
+        now = self._progress.get_time()
+        if now >= self._redraw_at:
+            self._redraw_at = now + REDRAW
+            self._progress.refresh()

@@ -75,7 +75,7 @@ def command(
     json_out: Path | None,
     dry_run: bool,
 ) -> None:
-    """Run RECIPE: at every site a macro-move, friction update, micro-move, exposure.
+    r"""Run RECIPE: at every site a macro-move, friction update, micro-move, exposure.
 
     \b
     On the virtual stage, no hardware:

@@ -45,6 +45,14 @@ class Block(Protocol):
     def valid(self) -> NDArray[np.bool_]:
         """Whether the sample came."""
 
+    @property
+    def time(self) -> F64:
+        """Of the SYNCs, on the grid of Ts [s], shape (K,); whole periods may be passed over."""
+
+    @property
+    def late(self) -> NDArray[np.bool_]:
+        """Whether the SYNC went out late, shape (K,)."""
+
 
 class StagePort(Protocol):
     """What the sequencer needs of a stage that is enabled in csp."""
@@ -103,14 +111,14 @@ class Mover:
         count = len(self._axes)
         self._offset: F64 = np.zeros(count)
         self._blocks: list[Block] = []
-        self._tail = (np.zeros((0, count)), np.zeros((0, count)), np.zeros((0, count), np.bool_))
+        self._tail = _Samples.none(count)
         self._before = self._tail
         self._rest_force: F64 = np.zeros(count)
 
     @property
     def time(self) -> float:
-        """On the axes' clock [s]: that of the next sample."""
-        return self.samples * self._period
+        """Of the next SYNC, as far as it is known yet [s]."""
+        return float(self._tail.time[-1]) + self._period if len(self._tail) else 0.0
 
     def on_grid(self, position: Sequence[float]) -> tuple[float, ...]:
         """The position [m] that can be sent: whole increments."""
@@ -144,11 +152,8 @@ class Mover:
         ]
         rows = math.ceil(max(m.duration for m in motion) / self._period) + 1
         # The force at rest is only known where there was one: else the last one stands.
-        position, force, valid = self._tail
-        if len(force):
-            self._rest_force = np.array(
-                [_mean(force[:, a], valid[:, a]) for a in range(len(self._axes))]
-            )
+        if len(self._tail):
+            self._rest_force = self._tail.mean_force()
         offset = np.column_stack(
             [
                 axis.compensation.offsets(
@@ -168,7 +173,7 @@ class Mover:
             site,
         )
         announce(self.move)
-        self._before = (position[-BEFORE_MOVE:], force[-BEFORE_MOVE:], valid[-BEFORE_MOVE:])
+        self._before = self._tail.last(BEFORE_MOVE)
         self._blocks = []
         done = self._stream(_demand(motion, rows, self._period), offset)
         self._offset = offset[done - 1]
@@ -201,21 +206,21 @@ class Mover:
         move, self.move = self.move, None
         if move is None or not self._blocks:
             return []
-        parts = [self._before, *((b.position, b.force, b.valid) for b in self._blocks)]
-        position, force, valid = (np.concatenate([p[i] for p in parts]) for i in range(3))
-        begin = (move.start - len(self._before[0])) * self._period
+        parts = [self._before, *map(_Samples.of, self._blocks)]
+        data = _Samples.joined(parts).on_grid(self._period)
         learned = []
         for a, axis in enumerate(self._axes):
-            if abs(move.distance(axis.name)) < axis.increment or len(position) < 3:
+            if abs(move.distance(axis.name)) < axis.increment or data.valid[:, a].sum() < 3:
                 continue
-            data = MoveData(
-                np.ascontiguousarray(position[:, a]),
-                np.ascontiguousarray(force[:, a]),
-                np.ascontiguousarray(valid[:, a]),
-                begin,
-                float(self._rest_force[a]),
+            result = axis.compensation.learn(
+                MoveData(
+                    np.ascontiguousarray(data.position[:, a]),
+                    np.ascontiguousarray(data.force[:, a]),
+                    np.ascontiguousarray(data.valid[:, a]),
+                    float(data.time[0]),
+                    float(self._rest_force[a]),
+                )
             )
-            result = axis.compensation.learn(data)
             if result is not None:
                 learned.append((axis.name, result))
         return learned
@@ -256,15 +261,66 @@ class Mover:
         block = self._stage.stream(demand, offset, check)
         self._blocks.append(block)
         self.samples += len(block.position)
-        tail = (block.position, block.force, block.valid)
-        if len(block.position) < REST_SAMPLES:
-            tail = (
-                np.concatenate([self._tail[0], tail[0]]),
-                np.concatenate([self._tail[1], tail[1]]),
-                np.concatenate([self._tail[2], tail[2]]),
-            )
-        self._tail = (tail[0][-REST_SAMPLES:], tail[1][-REST_SAMPLES:], tail[2][-REST_SAMPLES:])
+        samples = _Samples.of(block)
+        if len(samples) < REST_SAMPLES:
+            samples = _Samples.joined([self._tail, samples])
+        self._tail = samples.last(REST_SAMPLES)
         return len(block.position)
+
+
+@dataclass(frozen=True, slots=True)
+class _Samples:
+    """Consecutive samples; a late one is no measurement of its instant, so it counts as invalid."""
+
+    time: F64
+    position: F64
+    force: F64
+    valid: NDArray[np.bool_]
+
+    @classmethod
+    def none(cls, axes: int) -> _Samples:
+        empty = np.zeros((0, axes))
+        return cls(np.zeros(0), empty, empty, np.zeros((0, axes), dtype=np.bool_))
+
+    @classmethod
+    def of(cls, block: Block) -> _Samples:
+        return cls(block.time, block.position, block.force, block.valid & ~block.late[:, None])
+
+    @classmethod
+    def joined(cls, parts: Sequence[_Samples]) -> _Samples:
+        return cls(
+            np.concatenate([p.time for p in parts]),
+            np.concatenate([p.position for p in parts]),
+            np.concatenate([p.force for p in parts]),
+            np.concatenate([p.valid for p in parts]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def last(self, count: int) -> _Samples:
+        return _Samples(
+            self.time[-count:], self.position[-count:], self.force[-count:], self.valid[-count:]
+        )
+
+    def mean_force(self) -> F64:
+        """Mean force of each axis over its valid samples, over all where there is none."""
+        means = [
+            float(values[ok].mean() if ok.any() else values.mean())
+            for values, ok in zip(self.force.T, self.valid.T, strict=True)
+        ]
+        return np.array(means)
+
+    def on_grid(self, period: float) -> _Samples:
+        """With an invalid sample wherever a SYNC period was passed over."""
+        place = np.round((self.time - self.time[0]) / period).astype(np.int64)
+        if place[-1] == len(place) - 1:
+            return self
+        count, axes = int(place[-1]) + 1, self.position.shape[1]
+        position, force = np.zeros((count, axes)), np.zeros((count, axes))
+        valid = np.zeros((count, axes), dtype=np.bool_)
+        position[place], force[place], valid[place] = self.position, self.force, self.valid
+        return _Samples(self.time[0] + period * np.arange(count), position, force, valid)
 
 
 def _never(_: tuple[float, ...]) -> bool:
@@ -282,7 +338,3 @@ def _within(profile: Limits, limits: Limits) -> Limits:
 def _demand(motion: Sequence[Trajectory], rows: int, period: float) -> F64:
     time = np.asarray(np.arange(1, rows + 1) * period, dtype=np.float64)
     return np.column_stack([m.sample(time)[0] for m in motion])
-
-
-def _mean(values: F64, valid: NDArray[np.bool_]) -> float:
-    return float(values[valid].mean() if valid.any() else values.mean())

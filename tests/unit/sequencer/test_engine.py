@@ -40,6 +40,8 @@ class Samples:
     position: np.ndarray
     force: np.ndarray
     valid: np.ndarray
+    time: np.ndarray
+    late: np.ndarray
 
 
 class BareStage:
@@ -75,7 +77,14 @@ class BareStage:
             self.count += 1
             if until is not None and until(tuple(seen[-1])):
                 break
-        return Samples(np.array(seen), np.array(force), np.ones((len(seen), 2), dtype=bool))
+        count = len(seen)
+        return Samples(
+            np.array(seen),
+            np.array(force),
+            np.ones((count, 2), dtype=bool),
+            np.arange(self.count - count, self.count) * TS,
+            np.zeros(count, dtype=bool),
+        )
 
 
 class Marks:

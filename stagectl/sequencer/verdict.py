@@ -1,0 +1,67 @@
+"""Pass or fail per site, by the recipe's `limits`: judged on the site's micro-move.
+
+Where a site has no micro-move (no fiducial) its macro-move is judged.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from sim2real.recording import Recording
+from stagectl.recipe.model import SiteLimits
+from stagectl.sequencer.settling import MoveResult, summarise_moves
+
+
+@dataclass(frozen=True, slots=True)
+class SiteVerdict:
+    """One site: `failures` says what exceeded its limit; empty is a pass."""
+
+    site: int
+    failures: tuple[str, ...]
+
+
+def judge(
+    recording: Recording,
+    limits: SiteLimits,
+    window: float,
+    control_period: float,
+    sync_period: float,
+) -> tuple[SiteVerdict, ...]:
+    """Verdicts of all sites visited, in their order; empty where the recipe has no limits.
+
+    Args:
+        recording: of the run.
+        limits: longest settling [s] to `window` and largest peak error [m].
+        window: the recipe's settle window [m].
+        control_period: Tc [s].
+        sync_period: Ts [s].
+    """
+    if limits.settling is None and limits.peak_error is None:
+        return ()
+    results = summarise_moves(recording, control_period, sync_period, (window,))
+    sites = dict.fromkeys(r.site for r in results if r.site is not None)
+    return tuple(
+        SiteVerdict(site, _failures([r for r in results if r.site == site], limits, window))
+        for site in sites
+    )
+
+
+def _failures(results: Sequence[MoveResult], limits: SiteLimits, window: float) -> tuple[str, ...]:
+    judged = [r for r in results if r.kind == "micro"] or results
+    failures = []
+    for result in judged:
+        time, error = result.settling[window], result.peak_error
+        if limits.settling is not None and not (result.settled and time <= limits.settling):
+            failures.append(
+                f"{result.axis} settled in {time * 1e3:.0f} ms, limit {limits.settling * 1e3:g} ms"
+                if result.settled
+                else f"{result.axis} did not settle"
+            )
+        if limits.peak_error is not None and (math.isnan(error) or error > limits.peak_error):
+            failures.append(
+                f"{result.axis} peak error {error * 1e6:.3f} µm, "
+                f"limit {limits.peak_error * 1e6:g} µm"
+            )
+    return tuple(failures)

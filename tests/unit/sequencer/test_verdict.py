@@ -1,0 +1,39 @@
+"""Pass or fail per site."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from stagectl.recipe.model import SiteLimits
+from stagectl.sequencer.verdict import judge
+from stagectl.store.recording import read_recording
+
+RECORDING = read_recording(Path(__file__).parents[2] / "data" / "null-1.h5")
+SITED = replace(
+    RECORDING,
+    moves=tuple(replace(m, site=1 + i // 2) for i, m in enumerate(RECORDING.moves)),
+)
+
+
+def verdicts(**limits):
+    return judge(SITED, SiteLimits(**limits), 5e-8, 1e-4, 1e-3)
+
+
+def test_no_limits_no_verdict():
+    assert verdicts() == ()
+
+
+def test_wide_limits_pass_tight_ones_fail():
+    wide = verdicts(peak_error=1e-3)
+    assert [v.site for v in wide] == list(range(1, 20))
+    assert not any(v.failures for v in wide)
+    tight = verdicts(peak_error=1e-9)
+    assert all(v.failures for v in tight)
+    assert "peak error" in tight[0].failures[0]
+
+
+def test_settling_is_judged_on_the_micro_move():
+    # Without friction compensation some axis takes longer than that at most sites, not at all.
+    some = verdicts(settling=0.14)
+    failed = [v for v in some if v.failures]
+    assert 0 < len(failed) < len(some)
+    assert all("settle" in text for v in failed for text in v.failures)
