@@ -22,7 +22,6 @@ from stagectl.sequencer.events import (
     Stopping,
 )
 
-
 REDRAW = 0.1
 """Shortest time between two drawings [s]."""
 
