@@ -28,6 +28,17 @@ MAX_ELEMENTS = 64
 REST_BAND = 4e-9
 """Displacement below which the axis counts as at rest: a few times the encoder noise [m]."""
 
+# exp(-12) of the Stribeck rise is left: far below any sensor.
+_FAR_ABOVE = 12.0
+# Above so many Stribeck velocities the curve is straight enough inside a sample.
+_NO_SUBSTEPS = 4.0
+# Rows of the kernels' array of elements, and its scalars behind the model's vector.
+E_SHARE, E_FORCE, E_SLIP, E_BY_COULOMB, E_BY_STIFFNESS, E_BY_RATE = range(6)
+ELEMENT_ROWS = 6
+S_DIRECTION, S_REFERENCE, S_OWED_DECAY, S_OWED_TIME, S_FAST_DECAY, S_FAST_SPEED = range(6, 12)
+S_ALL_SLIP, S_TOTAL, S_BY_COULOMB, S_BY_STIFFNESS, S_BY_RATE = range(12, 17)
+SCALARS = 17
+
 # Order of a friction model's figures in the vector that the kernels take.
 COULOMB, STIFFNESS, ALPHA, VS, DELTA, RATE = range(6)
 
@@ -163,7 +174,7 @@ class FrictionState:
         correct_forces(self.forces, element_shares(friction.elements), static, total)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def correct_forces(forces, shares, static, total):  # type: ignore[no-untyped-def]
     """Spread what is missing to `total` over the elements that are not at their limit."""
     count = forces.shape[0]
@@ -187,81 +198,167 @@ def correct_forces(forces, shares, static, total):  # type: ignore[no-untyped-de
                 forces[i] = min(max(forces[i] + missing / free, -limit), limit)
 
 
-@numba.njit(cache=True)
-def follow_positions(  # type: ignore[no-untyped-def]
-    p, shares, forces, slipping, memory, position, velocity, period, substeps, band,
-    force, jacobian, d_coulomb, d_stiffness, d_rate,
-):  # fmt: skip
-    """Drive the elements through sampled positions; see `follow`, which calls it.
+@numba.njit(cache=True, error_model="numpy")
+def pack(p, shares, forces, slipping, direction, reference, period):  # type: ignore[no-untyped-def]
+    """Elements and scalars of a model and its state, as two arrays: what `advance` works on.
 
-    `p` is `Friction.vector()`; d_coulomb, d_stiffness, d_rate are dF_i by Fc, sigma0 and C/Fc.
+    Few arrays, because each one that is handed to a compiled function costs a counted reference.
+    `p` is `Friction.vector()`; the sensitivities start at zero.
     """
     count = shares.shape[0]
-    coulomb, alpha, vs, delta, rate = p[COULOMB], p[ALPHA], p[VS], p[DELTA], p[RATE]
-    stiffness = p[STIFFNESS] / count
+    elements = np.zeros((ELEMENT_ROWS, count))
+    scalars = np.zeros(SCALARS)
+    total, all_slip = 0.0, 1.0
+    for i in range(count):
+        elements[E_SHARE, i] = shares[i]
+        elements[E_FORCE, i] = forces[i]
+        elements[E_SLIP, i] = 1.0 if slipping[i] else 0.0
+        total += forces[i]
+        if not slipping[i]:
+            all_slip = 0.0
+    for i in range(6):
+        scalars[i] = p[i]
+    scalars[S_DIRECTION] = direction
+    scalars[S_REFERENCE] = reference
+    scalars[S_OWED_DECAY] = 1.0
+    scalars[S_FAST_DECAY] = math.exp(-p[RATE] * period)
+    scalars[S_FAST_SPEED] = p[VS] * _FAR_ABOVE ** (1.0 / p[DELTA])
+    scalars[S_ALL_SLIP] = all_slip
+    scalars[S_TOTAL] = total
+    return elements, scalars
+
+
+@numba.njit(cache=True, error_model="numpy")
+def unpack(elements, scalars, forces, slipping, memory):  # type: ignore[no-untyped-def]
+    """The state back out of `pack`'s arrays."""
+    catch_up(elements, scalars)
+    for i in range(forces.shape[0]):
+        forces[i] = elements[E_FORCE, i]
+        slipping[i] = elements[E_SLIP, i] > 0.0
+    memory[0] = scalars[S_DIRECTION]
+    memory[1] = scalars[S_REFERENCE]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def advance(elements, scalars, position, v0, v1, period, substeps):  # type: ignore[no-untyped-def]
+    """Move the elements to the next sampled position.
+
+    `v0`, `v1`: velocity at the last sample and at this one; inside the sample it is linear, shifted
+    so that it covers the distance moved. The sums over all elements are kept in `scalars`: force
+    and its derivatives by Fc, sigma0 and C/Fc.
+
+    Where all elements slip far above the Stribeck velocity they relax together: only the sums are
+    advanced, and what the elements are owed is remembered (`catch_up`).
+    """
+    moved = position - scalars[S_REFERENCE]
+    scalars[S_REFERENCE] = position
+    coulomb, direction = scalars[COULOMB], scalars[S_DIRECTION]
+    slowest = min(v0 * direction, v1 * direction)
+    all_slip = scalars[S_ALL_SLIP] > 0.0
+    if all_slip and slowest > scalars[S_FAST_SPEED] and moved * direction > 0.0:
+        decay = scalars[S_FAST_DECAY]
+        away = (scalars[S_TOTAL] - direction * coulomb) * decay
+        scalars[S_TOTAL] = direction * coulomb + away
+        scalars[S_BY_COULOMB] = direction + (scalars[S_BY_COULOMB] - direction) * decay
+        scalars[S_BY_STIFFNESS] *= decay
+        scalars[S_BY_RATE] = scalars[S_BY_RATE] * decay - away * period
+        scalars[S_OWED_DECAY] *= decay
+        scalars[S_OWED_TIME] += period
+        return
+    catch_up(elements, scalars)
+    count = elements.shape[1]
+    alpha, vs, delta, rate = scalars[ALPHA], scalars[VS], scalars[DELTA], scalars[RATE]
+    if all_slip and slowest > _NO_SUBSTEPS * vs:
+        substeps = 1
+    share = 1.0 / count
+    stiffness = scalars[STIFFNESS] * share
     dt = period / substeps
-    total = forces.sum()
-    by_coulomb = d_coulomb.sum()
-    by_stiffness = d_stiffness.sum()
-    by_rate = d_rate.sum()
+    shift = moved / period - 0.5 * (v0 + v1)
+    for j in range(substeps):
+        v = v0 + (v1 - v0) * (j + 0.5) / substeps + shift
+        dx = v * dt
+        if dx == 0.0:
+            continue
+        direction = math.copysign(1.0, dx)
+        if direction != scalars[S_DIRECTION]:
+            scalars[S_DIRECTION] = direction
+            for i in range(count):
+                elements[E_SLIP, i] = 0.0
+        ratio = abs(v) / vs
+        if delta != 1.0:
+            ratio = ratio**delta
+        curve = 1.0 + alpha * math.exp(-ratio)
+        decay = math.exp(-rate * dt / curve)
+        total = by_coulomb = by_stiffness = by_rate = 0.0
+        slipping = 1.0
+        for i in range(count):
+            goal = direction * elements[E_SHARE, i] * curve
+            f = elements[E_FORCE, i]
+            if elements[E_SLIP, i] == 0.0:
+                stretched = f + stiffness * dx
+                if stretched * direction >= abs(goal) * coulomb:
+                    elements[E_SLIP, i] = 1.0
+                    if f * direction < abs(goal) * coulomb:
+                        f = goal * coulomb
+                        elements[E_BY_COULOMB, i] = goal
+                        elements[E_BY_STIFFNESS, i] = 0.0
+                        elements[E_BY_RATE, i] = 0.0
+                else:
+                    f = stretched
+                    elements[E_BY_STIFFNESS, i] += dx * share
+                    slipping = 0.0
+            if elements[E_SLIP, i] > 0.0:
+                away = (f - goal * coulomb) * decay
+                f = goal * coulomb + away
+                elements[E_BY_RATE, i] = elements[E_BY_RATE, i] * decay - away * dt / curve
+                elements[E_BY_COULOMB, i] = goal + (elements[E_BY_COULOMB, i] - goal) * decay
+                elements[E_BY_STIFFNESS, i] *= decay
+            elements[E_FORCE, i] = f
+            total += f
+            by_coulomb += elements[E_BY_COULOMB, i]
+            by_stiffness += elements[E_BY_STIFFNESS, i]
+            by_rate += elements[E_BY_RATE, i]
+        scalars[S_TOTAL] = total
+        scalars[S_BY_COULOMB] = by_coulomb
+        scalars[S_BY_STIFFNESS] = by_stiffness
+        scalars[S_BY_RATE] = by_rate
+        scalars[S_ALL_SLIP] = slipping
+
+
+@numba.njit(cache=True, error_model="numpy")
+def catch_up(elements, scalars):  # type: ignore[no-untyped-def]
+    """Give the elements what `advance` owes them."""
+    decay, time = scalars[S_OWED_DECAY], scalars[S_OWED_TIME]
+    if decay == 1.0:
+        return
+    coulomb, direction = scalars[COULOMB], scalars[S_DIRECTION]
+    for i in range(elements.shape[1]):
+        goal = direction * elements[E_SHARE, i]
+        away = (elements[E_FORCE, i] - goal * coulomb) * decay
+        elements[E_FORCE, i] = goal * coulomb + away
+        elements[E_BY_RATE, i] = elements[E_BY_RATE, i] * decay - away * time
+        elements[E_BY_COULOMB, i] = goal + (elements[E_BY_COULOMB, i] - goal) * decay
+        elements[E_BY_STIFFNESS, i] *= decay
+    scalars[S_OWED_DECAY] = 1.0
+    scalars[S_OWED_TIME] = 0.0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def follow_positions(  # type: ignore[no-untyped-def]
+    p, shares, forces, slipping, memory, position, velocity, period, substeps, band,
+    force, jacobian,
+):  # fmt: skip
+    """Drive the elements through sampled positions; see `follow`, which calls it."""
+    elements, scalars = pack(p, shares, forces, slipping, memory[0], memory[1], period)
     for k in range(position.shape[0]):
-        moved = position[k] - memory[1]
-        if abs(moved) > band:
-            memory[1] = position[k]
+        if abs(position[k] - scalars[S_REFERENCE]) > band:
             v1 = velocity[k]
             v0 = velocity[k - 1] if k > 0 else v1
-            # Linear velocity inside the sample, shifted so that it covers the distance moved.
-            shift = moved / period - 0.5 * (v0 + v1)
-            for j in range(substeps):
-                v = v0 + (v1 - v0) * (j + 0.5) / substeps + shift
-                dx = v * dt
-                if dx == 0.0:
-                    continue
-                direction = math.copysign(1.0, dx)
-                if direction != memory[0]:
-                    memory[0] = direction
-                    for i in range(count):
-                        slipping[i] = False
-                ratio = abs(v) / vs
-                if delta != 1.0:
-                    ratio = ratio**delta
-                curve = 1.0 + alpha * math.exp(-ratio)
-                decay = math.exp(-rate * dt / curve)
-                total = 0.0
-                by_coulomb = 0.0
-                by_stiffness = 0.0
-                by_rate = 0.0
-                for i in range(count):
-                    limit = shares[i] * curve
-                    f = forces[i]
-                    if not slipping[i]:
-                        stretched = f + stiffness * dx
-                        if stretched * direction >= limit * coulomb:
-                            slipping[i] = True
-                            if f * direction < limit * coulomb:
-                                f = direction * limit * coulomb
-                                d_coulomb[i] = direction * limit
-                                d_stiffness[i] = 0.0
-                                d_rate[i] = 0.0
-                        else:
-                            f = stretched
-                            d_stiffness[i] += dx / count
-                    if slipping[i]:
-                        goal = direction * limit
-                        away = (f - goal * coulomb) * decay
-                        f = goal * coulomb + away
-                        d_rate[i] = d_rate[i] * decay - away * dt / curve
-                        d_coulomb[i] = goal + (d_coulomb[i] - goal) * decay
-                        d_stiffness[i] *= decay
-                    forces[i] = f
-                    total += f
-                    by_coulomb += d_coulomb[i]
-                    by_stiffness += d_stiffness[i]
-                    by_rate += d_rate[i]
-        force[k] = total
-        jacobian[k, 0] = by_coulomb
-        jacobian[k, 1] = by_stiffness
-        jacobian[k, 2] = by_rate
+            advance(elements, scalars, position[k], v0, v1, period, substeps)
+        force[k] = scalars[S_TOTAL]
+        for i in range(3):
+            jacobian[k, i] = scalars[S_BY_COULOMB + i]
+    unpack(elements, scalars, forces, slipping, memory)
 
 
 def follow(
@@ -291,10 +388,9 @@ def follow(
     """
     force = np.empty(len(position))
     jacobian = np.empty((len(position), 3))
-    none = np.zeros(friction.elements)
     follow_positions(
         friction.vector(), element_shares(friction.elements), state.forces, state.slipping,
         state.memory, np.ascontiguousarray(position), np.ascontiguousarray(velocity), period,
-        substeps, band, force, jacobian, none, none.copy(), none.copy(),
+        substeps, band, force, jacobian,
     )  # fmt: skip
     return force, jacobian

@@ -1,129 +1,27 @@
-"""Bounded Gauss-Newton with an arrival cost; equation (4) of the source paper.
+"""Parts of a bounded Gauss-Newton with an arrival cost, compiled; equation (4) of the source paper.
 
-Minimises  |p - prior|^2 in P^-1  +  sum r_k(p)^2 / R_k  with  lower <= p <= upper.
-Few unknowns, many samples: the model hands over its normal equations, each step is a quadratic
-problem in a box, solved by an active set (compiled); steps are halved where the cost rises.
+Minimises  |p - prior|^2 in P^-1  +  sum r_k(p)^2 / R_k  with  lower <= p <= upper. Few unknowns,
+many samples: the problem is known by its normal equations, each step is a quadratic problem in a
+box, solved by an active set. The loop around it belongs to the problem (`window`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
-
-F64 = NDArray[np.float64]
-
-Model = Callable[[F64], tuple[F64, F64, float]]
-"""Unknowns, shape (n,) -> normal equations of the whitened residual r with Jacobian J:
-J'J, shape (n, n), J'r, shape (n,), and r'r."""
-
-_HALVINGS = 4
-
-
-@dataclass(frozen=True, slots=True)
-class Solution:
-    """Outcome of a bounded least-squares problem.
-
-    Attributes:
-        value: unknowns, shape (n,).
-        covariance: of them, arrival cost included, shape (n, n).
-        chi_square: sum of squared whitened residuals at the solution, without arrival cost.
-        iterations, evaluations: of the solver.
-        at_bound: which unknowns lie on a bound, shape (n,).
-        converged: whether the last step was small.
-    """
-
-    value: F64
-    covariance: F64
-    chi_square: float
-    iterations: int
-    evaluations: int
-    at_bound: NDArray[np.bool_]
-    converged: bool
-
-
-def solve(
-    model: Model,
-    prior: F64,
-    information: F64,
-    lower: F64,
-    upper: F64,
-    guess: F64 | None = None,
-    max_iterations: int = 12,
-    tolerance: float = 0.05,
-) -> Solution:
-    """Minimise arrival cost plus squared residuals.
-
-    Args:
-        model: normal equations; unknowns are best scaled to about 1.
-        prior: mean of the arrival cost, shape (n,).
-        information: P^-1 of the arrival cost, positive definite, shape (n, n).
-        lower: bounds, shape (n,).
-        upper: bounds, shape (n,), above `lower`.
-        guess: first iterate, shape (n,); default the prior.
-        max_iterations: of Gauss-Newton.
-        tolerance: a step below this many posterior standard deviations ends it.
-
-    Raises:
-        ValueError: a residual that is not finite.
-        numpy.linalg.LinAlgError: normal equations that are not positive definite.
-    """
-    value = np.minimum(np.maximum(prior if guess is None else guess, lower), upper)
-    curvature, slope, chi_square = _evaluate(model, value)
-    cost = chi_square + _away(value, prior, information)
-    evaluations, iterations, converged = 1, 0, False
-    while iterations < max_iterations and not converged:
-        iterations += 1
-        step, size = _step(curvature, slope, information, prior, value, lower, upper)
-        if not math.isfinite(size):
-            raise np.linalg.LinAlgError("normal equations are not positive definite")
-        for _ in range(_HALVINGS):
-            trial = np.minimum(np.maximum(value + step, lower), upper)
-            evaluated = _evaluate(model, trial)
-            evaluations += 1
-            trial_cost = evaluated[2] + _away(trial, prior, information)
-            if trial_cost <= cost * (1 + 1e-12):
-                value, cost = trial, trial_cost
-                curvature, slope, chi_square = evaluated
-                break
-            step = step / 2
-        else:
-            break
-        converged = size < tolerance
-    return Solution(
-        value,
-        np.asarray(np.linalg.inv(information + curvature), dtype=np.float64),
-        chi_square,
-        iterations,
-        evaluations,
-        (value <= lower) | (value >= upper),
-        converged,
-    )
-
-
-def _evaluate(model: Model, value: F64) -> tuple[F64, F64, float]:
-    evaluated = model(value)
-    if not math.isfinite(evaluated[2]):
-        raise ValueError(f"residual is not finite at {value.tolist()}")
-    return evaluated
-
-
-def _away(value: F64, prior: F64, information: F64) -> float:
-    """Arrival cost."""
-    away = value - prior
-    return float(away @ information @ away)
 
 
 @numba.njit(cache=True)
-def _step(curvature, slope, information, prior, value, lower, upper):  # type: ignore[no-untyped-def]
+def gauss_newton_step(  # type: ignore[no-untyped-def]
+    curvature, slope, information, prior, value, lower, upper
+):
     """Minimiser of the quadratic model inside the box, and its length in standard deviations.
 
-    Active set: what leaves the box is fixed on its bound, the rest solved again. The length is nan
-    where the quadratic model has no minimum.
+    `curvature` and `slope` are J'J, shape (n, n), and J'r, shape (n,), of the whitened residual at
+    `value`; `information` is P^-1. What leaves the box is fixed on its bound, the rest solved
+    again. The length is nan where the quadratic model has no minimum.
     """
     n = value.shape[0]
     normal = information + curvature
@@ -133,13 +31,10 @@ def _step(curvature, slope, information, prior, value, lower, upper):  # type: i
             gradient[i] += information[i, j] * (value[j] - prior[j])
     step = np.zeros(n)
     free = np.ones(n, dtype=np.bool_)
-    for _ in range(n + 1):
+    for _ in range(4 * n):
         chosen = np.nonzero(free)[0]
         m = chosen.shape[0]
-        if m == 0:
-            break
-        matrix = np.empty((m, m))
-        rhs = np.empty(m)
+        matrix, rhs = np.empty((m, m)), np.empty(m)
         for a in range(m):
             i = chosen[a]
             rhs[a] = -gradient[i]
@@ -148,19 +43,35 @@ def _step(curvature, slope, information, prior, value, lower, upper):  # type: i
                     rhs[a] -= normal[i, j] * step[j]
             for b in range(m):
                 matrix[a, b] = normal[i, chosen[b]]
-        if not _cholesky_solve(matrix, rhs):
+        if not _factor(matrix):
             return step, math.nan
-        outside = False
+        _substitute(matrix, rhs)
+        # The one that leaves the box farthest is fixed on its bound ...
+        worst, excess = -1, 0.0
         for a in range(m):
             i = chosen[a]
             step[i] = rhs[a]
-            low, high = lower[i] - value[i], upper[i] - value[i]
-            if step[i] < low or step[i] > high:
-                step[i] = min(max(step[i], low), high)
-                free[i] = False
-                outside = True
-        if not outside:
+            beyond = max(lower[i] - value[i] - step[i], step[i] - upper[i] + value[i])
+            if beyond > excess:
+                worst, excess = i, beyond
+        if worst >= 0:
+            step[worst] = min(max(step[worst], lower[worst] - value[worst]),
+                              upper[worst] - value[worst])  # fmt: skip
+            free[worst] = False
+            continue
+        # ... and one that the slope would pull off its bound into the box is freed again.
+        pulled, pull = -1, 0.0
+        for i in range(n):
+            if not free[i]:
+                rise = gradient[i]
+                for j in range(n):
+                    rise += normal[i, j] * step[j]
+                inward = -rise if step[i] <= lower[i] - value[i] else rise
+                if inward > pull * (1.0 + 1e-9) + 1e-12 * abs(gradient[i]):
+                    pulled, pull = i, inward
+        if pulled < 0:
             break
+        free[pulled] = True
     size = 0.0
     for i in range(n):
         for j in range(n):
@@ -169,13 +80,30 @@ def _step(curvature, slope, information, prior, value, lower, upper):  # type: i
 
 
 @numba.njit(cache=True)
-def _cholesky_solve(matrix, rhs):  # type: ignore[no-untyped-def]
-    """Solve a positive definite system in place; False where it is not positive definite."""
-    n = rhs.shape[0]
+def cholesky_inverse(matrix):  # type: ignore[no-untyped-def]
+    """Invert a positive definite matrix in place; False (and undefined) where it is not."""
+    n = matrix.shape[0]
+    factor = matrix.copy()
+    if not _factor(factor):
+        return False
+    column = np.empty(n)
+    for j in range(n):
+        for i in range(n):
+            column[i] = 1.0 if i == j else 0.0
+        _substitute(factor, column)
+        for i in range(n):
+            matrix[i, j] = column[i]
+    return True
+
+
+@numba.njit(cache=True)
+def _factor(matrix):  # type: ignore[no-untyped-def]
+    """Cholesky factor in the lower triangle; False where the matrix is not positive definite."""
+    n = matrix.shape[0]
     for j in range(n):
         pivot = matrix[j, j]
         for k in range(j):
-            pivot -= matrix[j, k] ** 2
+            pivot -= matrix[j, k] * matrix[j, k]
         if not pivot > 0.0:
             return False
         pivot = math.sqrt(pivot)
@@ -185,12 +113,18 @@ def _cholesky_solve(matrix, rhs):  # type: ignore[no-untyped-def]
             for k in range(j):
                 entry -= matrix[i, k] * matrix[j, k]
             matrix[i, j] = entry / pivot
+    return True
+
+
+@numba.njit(cache=True)
+def _substitute(factor, rhs):  # type: ignore[no-untyped-def]
+    """Solve with a Cholesky factor, in place."""
+    n = rhs.shape[0]
     for i in range(n):
         for k in range(i):
-            rhs[i] -= matrix[i, k] * rhs[k]
-        rhs[i] /= matrix[i, i]
+            rhs[i] -= factor[i, k] * rhs[k]
+        rhs[i] /= factor[i, i]
     for i in range(n - 1, -1, -1):
         for k in range(i + 1, n):
-            rhs[i] -= matrix[k, i] * rhs[k]
-        rhs[i] /= matrix[i, i]
-    return True
+            rhs[i] -= factor[k, i] * rhs[k]
+        rhs[i] /= factor[i, i]

@@ -1,9 +1,9 @@
 """The split-horizon estimator: one move in, an updated friction model (or a reason) out.
 
 Zone A (all elements slip) gives Coulomb force and viscous coefficient; then the stick zones (the
-onset and what follows the first reversal) give presliding stiffness and relaxation rate, with zone
-A's result as prior. Each is a bounded least-squares problem with an arrival cost (source paper,
-equation (4)); what the unknowns are and how belief ages: `belief`, `window`.
+onset and what follows the first reversal) give presliding stiffness and relaxation rate, from zone
+A's result. Each is a bounded least-squares problem with an arrival cost (source paper, equation
+(4)); what the unknowns are and how belief ages: `belief`, how a move is solved: `window`.
 
 An estimate is accepted or refused as a whole; a refused one leaves the last good model in force.
 Not here: Stribeck figures, direction asymmetry, shape of the hysteresis.
@@ -12,6 +12,7 @@ Not here: Stribeck figures, direction asymmetry, shape of the hysteresis.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -28,15 +29,23 @@ from estimation.belief import (
     Belief,
     BeliefSettings,
 )
-from estimation.gms import F64, Friction, FrictionState
-from estimation.kinematics import differentiate
-from estimation.window import Fit, MoveWindow
-from estimation.zones import split
+from estimation.gms import COULOMB as MODEL_COULOMB
+from estimation.gms import F64, Friction, FrictionState, element_shares
+from estimation.window import (
+    R_BOUND,
+    R_CHI_A,
+    R_CHI_B,
+    R_FAILED,
+    R_SLIDE,
+    R_STICK,
+    REPORT_SIZE,
+    estimate_move,
+    final_state,
+)
 
-MIN_SLIDE, MIN_STICK = 12, 6
-"""Fewest samples of a zone that is worth solving."""
 _ZONE_A = (COULOMB, VISCOUS, MASS)
 _ZONE_B = (COULOMB, VISCOUS, STIFFNESS, RATE, MASS)
+_ZONE_AB = (COULOMB, VISCOUS, STIFFNESS, MASS)  # a fast move hardly tells C; slow ones do
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +55,8 @@ class EstimatorSettings:
     Attributes:
         mass: moved mass [kg].
         period: of the samples [s].
-        noise: rms of measured force minus mass times acceleration, from the sensors [N].
+        position_noise: rms of a sampled position, encoder increment included [m].
+        force_noise: rms of a sampled force, its resolution included [N].
         peak_force: samples at or beyond it are saturated and left out [N].
         model_error: rms of what the model itself misses, relative to the Coulomb force.
         belief: start and ageing of what is believed.
@@ -55,11 +65,13 @@ class EstimatorSettings:
         jump: a change beyond so many predicted standard deviations, and beyond `jump_share`
             of the figure, is refused.
         patience: so many jumps in a row, the same way, mean that the stage has changed.
+        fixed: figures that are never estimated, of `FIGURES`.
     """
 
     mass: float
     period: float
-    noise: float
+    position_noise: float
+    force_noise: float
     peak_force: float = math.inf
     model_error: float = 0.01
     belief: BeliefSettings = field(default_factory=BeliefSettings)
@@ -68,6 +80,16 @@ class EstimatorSettings:
     jump: float = 6.0
     jump_share: float = 0.15
     patience: int = 2
+    fixed: tuple[str, ...] = ()
+
+    def vector(self) -> F64:
+        """The constants as `window.estimate_move` takes them."""
+        return np.array(
+            [
+                self.period, self.mass, self.position_noise, self.force_noise, self.model_error,
+                self.belief.wander, self.belief.correlation_time, *self.bounds, self.peak_force,
+            ]
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +121,8 @@ class Estimate:
         friction: the model in force afterwards.
         sigma: standard deviation of its coulomb [N], viscous [N s/m], stiffness [N/m] and
             relaxation_rate [1/s], by name.
+        gain: by how much the move narrowed each figure: standard deviation before over after,
+            1 where it said nothing; by name, apparent mass included.
         level: factor on the Coulomb force at the end of the move, 1 + w.
         zones: which zones were used: "A", "B", "AB" or "".
         misfit: rms of the whitened residual, the larger of both zones.
@@ -107,7 +131,8 @@ class Estimate:
     accepted: bool
     reason: str | None
     friction: Friction
-    sigma: dict[str, float]
+    sigma: Mapping[str, float]
+    gain: Mapping[str, float]
     level: float
     zones: str
     misfit: float
@@ -133,11 +158,28 @@ class SplitHorizonEstimator:
         self.friction = friction
         self.state: FrictionState | None = None
         self._start = friction
-        self._frozen = frozen
         self._belief = Belief.at_start(settings.belief)
         self._time: float | None = None
         self._jump: F64 | None = None
         self._jumps = 0
+        # What the kernel takes, made once.
+        self._constants = settings.vector()
+        self._figures = np.array(
+            [
+                friction.coulomb, friction.viscous, friction.stiffness, friction.relaxation_rate,
+                settings.mass,
+            ]
+        )  # fmt: skip
+        self._shape = friction.vector()
+        self._shares = element_shares(friction.elements)
+        self._report = np.zeros(REPORT_SIZE)
+        fixed = {FIGURES.index(name) for name in settings.fixed}
+        if frozen:
+            fixed |= {COULOMB, VISCOUS, STIFFNESS, RATE}
+        self._zone_a, self._zone_b, self._zone_ab = (
+            np.array([i in zone and i not in fixed for i in range(LEVEL)])
+            for zone in (_ZONE_A, _ZONE_B, _ZONE_AB)
+        )
 
     @property
     def level(self) -> float:
@@ -147,10 +189,8 @@ class SplitHorizonEstimator:
     @property
     def sigma(self) -> dict[str, float]:
         """Standard deviations of the friction figures, by name, in their units."""
-        return {
-            name: self._belief.spread(i) * float(getattr(self._start, name))
-            for i, name in enumerate(FIGURES[:MASS])
-        }
+        spread = np.sqrt(self._belief.covariance.diagonal()[:MASS]) * self._figures[:MASS]
+        return dict(zip(FIGURES, spread.tolist(), strict=False))
 
     def effective(self, time: float) -> Friction:
         """The model with the level expected at `time` [s]: what feedforward should use."""
@@ -181,84 +221,55 @@ class SplitHorizonEstimator:
         count = len(move.position)
         if len(move.force) != count or len(move.valid) != count:
             raise ValueError("position, force and valid must have the same length")
+        position, force, valid = _cleaned(move)
         first_move = self._time is None
-        before = self.at_rest(float(move.position[0]), move.rest_force, move.time)
-        usable = move.valid & np.isfinite(move.position) & np.isfinite(move.force)
-        if usable.sum() < 3:
-            raise ValueError("fewer than three valid samples")
-        position = _bridged(move.position, usable)
-        motion = differentiate(position, self.settings.period)
-        # The first state after enabling is only known by its sum: its onset says nothing.
-        zones = split(motion, float(position[0]), self.friction)
-        usable &= np.abs(move.force) < self.settings.peak_force
-        usable = usable[:-2] & usable[1:-1] & usable[2:]
+        state = self.at_rest(float(position[0]), move.rest_force, move.time)
         elapsed = 0.0 if self._time is None else move.time - self._time
         prior = self._belief.predicted(elapsed, self.settings.belief)
-        window = MoveWindow(
-            self._start, before, self.friction, motion, move.force[1:-1], float(position[0]),
-            move.rest_force, self.settings.mass, self.settings.noise, self.settings.model_error,
-            self.settings.period, self.settings.belief,
+        found = Belief(prior.mean.copy(), prior.covariance.copy())
+        known, report = self.friction.coulomb, self._report
+        # The first state after enabling is only known by its sum: its onset says nothing.
+        estimate_move(
+            position, force, valid, self._constants, self._figures, self._shape, self._shares,
+            known, state.forces, state.slipping, state.memory[0], move.rest_force, found.mean,
+            found.covariance, self._zone_a, self._zone_b, self._zone_ab, not first_move, report,
         )  # fmt: skip
-        slide = zones.slide & usable
-        moving = zones.moving & usable
-        stick_counts = not first_move and int((zones.stick & usable).sum()) >= MIN_STICK
-        belief, used, misfit, reason = self._solve(
-            window, prior, slide if slide.sum() >= MIN_SLIDE else None,
-            moving if stick_counts else None,
-        )  # fmt: skip
-        jumped = None if reason is not None else self._jumped(prior, belief)
+        slide, stick = report[R_SLIDE] > 0, report[R_STICK] > 0
+        used = ("A" if slide else "") + ("B" if stick else "")
+        misfit = math.sqrt(max(report[R_CHI_A], report[R_CHI_B]))
+        reason = self._doubt(found, misfit) if used else "too little motion to learn from"
+        jumped = None if reason is not None else self._jumped(prior, found)
         reason = reason or jumped
         if reason is None:
             self._jump, self._jumps = None, 0
-            self._belief = belief
-            self.friction = belief.friction(self._start)
+            self._belief = found
+            self.friction = found.friction(self._start)
         else:
-            self._belief = self._after_refusal(prior, belief, jumped is not None)
-        level_model = replace(self.friction, coulomb=self.friction.coulomb * self.level)
-        self.state = window.final_state(level_model)
+            self._belief = self._after_refusal(prior, found, jumped is not None)
+        model = self.friction.vector()
+        model[MODEL_COULOMB] *= self.level
+        final_state(
+            position, valid, self.settings.period, model, self._shares, known, state.forces,
+            state.slipping, state.memory, move.rest_force,
+        )  # fmt: skip
         self._time = move.time + (count - 1) * self.settings.period
-        return Estimate(reason is None, reason, self.friction, self.sigma, self.level, used, misfit)
+        narrowed = np.sqrt(prior.covariance.diagonal() / self._belief.covariance.diagonal())
+        return Estimate(
+            reason is None, reason, self.friction, self.sigma,
+            dict(zip(FIGURES, narrowed.tolist(), strict=False)), self.level, used, misfit,
+        )  # fmt: skip
 
-    def _solve(
-        self,
-        window: MoveWindow,
-        prior: Belief,
-        slide: NDArray[np.bool_] | None,
-        moving: NDArray[np.bool_] | None,
-    ) -> tuple[Belief, str, float, str | None]:
-        """Zone A alone, then all that moved, stick zones included, from zone A's result.
-
-        Zone A's samples count once: the second problem starts at its solution, but keeps the
-        arrival cost from before the move.
-        """
-        belief, used, misfit = prior, "", 0.0
-        for zone, mask, free in (("A", slide, _ZONE_A), ("B", moving, _ZONE_B)):
-            if mask is None:
-                continue
-            if self._frozen:
-                figures: tuple[int, ...] = (MASS,)
-            elif used:  # a fast move hardly tells C; slow ones do
-                figures = tuple(i for i in free if i != RATE)
-            else:
-                figures = free
-            try:
-                fit = window.fit(prior, mask, figures, self.settings.bounds, belief.mean)
-            except (ValueError, np.linalg.LinAlgError) as error:
-                return belief, used + zone, misfit, f"no solution in zone {zone}: {error}"
-            doubt = self._doubt(fit)
-            if doubt is not None:
-                return belief, used + zone, fit.misfit, f"zone {zone}: {doubt}"
-            belief, used, misfit = fit.belief, used + zone, max(misfit, fit.misfit)
-        return belief, used, misfit, None if used else "too little motion to learn from"
-
-    def _doubt(self, fit: Fit) -> str | None:
+    def _doubt(self, found: Belief, misfit: float) -> str | None:
         """Why a fit cannot be trusted, or None."""
-        if not (np.isfinite(fit.belief.mean).all() and np.isfinite(fit.belief.covariance).all()):
-            return "the result is not finite"
-        if fit.misfit > self.settings.misfit:
-            return f"residual {fit.misfit:.1f} times what noise and wander explain"
-        if fit.at_bound:
-            return f"{FIGURES[fit.at_bound[0]]} ran into its bound"
+        report = self._report
+        if report[R_FAILED] or not (
+            np.isfinite(found.mean).all() and np.isfinite(found.covariance).all()
+        ):
+            return "the problem has no solution"
+        if not misfit <= self.settings.misfit:
+            return f"residual {misfit:.1f} times what noise and wander explain"
+        if report[R_BOUND] >= 0:
+            return f"{FIGURES[int(report[R_BOUND])]} ran into its bound"
         return None
 
     def _after_refusal(self, prior: Belief, found: Belief, jumped: bool) -> Belief:
@@ -294,9 +305,19 @@ class SplitHorizonEstimator:
         return None
 
 
-def _bridged(position: F64, usable: NDArray[np.bool_]) -> F64:
-    """Positions with the unusable samples bridged by straight lines."""
-    if usable.all():
-        return position
-    index = np.arange(len(position))
-    return np.interp(index, index[usable], position[usable])
+def _cleaned(move: MoveData) -> tuple[F64, F64, NDArray[np.bool_]]:
+    """Position, force and valid without anything that is not finite; holes in position bridged.
+
+    Raises:
+        ValueError: fewer than three valid samples.
+    """
+    position, force, valid = move.position, move.force, move.valid
+    if not (valid.all() and math.isfinite(float(position.sum() + force.sum()))):
+        valid = valid & np.isfinite(position) & np.isfinite(force)
+        index = np.arange(len(position))
+        if valid.sum() >= 3:
+            position = np.interp(index, index[valid], position[valid])
+        force = np.where(valid, force, 0.0)
+    if valid.sum() < 3:
+        raise ValueError("fewer than three valid samples")
+    return position, force, valid

@@ -1,69 +1,89 @@
-"""Where the horizon splits: onset, zone A (all elements slip), zone B (stick after the reversal).
+"""Kinematics and zones of a move: onset, zone A (all elements slip), zone B (after the reversal).
 
-Borders come from positions with hysteresis, never from the sign of a noisy velocity. Zone A is
-entered late rather than early: an early start ruins the Coulomb figure, a late one costs little.
+Central differences: no lag, and no filter that would bias the estimate. Zone borders come from
+positions with hysteresis, never from the sign of a noisy velocity. Zone A is entered late rather
+than early: an early start ruins the Coulomb figure, a late one costs little.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from estimation.gms import Friction
-from estimation.kinematics import Kinematics
+
+F64 = NDArray[np.float64]
 
 REVERSAL_BAND = 20e-9
 """Motion back by this much is a reversal [m]."""
+STILL_BAND = 5e-9
+"""Less than this from sample to sample is rest [m]."""
 SLIP_MARGIN = 6.0
 """Zone A begins after so many breakaway travels (2 would do, were the model right)."""
 SLIP_VELOCITIES = 4.0
 """... and above so many Stribeck velocities."""
 
-
-@dataclass(frozen=True, slots=True)
-class Zones:
-    """Which samples belong to which zone; boolean, shape (K,).
-
-    Attributes:
-        slide: zone A: all elements slip, until the first reversal.
-        stick: the onset before all elements slip, and zone B behind the first reversal or stop.
-        moving: samples from the onset to the last motion.
-    """
-
-    slide: NDArray[np.bool_]
-    stick: NDArray[np.bool_]
-    moving: NDArray[np.bool_]
+REST, STICK, SLIDE = 0, 1, 2
+"""Zone codes: not moving; onset or zone B; zone A."""
 
 
-def split(motion: Kinematics, start: float, friction: Friction) -> Zones:
-    """Split a point-to-point move that began at rest at `start` [m].
+def split(position: F64, friction: Friction, period: float) -> NDArray[np.int8]:
+    """Zone code of each inner sample of a point-to-point move.
 
     Args:
-        motion: of the move, settling included, shape (K,).
-        start: position at rest before it [m].
+        position: sampled from rest [m], shape (K,), K >= 3.
         friction: as known before the move.
+        period: of the samples [s].
+
+    Returns:
+        REST, STICK or SLIDE for samples 1..K-2, shape (K - 2,).
     """
-    travel = motion.position - start
-    count = len(travel)
-    heading = 1.0 if travel[int(np.argmax(np.abs(travel)))] >= 0 else -1.0
-    along = travel * heading
-    summit = np.maximum.accumulate(along)
-    index = np.arange(count)
-    left = along > REVERSAL_BAND
-    turned = (summit - along > REVERSAL_BAND) & (
-        index > (int(np.argmax(left)) if left.any() else count)
-    )
-    forward = int(np.argmax(turned)) if turned.any() else count
-    slide = (
-        (index < forward)
-        & (along > SLIP_MARGIN * friction.breakaway_travel)
-        & (motion.velocity * heading > SLIP_VELOCITIES * friction.stribeck_velocity)
-    )
-    changed = np.abs(np.diff(motion.position, prepend=start)) > REVERSAL_BAND / 4
-    active = np.nonzero(changed)[0]
-    moving = np.zeros(count, dtype=np.bool_)
-    if len(active):
-        moving[active[0] : active[-1] + 1] = True
-    return Zones(slide, moving & ~slide, moving)
+    count = len(position) - 2
+    velocity, zone = np.empty(count), np.zeros(count, dtype=np.int8)
+    valid = np.ones(len(position), dtype=np.bool_)
+    differences(position, valid, period, velocity, np.empty(count), np.empty(count, dtype=np.bool_))
+    mark_zones(position, velocity, friction.breakaway_travel, friction.stribeck_velocity, zone)
+    return zone
+
+
+@numba.njit(cache=True)
+def differences(position, valid, period, velocity, acceleration, usable):  # type: ignore[no-untyped-def]
+    """Central first and second differences at samples 1..K-2, and where all three are valid."""
+    for k in range(velocity.shape[0]):
+        velocity[k] = (position[k + 2] - position[k]) / (2.0 * period)
+        acceleration[k] = (position[k + 2] - 2.0 * position[k + 1] + position[k]) / period**2
+        usable[k] = valid[k] and valid[k + 1] and valid[k + 2]
+
+
+@numba.njit(cache=True)
+def mark_zones(position, velocity, breakaway, stribeck_velocity, zone):  # type: ignore[no-untyped-def]
+    """Fill the zone codes; `breakaway` is the travel after which all elements slip [m]."""
+    count = velocity.shape[0]
+    origin = position[0]
+    farthest = 0.0
+    for k in range(count):
+        travel = position[k + 1] - origin
+        if abs(travel) > abs(farthest):
+            farthest = travel
+    heading = 1.0 if farthest >= 0.0 else -1.0
+    first = last = -1
+    for k in range(count):
+        if abs(position[k + 1] - position[k]) > STILL_BAND:
+            if first < 0:
+                first = k
+            last = k
+    if first < 0:
+        return
+    summit, begun, turned = 0.0, False, False
+    for k in range(first, last + 1):
+        along = (position[k + 1] - origin) * heading
+        begun = begun or along > REVERSAL_BAND
+        summit = max(summit, along)
+        turned = turned or (begun and summit - along > REVERSAL_BAND)
+        sliding = (
+            not turned
+            and along > SLIP_MARGIN * breakaway
+            and velocity[k] * heading > SLIP_VELOCITIES * stribeck_velocity
+        )
+        zone[k] = SLIDE if sliding else STICK

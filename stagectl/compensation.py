@@ -19,7 +19,7 @@ import numpy as np
 from estimation.belief import BeliefSettings
 from estimation.feedforward import friction_feedforward, mass_feedforward
 from estimation.gms import F64, Friction
-from estimation.kinematics import force_noise
+from estimation.noise import encoder_noise, quantisation
 from estimation.split_horizon import Estimate, EstimatorSettings, MoveData, SplitHorizonEstimator
 from estimation.trajectory import Limits, Trajectory, plan
 from stagectl.config.machine import Axis, Machine
@@ -72,10 +72,8 @@ class AxisCompensation:
             EstimatorSettings(
                 mass=self._mass,
                 period=period,
-                noise=force_noise(
-                    self._mass, axis.encoder.noise, axis.encoder.increment,
-                    drive.rated_force / 1000.0, period,
-                ),
+                position_noise=encoder_noise(axis.encoder.noise, axis.encoder.increment),
+                force_noise=quantisation(drive.rated_force / 1000.0),
                 peak_force=drive.peak_force,
                 belief=BeliefSettings(
                     wander=wander.coulomb, correlation_time=wander.correlation_time

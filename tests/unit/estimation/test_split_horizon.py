@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from estimation.gms import Friction
-from estimation.kinematics import differentiate, force_noise
+from estimation.noise import encoder_noise, quantisation
 from estimation.split_horizon import EstimatorSettings, MoveData, SplitHorizonEstimator
 from estimation.trajectory import Limits, plan
-from estimation.zones import split
 from hil_sim.plant import simulate
 from hil_sim.settings import StageSettings
 from stagectl.config import load_machine, stage_settings
@@ -17,7 +16,12 @@ from stagectl.config import load_machine, stage_settings
 TS = 1e-3
 MACRO, MICRO = Limits(0.5, 3.0, 200.0), Limits(0.01, 0.2, 20.0)
 TRUE = Friction(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
-SETTINGS = EstimatorSettings(mass=8.0, period=TS, noise=force_noise(8.0, 1e-9, 1e-9, 0.04, TS))
+SETTINGS = EstimatorSettings(
+    mass=8.0,
+    period=TS,
+    position_noise=encoder_noise(1e-9, 1e-9),
+    force_noise=quantisation(0.04),
+)
 
 
 @dataclass
@@ -238,29 +242,3 @@ class TestRefusals:
         move = data.move(0)
         with pytest.raises(ValueError, match="length"):
             self.settled(data).update(replace(move, force=move.force[:-1]))
-
-
-class TestZones:
-    def test_zone_a_is_inside_the_slide(self, data):
-        move = data.move(2)
-        motion = differentiate(move.position, TS)
-        zones = split(motion, float(move.position[0]), TRUE)
-        assert zones.slide.sum() > 100
-        slide = np.flatnonzero(zones.slide)
-        travel = np.abs(motion.position - move.position[0])
-        assert travel[slide[0]] > 2 * TRUE.breakaway_travel
-        assert (np.diff(slide) == 1).all()
-        assert not (zones.slide & zones.stick).any()
-
-    def test_a_micro_move_has_no_zone_a(self, data):
-        move = data.move(1)
-        motion = differentiate(move.position, TS)
-        zones = split(motion, float(move.position[0]), TRUE)
-        assert not zones.slide.any()
-        assert zones.stick.sum() > 20
-
-    def test_noise_at_rest_is_no_motion(self):
-        noise = np.random.default_rng(0).normal(0, 1e-9, 300)
-        zones = split(differentiate(noise, TS), 0.0, TRUE)
-        assert not zones.slide.any()
-        assert zones.moving.sum() < 30
