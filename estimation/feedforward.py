@@ -47,6 +47,44 @@ def friction_feedforward(
     return total
 
 
+def remaining_feedforward(
+    friction: Friction,
+    state: FrictionState,
+    trajectory: Trajectory,
+    sent: int,
+    samples: int,
+    period: float,
+    ahead: float,
+) -> F64:
+    """Friction force along the rest of a demand, relative to the last sample sent.
+
+    Args:
+        friction: the model as it is believed now.
+        state: friction state now, in the middle of the motion; not changed.
+        trajectory: of the demand; sample k is at time k period.
+        sent: samples k = 1..sent are gone.
+        samples: how many there are in all, K.
+        period: of the samples [s].
+        ahead: how much earlier the force is wanted [s].
+
+    Returns:
+        Friction force at samples sent + 1..K minus that at `sent` [N], shape (K - sent,).
+    """
+    follower = state.copy()
+    steps = (samples - sent) * _STEPS
+    time = np.asarray(
+        sent * period + np.arange(steps + 1) * (period / _STEPS) + ahead, dtype=np.float64
+    )
+    position, velocity, _ = trajectory.sample(time)
+    follower.settle_at(float(position[0]))
+    first = follower.total + friction.viscous * velocity[0]
+    force, _ = follow(
+        friction, follower, position[1:], velocity[1:], period / _STEPS, substeps=1, band=0.0
+    )
+    change: F64 = force + friction.viscous * velocity[1:] - first
+    return change[_STEPS - 1 :: _STEPS]
+
+
 def mass_feedforward(
     mass: float, trajectory: Trajectory, samples: int, period: float, ahead: float
 ) -> F64:

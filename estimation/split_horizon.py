@@ -123,9 +123,10 @@ class Estimate:
             relaxation_rate [1/s], by name.
         gain: by how much the move narrowed each figure: standard deviation before over after,
             1 where it said nothing; by name, apparent mass included.
+        mass: apparent mass and its standard deviation [kg] (see `belief`).
         level: factor on the Coulomb force at the end of the move, 1 + w.
         zones: which zones were used: "A", "B", "AB" or "".
-        misfit: rms of the whitened residual, the larger of both zones.
+        misfit: rms of the whitened residual over all samples used.
     """
 
     accepted: bool
@@ -133,9 +134,25 @@ class Estimate:
     friction: Friction
     sigma: Mapping[str, float]
     gain: Mapping[str, float]
+    mass: tuple[float, float]
     level: float
     zones: str
     misfit: float
+
+
+@dataclass(frozen=True, slots=True)
+class Preview:
+    """What a move says while it still goes on; nothing is updated by it.
+
+    Attributes:
+        friction: the model with the level it has now.
+        state: friction state at the last sample but one.
+        change: relative change of the sliding force that it means.
+    """
+
+    friction: Friction
+    state: FrictionState
+    change: float
 
 
 class SplitHorizonEstimator:
@@ -192,6 +209,10 @@ class SplitHorizonEstimator:
         spread = np.sqrt(self._belief.covariance.diagonal()[:MASS]) * self._figures[:MASS]
         return dict(zip(FIGURES, spread.tolist(), strict=False))
 
+    def _mass(self) -> tuple[float, float]:
+        mass = float(self._figures[MASS])
+        return mass * float(self._belief.mean[MASS]), mass * self._belief.spread(MASS)
+
     def effective(self, time: float) -> Friction:
         """The model with the level expected at `time` [s]: what feedforward should use."""
         elapsed = 0.0 if self._time is None else time - self._time
@@ -236,7 +257,8 @@ class SplitHorizonEstimator:
         )  # fmt: skip
         slide, stick = report[R_SLIDE] > 0, report[R_STICK] > 0
         used = ("A" if slide else "") + ("B" if stick else "")
-        misfit = math.sqrt(max(report[R_CHI_A], report[R_CHI_B]))
+        # Zone A alone still has the old stiffness in its beginning: the whole move judges.
+        misfit = math.sqrt(report[R_CHI_B] if stick else report[R_CHI_A])
         reason = self._doubt(found, misfit) if used else "too little motion to learn from"
         jumped = None if reason is not None else self._jumped(prior, found)
         reason = reason or jumped
@@ -256,8 +278,46 @@ class SplitHorizonEstimator:
         narrowed = np.sqrt(prior.covariance.diagonal() / self._belief.covariance.diagonal())
         return Estimate(
             reason is None, reason, self.friction, self.sigma,
-            dict(zip(FIGURES, narrowed.tolist(), strict=False)), self.level, used, misfit,
+            dict(zip(FIGURES, narrowed.tolist(), strict=False)), self._mass(), self.level, used,
+            misfit,
         )  # fmt: skip
+
+    def preview(self, move: MoveData) -> Preview | None:
+        """Solve zone A of a move that is not over; None where it says nothing sound yet.
+
+        Args:
+            move: from rest up to now.
+
+        Raises:
+            ValueError: fewer than three valid samples.
+        """
+        if self.state is None:
+            return None
+        position, force, valid = _cleaned(move)
+        elapsed = 0.0 if self._time is None else move.time - self._time
+        prior = self._belief.predicted(elapsed, self.settings.belief)
+        found = Belief(prior.mean.copy(), prior.covariance.copy())
+        known, report, state = self.friction.coulomb, self._report, self.state.copy()
+        estimate_move(
+            position, force, valid, self._constants, self._figures, self._shape, self._shares,
+            known, state.forces, state.slipping, state.memory[0], move.rest_force, found.mean,
+            found.covariance, self._zone_a, self._zone_b, self._zone_ab, False, report,
+        )  # fmt: skip
+        misfit = math.sqrt(report[R_CHI_A])
+        if report[R_SLIDE] <= 0 or self._doubt(found, misfit) is not None:
+            return None
+        model = found.friction(self._start)
+        model = replace(model, coulomb=model.coulomb * (1.0 + float(found.mean[LEVEL])))
+        final_state(
+            position, valid, self.settings.period, model.vector(), self._shares, known,
+            state.forces, state.slipping, state.memory, move.rest_force,
+        )  # fmt: skip
+        speed = float(np.abs(np.diff(position)).max()) / self.settings.period
+        before = self.effective(move.time)
+        change = (model.coulomb + model.viscous * speed) / (
+            before.coulomb + before.viscous * speed
+        ) - 1.0
+        return Preview(model, state, change)
 
     def _doubt(self, found: Belief, misfit: float) -> str | None:
         """Why a fit cannot be trusted, or None."""

@@ -46,7 +46,7 @@ SUBSTEPS = 4
 """Of the friction model inside a sample that is not far above the Stribeck velocity."""
 MIN_SLIDE, MIN_STICK = 12, 6
 """Fewest samples of a zone that is worth solving."""
-MAX_ITERATIONS, HALVINGS, TOLERANCE = 12, 4, 0.05
+MAX_ITERATIONS, HALVINGS, TOLERANCE = 20, 10, 0.05
 """Of Gauss-Newton; a step below TOLERANCE posterior standard deviations ends it."""
 
 _STATIONARY = 1e-6  # the Cholesky factor has become so constant that it is not renewed

@@ -17,7 +17,11 @@ from enum import StrEnum
 import numpy as np
 
 from estimation.belief import BeliefSettings
-from estimation.feedforward import friction_feedforward, mass_feedforward
+from estimation.feedforward import (
+    friction_feedforward,
+    mass_feedforward,
+    remaining_feedforward,
+)
 from estimation.gms import F64, Friction
 from estimation.noise import encoder_noise, quantisation
 from estimation.split_horizon import Estimate, EstimatorSettings, MoveData, SplitHorizonEstimator
@@ -26,6 +30,10 @@ from stagectl.config.machine import Axis, Machine
 
 TAKE_OVER = 0.1
 """Shortest move in which the offset takes over what the integrator holds [s]."""
+REVISE = 0.03
+"""Relative change of the sliding force from which a move's own offsets are revised under way."""
+REVISE_AT = 0.65
+"""When that is looked at: this share of the move's duration, while it still brakes."""
 
 
 class Mode(StrEnum):
@@ -114,6 +122,34 @@ class AxisCompensation:
             share = np.clip(share, 0.0, 1.0)
             force += (rest_force - rest_offset) * share**2 * (3.0 - 2.0 * share)
         return rest_offset + force
+
+    def revise_after(self, trajectory: Trajectory) -> float:
+        """When `revise` is worth asking [s]; infinite where it never is."""
+        asked = self.mode is Mode.ESTIMATED and trajectory.duration >= TAKE_OVER
+        return REVISE_AT * trajectory.duration if asked else math.inf
+
+    def revise(self, trajectory: Trajectory, offsets: F64, sent: int, move: MoveData) -> F64 | None:
+        """New offsets for the rest of a move that shows the model to be wrong, else None.
+
+        Solves zone A of the move while it goes on (the paper's first aim), so that its own
+        settling has the better model already. What was sent stays: the offset goes on from there.
+
+        Args:
+            trajectory: of the demand.
+            offsets: of the whole move as they were planned, shape (samples,) [N].
+            sent: how many of them are gone.
+            move: samples up to now.
+        """
+        preview = self.estimator.preview(move)
+        if preview is None or abs(preview.change) < REVISE:
+            return None
+        samples = len(offsets)
+        force = mass_feedforward(self._mass, trajectory, samples, self._period, self._ahead)
+        force = force[sent:] - force[sent - 1]
+        force += remaining_feedforward(
+            preview.friction, preview.state, trajectory, sent, samples, self._period, self._ahead
+        )
+        return np.concatenate([offsets[:sent], offsets[sent - 1] + force])
 
     def stop_offsets(
         self, stop: Trajectory, samples: int, offset: float, acceleration: float

@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
-from estimation.feedforward import friction_feedforward, mass_feedforward
-from estimation.gms import Friction, FrictionState
+from estimation.feedforward import (
+    friction_feedforward,
+    mass_feedforward,
+    remaining_feedforward,
+)
+from estimation.gms import Friction, FrictionState, follow
 from estimation.trajectory import Limits, plan
 from hil_sim.plant import simulate
 from stagectl.config import load_machine, stage_settings
@@ -56,3 +60,16 @@ def test_it_removes_the_following_error_in_closed_loop(sign):
         return np.abs(aligned - response.position[:, 0]).max()
 
     assert peak(mass + friction) < 0.05 * peak(mass)
+
+
+def test_the_rest_of_a_move_is_the_same_from_the_middle():
+    whole = friction_feedforward(TRUE, FrictionState.relaxed(10), MOVE, 250, TS, 0.15e-3)
+    # The state at sample 120, by the demand itself.
+    time = np.arange(1, 120 * 20 + 1) * TS / 20 + 0.15e-3
+    position, velocity, _ = MOVE.sample(time)
+    state = FrictionState.relaxed(10)
+    follow(TRUE, state, position, velocity, TS / 20, 1, 0.0)
+    before = state.forces.copy()
+    rest = remaining_feedforward(TRUE, state, MOVE, 120, 250, TS, 0.15e-3)
+    np.testing.assert_allclose(rest, whole[120:] - whole[119], atol=0.02)
+    np.testing.assert_array_equal(state.forces, before)

@@ -165,6 +165,38 @@ def test_level_is_forgotten_with_its_correlation_time(data):
     assert abs(later - 6.0) < 0.01 * abs(now - 6.0) + 1e-9
 
 
+class TestPreview:
+    """Zone A while the move still goes on."""
+
+    def part(self, data, share=0.65):
+        move = data.move(2)
+        count = 2 + int(share * 200)
+        return replace(
+            move, position=move.position[:count], force=move.force[:count],
+            valid=move.valid[:count],
+        )  # fmt: skip
+
+    def wrong(self, data, scale):
+        estimator = SplitHorizonEstimator(TRUE.scaled(scale), SETTINGS)
+        estimator.at_rest(0.0, 0.0, 0.0)
+        return estimator
+
+    @pytest.mark.parametrize("scale", [0.8, 1.2])
+    def test_sees_how_wrong_the_model_is_and_changes_nothing(self, data, scale):
+        estimator = self.wrong(data, scale)
+        before = (estimator.friction, estimator.sigma, estimator.state.forces.copy())
+        preview = estimator.preview(self.part(data))
+        assert preview is not None
+        assert preview.friction.coulomb == pytest.approx(6.0, rel=0.05)
+        assert preview.change == pytest.approx(1.0 / scale - 1.0, abs=0.06)
+        assert abs(preview.state.total) == pytest.approx(6.0, rel=0.06)
+        assert (estimator.friction, estimator.sigma) == before[:2]
+        np.testing.assert_array_equal(estimator.state.forces, before[2])
+
+    def test_says_nothing_before_zone_a(self, data):
+        assert self.wrong(data, 0.8).preview(self.part(data, 0.05)) is None
+
+
 class TestRefusals:
     def settled(self, data) -> SplitHorizonEstimator:
         estimator = SplitHorizonEstimator(TRUE, SETTINGS)

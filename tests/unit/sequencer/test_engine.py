@@ -42,6 +42,7 @@ class Samples:
     valid: np.ndarray
     time: np.ndarray
     late: np.ndarray
+    arrival: np.ndarray
 
 
 class BareStage:
@@ -84,6 +85,7 @@ class BareStage:
             np.ones((count, 2), dtype=bool),
             np.arange(self.count - count, self.count) * TS,
             np.zeros(count, dtype=bool),
+            np.zeros((count, 2)),
         )
 
 

@@ -1,5 +1,6 @@
 """How samples reach the estimator when the bus was not punctual."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,40 +19,49 @@ class Samples:
     valid: np.ndarray
     time: np.ndarray
     late: np.ndarray
+    arrival: np.ndarray
 
 
 class Echo:
-    """A stage that is where it is told to be; at `skip` periods are passed over, `late` is late."""
+    """A stage that is where it is told to be; at `skip` periods are passed over, `late` is late.
+
+    Samples come 0.2 ms after their SYNC, those of `straggling` 15 us later.
+    """
 
     targets = (0.0,)
 
-    def __init__(self, skip=(), late=()):
+    def __init__(self, skip=(), late=(), straggling=()):
         self.k, self.periods, self.skip, self.late = 0, 0, skip, late
+        self.offsets = []
+        self.straggling = straggling
 
     def stream(self, position, offset, until=None):
-        time, late, rows = [], [], []
+        time, late, rows, arrival = [], [], [], []
         for row in position:
             if self.k in self.skip:
                 self.periods += 2
             time.append(self.periods * TS)
             late.append(self.k in self.late)
+            arrival.append([2e-4 + 1.5e-5 * (self.k in self.straggling)])
             rows.append(row)
             self.k += 1
             self.periods += 1
             if until is not None and until(tuple(row)):
                 break
         count = len(rows)
+        self.offsets.append(offset[:count])
         return Samples(
             np.array(rows), np.full((count, 1), 1.5), np.ones((count, 1), dtype=bool),
-            np.array(time), np.array(late),
+            np.array(time), np.array(late), np.array(arrival),
         )  # fmt: skip
 
 
 class Notes:
     """Stands in for the compensation: keeps what it is given."""
 
-    def __init__(self):
-        self.moves, self.moments = [], []
+    def __init__(self, revise_at=math.inf):
+        self.moves, self.moments, self.asked = [], [], []
+        self.revise_at = revise_at
 
     def offsets(self, trajectory, samples, moment, position, rest_force, rest_offset):
         self.moments.append((moment, rest_force))
@@ -60,15 +70,25 @@ class Notes:
     def learn(self, move):
         self.moves.append(move)
 
+    def revise_after(self, trajectory):
+        return self.revise_at
 
-def go(**trouble):
-    notes = Notes()
+    def revise(self, trajectory, offsets, sent, move):
+        self.asked.append((sent, move))
+        revised = offsets.copy()
+        revised[sent:] = 7.0
+        return revised
+
+
+def go(revise_at=math.inf, **trouble):
+    notes = Notes(revise_at)
     axis = MovingAxis("x", Limits(1.0, 10.0, 2000.0), 1e-9, notes)
     mover = Mover(Echo(**trouble), [axis], TS, lambda: False)
     mover.hold(0.02)
     mover.go("macro", 1, (0.01,), Limits(0.5, 3.0, 200.0), lambda _: None)
     mover.hold(0.03)
     mover.learn()
+    notes.offsets_sent = np.concatenate(mover._stage.offsets)[:, 0]  # noqa: SLF001
     return notes
 
 
@@ -89,6 +109,12 @@ def test_late_samples_do_not_count():
     np.testing.assert_array_equal(late.position, plain.position)
 
 
+def test_samples_that_come_at_another_time_than_the_others_do_not_count():
+    plain, ragged = go().moves[0], go(straggling=(60, 70)).moves[0]
+    assert np.diff(np.flatnonzero(~ragged.valid)).tolist() == [10]
+    np.testing.assert_array_equal(ragged.position, plain.position)
+
+
 def test_periods_passed_over_are_holes_in_time():
     plain, holed = go().moves[0], go(skip=(60,)).moves[0]
     assert len(holed.position) == len(plain.position) + 2
@@ -97,3 +123,14 @@ def test_periods_passed_over_are_holes_in_time():
     assert np.diff(hole).tolist() == [1]
     kept = np.delete(holed.position, hole)
     np.testing.assert_array_equal(kept, plain.position)
+
+
+def test_a_move_revises_its_own_offsets_under_way():
+    plain, revised = go(), go(revise_at=0.05)
+    ((sent, seen),) = revised.asked
+    assert sent == 50
+    assert len(seen.position) == 2 + 50  # two samples at rest come first
+    np.testing.assert_array_equal(seen.position, plain.moves[0].position[:52])
+    assert (revised.offsets_sent[: 20 + 50] == 0.0).all()
+    assert (revised.offsets_sent[20 + 50 :] == 7.0).all()  # and the rest holds the last one
+    np.testing.assert_array_equal(revised.moves[0].position, plain.moves[0].position)
