@@ -67,15 +67,20 @@ class VirtualStage:
         self.plant = plant
         self.drives: tuple[Drive, ...] = ()
 
-    def attach(self, segment: CanSegment) -> None:
+    def attach(self, segment: CanSegment | Sequence[CanSegment]) -> None:
         """Switch the drives on, on this bus.
+
+        Args:
+            segment: of all drives, or one for each: its own connection to the bus.
 
         Raises:
             ValueError: they are on a bus already.
         """
         if self.drives:
             raise ValueError("stage: is attached to a bus already")
+        count = len(self.settings.axes)
+        segments = segment if isinstance(segment, Sequence) else (segment,) * count
         self.drives = tuple(
-            Drive(self.settings, axis, self.plant, segment)
-            for axis in range(len(self.settings.axes))
+            Drive(self.settings, axis, self.plant, own)
+            for axis, own in zip(range(count), segments, strict=True)
         )

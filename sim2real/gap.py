@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil_sim.plant import Response, simulate
+from hil_sim.simulate import Response, simulate
 from hil_sim.settings import StageSettings
 from sim2real.recording import BoolArray, FloatArray, Recording
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import queue
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 import can
 import pytest
 
-from drivers.bus import Network, PumpedResponses, open_bus
+from drivers.bus import Network, open_bus
 from drivers.clock import Clock, MonotonicClock, clock_of
 from drivers.errors import BusError, ConfigurationError
 from drivers.node import load_dictionary
@@ -85,18 +84,6 @@ def test_frames_that_are_no_services_of_ours_do_no_harm(scripted: Any, stage: St
     scripted.queue.append(can.Message(is_error_frame=True))
     stage.enable()
     assert stage.enabled
-
-
-def test_answers_are_waited_for_and_late_ones_forgotten(scripted: Any) -> None:
-    answers = PumpedResponses(Network(scripted, "scripted"))
-    start = scripted.clock.now
-    with pytest.raises(queue.Empty):
-        answers.get(timeout=0.3)
-    assert scripted.clock.now == start + 300_000_000
-    answers.put(b"late")
-    assert answers.empty()
-    answers.put(b"mine")
-    assert answers.get(timeout=0.3) == b"mine"
 
 
 @pytest.mark.parametrize("interface", ["no_such_interface", "socketcan"])

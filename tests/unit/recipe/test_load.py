@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from estimation.trajectory import duration
 from stagectl.config import Machine
 from stagectl.errors import ConfigError
 from stagectl.recipe import Recipe, load_recipe
+from stagectl.recipe.length import at_least
 from stagectl.recipe.model import ListedMarks, NoMark, Profile, SimulatedMark
 
 Problems = Callable[..., tuple[str, ...]]
@@ -350,3 +352,46 @@ def test_thousands_of_problems_are_counted_not_listed(problems_of: Problems) -> 
     found = problems_of(MOVES + "- {too: 1}\n" * 5000)
     assert len(found) == 101
     assert found[-1] == "r.yaml: and 4900 more problems"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        (
+            "velocity: 0.5", "velocity: 1e-12",
+            "r.yaml:7:8: sites: a macro-move of 50 mm takes at least 1.39e+07 h, 1 h is the most",
+        ),
+        (
+            "velocity: 0.01", "velocity: 1e-9",
+            "r.yaml:7:8: sites: a micro-move of 0.08 mm takes at least 22.2 h, 1 h is the most",
+        ),
+        (
+            "expose: 0.02", "expose: 3600",
+            "r.yaml:7:8: sites: takes at least 20 h, a recording holds 12 h",
+        ),
+    ],
+)  # fmt: skip
+def test_a_run_that_no_recording_holds(
+    inspection: str, problems_of: Problems, old: str, new: str, problem: str
+) -> None:
+    assert problems_of(inspection.replace(old, new)) == (problem,)
+
+
+def test_moves_that_no_recording_holds(problems_of: Problems) -> None:
+    text = HEAD + "moves: [{repeat: 9, moves: [{dwell: 5000}]}]\n"
+    (problem,) = problems_of(text)
+    assert problem.endswith("moves: takes at least 12.5 h, a recording holds 12 h")
+
+
+def test_the_bound_is_below_what_a_motion_takes_and_near_it() -> None:
+    for distance in (1e-9, 1e-6, 8e-5, 1e-3, 0.05, 0.3):
+        for profile in (Profile(0.5, 3.0, 200.0), Profile(0.01, 0.2, 20.0)):
+            took = duration(distance, profile.velocity, profile.acceleration, profile.jerk)
+            assert 0.5 * took < at_least(distance, profile) <= took * (1 + 1e-9)
+
+
+def test_a_name_is_no_path(problems_of: Problems, inspection: str) -> None:
+    text = inspection.replace("recipe: inspection-20", "recipe: ../evil")
+    assert problems_of(text) == (
+        "r.yaml:2:9: recipe: must not hold a /: folders are called after it",
+    )

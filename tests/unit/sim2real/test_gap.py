@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil_sim.plant import simulate
+from hil_sim.simulate import simulate
 from sim2real.gap import measure
 from sim2real.recording import AxisSignals, Recording
 from stagectl.config import load_machine, stage_settings

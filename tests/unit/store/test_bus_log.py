@@ -113,3 +113,45 @@ def test_where_it_cannot_be_written(tmp_path: Path):
     log = BusLog(tmp_path / "bus.asc", STARTED)
     with pytest.raises(StagectlError, match="No space left"):
         log.close()
+
+
+def test_a_full_disk_keeps_no_frame_from_the_bus(tmp_path: Path):
+    """The tap sees a quick stop before the bus does: it must not raise."""
+    (tmp_path / "bus.frames").symlink_to("/dev/full")
+    with BusLog(tmp_path / "bus.asc", STARTED) as log:
+        for k in range(20_000):  # many times the buffer
+            log.tap(k, 0x181, b"\x01")
+    assert log.failure is not None
+    assert "bus.frames: cannot write: No space left" in log.failure
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["bus.frames"]
+
+
+def test_no_room_for_the_text_leaves_the_frames_and_nothing_else(tmp_path: Path):
+    (tmp_path / "bus.asc.part").symlink_to("/dev/full")
+    with BusLog(tmp_path / "bus.asc", STARTED) as log:
+        log.tap(0, 0x181, b"\x01")
+    assert log.failure is not None
+    assert "bus.asc: cannot write: No space left" in log.failure
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["bus.frames"]
+    assert recover_log(tmp_path) == tmp_path / "bus.asc"
+
+
+def test_the_next_runs_keep_the_logs_of_killed_ones(tmp_path: Path):
+    for number in (1, 2):
+        log = BusLog(tmp_path / "bus.asc", STARTED)
+        for _ in range(5_000):  # beyond the buffer
+            log.tap(0, 0x180 + number, b"")
+        killed = (tmp_path / "bus.frames").read_bytes()
+        log.close()
+        (tmp_path / "bus.frames").write_bytes(killed)
+    with BusLog(tmp_path / "bus.asc", STARTED) as log:
+        log.tap(0, 0x200, b"")
+    kept = [read(tmp_path / name) for name in ("bus-recovered.asc", "bus-recovered-2.asc")]
+    assert [messages[0].arbitration_id for messages in kept] == [0x181, 0x182]
+    assert [m.arbitration_id for m in read(tmp_path / "bus.asc")] == [0x200]
+
+
+def test_a_run_killed_before_its_first_block_leaves_nothing(tmp_path: Path):
+    (tmp_path / "bus.frames").write_bytes(b"")
+    assert recover_log(tmp_path) is None
+    assert list(tmp_path.iterdir()) == []

@@ -122,10 +122,10 @@ def replace(path: Path, name: str, values: object) -> None:
             file[name] = values
 
 
-def moves_with(column: str, value: object) -> np.ndarray:
+def moves_with(column: str, value: object, kind: str = "S8") -> np.ndarray:
     row = {"kind": b"macro", "start": 1, "end": 9, "from_x": 0.0, "from_y": 0.0}
     row |= {"to_x": 0.0, "to_y": 0.0, column: value}
-    kinds = [(k, "S8" if k == "kind" else "i8" if k in ("start", "end") else "f8") for k in row]
+    kinds = [(k, kind if k == "kind" else "i8" if k in ("start", "end") else "f8") for k in row]
     return np.array([tuple(row.values())], dtype=kinds)
 
 
@@ -137,6 +137,7 @@ def moves_with(column: str, value: object) -> np.ndarray:
         ("moves", None, "/moves: missing"),
         ("moves", np.zeros(3), "/moves: holds float64"),
         ("moves", moves_with("kind", b"jump"), "/moves: row 0: kind 'jump'"),
+        ("moves", moves_with("kind", 1, "i8"), "/moves: row 0: kind ''"),
         ("moves", moves_with("end", 51), "/moves: row 0: samples 1..51"),
         ("moves", moves_with("to_y", np.inf), "/moves: row 0: a non-finite position"),
         ("axes", None, "/axes: missing"),
@@ -160,6 +161,13 @@ def test_an_unusable_recording_is_one_line_naming_file_and_dataset(
     assert text.startswith(f"{path}: ")
     assert message in text
     assert "\n" not in text
+
+
+def test_samples_in_another_unit_are_not_read_as_si(path: Path):
+    with h5py.File(path, "a") as file:
+        file["axes/y/position_actual"].attrs["unit"] = "mm"
+    with pytest.raises(UnusableInput, match=r"/axes/y/position_actual: attribute unit is 'mm'"):
+        read_recording(path)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,241 @@
+"""The stage's mechanics with its drive loops, all axes jointly, compiled.
+
+Order of one control tick at time t, as docs/reference-stage.md states it: the encoder reading taken
+at t feeds the position loop, whose output drives the current loop and the plant until t + Tc, where
+the encoder is read again. The plant is integrated in steps of Tc/5, semi-implicit Euler.
+
+Not modelled: power electronics, commutation, cables, the machine's base.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim.control import (
+    CONTROL_DTYPE,
+    CONTROL_STATE_DTYPE,
+    advance_demand,
+    position_loop,
+)
+from hil_sim.friction import element_shares, slip_step, stribeck
+from hil_sim.settings import AxisSettings, StageSettings
+
+F64 = NDArray[np.float64]
+
+SUBSTEPS = 5  # plant steps per control tick
+_SPEED_TIME = 1e-3  # low-pass of the encoder velocity that 0x606C reports [s]
+
+_PLANT = np.dtype(
+    [
+        ("mass", "f8"),
+        ("viscous", "f8"),
+        ("coulomb", "f8"),
+        ("static_ratio", "f8"),
+        ("stribeck_velocity", "f8"),
+        ("stribeck_shape", "f8"),
+        ("element_stiffness", "f8"),
+        ("relaxation_rate", "f8"),
+        ("elements", "i8"),
+        ("increment", "f8"),
+        ("noise", "f8"),
+        ("wander", "f8"),
+        ("wander_keep", "f8"),
+        ("current_gain", "f8"),
+    ]
+)
+_STATE = np.dtype(
+    [
+        ("position", "f8"),
+        ("velocity", "f8"),
+        ("motor_force", "f8"),
+        ("friction", "f8"),
+        ("direction", "f8"),
+        ("wander", "f8"),
+        ("encoder", "f8"),
+        ("speed", "f8"),
+        ("worst_error", "f8"),
+    ]
+)
+
+
+@numba.njit(cache=True)
+def _read_encoder(plant, state, control_period, normal):  # type: ignore[no-untyped-def]
+    """Quantised position with noise; the speed that the drive reports follows it."""
+    reading = round((state.position + plant.noise * normal) / plant.increment) * plant.increment
+    state.speed += (
+        control_period
+        / (_SPEED_TIME + control_period)
+        * ((reading - state.encoder) / control_period - state.speed)
+    )
+    state.encoder = reading
+
+
+@numba.njit(cache=True)
+def command(loop, position, force, ticks):  # type: ignore[no-untyped-def]
+    """Ramp demand and force offset from the last commanded pair to this one within `ticks`."""
+    loop.from_position = loop.demand
+    loop.from_force = loop.offset
+    loop.to_position = position
+    loop.to_force = force
+    loop.ramp_ticks = ticks
+    loop.ramp_done = 0
+
+
+@numba.njit(cache=True)
+def step(  # type: ignore[no-untyped-def]
+    plant, control, state, loop, forces, slipping, shares, period, normals, first, ticks,
+    orders, report,
+):  # fmt: skip
+    """Take over the orders, advance, report: what `Plant` needs of one call."""
+    for a in range(plant.shape[0]):
+        if orders[a, 0] != 0.0:
+            command(loop[a], orders[a, 1], orders[a, 2], int(orders[a, 3]))
+            orders[a, 0] = 0.0
+        if orders[a, 4] != 0.0:
+            state[a].worst_error = 0.0
+            orders[a, 4] = 0.0
+    _advance(plant, control, state, loop, forces, slipping, shares, period, normals, first, ticks)
+    for a in range(plant.shape[0]):
+        report[a, 0] = round(state[a].encoder / plant[a].increment)
+        report[a, 1] = state[a].motor_force
+        report[a, 2] = loop[a].demand
+        report[a, 3] = state[a].speed
+        report[a, 4] = state[a].worst_error
+
+
+@numba.njit(cache=True)
+def _advance(  # type: ignore[no-untyped-def]
+    plant, control, state, loop, forces, slipping, shares, period, normals, first, ticks
+):  # fmt: skip
+    """Advance every axis by `ticks` control ticks; their noise starts at `normals[..., first]`."""
+    axes = plant.shape[0]
+    dt = period / SUBSTEPS
+    for tick in range(first, first + ticks):
+        for a in range(axes):
+            advance_demand(loop[a])
+            if loop[a].powered:
+                error = position_loop(control[a], loop[a], state[a].encoder, period)
+                state[a].worst_error = max(state[a].worst_error, abs(error))
+        for _ in range(SUBSTEPS):
+            for a in range(axes):
+                p = plant[a]
+                s = state[a]
+                s.motor_force += p.current_gain * (loop[a].output - s.motor_force)
+                v = s.velocity + dt / p.mass * (s.motor_force - s.friction - p.viscous * s.velocity)
+                dx = v * dt
+                s.velocity = v
+                s.position += dx
+                if v != 0.0:
+                    direction = math.copysign(1.0, v)
+                    if direction != s.direction:
+                        s.direction = direction
+                        for i in range(p.elements):
+                            slipping[a, i] = False
+                    curve = stribeck(v, p.static_ratio, p.stribeck_velocity, p.stribeck_shape)
+                    s.friction = slip_step(
+                        forces[a],
+                        slipping[a],
+                        shares[a],
+                        p.elements,
+                        direction,
+                        dx,
+                        p.element_stiffness,
+                        p.coulomb * curve * (1.0 + s.wander),
+                        math.exp(-p.relaxation_rate * dt / curve),
+                    )
+        for a in range(axes):
+            p = plant[a]
+            s = state[a]
+            s.wander = p.wander_keep * s.wander + p.wander * normals[a, 1, tick]
+            _read_encoder(p, s, period, normals[a, 0, tick])
+
+
+@numba.njit(cache=True)
+def run_demands(  # type: ignore[no-untyped-def]
+    plant, control, state, loop, forces, slipping, shares, period, ticks, normals, demand, offset,
+    unit, position_out, force_out,
+):  # fmt: skip
+    """Run whole demands: row k of every array is SYNC k."""
+    axes = plant.shape[0]
+    for k in range(demand.shape[0]):
+        for a in range(axes):
+            position_out[k, a] = state[a].encoder
+            force_out[k, a] = round(state[a].motor_force / unit[a]) * unit[a]
+            command(loop[a], demand[k, a], offset[k, a], ticks)
+        _advance(
+            plant, control, state, loop, forces, slipping, shares, period, normals, k * ticks, ticks
+        )
+
+
+def _plant_record(axis: AxisSettings) -> tuple[float, ...]:
+    friction = axis.friction
+    period = axis.control.period
+    keep = math.exp(-period / friction.correlation_time)
+    return (
+        axis.mass,
+        friction.viscous,
+        friction.coulomb,
+        friction.static_ratio,
+        friction.stribeck_velocity,
+        friction.stribeck_shape,
+        friction.stiffness / friction.elements,
+        friction.attraction / friction.coulomb,
+        friction.elements,
+        axis.increment,
+        axis.noise,
+        friction.wander * math.sqrt(1.0 - keep**2),
+        keep,
+        1.0 - math.exp(-2.0 * math.pi * axis.control.current_bandwidth * period / SUBSTEPS),
+    )
+
+
+class Arrays:
+    """The kernel's arguments for a stage at rest at the given positions."""
+
+    def __init__(self, settings: StageSettings, start: Sequence[float]) -> None:
+        axes = settings.axes
+        widest = max(a.friction.elements for a in axes)
+        self.plant = np.array([_plant_record(a) for a in axes], dtype=_PLANT)
+        self.control = np.array(
+            [
+                (c.kp, c.ki, c.kd, c.derivative_time, c.peak_force)
+                for c in (a.control for a in axes)
+            ],
+            dtype=CONTROL_DTYPE,
+        )
+        self.state = np.zeros(len(axes), dtype=_STATE)
+        self.loop = np.zeros(len(axes), dtype=CONTROL_STATE_DTYPE)
+        self.forces = np.zeros((len(axes), widest))
+        self.slipping = np.zeros((len(axes), widest), dtype=np.bool_)
+        self.shares = np.zeros((len(axes), widest))
+        for a, axis in enumerate(axes):
+            self.shares[a, : axis.friction.elements] = element_shares(axis.friction.elements)
+            reading = round(start[a] / axis.increment) * axis.increment
+            self.state[a]["position"] = start[a]
+            self.state[a]["encoder"] = reading
+            for name in ("demand", "from_position", "to_position"):
+                self.loop[a][name] = reading
+
+    def balance(self, a: int, force: float, axis: AxisSettings) -> None:
+        """Let motor and friction of one axis hold each other at `force` [N]."""
+        friction = axis.friction
+        limits = self.shares[a, : friction.elements] * friction.coulomb
+        limits = limits * (1.0 + friction.static_ratio)
+        elements = np.zeros(friction.elements)
+        for _ in range(friction.elements):
+            free = np.abs(elements) < limits
+            missing = force - float(elements.sum())
+            if abs(missing) < 1e-12 or not free.any():
+                break
+            elements[free] += missing / free.sum()
+            np.clip(elements, -limits, limits, out=elements)
+        held = float(elements.sum())
+        self.forces[a, : friction.elements] = elements
+        self.state[a]["friction"] = held
+        self.state[a]["motor_force"] = held
+        self.loop[a]["integral"] = held - self.loop[a]["offset"]

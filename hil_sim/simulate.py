@@ -1,0 +1,81 @@
+"""Whole demands at once: the closed-loop response of a stage, without a bus.
+
+The same compiled mechanics that the virtual drives step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim.mechanics import Arrays, run_demands
+from hil_sim.noise import Noise
+from hil_sim.settings import StageSettings
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """What the drives of a simulated stage report, sampled at each SYNC; float64, shape (K, axes).
+
+    Attributes:
+        position: position actual value [m].
+        force: force actual value, rounded to 1/1000 of the rated force [N].
+    """
+
+    position: F64
+    force: F64
+
+
+def simulate(
+    settings: StageSettings,
+    demand: F64,
+    offset: F64,
+    seed: int | None,
+    rest_force: Sequence[float] | None = None,
+) -> Response:
+    """Closed-loop response to target positions and force offsets, from rest at the first target.
+
+    Args:
+        settings: of the stage.
+        demand: target position sent for SYNC k [m], shape (K, axes).
+        offset: force offset sent for SYNC k [N], shape (K, axes).
+        seed: of encoder noise and friction wander; None for the noise-free response.
+            Roundings of encoder and force stay.
+        rest_force: motor force of each axis in the initial rest [N], balanced by its friction
+            elements in equal parts (each at most its static limit); default 0.
+
+    Raises:
+        ValueError: shapes that do not fit.
+    """
+    demand = np.ascontiguousarray(demand, dtype=np.float64)
+    offset = np.ascontiguousarray(offset, dtype=np.float64)
+    count = len(settings.axes)
+    if demand.ndim != 2 or demand.shape[1] != count or demand.shape != offset.shape:
+        raise ValueError(
+            f"demand and offset must both have shape (K, {count}), "
+            f"have {demand.shape} and {offset.shape}"
+        )
+    position = np.empty_like(demand)
+    force = np.empty_like(demand)
+    if len(demand) == 0:
+        return Response(position, force)
+    arrays = Arrays(settings, demand[0].tolist())
+    for name in ("offset", "from_force", "to_force"):
+        arrays.loop[name] = offset[0]
+    arrays.loop["powered"] = True
+    for a, held in enumerate([0.0] * count if rest_force is None else rest_force):
+        arrays.balance(a, held, settings.axes[a])
+    noise = Noise(count, seed)
+    arrays.state["wander"] = noise.start_wander(settings)
+    unit = np.array([a.control.rated_force / 1000.0 for a in settings.axes])
+    run_demands(
+        arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces, arrays.slipping,
+        arrays.shares, settings.control_period, settings.ticks,
+        noise.draw(len(demand) * settings.ticks), demand, offset, unit, position, force,
+    )  # fmt: skip
+    return Response(position, force)

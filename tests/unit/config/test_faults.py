@@ -1,0 +1,156 @@
+"""The faults file: what its words become on the bus, and what is refused with its place."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from hil_sim import faults as f
+from stagectl.config.faults import FRAME_NAMES, load_faults, parse_faults
+from stagectl.config.machine import load_machine
+from stagectl.errors import ConfigError
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "faults.yaml"
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return load_machine()
+
+
+@pytest.fixture
+def parse(machine):
+    def one(*lines, seed=3):
+        text = "faults:\n" + "".join(f"  - {{{line}}}\n" for line in lines)
+        return parse_faults(text, "faults.yaml", machine, seed).faults
+
+    return one
+
+
+def test_the_example_of_the_documentation(machine):
+    plan = load_faults(EXAMPLE, machine, 3)
+    assert plan.seed == 7
+    assert [type(x) for x in plan.faults] == [f.Drop, f.Delay, f.Duplicate, f.DriveFault]
+
+
+def test_the_seed_of_the_run_stands_where_the_file_has_none(machine):
+    text = "faults: [{fault: reboot, axis: x, at: 1 s}]"
+    assert parse_faults(text, "faults.yaml", machine, 11).seed == 11
+
+
+def ids(fault):
+    return set(fault.frames.ids), fault.frames.sender, fault.frames.node
+
+
+@pytest.mark.parametrize(
+    ("frame", "expected"),
+    [
+        ("sync", ({0x080}, "host", None)),
+        ("nmt", ({0x000}, "host", None)),
+        ("host_heartbeat", ({0x77F}, "host", None)),
+        ("rpdo1", ({0x201, 0x202}, "host", None)),
+        ("rpdo1, axis: y", ({0x202}, "host", None)),
+        ("sdo_request, axis: x", ({0x601}, "host", None)),
+        ("sdo_answer, axis: x", ({0x581}, "drives", None)),
+        ("tpdo1, axis: y", ({0x182}, "drives", None)),
+        ("tpdo2", ({0x281, 0x282}, "drives", None)),
+        ("emcy, axis: x", ({0x081}, "drives", None)),
+        ("heartbeat", ({0x701, 0x702}, "drives", None)),
+        ("sync, axis: y", ({0x080}, "host", 2)),
+        ("'0x5A1'", ({0x5A1}, None, None)),
+    ],
+)
+def test_frames_by_name(parse, frame, expected):
+    (fault,) = parse(f"fault: drop, frame: {frame}")
+    assert ids(fault) == expected
+
+
+def test_any_frames(parse):
+    host, drives, every = parse(
+        "fault: drop, frame: from_host, axis: x",
+        "fault: drop, frame: from_drives, axis: y",
+        "fault: drop, frame: any",
+    )
+    assert (host.frames.ids, host.frames.sender, host.frames.node) == (None, "host", 1)
+    assert (drives.frames.ids, drives.frames.sender, drives.frames.node) == (None, "drives", 2)
+    assert (every.frames.ids, every.frames.sender) == (None, None)
+
+
+def test_every_kind(parse):
+    window = (
+        "frame: tpdo1, axis: x, after: 1 s, until: 2, nth: [2, 3], probability: 0.5, at_most: 4"
+    )
+    x = f.Frames(frozenset({0x181}), "drives", None, 1.0, 2.0, frozenset({2, 3}), 0.5, 4)
+    sync = f.Frames(frozenset({0x80}), "host")
+    cases = {
+        f"fault: drop, {window}": f.Drop(x),
+        f"fault: duplicate, copies: 2, {window}": f.Duplicate(x, 2),
+        f"fault: delay, least: 10 us, most: 1 ms, {window}": f.Delay(x, 1e-5, 1e-3),
+        f"fault: reorder, hold: 2 ms, {window}": f.Reorder(x, 2e-3),
+        f"fault: resize, length: 3, {window}": f.Resize(x, 3),
+        f"fault: freeze, {window}": f.Freeze(x),
+        "fault: sync_jitter, most: 20 us": f.Delay(sync, 0.0, 2e-5),
+        "fault: sync_miss, nth: 5": f.Drop(
+            f.Frames(frozenset({0x80}), "host", nth=frozenset({5}))
+        ),
+        "fault: heartbeat_silence, of: host, after: 3": f.Drop(
+            f.Frames(frozenset({0x77F}), after=3.0)
+        ),
+        "fault: heartbeat_silence, of: y, after: 3, until: 4": f.Drop(
+            f.Frames(frozenset({0x702}), after=3.0, until=4.0)
+        ),
+        "fault: bus_off, of: x, at: 3, duration: 20 ms": f.BusOff(1, 3.0, 0.02),
+        "fault: bus_off, of: host, at: 3, duration: 20 ms": f.BusOff(None, 3.0, 0.02),
+        "fault: reboot, axis: y, at: 3": f.Reboot(2, 3.0),
+        "fault: sdo_abort, axis: x, nth: 4, times: 2, code: '0x06040043', object: '0x6060'":
+            f.SdoAbort(1, 4, 2, 0x06040043, 0x6060),
+        "fault: drive, axis: x, error: encoder_loss, at: 3": f.DriveFault(1, 0x7305, at=3.0),
+        "fault: drive, axis: y, error: over_travel, position: -10 mm": f.DriveFault(
+            2, 0x8612, position=-0.01
+        ),
+    }  # fmt: skip
+    assert parse(*cases) == tuple(cases.values())
+
+
+def test_no_end_is_no_end(parse):
+    (fault,) = parse("fault: drop, frame: sync, after: 2 s")
+    assert fault.frames.until == math.inf
+
+
+@pytest.mark.parametrize(
+    ("line", "place", "word"),
+    [
+        ("fault: dropp, frame: sync", "2:13", "must be one of drop"),
+        ("fault: drop, frame: tpdo9", "2:26", "did you mean 'tpdo"),
+        ("fault: drop", "2:5", "frame: is missing"),
+        ("fault: drop, frame: sync, probabilty: 0.1", "2:31", "did you mean 'probability'"),
+        ("fault: drop, frame: sync, probability: 1.5", "2:44", "must be <= 1"),
+        ("fault: drop, frame: sync, nth: 0", "2:36", "must be >= 1"),
+        ("fault: drop, frame: tpdo1, axis: z", "2:38", "no such axis"),
+        ("fault: drop, frame: '0x181', axis: x", "2:40", "who sends it"),
+        ("fault: drop, frame: sync, after: 2 s, until: 1 s", "2:50", "later than after"),
+        ("fault: drop, frame: sync, after: 2 m", "2:38", "a time"),
+        ("fault: delay, frame: sync, least: 2 ms, most: 1 ms", "2:39", "more than most"),
+        ("fault: resize, frame: sync, length: 9", "2:41", "must be <= 8"),
+        ("fault: drive, axis: x, error: bang, at: 1", "2:35", "over_current"),
+        ("fault: drive, axis: x, error: over_current", "2:5", "either at or position"),
+        ("fault: bus_off, of: hosts, at: 1, duration: 1", "2:25", "did you mean 'host'"),
+        ("fault: sdo_abort, axis: x, code: 1234", "2:38", "'0x08000000'"),
+    ],
+)
+def test_what_is_wrong_is_told_with_its_place(parse, line, place, word):
+    with pytest.raises(ConfigError) as caught:
+        parse(line)
+    (problem,) = caught.value.problems
+    assert problem.startswith(f"faults.yaml:{place}: faults[1]")
+    assert word in problem
+
+
+def test_the_documentation_names_every_frame_and_kind():
+    text = (Path(__file__).parents[3] / "docs" / "faults.md").read_text()
+    kinds = (
+        "drop", "duplicate", "delay", "reorder", "resize", "freeze", "sync_jitter", "sync_miss",
+        "heartbeat_silence", "bus_off", "reboot", "sdo_abort", "drive", *f.DRIVE_FAULTS,
+    )  # fmt: skip
+    names = {n for n in FRAME_NAMES if not n[-1].isdigit()} | {"tpdo1", "rpdo1"}
+    assert [n for n in (*kinds, *sorted(names)) if f"`{n}`" not in text] == []

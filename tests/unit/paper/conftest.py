@@ -1,0 +1,16 @@
+"""One study for all tests: some two seconds."""
+
+import pytest
+
+from stagectl.paper import study
+from stagectl.paper.tables import Case
+
+
+@pytest.fixture(scope="session")
+def quick():
+    return study.run(Case(), quick=True)
+
+
+@pytest.fixture(scope="session")
+def move():
+    return Case().move()

@@ -1,0 +1,72 @@
+"""Verdicts follow from figures."""
+
+from dataclasses import replace
+
+import pytest
+
+from stagectl.paper import claims, published
+from stagectl.paper.fit import Fit
+from stagectl.paper.published import PARAMETERS
+
+
+def fit(off, sigma=0.01, mse=1e-8, iterations=(3,), evaluations=(20,)):
+    value = {name: published.REFERENCE[name] * (1 + off) for name in PARAMETERS}
+    windows = ((0, 400),) if len(evaluations) == 1 else ((0, 300), (300, 400))
+    sigmas = dict.fromkeys(PARAMETERS, sigma)
+    return Fit(value, sigmas, mse, iterations, evaluations, windows, None)
+
+
+def both(one, two):
+    return {
+        "one_window": dict.fromkeys(("logged", "aligned"), one),
+        "two_windows": dict.fromkeys(("logged", "aligned"), two),
+    }
+
+
+def test_the_papers_own_outcome_would_be_reproduced():
+    one = fit(0.05, 0.03, 3.5e-7, (13,), (78,))
+    two = fit(-0.02, 0.01, 1.7e-7, (3, 4), (15, 12))
+    for judged in (claims.nearer, claims.residual, claims.evaluations):
+        assert judged(both(one, two))[0] == "reproduced"
+
+
+def test_the_opposite_would_not():
+    one = fit(0.01, 0.01, 1e-8, (3,), (20,))
+    two = fit(0.05, 0.02, 2e-8, (3, 4), (15, 12))
+    for judged in (claims.nearer, claims.residual, claims.evaluations):
+        assert judged(both(one, two))[0] == "not reproduced"
+
+
+def test_what_holds_for_one_alignment_names_it():
+    tables = both(fit(0.05, mse=4e-7), fit(0.06, mse=4e-7, evaluations=(9, 5)))
+    tables["two_windows"]["logged"] = fit(0.01, 0.005, 1e-7, (2, 2), (9, 5))
+    for judged in (claims.nearer, claims.residual):
+        assert judged(tables)[0] == "reproduced only if the force is taken as logged"
+
+
+def test_nearer_but_less_sure_does_not_count():
+    assert claims.nearer(both(fit(0.05, 0.01), fit(0.01, 0.02)))[0] == "not reproduced"
+
+
+def test_all_six_claims_are_judged(quick):
+    assert [c.claim for c in quick.claims] == list(published.CLAIMS)
+    for claim in quick.claims:
+        assert claim.verdict in ("reproduced", "not reproduced") or claim.verdict.startswith(
+            "reproduced only if "
+        )
+        assert any(character.isdigit() for character in claim.figure)
+
+
+@pytest.mark.parametrize(
+    ("number", "verdict"),
+    [(2, "not reproduced"), (3, "not reproduced"), (4, "reproduced only if C is held"),
+     (5, "reproduced only if zone B begins late"), (6, "reproduced only if zone B takes")],
+)  # fmt: skip
+def test_verdicts_of_the_base_case(quick, number, verdict):
+    assert quick.claims[number - 1].verdict.startswith(verdict)
+
+
+def test_estimated_initial_force_makes_sigma0_robust(quick):
+    """Then nothing of the sixth claim's second half is left."""
+    case = replace(quick.case, options=replace(quick.case.options, initial="free"))
+    assert claims.robust(case)[0] == "not reproduced"

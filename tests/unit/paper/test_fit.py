@@ -1,0 +1,109 @@
+"""The paper's Gauss-Newton on data of its own model, and on the plant's."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stagectl.paper import published
+from stagectl.paper.fit import ALPHA, METHODS, Options, one_window, two_windows, zone_a
+from stagectl.paper.published import PARAMETERS
+from stagectl.paper.tables import Case, error
+
+BOTH = pytest.mark.parametrize("method", METHODS)
+
+
+def start(*factors):
+    return {
+        name: factor * published.REFERENCE[name]
+        for name, factor in zip(PARAMETERS, factors, strict=True)
+    }
+
+
+@pytest.fixture(scope="module")
+def own(move):
+    """The plant's motion with the force that the one-window model would predict for it."""
+    fit = one_window(move)
+    force = move.force.copy()
+    force[move.slide : move.end] = fit.predicted
+    return replace(move, force=force), fit
+
+
+def test_one_window_finds_its_own_parameters(own):
+    move, truth = own
+    found = one_window(move, Options(start=start(0.3, 0.7, 0.5, 1.5)))
+    for name in PARAMETERS:
+        assert found.value[name] == pytest.approx(truth.value[name], rel=1e-6)
+    assert found.mse < 1e-16
+
+
+def test_two_windows_find_zone_a_of_their_own(own):
+    move, truth = own
+    found = two_windows(move)
+    for name in ("coulomb", "attraction", "viscous"):
+        assert found.value[name] == pytest.approx(truth.value[name], rel=1e-5)
+    assert found.value["stiffness"] == pytest.approx(truth.value["stiffness"], rel=2e-3)
+
+
+@BOTH
+@pytest.mark.parametrize("initial", ["tied", "free"])
+def test_sensitivities_lead_where_differences_do(move, method, initial):
+    options = Options(initial=initial)
+    differences = METHODS[method](move, options)
+    own = METHODS[method](move, replace(options, jacobian="sensitivities"))
+    for name in PARAMETERS:
+        assert own.value[name] == pytest.approx(differences.value[name], rel=1e-5)
+        assert own.sigma[name] == pytest.approx(differences.sigma[name], rel=1e-2)
+    assert sum(own.evaluations) < sum(differences.evaluations)
+
+
+@BOTH
+@settings(max_examples=15, deadline=None)
+@given(factors=st.lists(st.floats(0.3, 3.0), min_size=4, max_size=4))
+def test_first_iterate_does_not_matter(move, method, factors):
+    found = METHODS[method](move, Options(start=start(*factors)))
+    for name, tolerance in zip(PARAMETERS, (1e-5, 1e-2, 1e-4, 2e-3), strict=True):
+        assert error(found, name) == pytest.approx(0.0, abs=tolerance)
+
+
+def test_evaluations_are_one_per_unknown_and_one_per_trial(move):
+    one, two = one_window(move), two_windows(move)
+    assert one.evaluations == (1 + one.iterations[0] * 5,)
+    assert two.evaluations == (1 + two.iterations[0] * 4, 1 + two.iterations[1] * 2)
+
+
+def test_zone_a_does_not_see_sigma0(move):
+    wrong = [
+        zone_a(move, np.array([1.0, 2.0, 0.5, stiffness])).value[:3] for stiffness in (1e2, 1e4)
+    ]
+    np.testing.assert_array_equal(*wrong)
+
+
+def test_deviation_is_the_spread_where_the_force_carries_white_noise(own):
+    move, _ = own
+    rng = np.random.default_rng(4)
+    noisy = [
+        one_window(replace(move, force=move.force + 1e-3 * rng.standard_normal(len(move.force))))
+        for _ in range(60)
+    ]
+    for name in PARAMETERS:
+        spread = np.std([fit.value[name] for fit in noisy])
+        stated = np.mean([fit.sigma[name] for fit in noisy])
+        assert 0.75 < spread / stated < 1.33, name
+
+
+def test_estimates_stay_above_the_bound_where_the_data_pulls_below(move):
+    """A filter on velocity and acceleration alone pulls C below zero."""
+    processing = replace(Case().processing, cut_off=50.0, filter_force=False)
+    found = replace(Case(), processing=processing).fit("two_windows")
+    assert 0 < found.value["attraction"] < 1e-4
+    assert found.value["coulomb"] == pytest.approx(2.0, rel=0.01)
+
+
+def test_alpha_is_estimated_on_request(move):
+    options = Options(slide=(0, 2, ALPHA), start=start(0.5, 1.0, 0.5, 0.5))
+    found = two_windows(move, options)
+    assert found.value["static_ratio"] == pytest.approx(published.STATIC_RATIO, rel=0.02)
+    assert "attraction" not in found.value

@@ -1,0 +1,71 @@
+"""The simulated move: gains, profile, friction and the instants of the samples."""
+
+import numpy as np
+import pytest
+
+from stagectl.paper import published
+from stagectl.paper.simulate import Setup, demand, duration, gains, simulate
+
+
+@pytest.mark.parametrize("bandwidth", [20.0, 100.0, 300.0])
+def test_gains_put_the_closed_loop_at_the_bandwidth(bandwidth):
+    kp, ki, kd = gains(bandwidth, mass=3.0)
+
+    def closed(frequency):
+        s = 2j * np.pi * frequency
+        return abs((kd * s**2 + kp * s + ki) / (3.0 * s**3 + kd * s**2 + kp * s + ki))
+
+    assert closed(bandwidth) == pytest.approx(np.sqrt(0.5))
+    assert closed(1.05 * bandwidth) < closed(bandwidth) < closed(0.95 * bandwidth)
+
+
+@pytest.mark.parametrize("profile", ["sine", "jerk-limited"])
+def test_demand_keeps_the_papers_limits_and_is_consistent(profile):
+    end = duration(profile)
+    time = np.linspace(-0.01, end + 0.01, 20_001)
+    position, acceleration = demand(profile, time)
+    assert position[0] == 0.0
+    assert position[-1] == pytest.approx(published.DISTANCE, rel=1e-9)
+    assert np.abs(acceleration).max() == pytest.approx(published.ACCELERATION, rel=1e-3)
+    assert np.gradient(position, time).max() < published.VELOCITY
+    step = time[1] - time[0]
+    np.testing.assert_allclose(np.diff(position, 2) / step**2, acceleration[1:-1], atol=0.02)
+
+
+def test_sine_move_lasts_as_computed_by_hand():
+    assert duration("sine") == pytest.approx(0.22882, abs=1e-5)
+
+
+def test_force_of_a_sliding_stage_is_inertia_coulomb_and_viscous():
+    record = simulate(Setup())
+    x, u, period = record.position, record.force, 1 / record.rate
+    velocity = (x[2:] - x[:-2]) / (2 * period)
+    acceleration = (x[2:] - 2 * x[1:-1] + x[:-2]) / period**2
+    # Mean of the forces held before and after a sample belongs to its instant.
+    friction = 0.5 * (u[:-2] + u[1:-1]) - published.MASS * acceleration
+    fast = record.slipping[1:-1] & (velocity > 0.02)
+    assert fast.sum() > 2000
+    fast[np.argmax(fast)] = False  # its neighbour before still sticks
+    expected = published.REFERENCE["coulomb"] + published.REFERENCE["viscous"] * velocity
+    np.testing.assert_allclose(friction[fast], expected[fast], atol=2e-5)
+
+
+def test_encoder_noise_is_seeded():
+    a, b, c = (simulate(Setup(noise=1e-9, seed=seed)) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(a.force, b.force)
+    assert not np.array_equal(a.force, c.force)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [({"rate": 3}, "rate"), ({"rate": 30_000}, "rate"), ({"bandwidth": 0.0}, "bandwidth"),
+     ({"bandwidth": 9e3}, "bandwidth"), ({"noise": -1.0}, "noise")],
+)  # fmt: skip
+def test_impossible_setup_is_named(wrong, named):
+    with pytest.raises(ValueError, match=named):
+        Setup(**wrong)
+
+
+def test_unstable_loop_is_said():
+    with pytest.raises(ValueError, match="unstable"):
+        simulate(Setup(rate=1000, bandwidth=166.0))

@@ -1,0 +1,48 @@
+"""The plots' text."""
+
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stagectl.paper import plots
+from stagectl.paper.svg import Line, Panel, Span, draw, ticks
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6))
+def test_ticks_are_round_and_inside(low, width):
+    found = ticks(low, low + width)
+    slack = 1e-6 * width + 1e-9 * abs(low)
+    assert 1 <= len(found) <= 8
+    assert all(low - slack <= t <= low + width + slack for t in found)
+
+
+def test_a_line_spans_its_panel():
+    x = np.linspace(0.0, 10.0, 1000)
+    root = ET.fromstring(draw([[Panel("t", "y", (Line(x, x),))]], 500, 200, "a & b"))  # noqa: S314
+    points = [
+        tuple(map(float, p.split(","))) for p in root.find(f"{SVG}polyline").get("points").split()
+    ]
+    assert len(points) <= 402
+    assert points[0][0] == 62
+    assert points[-1][0] == 488
+    assert points[0][1] > points[-1][1]
+    assert root.find(f"{SVG}title").text == "a & b"
+
+
+def test_spans_are_cut_at_the_axes():
+    x = np.linspace(0.0, 1.0, 5)
+    panel = Panel("t", "y", (Line(x, 0 * x),), (Span(0.5, 9.0, "late", "#eeeeee"),))
+    root = ET.fromstring(draw([[panel]], 500, 200, "t"))  # noqa: S314
+    span = next(r for r in root.findall(f"{SVG}rect") if r.get("fill") == "#eeeeee")
+    assert float(span.get("x")) + float(span.get("width")) == pytest.approx(488)
+
+
+@pytest.mark.parametrize("plot", [plots.move, plots.zones])
+def test_plots_are_xml(quick, plot):
+    root = ET.fromstring(plot(quick))  # noqa: S314
+    assert len(root.findall(f"{SVG}polyline")) >= 4

@@ -1,0 +1,44 @@
+"""Tables I and II at 20 kHz: what must come out."""
+
+import pytest
+
+from stagectl.paper import tables
+from stagectl.paper.published import PARAMETERS
+from stagectl.paper.tables import ALIGNMENTS, error
+
+
+def test_two_windows_aligned_find_the_reference(quick):
+    fit = quick.tables["two_windows"]["aligned"]
+    assert abs(error(fit, "coulomb")) <= 1e-4
+    assert abs(error(fit, "viscous")) <= 1e-4
+    assert abs(error(fit, "stiffness")) <= 3e-3
+    assert abs(error(fit, "attraction")) <= 1e-2
+    assert fit.mse <= 1e-8
+
+
+def test_half_a_sample_of_lag_biases_as_the_closed_form_says(quick):
+    """d(sigma_v) = -m w^2 tau and d(Fc) = m A w tau for a sine move; tau = 25 us."""
+    w, tau = 27.459, 25e-6
+    for method in quick.tables:
+        fit = quick.tables[method]["logged"]
+        assert fit.value["viscous"] - 1.0 == pytest.approx(-(w**2) * tau, rel=0.05)
+        assert fit.value["coulomb"] - 2.0 == pytest.approx(3.0 * w * tau, rel=0.05)
+
+
+def test_lag_goes_into_sigma0_of_two_windows(quick):
+    one, two = (quick.tables[m]["logged"] for m in ("one_window", "two_windows"))
+    assert abs(error(two, "stiffness")) > 3 * abs(error(one, "stiffness"))
+
+
+def test_json_has_every_figure(quick):
+    found = tables.as_json(quick.tables)
+    assert set(found) == {"one_window", "two_windows"}
+    for by_force in found.values():
+        assert set(by_force) == set(ALIGNMENTS)
+        for figures in by_force.values():
+            assert set(figures) == {*PARAMETERS, "mse", "iterations", "evaluations"}
+            for name in PARAMETERS:
+                assert set(figures[name]) == {"value", "sigma"}
+                assert figures[name]["sigma"] > 0
+            assert isinstance(figures["iterations"], int)
+            assert figures["evaluations"] > figures["iterations"] > 0
