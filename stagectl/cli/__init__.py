@@ -8,13 +8,22 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
+from io import TextIOWrapper
 
 import click
 
 COMMANDS = {
     "run": ("stagectl.cli.run", "Run a recipe on the stage, or on its simulation."),
     "sim": ("stagectl.cli.sim", "Virtual drives in real time on a CAN bus."),
+    "scan": ("stagectl.cli.scan", "Who is on the bus."),
+    "status": ("stagectl.cli.status", "What the axes are doing."),
+    "enable": ("stagectl.cli.bench:enable", "Close the loops and hold the stage."),
+    "home": ("stagectl.cli.bench:home", "Home all axes."),
+    "jog": ("stagectl.cli.bench:jog", "Move one axis by a distance."),
+    "check": ("stagectl.cli.check", "Does a drive behave as CiA 402 says?"),
+    "bus-budget": ("stagectl.cli.bus_budget", "Does the PDO set fit the bus?"),
     "gap": ("stagectl.cli.gap", "Where simulation and recording differ."),
+    "paper": ("stagectl.cli.paper", "The source paper's tables and claims, reproduced."),
     "recover": ("stagectl.cli.recover", "Recordings out of what killed runs left."),
     "completion": ("stagectl.cli.completion", "Shell completion."),
 }
@@ -31,7 +40,8 @@ class LazyGroup(click.Group):
         """The command, imported now."""
         if cmd_name not in COMMANDS:
             return None
-        command: click.Command = import_module(COMMANDS[cmd_name][0]).command
+        module, _, attribute = COMMANDS[cmd_name][0].partition(":")
+        command: click.Command = getattr(import_module(module), attribute or "command")
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -43,7 +53,7 @@ class LazyGroup(click.Group):
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="stagectl")
 def cli() -> None:
-    r"""Two-axis direct-drive inspection stages on CANopen: run, simulate, compare.
+    """Two-axis direct-drive inspection stages on CANopen: run, simulate, compare.
 
     \b
     Try it without hardware:
@@ -53,13 +63,18 @@ def cli() -> None:
       stagectl run recipes/inspection-20.yaml --dry-run
 
     Every command has its own --help. Units are SI throughout.
-    """
+    """  # noqa: D301  (\b keeps click from wrapping what follows)
 
 
 def main() -> None:
     """Entry point of the `stagectl` command."""
     from stagectl.errors import StagectlError
+    from stagectl.kernel_cache import drop_stale
 
+    drop_stale()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a µ that a terminal cannot show is no failure
     try:
         cli.main(standalone_mode=False)
     except click.exceptions.Abort:

@@ -44,6 +44,10 @@ def test_what_holds_for_one_alignment_names_it():
         assert judged(tables)[0] == "reproduced only if the force is taken as logged"
 
 
+def test_a_tie_is_not_nearer():
+    assert claims.nearer(both(fit(0.0100), fit(0.0098, 0.001)))[0] == "not reproduced"
+
+
 def test_nearer_but_less_sure_does_not_count():
     assert claims.nearer(both(fit(0.05, 0.01), fit(0.01, 0.02)))[0] == "not reproduced"
 
@@ -59,7 +63,8 @@ def test_all_six_claims_are_judged(quick):
 
 @pytest.mark.parametrize(
     ("number", "verdict"),
-    [(2, "not reproduced"), (3, "not reproduced"), (4, "reproduced only if C is held"),
+    [(1, "not reproduced"), (2, "not reproduced"), (3, "not reproduced"),
+     (4, "reproduced only if C is held"),
      (5, "reproduced only if zone B begins late"), (6, "reproduced only if zone B takes")],
 )  # fmt: skip
 def test_verdicts_of_the_base_case(quick, number, verdict):

@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stagectl.paper import published
-from stagectl.paper.fit import ALPHA, METHODS, Options, one_window, two_windows, zone_a
+from stagectl.paper.fit import METHODS, one_window, two_windows, zone_a
 from stagectl.paper.published import PARAMETERS
 from stagectl.paper.tables import Case, error
+from stagectl.paper.window import ALPHA, Options
 
 BOTH = pytest.mark.parametrize("method", METHODS)
 
@@ -85,13 +86,13 @@ def test_deviation_is_the_spread_where_the_force_carries_white_noise(own):
     move, _ = own
     rng = np.random.default_rng(4)
     noisy = [
-        one_window(replace(move, force=move.force + 1e-3 * rng.standard_normal(len(move.force))))
-        for _ in range(60)
+        one_window(replace(move, force=move.force + 1e-4 * rng.standard_normal(len(move.force))))
+        for _ in range(200)
     ]
     for name in PARAMETERS:
         spread = np.std([fit.value[name] for fit in noisy])
         stated = np.mean([fit.sigma[name] for fit in noisy])
-        assert 0.75 < spread / stated < 1.33, name
+        assert 0.8 < spread / stated < 1.25, name
 
 
 def test_estimates_stay_above_the_bound_where_the_data_pulls_below(move):

@@ -79,7 +79,7 @@ def test_what_is_left_open_is_an_option():
 
 @pytest.mark.parametrize(
     ("args", "said"),
-    [(["--rate", "7"], "rate: must be"), (["--rate", "1000", "--bandwidth", "166"], "unstable"),
+    [(["--rate", "7"], "rate: must be"), (["--rate", "1000", "--bandwidth", "300"], "unstable"),
      (["--cut-off", "-3"], "cut_off"), (["--out", "no/such/folder/p.md"], "no folder")],
 )  # fmt: skip
 def test_unusable_options_are_one_line(args, said):

@@ -1,0 +1,225 @@
+"""The move of section IV: one mass with Maxwell-slip friction under a sampled PID.
+
+The friction is the simulator's (`hil_sim.friction`), never the estimator's. The controller runs at
+the sample rate and holds its force; the mass is integrated at 200 kHz, velocity Verlet: its
+accelerations belong to the instants of the positions. (Semi-implicit Euler would shift them by half
+a step, 2.5 us, and sigma_v by 0.2 %.) No quantisation; encoder noise on request, inside the loop.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from estimation.trajectory import Limits, plan
+from hil_sim.friction import element_shares, slip_step, stribeck
+from stagectl.paper import published
+
+F64 = NDArray[np.float64]
+Profile = Literal["sine", "jerk-limited"]
+
+PLANT_RATE = 200_000
+"""Steps of the mass per second."""
+LEAD_IN = 0.05
+"""Rest before the move [s]: the filter forgets the record's beginning in it."""
+LEAD_OUT = 0.2
+"""After the move's end [s]: settling, zone B, and the filter's end."""
+JERK = 150.0
+"""Of the jerk-limited profile [m/s^3]: 3 m/s^2 within 20 ms."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What the paper leaves open about the move.
+
+    Attributes:
+        rate: of controller and samples [Hz]; divides 200 kHz.
+        profile: of the demand.
+        bandwidth: of the closed position loop, |T| = -3 dB [Hz].
+        feedforward: whether mass times acceleration of the demand is added to the force.
+        noise: of the encoder, rms [m].
+        seed: of that noise.
+
+    Raises:
+        ValueError: a figure outside its range, named.
+    """
+
+    rate: int = 20_000
+    profile: Profile = "sine"
+    bandwidth: float = published.BANDWIDTH
+    feedforward: bool = False
+    noise: float = 0.0
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        if self.rate < 500 or PLANT_RATE % self.rate:
+            raise ValueError(f"rate: must be >= 500 Hz and divide {PLANT_RATE}, is {self.rate}")
+        if not 0 < self.bandwidth < self.rate / 2:
+            raise ValueError(f"bandwidth: must be 0..rate/2 Hz, is {self.bandwidth}")
+        if not self.noise >= 0:
+            raise ValueError(f"noise: must be >= 0 m, is {self.noise}")
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """The move as sampled; arrays of shape (K,).
+
+    Attributes:
+        rate: samples per second.
+        time: since the demand started to move [s].
+        demand: position demanded [m].
+        position: measured at each sample [m].
+        force: commanded at the sample, held until the next one [N].
+        slipping: whether all elements of the plant slip.
+    """
+
+    rate: int
+    time: F64
+    demand: F64
+    position: F64
+    force: F64
+    slipping: NDArray[np.bool_]
+
+
+def gains(bandwidth: float, mass: float = published.MASS) -> tuple[float, float, float]:
+    """PID that puts three poles of a free mass at w0: kp [N/m], ki [N/(m s)], kd [N s/m].
+
+    Args:
+        bandwidth: where |T| of the closed loop falls through -3 dB [Hz].
+        mass: [kg].
+    """
+    s = 2j * math.pi * bandwidth
+
+    def above(w0: float) -> float:
+        closed = (3 * w0 * s**2 + 3 * w0**2 * s + w0**3) / (s + w0) ** 3
+        return abs(closed) - math.sqrt(0.5)
+
+    w0 = float(brentq(above, 0.02 * abs(s), abs(s)))
+    return 3 * mass * w0**2, mass * w0**3, 3 * mass * w0
+
+
+def demand(profile: Profile, time: F64) -> tuple[F64, F64]:
+    """Position [m] and acceleration [m/s^2] demanded at `time` [s], same shape.
+
+    sine: one period of a sine as acceleration, amplitude 3 m/s^2; 0.229 s, peak 0.219 m/s.
+    """
+    if profile == "jerk-limited":
+        limits = Limits(published.VELOCITY, published.ACCELERATION, JERK)
+        position, _, acceleration = plan(0.0, published.DISTANCE, limits).sample(time)
+        return position, acceleration
+    peak, end = published.ACCELERATION, duration(profile)
+    w = 2 * math.pi / end
+    inside = np.clip(time, 0.0, end)
+    return peak / w * (inside - np.sin(w * inside) / w), peak * np.sin(w * inside)
+
+
+def duration(profile: Profile) -> float:
+    """From the demand's start to its end [s]."""
+    if profile == "jerk-limited":
+        limits = Limits(published.VELOCITY, published.ACCELERATION, JERK)
+        return plan(0.0, published.DISTANCE, limits).duration
+    return math.sqrt(2 * math.pi * published.DISTANCE / published.ACCELERATION)
+
+
+def simulate(setup: Setup) -> Record:
+    """The point-to-point move of section IV, from relaxed friction, with rest on both sides.
+
+    Raises:
+        ValueError: the position loop is not stable at this sample rate.
+    """
+    end = duration(setup.profile) + LEAD_OUT
+    time = np.arange(-round(LEAD_IN * setup.rate), round(end * setup.rate)) / setup.rate
+    wanted, acceleration = demand(setup.profile, time)
+    offset = published.MASS * acceleration if setup.feedforward else np.zeros_like(time)
+    reference = published.REFERENCE
+    figures = np.array(
+        [
+            published.MASS,
+            reference["viscous"],
+            reference["coulomb"],
+            reference["attraction"] / reference["coulomb"],
+            reference["stiffness"] / published.PLANT_ELEMENTS,
+            published.STATIC_RATIO,
+            published.STRIBECK_VELOCITY,
+            published.STRIBECK_SHAPE,
+        ]
+    )
+    noise = setup.noise * np.random.default_rng(setup.seed).standard_normal(len(time))
+    position, force = np.empty_like(time), np.empty_like(time)
+    slipping = np.zeros(len(time), dtype=np.bool_)
+    _run(
+        figures,
+        element_shares(published.PLANT_ELEMENTS),
+        np.array(gains(setup.bandwidth)),
+        1.0 / setup.rate,
+        PLANT_RATE // setup.rate,
+        wanted,
+        offset,
+        noise,
+        position,
+        force,
+        slipping,
+    )
+    if not np.abs(position - wanted).max() < published.DISTANCE:
+        raise ValueError(f"{setup.bandwidth:g} Hz at {setup.rate} samples/s: the loop is unstable")
+    return Record(setup.rate, time, wanted, position, force, slipping)
+
+
+@numba.njit(cache=True)
+def _run(
+    figures: F64,
+    shares: F64,
+    pid: F64,
+    period: float,
+    substeps: int,
+    wanted: F64,
+    offset: F64,
+    noise: F64,
+    position: F64,
+    force: F64,
+    slipping: NDArray[np.bool_],
+) -> None:
+    """Fill `position`, `force` and `slipping`; row k of every array is sample k."""
+    mass, viscous, coulomb, rate, element_stiffness, alpha, vs, shape = figures
+    kp, ki, kd = pid
+    count = shares.shape[0]
+    forces = np.zeros(count)
+    slips = np.zeros(count, dtype=np.bool_)
+    dt = period / substeps
+    x, v, friction, direction = 0.0, 0.0, 0.0, 0.0
+    integral, last = 0.0, wanted[0]
+    for k in range(wanted.shape[0]):
+        reading = x + noise[k]
+        error = wanted[k] - reading
+        integral += error * period
+        u = kp * error + ki * integral + kd * (error - last) / period + offset[k]
+        last = error
+        position[k], force[k], slipping[k] = reading, u, slips.all()
+        for _ in range(substeps):
+            half = v + 0.5 * dt / mass * (u - friction - viscous * v)
+            dx = half * dt
+            x += dx
+            if half != 0.0:
+                heading = math.copysign(1.0, half)
+                if heading != direction:
+                    direction = heading
+                    slips[:] = False
+                curve = stribeck(half, alpha, vs, shape)
+                friction = slip_step(
+                    forces,
+                    slips,
+                    shares,
+                    count,
+                    direction,
+                    dx,
+                    element_stiffness,
+                    coulomb * curve,
+                    math.exp(-rate * dt / curve),
+                )
+            v = (half + 0.5 * dt / mass * (u - friction)) / (1.0 + 0.5 * dt * viscous / mass)

@@ -1,0 +1,65 @@
+"""All of it in one go: tables, claims, sensitivity, and the samples that the plots show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from stagectl.paper import claims, sensitivity, tables
+from stagectl.paper.claims import Claim
+from stagectl.paper.sensitivity import Row
+from stagectl.paper.signals import Move
+from stagectl.paper.simulate import Record
+from stagectl.paper.tables import Case, Tables
+
+NOISY_RUNS = 100
+QUICK_RUNS = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """Outcome.
+
+    Attributes:
+        case: the choices made.
+        record: the move; move: as the estimator gets it, force aligned.
+        tables: one window and two, logged and aligned.
+        claims: the six of the paper.
+        sensitivity: empty where it was left out.
+    """
+
+    case: Case
+    record: Record
+    move: Move
+    tables: Tables
+    claims: tuple[Claim, ...]
+    sensitivity: tuple[Row, ...]
+
+
+def run(
+    case: Case, quick: bool = False, progress: Callable[[int, int], None] = lambda done, total: None
+) -> Study:
+    """Simulate, fit, judge.
+
+    Args:
+        case: choices.
+        quick: fewer noisy runs, no sensitivity.
+        progress: called with steps done and in all.
+
+    Raises:
+        ValueError: a case that cannot be simulated or estimated from.
+    """
+    runs = QUICK_RUNS if quick else NOISY_RUNS
+    total = 1 + runs + (0 if quick else sum(1 for _ in sensitivity.variations(case)))
+    done = 0
+
+    def step() -> None:
+        nonlocal done
+        done += 1
+        progress(done, total)
+
+    found = tables.compute(case)
+    step()
+    judged = claims.judge(case, found, runs, step)
+    rows = () if quick else sensitivity.compute(case.with_force("aligned"), step)
+    return Study(case, case.record(), case.with_force("aligned").move(), found, judged, rows)

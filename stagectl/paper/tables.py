@@ -1,0 +1,77 @@
+"""Tables I and II again: one window and two, with the force as logged and aligned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
+
+from stagectl.paper import published
+from stagectl.paper.fit import METHODS, Fit
+from stagectl.paper.signals import Alignment, Borders, Move, Processing, prepare
+from stagectl.paper.simulate import Record, Setup, simulate
+from stagectl.paper.window import Options
+
+ALIGNMENTS: tuple[Alignment, ...] = ("logged", "aligned")
+Tables = dict[str, dict[Alignment, Fit]]
+"""By method ("one_window", "two_windows"), then by alignment of the force."""
+
+record = lru_cache(maxsize=4)(simulate)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """Everything that the paper leaves open, chosen."""
+
+    setup: Setup = field(default_factory=Setup)
+    processing: Processing = field(default_factory=Processing)
+    borders: Borders = field(default_factory=Borders)
+    options: Options = field(default_factory=Options)
+
+    def record(self) -> Record:
+        """The move, simulated."""
+        return record(self.setup)
+
+    def move(self) -> Move:
+        """The move as an estimator gets it."""
+        return prepare(self.record(), self.processing, self.borders)
+
+    def fit(self, method: str) -> Fit:
+        """One of `METHODS` on it."""
+        return METHODS[method](self.move(), self.options)
+
+    def with_force(self, force: Alignment) -> Case:
+        """The same with the force as logged or aligned."""
+        return replace(self, processing=replace(self.processing, force=force))
+
+
+def compute(case: Case) -> Tables:
+    """Both methods on the force as logged and aligned."""
+    return {
+        method: {force: case.with_force(force).fit(method) for force in ALIGNMENTS}
+        for method in METHODS
+    }
+
+
+def error(fit: Fit, name: str) -> float:
+    """Estimate over reference value, less 1."""
+    return fit.value[name] / published.REFERENCE[name] - 1
+
+
+def as_json(tables: Tables) -> dict[str, Any]:
+    """Plain numbers, SI units; iterations and evaluations of all windows together."""
+    return {
+        method: {
+            force: {
+                **{
+                    name: {"value": fit.value[name], "sigma": fit.sigma[name]}
+                    for name in published.PARAMETERS
+                },
+                "mse": fit.mse,
+                "iterations": sum(fit.iterations),
+                "evaluations": sum(fit.evaluations),
+            }
+            for force, fit in fits.items()
+        }
+        for method, fits in tables.items()
+    }

@@ -1,0 +1,244 @@
+"""One window of a move as a bounded least-squares problem, solved by Gauss-Newton.
+
+Minimises sum (u - u_hat)^2, u_hat = m a + sum F_i + sigma_v v; unweighted, without prior, p >= 0.
+N = 4 elements, `estimation.gms`, driven by the measured positions. That model's unknown is the rate
+C/Fc; here it is C, as in the paper. Deviations: MSE (J'J)^-1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from estimation.gms import Friction, FrictionState, element_shares, follow
+from stagectl.paper import published
+from stagectl.paper.published import PARAMETERS
+from stagectl.paper.signals import Move
+
+F64 = NDArray[np.float64]
+Window = tuple[int, int]
+"""First sample and the one behind the last."""
+
+TOTAL, ALPHA = len(PARAMETERS), len(PARAMETERS) + 1
+"""Behind the parameters: the element forces' sum at the window's beginning [N]; alpha."""
+NAMES = (*PARAMETERS, "total", "static_ratio")
+ZONE_A = (0, 1, 2)
+ZONE_B = (3,)
+_FLOOR = 1e-6  # the model needs positive figures: the bound 0, relative to the start
+_STEP = 1e-6  # of forward differences, relative
+_DECREASE = 1e-8  # decrease of the cost, relative, that ends the iteration
+_SUBSTEPS = 2
+_MOST_ITERATIONS = 60
+_HALVINGS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the paper leaves open about the fit.
+
+    Attributes:
+        start: first iterate, by parameter.
+        initial: total of the element forces at a window's beginning: "tied" to S(v0) and to zone
+            A's end, or "free", one more unknown per window.
+        turned: whether zone B's elements stick from its first sample; if not, they slip on until
+            the stage moves back.
+        slide: unknowns of zone A where there are two windows; `ALPHA` may be among them.
+        jacobian: "differences", forward, one evaluation per unknown, as the paper's evaluations
+            count; or the model's own "sensitivities" (not with alpha).
+    """
+
+    start: Mapping[str, float] = field(
+        default_factory=lambda: {
+            name: published.START * value for name, value in published.REFERENCE.items()
+        }
+    )
+    initial: Literal["tied", "free"] = "tied"
+    turned: bool = True
+    slide: tuple[int, ...] = ZONE_A
+    jacobian: Literal["differences", "sensitivities"] = "differences"
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """One window solved.
+
+    Attributes:
+        value: parameters, the window's initial total, alpha; shape (6,).
+        free: which of them were unknowns.
+        variance: of the free ones, MSE (J'J)^-1, shape (n,).
+        residual: u - u_hat, shape (samples,).
+        predicted: u_hat, same shape.
+        left: sum of the element forces at the window's end [N].
+        iterations, evaluations: of the solver.
+    """
+
+    value: F64
+    free: tuple[int, ...]
+    variance: F64
+    residual: F64
+    predicted: F64
+    left: float
+    iterations: int
+    evaluations: int
+
+
+class Problem:
+    """One window as a least-squares problem.
+
+    Args:
+        move: its samples.
+        window: which of them.
+        options: of the fit.
+        slipping: whether all elements slip at the beginning; none does otherwise.
+    """
+
+    def __init__(self, move: Move, window: Window, options: Options, slipping: bool) -> None:
+        first, last = window
+        # The first window begins at its first sample, the second where the first one ended.
+        before = first if first == move.slide else first - 1
+        self._options = options
+        self._slipping = slipping
+        self._origin = before == first
+        self._start = move.position[before]
+        self._position = move.position[before + 1 : last]
+        self._between = move.velocity[before + 1 : last]
+        self._velocity = move.velocity[first:last]
+        self._inertia = published.MASS * move.acceleration[first:last]
+        self._force = move.force[first:last]
+        ratio = abs(move.velocity[first]) / published.STRIBECK_VELOCITY
+        self._rise = math.exp(-(ratio**published.STRIBECK_SHAPE))
+        self._period = move.period
+        self._tied = False
+        self.evaluations = 0
+
+    def solve(self, start: F64, free: tuple[int, ...], total: float | None) -> Solution:
+        """Minimise over the `free` ones of `start`, shape (4,).
+
+        Args:
+            start: parameters.
+            free: the unknowns among them.
+            total: element forces' sum at the beginning [N]; None: S(v0).
+        """
+        value = np.append(start, [0.0 if total is None else total, published.STATIC_RATIO])
+        self._tied = total is None
+        value[TOTAL] = self._begin(value)
+        if self._options.initial == "free":
+            free = (*free, TOTAL)
+            self._tied = False
+        chosen = list(free)
+        floor = np.append(_FLOOR * start, [-np.inf, _FLOOR])[chosen]
+        largest = np.abs(value[chosen])
+        residual, predicted, left = self._evaluate(value)
+        cost = float(residual @ residual)
+        iterations, decrease = 0, math.inf
+        while iterations < _MOST_ITERATIONS and decrease > _DECREASE * cost:
+            iterations += 1
+            jacobian = self._jacobian(value, chosen, predicted)
+            # Columns of about the same size: sigma0 is a thousand times the others.
+            scale = np.maximum(np.abs(value[chosen]), _FLOOR * largest)
+            room = np.minimum(floor - value[chosen], 0.0) / scale
+            scaled = jacobian * scale
+            step = scale * _box_step(scaled, residual, room)
+            for _ in range(_HALVINGS):
+                trial = value.copy()
+                trial[chosen] += step
+                evaluated = self._evaluate(trial)
+                trial_cost = float(evaluated[0] @ evaluated[0])
+                if trial_cost < cost:
+                    break
+                step = step / 2
+            else:
+                break
+            decrease = cost - trial_cost
+            value, cost = trial, trial_cost
+            residual, predicted, left = evaluated
+        mse = cost / len(residual)
+        variance = mse * scale**2 * np.diag(np.linalg.pinv(scaled.T @ scaled, hermitian=True))
+        value[TOTAL] = self._begin(value)
+        return Solution(
+            value, free, variance, residual, predicted, left, iterations, self.evaluations
+        )
+
+    def follow(self, start: F64) -> float:
+        """Sum of the element forces at the end [N], parameters as given, shape (4,)."""
+        self._tied = True
+        return self._evaluate(np.append(start, [0.0, published.STATIC_RATIO]))[2]
+
+    def _begin(self, value: F64) -> float:
+        """Sum of the element forces at the beginning [N]."""
+        return float((1 + value[ALPHA] * self._rise) * value[0] if self._tied else value[TOTAL])
+
+    def _model(self, value: F64) -> tuple[F64, F64, float]:
+        """Element forces [N] at every sample of the window, derivatives, and the start's total."""
+        coulomb, attraction, viscous, stiffness = (float(v) for v in value[:TOTAL])
+        friction = Friction(
+            elements=published.MODEL_ELEMENTS,
+            coulomb=coulomb,
+            viscous=viscous,
+            stiffness=stiffness,
+            relaxation_rate=attraction / coulomb,
+            static_ratio=float(value[ALPHA]),
+            stribeck_velocity=published.STRIBECK_VELOCITY,
+            stribeck_shape=published.STRIBECK_SHAPE,
+        )
+        total = self._begin(value)
+        state = FrictionState(
+            element_shares(friction.elements) * total,
+            np.full(friction.elements, self._slipping),
+            np.array([1.0, self._start]),
+        )
+        force, by = follow(
+            friction, state, self._position, self._between, self._period, _SUBSTEPS, band=0.0
+        )
+        if self._origin:
+            force = np.append(total, force)
+            by = np.vstack([np.zeros(by.shape[1]), by])
+        return force, by, total
+
+    def _evaluate(self, value: F64) -> tuple[F64, F64, float]:
+        """Residual, prediction, and the sum of the element forces at the end."""
+        self.evaluations += 1
+        force, _, _ = self._model(value)
+        predicted = self._inertia + force + value[2] * self._velocity
+        return self._force - predicted, predicted, float(force[-1])
+
+    def _jacobian(self, value: F64, free: list[int], predicted: F64) -> F64:
+        """Derivatives of the prediction by the free ones, shape (samples, n)."""
+        if self._options.jacobian == "sensitivities":
+            return self._sensitivities(value)[:, free]
+        columns = []
+        for index in free:
+            step = _STEP * max(abs(value[index]), 1e-9)
+            moved = value.copy()
+            moved[index] += step
+            columns.append((self._evaluate(moved)[1] - predicted) / step)
+        return np.column_stack(columns)
+
+    def _sensitivities(self, value: F64) -> F64:
+        """All five columns from the model's own derivatives.
+
+        The element forces scale with Fc, sigma0 and their initial values together; so what the
+        initial total adds follows from the force itself (Euler's theorem).
+        """
+        force, by, total = self._model(value)
+        coulomb, attraction, _, stiffness = value[:TOTAL]
+        by_coulomb, by_stiffness, by_rate = by[:, 0], by[:, 1], by[:, 2]
+        by_total = (force - coulomb * by_coulomb - stiffness * by_stiffness) / total
+        by_coulomb = by_coulomb - by_rate * attraction / coulomb**2
+        if self._tied:
+            by_coulomb = by_coulomb + by_total * total / coulomb
+        return np.column_stack(
+            [by_coulomb, by_rate / coulomb, self._velocity, by_stiffness, by_total]
+        )
+
+
+def _box_step(jacobian: F64, residual: F64, room: F64) -> F64:
+    """Minimiser of |residual - jacobian step| with step >= `room`, shape (n,)."""
+    step: F64 = lsq_linear(jacobian, residual, (room, np.inf), method="bvls").x
+    return step

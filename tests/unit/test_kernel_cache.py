@@ -1,0 +1,35 @@
+"""Compiled kernels do not outlive the code they were made from."""
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from stagectl import kernel_cache
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(kernel_cache, "_ROOT", tmp_path)
+    folder = tmp_path / "estimation"
+    (folder / "__pycache__").mkdir(parents=True)
+    (folder / "gms.py").write_text("")
+    for name in ("window.f-1.py311.nbi", "window.f-1.py311.1.nbc", "window.cpython-311.pyc"):
+        (folder / "__pycache__" / name).write_text("")
+    return folder
+
+
+def test_kernels_older_than_any_source_go(package):
+    later = time.time() + 10
+    os.utime(package / "gms.py", (later, later))
+    assert kernel_cache.drop_stale() == 2
+    assert [p.name for p in (package / "__pycache__").iterdir()] == ["window.cpython-311.pyc"]
+    assert kernel_cache.drop_stale() == 0
+
+
+def test_fresh_kernels_stay(package):
+    earlier = time.time() - 10
+    os.utime(package / "gms.py", (earlier, earlier))
+    assert kernel_cache.drop_stale() == 0
+    assert len(list((package / "__pycache__").iterdir())) == 3
