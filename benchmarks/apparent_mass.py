@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-
 from estimation.kinematics import differentiate
+
 from estimation.trajectory import Limits, plan
 from hil_sim.simulate import simulate
 from stagectl.config.machine import load_machine

@@ -1,6 +1,6 @@
 """Seeded runs of a short recipe with faults of bus and drives, each one held to what it must do.
 
-    python benchmarks/fault_campaign.py [--runs 2000] [--first 1]
+    python benchmarks/fault_campaign.py [--runs 2000] [--first 1] [--friction-scale 1.0]
 
 Every scenario is made from its number alone: one to three faults (hil_sim/faults.py) somewhere
 between power-on and the end of the run. Asked of each one:
@@ -28,7 +28,7 @@ import tempfile
 import time
 import traceback
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -93,14 +93,17 @@ class Scenario:
         number: what it was made from.
         kinds: of its faults, for the table.
         plan: the faults.
+        stop: when the operator asks for a stop besides [s], None for never.
     """
 
     number: int
     kinds: tuple[str, ...]
     plan: f.FaultPlan
+    stop: float | None = None
 
     def __str__(self) -> str:
-        return f"scenario {self.number}: " + "; ".join(str(x) for x in self.plan.faults)
+        asked = "" if self.stop is None else f"; asked to stop at {self.stop:.3f} s"
+        return f"scenario {self.number}: " + "; ".join(str(x) for x in self.plan.faults) + asked
 
 
 @dataclass
@@ -127,7 +130,9 @@ def make_scenario(number: int) -> Scenario:
     random = np.random.default_rng((0x43414D50, number))
     made = [_fault(random) for _ in range(int(random.choice([1, 1, 1, 2, 3])))]
     faults = tuple(fault for _, fault in made)
-    return Scenario(number, tuple(kind for kind, _ in made), f.FaultPlan(faults, number))
+    stop = float(random.uniform(HOMED, END)) if random.random() < 0.1 else None
+    kinds = (*(kind for kind, _ in made), *(["asked to stop"] if stop is not None else []))
+    return Scenario(number, kinds, f.FaultPlan(faults, number), stop)
 
 
 def _fault(random: np.random.Generator) -> tuple[str, f.Fault]:
@@ -202,8 +207,10 @@ class Watch:
         enabled_until: node -> when it was last seen in OPERATION ENABLED [s].
     """
 
-    def __init__(self) -> None:
+    def __init__(self, stop_at: float | None = None) -> None:
         self.enabled_until: dict[int, float] = {}
+        self._stop_at = np.inf if stop_at is None else stop_at
+        self._stop: Callable[[str], None] | None = None
         self.stage: VirtualStage | None = None
         self.world: World | None = None
 
@@ -211,6 +218,10 @@ class Watch:
         """The stage was switched on."""
         self.stage, self.world = stage, world
         self._look()
+
+    def stoppable(self, stop: Callable[[str], None]) -> None:
+        """The run can be stopped from now on."""
+        self._stop = stop
 
     def rest(self, duration: float) -> None:
         """Let virtual time go on after the run [s]."""
@@ -223,22 +234,34 @@ class Watch:
         now = self.world.now_ns
         if now > LONGEST * 1e9:
             raise Hang(f"more than {LONGEST:g} s of virtual time")
+        if now * 1e-9 >= self._stop_at and self._stop is not None:
+            self._stop("asked to stop")
         for drive in self.stage.drives:
             if drive.motion.state is State.ENABLED:
                 self.enabled_until[drive.node_id] = now * 1e-9
         self.world.at(now + 1_000_000, self._look)
 
 
-def run(scenario: Scenario, machine: Machine, recipe: Recipe, folder: Path) -> Outcome:
-    """One run, and what there is to say against it."""
-    outcome, watch = Outcome(scenario), Watch()
+def run(
+    scenario: Scenario, machine: Machine, recipe: Recipe, folder: Path, scale: float = 1.0
+) -> Outcome:
+    """One run, and what there is to say against it.
+
+    Args:
+        scenario: what goes wrong.
+        machine: of host and virtual stage.
+        recipe: to be run.
+        folder: for its files.
+        scale: of the friction figures that the host starts from.
+    """
+    outcome, watch = Outcome(scenario), Watch(scenario.stop)
     request = RunRequest(
-        recipe, machine, machine, None, Mode.ESTIMATED, 1.0, scenario.number, folder,
+        recipe, machine, machine, None, Mode.ESTIMATED, scale, scenario.number, folder,
         datetime.now(UTC), scenario.plan,
     )  # fmt: skip
     try:
         with _bound_of_wall_time():
-            result = execute(request, Listener(switched_on=watch))
+            result = execute(request, Listener(stoppable=watch.stoppable, switched_on=watch))
             watch.rest(HEARTBEAT + 2 * REACTION + 0.2)
     except Hang as hang:
         outcome.ending = "hang"
@@ -370,6 +393,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--runs", type=int, default=2000, help="how many [2000]")
     parser.add_argument("--first", type=int, default=1, help="number of the first scenario [1]")
+    parser.add_argument(
+        "--friction-scale", type=float, default=1.0, help="of what the host starts from [1.0]"
+    )
     arguments = parser.parse_args()
     from machine_facts import machine_facts
     from rich.console import Console
@@ -383,7 +409,9 @@ def main() -> None:
     numbers = range(arguments.first, arguments.first + arguments.runs)
     for number in track(numbers, "fault campaign", console=console):
         with tempfile.TemporaryDirectory() as folder:
-            outcomes.append(run(make_scenario(number), machine, recipe, Path(folder)))
+            outcomes.append(
+                run(make_scenario(number), machine, recipe, Path(folder), arguments.friction_scale)
+            )
     print(table(outcomes))
     took = time.perf_counter() - begin
     struck = sum(o.struck for o in outcomes)

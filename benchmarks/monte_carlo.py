@@ -72,7 +72,7 @@ def run(runs: int, step: float) -> None:
     truth = np.array([TRUE.coulomb, TRUE.viscous, TRUE.stiffness, MASS])
     exact = force(clean, truth)
     exact = np.concatenate([[0.0], exact, [exact[-1]]])
-    noise = quantisation(step) if step else 1e-5
+    noise = quantisation(step) if step else 1e-9
     settings = EstimatorSettings(
         MASS, TS, ENCODER, noise, model_error=0.0, belief=BeliefSettings(wander=0.0),
         fixed=("relaxation_rate",),
@@ -102,7 +102,7 @@ def run(runs: int, step: float) -> None:
         inside[i] = np.abs(found[i] - truth) < 1.96 * spread
     kept = np.isfinite(found[:, 0])
     found, inside = found[kept], inside[kept]
-    limits = bound(clean, noise if step else 0.0 + 1e-9)
+    limits = bound(clean, noise)
     print(f"| force {'in steps of ' + format(step, 'g') + ' N' if step else 'exact'} | spread/bound"
           " | bias/bound | inside 95 % |")  # fmt: skip
     print("| --- | --- | --- | --- |")

@@ -6,6 +6,7 @@ written is read back. Gains and the drive's own tuning are not touched.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 
 from drivers import objects as od
@@ -33,8 +34,21 @@ HOMING_ACCELERATION = 1.0
 MODE_TIMEOUT = 1.0
 PDO_COUNT = 4
 
+_WITHOUT = {
+    od.FORCE_OFFSET: "force offsets are not sent",
+    od.FORCE_ACTUAL: "force reads 0, friction cannot be learned",
+}
+_MISSED = {
+    od.FOLLOWING_ERROR_WINDOW: "the drive does not watch the following error as asked",
+    od.ABORT_CONNECTION_OPTION: "what the drive does when it loses its host is its own matter",
+    od.QUICK_STOP_OPTION: "how it stops on a quick stop is the drive's own matter",
+    od.SOFT_LIMIT_HIGH: "only the host watches the travel",
+}
+"""Objects that are written where offered, and what is missing without them."""
+
 _QUICK_STOP_RAMP_THEN_DISABLED = 2
 _ABORT_CONNECTION_QUICK_STOP = 3
+_RAMP = 1
 
 
 class Axis:
@@ -44,7 +58,10 @@ class Axis:
         name: as in the settings.  settings: its settings.  node: its CANopen node.
         scale: length and force of one unit on the bus.
         homed: whether position 0 is the stage's zero; the drive's reboot makes it False.
-        rpdo, tpdo: the cyclic mappings, made from the EDS's data types.
+        rpdo, tpdo: the cyclic mappings, made from the EDS's data types; without force offset or
+            force where the drive has none.
+        mode: of operation set last, None before the first.
+        limitations: what the drive does not offer and what follows from that, one clause each.
     """
 
     def __init__(self, network: Network, settings: AxisSettings) -> None:
@@ -52,15 +69,47 @@ class Axis:
         self.name = settings.name
         self.node = Node(network, settings)
         self.scale = Scale(settings.increment, settings.rated_force / 1000)
-        self.rpdo = self._mapping(RPDO_OBJECTS)
-        self.tpdo = self._mapping(TPDO_OBJECTS)
+        self.mode: Mode | None = None
+        self.limitations: list[str] = []
+        self.rpdo = self._mapping([r for r in RPDO_OBJECTS if self._usable(r, self.node.offers)])
+        self.tpdo = self._mapping([r for r in TPDO_OBJECTS if self._usable(r, self.node.offers)])
         self.rpdo_id = 0x200 + settings.node
         self.tpdo_id = 0x180 + settings.node
         self._network = network
         self._homed_at_boot: int | None = None
 
-    def _mapping(self, refs: tuple[ObjectRef, ...]) -> PdoMapping:
+    def _mapping(self, refs: Sequence[ObjectRef]) -> PdoMapping:
         return PdoMapping(tuple(MappedObject(r, self.node.data_type(r)) for r in refs))
+
+    @staticmethod
+    def _usable(ref: ObjectRef, has: Callable[[ObjectRef], bool]) -> bool:
+        """Whether to map an object: what is optional only where it is there."""
+        return ref not in _WITHOUT or has(ref)
+
+    @property
+    def takes_force_offset(self) -> bool:
+        """Whether the drive has 0x60B2, and so compensation."""
+        return any(e.object == od.FORCE_OFFSET for e in self.rpdo.entries)
+
+    @property
+    def tells_force(self) -> bool:
+        """Whether the drive has 0x6077."""
+        return any(e.object == od.FORCE_ACTUAL for e in self.tpdo.entries)
+
+    def limited(self, clause: str) -> None:
+        """Notes something that this drive does without."""
+        if clause not in self.limitations:
+            self.limitations.append(clause)
+
+    def _find_limitations(self) -> None:
+        """What of the cyclic objects the node has, whatever its EDS says."""
+        self.limitations.clear()
+        has = {ref: self.node.has(ref) for ref in _WITHOUT}
+        for ref, consequence in _WITHOUT.items():
+            if not has[ref]:
+                self.limited(f"{ref} is not offered: {consequence}")
+        self.rpdo = self._mapping([r for r in RPDO_OBJECTS if has.get(r, True)])
+        self.tpdo = self._mapping([r for r in TPDO_OBJECTS if has.get(r, True)])
 
     @property
     def homed(self) -> bool:
@@ -82,15 +131,18 @@ class Axis:
             ConfigurationError: other units than ours, or a value that does not stay written.
             NodeError: the drive refuses or does not answer.
         """
+        self._find_limitations()
         self._check_units()
         self._check_modes()
         node = self.node
+        self._set_sync_counter(bus.sync_counter)
         node.write_optional(od.CYCLE_PERIOD, bus.period_us)
         value, index = interpolation_period(bus.period_us)
         node.write_optional(od.INTERPOLATION_VALUE, value)
         node.write_optional(od.INTERPOLATION_INDEX, index)
         for ref, number in self._limits().items():
-            node.write_optional(ref, number)
+            if not node.write_optional(ref, number) and ref in _MISSED:
+                self.limited(f"{ref} is not offered: {_MISSED[ref]}")
         PdoRecord.receive(1).configure(node, self.rpdo_id, self.rpdo)
         PdoRecord.transmit(1).configure(node, self.tpdo_id, self.tpdo)
         for number in range(2, PDO_COUNT + 1):
@@ -107,6 +159,9 @@ class Axis:
             od.ABORT_CONNECTION_OPTION: _ABORT_CONNECTION_QUICK_STOP,
             od.QUICK_STOP_OPTION: _QUICK_STOP_RAMP_THEN_DISABLED,
             od.FAULT_REACTION_OPTION: _QUICK_STOP_RAMP_THEN_DISABLED,
+            od.SHUTDOWN_OPTION: _RAMP,
+            od.DISABLE_OPTION: _RAMP,
+            od.HALT_OPTION: _RAMP,
             od.QUICK_STOP_DECELERATION: acceleration,
             od.FOLLOWING_ERROR_WINDOW: self.counts(s.following_error),
             od.FOLLOWING_ERROR_TIMEOUT: FOLLOWING_ERROR_TIMEOUT_MS,
@@ -131,7 +186,11 @@ class Axis:
             (od.GEAR_MOTOR, od.GEAR_SHAFT, 1),
             (od.FEED, od.FEED_REVOLUTIONS, -1),
         ):
-            if not (node.offers(numerator) and node.offers(denominator)):
+            if not (node.has(numerator) and node.has(denominator)):
+                self.limited(
+                    f"{numerator} is not offered: one position unit is taken to be "
+                    f"{self.settings.increment:g} m"
+                )
                 continue
             top, bottom = node.read(numerator), node.read(denominator)
             if top <= 0 or bottom <= 0:
@@ -146,12 +205,31 @@ class Axis:
                 axis=self.name, obj=od.FEED,
             )  # fmt: skip
         rated = round(self.settings.rated_force * 1000)
+        if not node.has(od.RATED_FORCE):
+            self.limited(
+                f"{od.RATED_FORCE} is not offered: the rated force is taken to be "
+                f"{self.settings.rated_force:g} N"
+            )
+            return
         held = node.read(od.RATED_FORCE)
         if held != rated:
             raise ConfigurationError(
                 f"the drive says {held / 1000:g} N, the settings {rated / 1000:g} N: "
                 "every force would be scaled wrongly",
                 axis=self.name, obj=od.RATED_FORCE,
+            )  # fmt: skip
+
+    def _set_sync_counter(self, overflow: int) -> None:
+        """0x1019, which may change only while 0x1006 is 0."""
+        node = self.node
+        if node.has(od.SYNC_OVERFLOW):
+            if node.read(od.SYNC_OVERFLOW) != overflow:
+                node.write_optional(od.CYCLE_PERIOD, 0)
+                node.write_checked(od.SYNC_OVERFLOW, overflow)
+        elif overflow:
+            raise ConfigurationError(
+                "is not offered: the drive would refuse a SYNC with a counter",
+                axis=self.name, obj=od.SYNC_OVERFLOW,
             )  # fmt: skip
 
     def _check_modes(self) -> None:
@@ -172,6 +250,7 @@ class Axis:
             AxisFault: it shows another one after `MODE_TIMEOUT`.
         """
         self.node.write(od.MODE, mode)
+        self.mode = mode
         deadline = self._network.clock.now_ns() + round(MODE_TIMEOUT * 1e9)
         while (shown := self.node.read(od.MODE_DISPLAY)) != mode:
             if self._network.clock.now_ns() >= deadline:

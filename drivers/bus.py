@@ -1,17 +1,16 @@
 """The host's end of the bus: one owner, no thread, no callback on the wall clock.
 
 `Network` is canopen's network without its Notifier: whoever waits pumps. It is the only reader of
-the bus, feeds canopen's services (SDO client, heartbeat, EMCY) through `notify`, sends the host's
-heartbeat when due, and shows every frame to the `tap`. The cyclic path (`cycle.py`) reads the
-same bus in its own loop and hands over what is not process data.
+the bus, feeds the services (SDO, heartbeat, EMCY) through `notify`, sends the host's heartbeat when
+due, and shows every frame to the `tap`. The cyclic path (`cycle.py`) reads the same bus in its own
+loop and hands over what is not process data. One thread at a time: `lock` is held by who pumps.
 """
 
 from __future__ import annotations
 
 import logging
-import queue
 import struct
-from collections import deque
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -52,54 +51,34 @@ def _line(problem: BaseException) -> str:
     return " ".join(str(problem).split()) or type(problem).__name__
 
 
-class PumpedResponses:
-    """Stands in for the queue of an SDO client: waiting for an answer pumps the bus."""
-
-    def __init__(self, network: Network) -> None:
-        self._network = network
-        self._answers: deque[bytes] = deque()
-
-    def put(self, answer: bytes) -> None:
-        """Called by the SDO client's callback for each answer received."""
-        self._answers.append(answer)
-
-    def empty(self) -> bool:
-        """Reads what has come in, forgets late answers; always True: nothing pending is ours."""
-        self._network.pump(0.0)
-        self._answers.clear()
-        return True
-
-    def get(self, block: bool = True, timeout: float | None = None) -> bytes:
-        """The next answer.
-
-        Raises:
-            queue.Empty: none within `timeout` [s of the network's clock].
-        """
-        wait = timeout if block and timeout is not None else 0.0
-        if not self._network.pump_until(lambda: bool(self._answers), wait):
-            raise queue.Empty
-        return self._answers.popleft()
-
-
 class Network(canopen.Network):
     """A canopen network that its owner pumps.
 
     Attributes:
         clock: the time everything here runs in.
         tap: sees every frame, or None.
+        beats: whether the host's heartbeat goes out; not from an onlooker, for whom drives
+            would go on when their real host is gone.
         own_ids: CAN-IDs that the host sends. Seen again, they are its own echo (udp_multicast
             loops frames back), since an id has one sender.
         watchers: called about every 25 ms of clock time with the time [ns] (heartbeat deadlines).
         service_due: when `service` has to be called next [ns].
+        lock: held by the thread that sends and receives.
+        dispatching: inside the callbacks of a received frame, which must not wait for another.
     """
 
-    def __init__(self, bus: can.BusABC, label: str, tap: Tap | None = None) -> None:
+    def __init__(
+        self, bus: can.BusABC, label: str, tap: Tap | None = None, beats: bool = True
+    ) -> None:
         super().__init__(bus)
         self.label = label
+        self.beats = beats
         self.clock: Clock = clock_of(bus)
         self.tap = tap
         self.own_ids: set[int] = set()
         self.watchers: list[Callable[[int], None]] = []
+        self.lock = threading.RLock()
+        self.dispatching = False
         self._beat_due = self.service_due = self.clock.now_ns()
 
     def connect(self, *args: Any, **kwargs: Any) -> Network:
@@ -111,11 +90,6 @@ class Network(canopen.Network):
         for node_id in list(self.nodes):
             del self[node_id]
         self.bus = None
-
-    def __setitem__(self, node_id: int, node: Any) -> None:
-        super().__setitem__(node_id, node)
-        for channel in getattr(node, "sdo_channels", ()):
-            channel.responses = PumpedResponses(self)
 
     def send_message(self, can_id: int, data: Any, remote: bool = False) -> None:
         """Sends one frame.
@@ -149,15 +123,18 @@ class Network(canopen.Network):
             return
         if self.tap is not None:
             self.tap(self.clock.now_ns(), message.arbitration_id, bytes(message.data))
+        self.dispatching = True
         try:
             self.notify(message.arbitration_id, message.data, message.timestamp)
         except struct.error:
             pass  # an emergency or heartbeat of the wrong length: no such service
+        finally:
+            self.dispatching = False
 
     def service(self, now: int) -> None:
         """Sends the host's heartbeat when due, and lets the watchers look at their deadlines."""
         self.service_due = now + SERVICE_NS
-        if now >= self._beat_due:
+        if self.beats and now >= self._beat_due:
             # not `+= period`: after a long computation one beat, not a burst
             self._beat_due = max(self._beat_due + HEARTBEAT_NS, now + HEARTBEAT_NS // 2)
             self.send_message(0x700 + HOST_NODE, _HOST_OPERATIONAL)
@@ -181,6 +158,10 @@ class Network(canopen.Network):
         Raises:
             BusError: the bus cannot be read.
         """
+        with self.lock:
+            return self._pump_until(condition, timeout)
+
+    def _pump_until(self, condition: Callable[[], bool], timeout: float) -> bool:
         deadline = self.clock.now_ns() + round(timeout * 1e9)
         while not condition():
             now = self.clock.now_ns()

@@ -59,6 +59,7 @@ class Control(IntFlag):
 class Status(IntFlag):
     """Statusword bits outside the state."""
 
+    VOLTAGE_ENABLED = 0x0010
     WARNING = 0x0080
     REMOTE = 0x0200
     TARGET_REACHED = 0x0400

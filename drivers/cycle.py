@@ -11,6 +11,7 @@ Mappings are those of `axis.py`: (controlword, target, offset) and (statusword, 
 from __future__ import annotations
 
 from array import array
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 
 import can
@@ -38,30 +39,46 @@ class Channel:
         controlword, target, offset: of the next RPDO (outside streams) or the last one.
         statusword, position, force: of the last TPDO; `seen` is False before the first.
         valid: whether the last cycle brought a TPDO.  arrival: its time after the SYNC [ns].
-        missed: TPDOs missed in a row.
+        missed: TPDOs missed in a row.  told: last controlwords, each once, oldest first.
     """
 
     __slots__ = (
         "arrival", "axis", "controlword", "force", "missed", "offset", "position", "rpdo",
-        "seen", "size", "statusword", "target", "unpack", "valid",
+        "seen", "size", "statusword", "target", "told", "unpack", "valid",
     )  # fmt: skip
 
     def __init__(self, axis: Axis) -> None:
         self.axis = axis
-        self.rpdo = can.Message(
-            arbitration_id=axis.rpdo_id, is_extended_id=False, data=bytes(axis.rpdo.codec.size)
-        )
-        self.unpack = axis.tpdo.codec.unpack
-        self.size = axis.tpdo.codec.size
+        self.told: deque[int] = deque(maxlen=4)
+        self.adapt()
         self.controlword = self.target = self.offset = 0
         self.statusword = self.position = self.force = 0
         self.seen = self.valid = False
         self.arrival = -1
         self.missed = 0
 
+    def adapt(self) -> None:
+        """Takes over the axis' mappings."""
+        axis = self.axis
+        self.rpdo = can.Message(
+            arbitration_id=axis.rpdo_id, is_extended_id=False, data=bytes(axis.rpdo.codec.size)
+        )
+        unpack = axis.tpdo.codec.unpack
+        self.size = axis.tpdo.codec.size
+        # a drive that tells no force: it reads 0
+        self.unpack: Callable[[bytes | bytearray], tuple[int, ...]] = (
+            unpack if axis.tells_force else lambda data: (*unpack(data), 0)
+        )
+
     def frame(self) -> bytes:
         """The RPDO of the present command."""
-        return self.axis.rpdo.codec.pack(self.controlword, self.target, self.offset)
+        word = self.controlword
+        if not self.told or self.told[-1] != word:
+            self.told.append(word)
+        if self.axis.takes_force_offset:
+            return self.axis.rpdo.codec.pack(word, self.target, self.offset)
+        self.offset = 0
+        return self.axis.rpdo.codec.pack(word, self.target)
 
 
 class Cycle:
@@ -74,7 +91,12 @@ class Cycle:
     """
 
     def __init__(
-        self, network: Network, axes: Sequence[Axis], period_ns: int, max_missed: int
+        self,
+        network: Network,
+        axes: Sequence[Axis],
+        period_ns: int,
+        max_missed: int,
+        sync_counter: int = 0,
     ) -> None:
         self.channels = tuple(Channel(axis) for axis in axes)
         self.missed = self.late = self.skipped = self.stale = 0
@@ -84,6 +106,7 @@ class Cycle:
         self._max_missed = max_missed
         self._by_id = {c.axis.tpdo_id: c for c in self.channels}
         self._sync = can.Message(arbitration_id=SYNC_ID, is_extended_id=False, data=b"")
+        self._overflow, self._count = sync_counter, 0
         self._grid = network.clock.now_ns()
         self._due = self._grid
         self._origin: int | None = None
@@ -118,6 +141,7 @@ class Cycle:
         for channel in self.channels:
             channel.seen = channel.valid = False
             channel.controlword = channel.offset = 0
+            channel.told.clear()
 
     def clear_alarms(self) -> None:
         """Forgets the nodes' alarms and missed frames."""
@@ -167,6 +191,9 @@ class Cycle:
             AxisFault: an axis leaves OPERATION ENABLED, alarms, or its data stay away.
         """
         channels = self.channels
+        for j, channel in enumerate(channels):
+            if not channel.axis.takes_force_offset:
+                offsets[:, j] = 0
         # made row by row: thousands of rows at once would make the first SYNC late
         frames = [self._frames(c, targets[:, j], offsets[:, j]) for j, c in enumerate(channels)]
         setpoints = [
@@ -211,13 +238,15 @@ class Cycle:
         self, channel: Channel, targets: NDArray[np.int64], offsets: NDArray[np.int64]
     ) -> Iterator[bytes]:
         """The RPDOs of a stream, packed at once."""
-        names = ("controlword", "target", "offset")
+        names = ("controlword", "target", "offset")[: len(channel.axis.rpdo.entries)]
         codes = [e.code for e in channel.axis.rpdo.entries]
         block = np.empty(
             len(targets), dtype=[(n, "<" + c) for n, c in zip(names, codes, strict=True)]
         )
         block["controlword"] = channel.controlword
-        block["target"], block["offset"] = targets, offsets
+        block["target"] = targets
+        if len(names) > 2:
+            block["offset"] = offsets
         data, size = block.tobytes(), block.dtype.itemsize
         return (data[i : i + size] for i in range(0, len(data), size))
 
@@ -266,8 +295,12 @@ class Cycle:
                 due += passed * self._period
             self._sent = due
             self._due = due + self._period
+            if self._overflow:
+                self._count = self._count % self._overflow + 1
+                self._sync.data = bytearray((self._count,))
+                self._sync.dlc = 1
             if tap is not None:
-                tap(now, SYNC_ID, b"")
+                tap(now, SYNC_ID, bytes(self._sync.data))
             send(self._sync)
             self._collect(recv, now, now + self._window)
         except (can.CanError, OSError) as why:

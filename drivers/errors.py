@@ -13,7 +13,12 @@ The text is one line, `axis x: 0x6065:00 following error window: cause`.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from drivers.objects import ObjectRef
+
+if TYPE_CHECKING:
+    from drivers.diagnosis import FaultReport
 
 
 class DriverError(Exception):
@@ -73,6 +78,7 @@ class AxisFault(DriverError):  # noqa: N818
 
     Attributes:
         code: error code (EMCY or 0x603F), None where the drive told none.
+        report: all that is known (`diagnosis.FaultReport`), None where nobody looked yet.
     """
 
     def __init__(
@@ -82,9 +88,11 @@ class AxisFault(DriverError):  # noqa: N818
         axis: str | None = None,
         obj: ObjectRef | None = None,
         code: int | None = None,
+        report: FaultReport | None = None,
     ) -> None:
         super().__init__(cause, axis=axis, obj=obj)
         self.code = code
+        self.report = report
 
 
 class HomingError(AxisFault):

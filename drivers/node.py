@@ -1,13 +1,14 @@
 """One CANopen node: NMT, boot-up, identity, SDO access with checks, heartbeat and EMCY watch.
 
-The object dictionary, the SDO protocol and NMT come from canopen; what is added here is errors
-that name axis and object, one retry of a lost SDO, read-back, and alarms kept for the cyclic path
-to look at (callbacks never raise and never talk).
+The object dictionary comes from canopen; what is added here is errors that name axis and object,
+one retry of a lost SDO, read-back, and alarms kept for the cyclic path to look at (callbacks never
+raise and never talk).
 """
 
 from __future__ import annotations
 
 import struct
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
@@ -19,6 +20,7 @@ from drivers.bus import Network
 from drivers.errors import ConfigurationError, NodeError
 from drivers.faults import error_text, register_text
 from drivers.objects import ObjectRef
+from drivers.sdo_channel import SdoChannel
 from drivers.settings import HOST_NODE, AxisSettings
 
 T = TypeVar("T")
@@ -76,6 +78,7 @@ class Node:
         alarm: the first alarm since `clear_alarms`, None when there was none.
         watched: whether silence, a reboot or leaving OPERATIONAL is an alarm.
         booted: number of boot-up messages seen.
+        emergencies: EMCY error codes since `clear_alarms`, oldest first.
     """
 
     def __init__(self, network: Network, settings: AxisSettings) -> None:
@@ -84,12 +87,12 @@ class Node:
         self.alarm: Alarm | None = None
         self.watched = False
         self.booted = 0
+        self.emergencies: deque[int] = deque(maxlen=8)
         self.state: int | None = None
         self._heard_ns = network.clock.now_ns()
         self._network = network
-        self._remote = canopen.RemoteNode(settings.node, load_dictionary(settings))
-        self._remote.sdo.RESPONSE_TIMEOUT = SDO_TIMEOUT
-        network.add_node(self._remote)
+        self._dictionary = load_dictionary(settings)
+        self._sdo = SdoChannel(network, settings.node, SDO_TIMEOUT)
         network.subscribe(0x700 + self.id, self._on_heartbeat)
         network.subscribe(0x80 + self.id, self._on_emergency)
         network.watchers.append(self._watch)
@@ -115,6 +118,7 @@ class Node:
             return
         code, register = struct.unpack_from("<HB", data)
         if code & 0xFF00:
+            self.emergencies.append(code)
             text = f"emergency: {error_text(code)}, error register: {register_text(register)}"
             self._raise(Alarm(text, code))
 
@@ -133,7 +137,13 @@ class Node:
     def clear_alarms(self) -> None:
         """Forgets what was said so far; the heartbeat deadline starts anew."""
         self.alarm = None
+        self.emergencies.clear()
         self._heard_ns = self._network.clock.now_ns()
+
+    @property
+    def nmt_state(self) -> str | None:
+        """NMT state from the last heartbeat, None before the first."""
+        return None if self.state is None else _NMT_STATES.get(self.state, str(self.state))
 
     # -- NMT --------------------------------------------------------------------------------
 
@@ -157,12 +167,12 @@ class Node:
         self._check_identity()
 
     def _check_identity(self) -> None:
-        info = self._remote.object_dictionary.device_information
+        info = self._dictionary.device_information
         for ref, from_info in (
             (od.VENDOR_ID, info.vendor_number),
             (od.PRODUCT_CODE, info.product_number),
         ):
-            variable = self._remote.object_dictionary.get_variable(ref.index, ref.sub)
+            variable = self._dictionary.get_variable(ref.index, ref.sub)
             expected = variable.default if variable is not None else None
             expected = from_info if expected is None else expected
             if expected is None:
@@ -173,7 +183,7 @@ class Node:
                     f"is 0x{found:08X}, the EDS describes 0x{expected:08X}: another device",
                     axis=self.name, obj=ref,
                 )  # fmt: skip
-        revision = self._remote.object_dictionary.get_variable(0x1018, od.REVISION.sub)
+        revision = self._dictionary.get_variable(0x1018, od.REVISION.sub)
         if revision is not None and revision.default is not None:
             # the major number stands for the CANopen behaviour, the minor one for the firmware
             described, found = revision.default >> 16, self.read(od.REVISION) >> 16
@@ -223,12 +233,29 @@ class Node:
         self.watched = False
         if self._watch in self._network.watchers:
             self._network.watchers.remove(self._watch)
+        self._sdo.detach()
 
     # -- SDO --------------------------------------------------------------------------------
 
     def offers(self, obj: ObjectRef) -> bool:
         """Whether the EDS lists the object."""
         return self._variable(obj) is not None
+
+    def has(self, obj: ObjectRef) -> bool:
+        """Whether the EDS lists the object and the node lets it be read.
+
+        Raises:
+            NodeError: no answer.
+        """
+        if not self.offers(obj):
+            return False
+        try:
+            self.read(obj)
+        except NodeError as refused:
+            if refused.abort_code not in _NOT_OFFERED:
+                raise
+            return False
+        return True
 
     def data_type(self, obj: ObjectRef) -> int:
         """CiA 301 data type number of the object, from the EDS.
@@ -247,11 +274,29 @@ class Node:
         Raises:
             NodeError: no answer, or the node aborts the access.
         """
-        data = self._attempt("read", obj, lambda: self._remote.sdo.upload(obj.index, obj.sub))
+        data = self._attempt("read", obj, lambda: self._sdo.upload(obj.index, obj.sub))
         variable = self._variable(obj)
+        if variable is not None and len(data) * 8 > len(variable) >= 8:
+            data = data[: len(variable) // 8]  # some drives send four bytes for any number
         if variable is None or len(data) * 8 != len(variable):
             return int.from_bytes(data, "little")
         return int(variable.decode_raw(data))
+
+    def error_history(self, length: int) -> tuple[int, ...]:
+        """The newest error codes of 0x1003, newest first; empty where the node keeps none.
+
+        Raises:
+            NodeError: no answer.
+        """
+        codes = []
+        try:
+            count = self.read(od.ERROR_COUNT) if self.offers(od.ERROR_COUNT) else 0
+            for sub in range(1, min(count, length) + 1):
+                codes.append(self.read(ObjectRef(0x1003, sub, "error history")) & 0xFFFF)
+        except NodeError as refused:
+            if refused.abort_code is None:
+                raise
+        return tuple(codes)
 
     def write(self, obj: ObjectRef, value: int) -> None:
         """Writes an integer object by SDO.
@@ -272,7 +317,7 @@ class Node:
         self._attempt(
             f"write of {value}",
             obj,
-            lambda: self._remote.sdo.download(obj.index, obj.sub, data),
+            lambda: self._sdo.download(obj.index, obj.sub, data),
         )
 
     def write_checked(self, obj: ObjectRef, value: int) -> None:
@@ -309,7 +354,7 @@ class Node:
         return True
 
     def _variable(self, obj: ObjectRef) -> canopen.objectdictionary.ODVariable | None:
-        return self._remote.object_dictionary.get_variable(obj.index, obj.sub)
+        return self._dictionary.get_variable(obj.index, obj.sub)
 
     def _attempt(self, what: str, obj: ObjectRef, access: Callable[[], T]) -> T:
         for left in reversed(range(SDO_ATTEMPTS)):

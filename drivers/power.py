@@ -13,7 +13,6 @@ from drivers import objects as od
 from drivers.cia402 import Command, Control, Mode, State, decode, next_controlword
 from drivers.cycle import Channel, Cycle
 from drivers.errors import AxisFault, DriverError, NodeError
-from drivers.faults import error_text
 
 TIMEOUT = 2.0
 """For a change of power state without motion [s]."""
@@ -24,6 +23,10 @@ RINGING_TIMEOUT = 0.3
 REST_SYNCS = 20
 REST_BAND = 50e-9
 """An axis rests when it stays within this band [m] for `REST_SYNCS`."""
+UNHEARD = 0.02
+"""An axis that is silent or still enabled so long after a quick stop is told by SDO, too [s]."""
+GIVEN_UP = 0.6
+"""A silent axis is waited for so long; its drive has missed our heartbeat by then [s]."""
 OFFSET_RAMP = 0.05
 """Time in which a force offset is taken back before an axis is disabled [s]."""
 
@@ -38,22 +41,14 @@ def state_of(channel: Channel) -> State:
 
 
 def fault(channel: Channel, what: str) -> AxisFault:
-    """An `AxisFault` with everything the axis tells: statusword, emergency, error code.
-
-    Reads 0x603F by SDO: not for use between the SYNCs of a stream.
-    """
-    axis = channel.axis
-    code = axis.error_code()
-    alarm = axis.node.alarm
-    parts = [what]
-    if alarm is not None:
-        parts.append(alarm.cause)
-    if code:
-        parts.append(f"error code {error_text(code)}")
+    """An `AxisFault` with the axis' statusword and first emergency; `diagnosis` adds the rest."""
+    alarm = channel.axis.node.alarm
+    parts = [what] if alarm is None else [what, alarm.cause]
     parts.append(f"statusword 0x{channel.statusword:04X} ({state_of(channel)})")
-    if not code and alarm is not None:
-        code = alarm.code
-    return AxisFault("; ".join(parts), axis=axis.name, obj=od.ERROR_CODE, code=code or None)
+    return AxisFault(
+        "; ".join(parts), axis=channel.axis.name, obj=od.STATUSWORD,
+        code=None if alarm is None else alarm.code,
+    )  # fmt: skip
 
 
 class Power:
@@ -61,10 +56,12 @@ class Power:
 
     Attributes:
         mode: mode of operation that all axes were set to last, None before the first.
+        loose: names of axes that were led towards power and have not been seen without it since.
     """
 
     def __init__(self, cycle: Cycle, period: float) -> None:
         self.mode: Mode | None = None
+        self.loose: set[str] = set()
         self._cycle = cycle
         self._period = period
 
@@ -131,6 +128,7 @@ class Power:
             AxisFault: an axis is in or falls into FAULT, or does not get there in time.
         """
         chosen = self.channels if channels is None else channels
+        self.loose.update(c.axis.name for c in chosen)
         for _ in self._cycles(TIMEOUT):
             waiting = False
             for channel in chosen:
@@ -204,6 +202,9 @@ class Power:
     def quick_stop(self, timeout: float) -> None:
         """Quick-stops all axes at once and waits until none is moving under power.
 
+        Setpoints or SYNC may not get through where SDO does, so that is tried as well. Axes that
+        stay silent are given the time in which their drives notice that we do not reach them.
+
         Raises:
             AxisFault: an axis is still enabled or still stopping after `timeout` [s].
             BusError: the bus fails.
@@ -212,7 +213,7 @@ class Power:
         for channel in self.channels:
             channel.controlword, channel.offset = int(Command.QUICK_STOP), 0
         last: tuple[int, ...] = ()
-        for _ in self._cycles(timeout, blind=True):
+        for count, _ in enumerate(self._cycles(max(timeout, GIVEN_UP), blind=True)):
             positions = tuple(c.position for c in self.channels)
             still, last = positions == last, positions
             states = [state_of(c) for c in self.channels if c.valid]
@@ -220,8 +221,13 @@ class Power:
             if not any(
                 s in moving and (s is not State.QUICK_STOP_ACTIVE or not still) for s in states
             ):
-                if all(c.valid or c.missed > 1 for c in self.channels):
+                if len(states) == len(self.channels) or count * self._period >= GIVEN_UP:
                     return
+            if count == round(UNHEARD / self._period):
+                self.attempt_by_sdo(
+                    Command.QUICK_STOP,
+                    [c for c in self.channels if not c.valid or state_of(c) is moving[0]],
+                )
         for channel in self.channels:
             if channel.valid and state_of(channel) in moving:
                 raise AxisFault(
@@ -230,8 +236,42 @@ class Power:
                     axis=channel.axis.name, obj=od.STATUSWORD,
                 )  # fmt: skip
 
+    def halt(self, timeout: float) -> None:
+        """Halts all enabled axes by controlword bit 8; they end at rest, holding where they are.
+
+        Raises:
+            AxisFault: an axis faults, or still moves after `timeout` [s].
+            BusError: the bus fails.
+        """
+        recent: deque[tuple[int, ...]] = deque(maxlen=REST_SYNCS)
+        for channel in self.channels:
+            channel.controlword |= int(Control.HALT)
+            channel.offset = 0
+        for _ in self._cycles(timeout):
+            recent.append(tuple(c.position for c in self.channels))
+            for channel in self.channels:
+                if channel.valid and state_of(channel) is not State.OPERATION_ENABLED:
+                    raise fault(channel, "left OPERATION ENABLED on the way to a halt")
+            still = len(recent) == REST_SYNCS and all(
+                max(p) - min(p) <= REST_BAND / c.axis.scale.increment
+                for p, c in zip(zip(*recent, strict=True), self.channels, strict=True)
+            )
+            # bit 10 says velocity 0 with halt; a drive without it is believed at rest
+            if still and all(c.valid for c in self.channels):
+                break
+        else:
+            raise fault(self.channels[0], f"still moves {timeout:g} s after halt")
+        for channel in self.channels:
+            channel.target = channel.position
+            channel.controlword &= ~int(Control.HALT)
+        self._cycle.resume()
+        self._cycle.exchange()
+
     def switch_off(self) -> None:
         """Power off on all axes, whatever state they are in; stays silent about faults.
+
+        Where the process data do not show it, SDO is tried; what is still not known to be without
+        power stays in `loose`.
 
         Raises:
             BusError: the bus fails.
@@ -241,15 +281,37 @@ class Power:
         off = (State.SWITCH_ON_DISABLED, State.FAULT, State.NOT_READY_TO_SWITCH_ON)
         for _ in self._cycles(TIMEOUT, blind=True):
             if all(state_of(c) in off if c.valid else c.missed > 1 for c in self.channels):
-                return
-
-    def attempt_by_sdo(self, command: Command) -> None:
-        """Writes a controlword by SDO where the cyclic path is no way; errors are passed over."""
+                break
+        doubtful = [c for c in self.channels if not (c.valid and state_of(c) in off)]
+        self.attempt_by_sdo(Command.DISABLE_VOLTAGE, doubtful)
         for channel in self.channels:
+            if channel not in doubtful or self._state_by_sdo(channel) in off:
+                self.loose.discard(channel.axis.name)
+
+    def attempt_by_sdo(self, command: Command, channels: Sequence[Channel] | None = None) -> None:
+        """Writes a controlword by SDO where the cyclic path is no way; errors are passed over.
+
+        Args:
+            command: to be written.
+            channels: of these axes, all by default.
+        """
+        chosen = self.channels if channels is None else channels
+        for channel in chosen:
             try:
                 channel.axis.node.write(od.CONTROLWORD, int(command))
             except DriverError:
                 continue
+        if chosen:
+            self._cycle.resume()
+
+    def _state_by_sdo(self, channel: Channel) -> State | None:
+        """The power state that the drive tells when asked, None where it does not answer."""
+        try:
+            return decode(channel.axis.node.read(od.STATUSWORD))
+        except DriverError:
+            return None
+        finally:
+            self._cycle.resume()
 
     def _cycles(self, timeout: float, blind: bool = False) -> Cycles:
         return Cycles(self._cycle, timeout, self._period, blind)

@@ -13,6 +13,8 @@ from drivers.errors import AxisFault
 from drivers.power import Cycles, fault, state_of
 
 HANDSHAKE_TIMEOUT = 0.5
+NEAR = 5e-6
+"""A drive that never acknowledges is believed to have begun when it moved this far [m]."""
 SETTLING_TIMEOUT = 2.0
 """Beyond the profile's own duration [s]."""
 
@@ -36,7 +38,20 @@ def move(cycle: Cycle, channel: Channel, target: int, duration: float, period: f
         cycle, channel, Status.SETPOINT_ACKNOWLEDGED, False, HANDSHAKE_TIMEOUT, period, "is ready"
     )
     channel.controlword = enabled | int(Control.NEW_SETPOINT)
-    _wait(cycle, channel, Status.SETPOINT_ACKNOWLEDGED, True, HANDSHAKE_TIMEOUT, period, "takes")
+    before = channel.position
+    try:
+        _wait(
+            cycle, channel, Status.SETPOINT_ACKNOWLEDGED, True, HANDSHAKE_TIMEOUT, period, "takes"
+        )
+    except AxisFault as unanswered:
+        # Some drives move without acknowledging; one that does neither has not taken it.
+        near = round(NEAR / channel.axis.scale.increment)
+        moved = abs(channel.position - before) > near or abs(channel.position - target) <= near
+        if not moved or state_of(channel) is not State.OPERATION_ENABLED:
+            raise unanswered
+        channel.axis.limited(
+            "statusword bit 12 in pp is not offered: set-points are not acknowledged"
+        )
     channel.controlword = enabled
     _wait(
         cycle, channel, Status.SETPOINT_ACKNOWLEDGED, False, HANDSHAKE_TIMEOUT, period, "releases"

@@ -30,16 +30,23 @@ class BusSettings:
         channel: as that interface names it.
         bitrate: [bit/s]; ignored by interfaces without one.
         sync_period: Ts [s], a whole number of microseconds.
+        sync_counter: SYNC carries a counter 1..this (0x1019), 2..240; 0: it carries none.
     """
 
     interface: str
     channel: str
     bitrate: int = 1_000_000
     sync_period: float = 1e-3
+    sync_counter: int = 0
 
     def __post_init__(self) -> None:
         _require(bool(self.interface), None, "bus interface", "is empty")
         _require(self.bitrate > 0, None, "bitrate", f"must be > 0, is {self.bitrate!r}")
+        counter = self.sync_counter
+        _require(
+            counter == 0 or 2 <= counter <= 240,
+            None, "sync_counter", f"must be 0 or 2..240, is {counter!r}",
+        )  # fmt: skip
         period = self.sync_period
         _require(_finite(period) and period > 0, None, "sync_period", f"must be > 0, is {period!r}")
         _require(

@@ -1,29 +1,34 @@
 """The stage as the application sees it: axes booted, homed, enabled, streamed and stopped together.
 
 A fault of one axis stops all of them. Setpoints are csp (0x607A and 0x60B2, one pair a SYNC); pp
-and hm serve jogging and homing. Single-threaded: the host's heartbeat goes out while something
-here runs, and the drives stop by themselves when the host stays silent for 0.5 s (`idle` waits
-without that).
+and hm serve jogging and homing. The host's heartbeat goes out while something here runs, and the
+drives stop by themselves when the host stays silent for 0.5 s (`idle` waits without that). One
+thread at a time has the bus; objects can be read and written from any thread meanwhile
+(`axis.node`), during a stream between its SYNCs.
 """
 
 from __future__ import annotations
 
+import functools
 from array import array
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from types import TracebackType
+from typing import Concatenate, ParamSpec, TypeVar
 
 import can
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers import homing, profile_position
+from drivers import objects as od
 from drivers.axis import Axis
 from drivers.bus import Network, Tap, open_bus
 from drivers.cia402 import Command, Mode, State
 from drivers.clock import Clock
 from drivers.cycle import Channel, Cycle, Sink, Until
+from drivers.diagnosis import Evidence, explained
 from drivers.errors import AxisFault, BusError, ConfigurationError, DriverError, LimitError
-from drivers.faults import error_text
 from drivers.limits import checked_counts
 from drivers.power import HOLDING_TIMEOUT, RINGING_TIMEOUT, Power
 from drivers.samples import Samples
@@ -31,6 +36,23 @@ from drivers.settings import AxisSettings, BusSettings
 
 MAX_MISSED = 5
 """TPDOs that may stay away in a row."""
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def _exclusive(
+    method: Callable[Concatenate[Stage, P], R],
+) -> Callable[Concatenate[Stage, P], R]:
+    """Holds the bus for all of an operation, so that no other thread reads it in between."""
+
+    @functools.wraps(method)
+    def held(stage: Stage, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        with stage._network.lock:  # noqa: SLF001  a method's wrapper
+            return method(stage, *args, **kwargs)
+
+    return held
 
 
 class Stage:
@@ -57,7 +79,7 @@ class Stage:
         _check_unique(axes)
         self._network = Network(bus_object, str(bus), tap)
         self.axes = tuple(Axis(self._network, axis) for axis in axes)
-        self._cycle = Cycle(self._network, self.axes, bus.period_ns, max_missed)
+        self._cycle = Cycle(self._network, self.axes, bus.period_ns, max_missed, bus.sync_counter)
         self._power = Power(self._cycle, bus.sync_period)
 
     @classmethod
@@ -145,6 +167,11 @@ class Stage:
         return tuple(c.offset * c.axis.scale.force for c in self._cycle.channels)
 
     @property
+    def limitations(self) -> tuple[str, ...]:
+        """What the drives do without and what follows, known after `boot`; empty: nothing."""
+        return tuple(f"axis {a.name}: {clause}" for a in self.axes for clause in a.limitations)
+
+    @property
     def missed(self) -> int:
         """Process data frames that stayed away, since opening."""
         return self._cycle.missed
@@ -156,6 +183,7 @@ class Stage:
 
     # -- life cycle -------------------------------------------------------------------------
 
+    @_exclusive
     def boot(self) -> None:
         """Resets, identifies and configures all nodes and makes them OPERATIONAL.
 
@@ -169,11 +197,14 @@ class Stage:
             axis.node.boot()
         for axis in self.axes:
             axis.configure(self.settings)
+        for channel in self._cycle.channels:
+            channel.adapt()
         self._network.service(self._network.clock.now_ns())
         for axis in self.axes:
             axis.node.start()
         self._cycle.clear_alarms()
 
+    @_exclusive
     def home(self, force: bool = False) -> None:
         """Homes all axes that are not homed yet (all with `force`).
 
@@ -186,24 +217,22 @@ class Stage:
         chosen = [c for c in self._cycle.channels if force or not c.axis.homed]
         if not chosen:
             return
-        try:
+        with self._stopping():
             self._enter(Mode.HOMING, chosen)
             homing.home(self._cycle, chosen, self.settings.sync_period)
             # the drive is done when its demand is; what the loop still owes would become a
             # step of the target when csp takes over from the actual position
             self._power.wait_for_rest(HOLDING_TIMEOUT)
             self._cycle.check_alarms()
-        except BaseException:
-            self.safe_stop()
-            raise
 
+    @_exclusive
     def enable(self) -> None:
         """Closes the loops of all axes in csp where they stand; harmless when enabled already.
 
         Raises:
             AxisFault: an axis is in fault, or does not get there.
         """
-        try:
+        with self._stopping():
             if self._power.enabled and self._power.mode is Mode.CYCLIC_SYNC_POSITION:
                 self._network.pump(0.0)
                 self._cycle.resume()
@@ -211,9 +240,6 @@ class Stage:
                 if self._power.enabled:
                     return
             self._enter(Mode.CYCLIC_SYNC_POSITION, self._cycle.channels)
-        except BaseException:
-            self.safe_stop()
-            raise
 
     def _enter(self, mode: Mode, channels: Sequence[Channel]) -> None:
         """Axes enabled in the new mode.
@@ -230,11 +256,18 @@ class Stage:
         self._power.set_mode(mode)
         self._power.go(State.OPERATION_ENABLED, channels)
 
+    @_exclusive
     def disable(self) -> None:
-        """Takes the force offsets back, then opens the loops of all axes."""
+        """Takes the force offsets back, then opens the loops of all axes.
+
+        Raises:
+            AxisFault: an axis faults meanwhile, or does not tell that it is without power.
+        """
         self._power.ramp_offsets_out()
         self._power.switch_off()
+        self._check_loose()
 
+    @_exclusive
     def quick_stop(self) -> None:
         """Stops all axes at their quick-stop deceleration; they end without power.
 
@@ -242,27 +275,43 @@ class Stage:
             AxisFault: an axis does not stop in time.
             BusError: the bus fails.
         """
-        slowest = max(s.velocity / s.acceleration for s in (a.settings for a in self.axes))
-        self._power.quick_stop(slowest + 0.5)
+        self._power.quick_stop(self._stopping_time() + 0.5)
         self._power.switch_off()
 
+    @_exclusive
+    def halt(self) -> None:
+        """Stops all axes by controlword bit 8 (0x605D); they end holding where they stand.
+
+        Raises:
+            AxisFault: the stage is not enabled, or an axis does not come to rest; all are stopped.
+        """
+        if not self.enabled:
+            raise AxisFault("the stage is not enabled", axis=self._not_enabled())
+        with self._stopping():
+            self._power.halt(10 * self._stopping_time() + HOLDING_TIMEOUT)
+
+    @_exclusive
     def reset_faults(self) -> None:
         """Acknowledges all faults; `enable` is the next step.
 
         Raises:
             AxisFault: a fault stays.
         """
-        self._power.reset_faults()
+        with self._stopping():
+            self._power.reset_faults()
 
+    @_exclusive
     def idle(self, duration: float) -> None:
         """Waits for `duration` [s], keeping heartbeats up both ways.
 
         Raises:
             AxisFault: an axis says something meanwhile.
         """
-        self._network.pump(duration)
-        self._cycle.check_alarms()
+        with self._stopping():
+            self._network.pump(duration)
+            self._cycle.check_alarms()
 
+    @_exclusive
     def safe_stop(self) -> None:
         """Quick stop and power off wherever it still reaches; never raises."""
         try:
@@ -274,6 +323,7 @@ class Stage:
                 except Exception:  # noqa: BLE001  nothing is left to try
                     return
 
+    @_exclusive
     def close(self) -> None:
         """Stops and disables what is still moving, lets go of nodes and bus; never raises."""
         if not self._open:
@@ -285,10 +335,13 @@ class Stage:
             except Exception:  # noqa: BLE001
                 self.safe_stop()
         for axis in self.axes:
-            try:
-                axis.node.release()
-            except (DriverError, BusError):
-                pass
+            # A drive that may still be under power keeps its watch over our heartbeat: it will
+            # stop when that is missing.
+            if axis.name not in self._power.loose:
+                try:
+                    axis.node.release()
+                except (DriverError, BusError):
+                    pass
             axis.node.detach()
         self._network.disconnect()
         if self._owned is not None:
@@ -296,6 +349,7 @@ class Stage:
 
     # -- motion -----------------------------------------------------------------------------
 
+    @_exclusive
     def stream(
         self,
         position: NDArray[np.float64],
@@ -325,16 +379,16 @@ class Stage:
             position, offset, axes, [c.target for c in channels], self.settings.sync_period
         )
         rows = array("q")
-        try:
+        with self._stopping():
             self._cycle.stream(targets, offsets, rows, self.sink, until)
-        except AxisFault as problem:
-            self.safe_stop()
-            raise self._explained(problem) from problem
-        except BaseException:
-            self.safe_stop()
-            raise
         return Samples.from_rows(rows, [c.axis.scale for c in channels])
 
+    def hold(self, duration: float) -> Samples:
+        """Streams the present targets and offsets for `duration` [s]; raises as `stream`."""
+        rows = max(1, round(duration / self.settings.sync_period))
+        return self.stream(np.tile(self.targets, (rows, 1)), np.tile(self.offsets, (rows, 1)))
+
+    @_exclusive
     def move_to(self, axis: str, position: float, velocity: float, acceleration: float) -> None:
         """Moves one axis by the drive's own profile (pp); returns when the target is reached.
 
@@ -362,7 +416,7 @@ class Stage:
             raise LimitError(
                 f"target {position!r} m is outside {s.travel[0]:g}..{s.travel[1]:g} m", axis=axis
             )
-        try:
+        with self._stopping():
             channel.axis.set_profile(velocity, acceleration)
             self._enter(Mode.PROFILE_POSITION, self._cycle.channels)
             distance = abs(position - channel.position * s.increment)
@@ -371,10 +425,11 @@ class Stage:
                 self._cycle, channel, channel.axis.counts(position), duration,
                 self.settings.sync_period,
             )  # fmt: skip
-        except BaseException:
-            self.safe_stop()
-            raise
         self.enable()
+
+    def _stopping_time(self) -> float:
+        """From the velocity limit to rest at the acceleration limit, slowest axis [s]."""
+        return max(a.settings.velocity / a.settings.acceleration for a in self.axes)
 
     def _channel(self, axis: str) -> Channel:
         for channel in self._cycle.channels:
@@ -391,16 +446,34 @@ class Stage:
                 return channel.axis.name
         return self.axes[0].name
 
-    def _explained(self, problem: AxisFault) -> AxisFault:
-        """The same fault with the drive's own error code, read now that nothing moves."""
-        axis = next((a for a in self.axes if a.name == problem.axis), None)
-        code = None if axis is None else axis.error_code()
-        if not code or code == problem.code:
-            return problem
-        return AxisFault(
-            f"{problem.cause}; 0x603F:00 error code: {error_text(code)}",
-            axis=problem.axis, obj=problem.object, code=code,
-        )  # fmt: skip
+    def _check_loose(self) -> None:
+        for axis in self.axes:
+            if axis.name in self._power.loose:
+                raise AxisFault(
+                    "was told to switch off, and neither process data nor SDO show that it has",
+                    axis=axis.name, obj=od.STATUSWORD,
+                )  # fmt: skip
+
+    @contextmanager
+    def _stopping(self) -> Iterator[None]:
+        """Whatever goes wrong inside stops all axes; a fault leaves with all that is known of it.
+
+        Raises:
+            AxisFault: of the same class, merged by `diagnosis.explained`.
+        """
+        try:
+            yield
+        except AxisFault as problem:
+            channel = next((c for c in self._cycle.channels if c.axis.name == problem.axis), None)
+            if channel is None:
+                self.safe_stop()
+                raise
+            evidence = Evidence.of(channel)  # before the stop adds commands of its own
+            self.safe_stop()
+            raise explained(problem, channel, evidence) from problem
+        except BaseException:
+            self.safe_stop()
+            raise
 
 
 def _check_unique(axes: Sequence[AxisSettings]) -> None:

@@ -64,6 +64,8 @@ class EstimatorSettings:
         misfit: largest rms of the whitened residual that is accepted.
         jump: a change beyond so many predicted standard deviations, and beyond `jump_share`
             of the figure, is refused.
+        complete: a move of which less than this share of the samples is valid is followed, but
+            not learned from.
         patience: so many jumps in a row, the same way, mean that the stage has changed.
         fixed: figures that are never estimated, of `FIGURES`.
     """
@@ -76,9 +78,10 @@ class EstimatorSettings:
     model_error: float = 0.01
     belief: BeliefSettings = field(default_factory=BeliefSettings)
     bounds: tuple[float, float] = (0.05, 20.0)
-    misfit: float = 6.0
+    misfit: float = 4.5
     jump: float = 6.0
     jump_share: float = 0.15
+    complete: float = 0.8
     patience: int = 2
     fixed: tuple[str, ...] = ()
 
@@ -255,11 +258,17 @@ class SplitHorizonEstimator:
             known, state.forces, state.slipping, state.memory[0], move.rest_force, found.mean,
             found.covariance, self._zone_a, self._zone_b, self._zone_ab, not first_move, report,
         )  # fmt: skip
+        share = float(valid.mean())
         slide, stick = report[R_SLIDE] > 0, report[R_STICK] > 0
         used = ("A" if slide else "") + ("B" if stick else "")
         # Zone A alone still has the old stiffness in its beginning: the whole move judges.
         misfit = math.sqrt(report[R_CHI_B] if stick else report[R_CHI_A])
-        reason = self._doubt(found, misfit) if used else "too little motion to learn from"
+        if share < self.settings.complete:
+            reason: str | None = f"only {share:.0%} of the samples can be used"
+        elif used:
+            reason = self._doubt(found, misfit)
+        else:
+            reason = "too little motion to learn from"
         jumped = None if reason is not None else self._jumped(prior, found)
         reason = reason or jumped
         if reason is None:

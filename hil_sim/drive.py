@@ -13,7 +13,7 @@ from canopen.sdo import constants as abort
 
 from hil_sim import objects as o
 from hil_sim.dictionary import Dictionary
-from hil_sim.emergency import CONNECTION_ABORTED, HEARTBEAT_LOST, Emergency
+from hil_sim.emergency import CONNECTION_ABORTED, HEARTBEAT_LOST, SYNC_LENGTH, Emergency
 from hil_sim.motion import MotionControl
 from hil_sim.motor import Motor
 from hil_sim.nmt import NmtSlave, NmtState
@@ -58,9 +58,36 @@ class Drive:
         self._segment = segment
         self._advance_to = plant.advance_to
         self._sync_id = 0x80
+        self._sync_length = 0
+        self._sync_reported = False
         self._power_on_counter = self.motor.origin
         self._hook_up()
         self.nmt.power_on()
+
+    def inject_fault(self, code: int, lasting: bool = False) -> None:
+        """Let a fault of the drive happen now, announced with this error code (CiA 402).
+
+        The reaction follows 0x605E, where the fault leaves the drive something to brake with
+        (`emergency.WITHOUT_CONTROL`); in FAULT already, nothing happens.
+
+        Args:
+            code: EMCY and 0x603F, 0x0001..0xFFFF.
+            lasting: its cause stays until `end_fault`, and until then no reset is taken; with
+                under-voltage the statusword shows no supply (bit 4).
+
+        Raises:
+            ValueError: not an error code.
+        """
+        if not 0 < code <= 0xFFFF:
+            raise ValueError(f"error code 0x{code:X} is not in 0x0001..0xFFFF")
+        if lasting:
+            self.motion.lasting_fault(code)
+        else:
+            self.motion.fault(code)
+
+    def end_fault(self, code: int | None = None) -> None:
+        """The cause of a lasting fault is gone (None: of all): it can be reset from now on."""
+        self.motion.cause_ended(code)
 
     def _hook_up(self) -> None:
         live, motor = self.dictionary.live, self.motor
@@ -72,6 +99,8 @@ class Drive:
         live[o.POSITION_DEMAND] = lambda: motor.to_drive(motor.demand())
         live[o.FOLLOWING_ERROR] = lambda: motor.to_drive(motor.demand()) - motor.position()
         self.dictionary.check[o.SYNC_COB_ID] = self._check_sync
+        self.dictionary.check[o.SYNC_OVERFLOW] = self._check_overflow
+        self.dictionary.on_write[o.SYNC_OVERFLOW] = self._on_overflow
         self.dictionary.on_write[o.SYNC_COB_ID] = lambda _: self._subscribe(self.nmt.state)
 
     def _check_sync(self, value: int) -> None:
@@ -101,6 +130,7 @@ class Drive:
 
     def _on_reset(self, application: bool) -> None:
         self._advance_to(self._segment.now_ns)
+        self._on_overflow(0)
         if not application:
             self.motion.connection_lost(CONNECTION_ABORTED)
             self.dictionary.reset_communication()
@@ -115,7 +145,23 @@ class Drive:
         self._advance_to(self._segment.now_ns)
         self.sdo.on_frame(data)
 
-    def _on_sync(self, _: bytes) -> None:
+    def _check_overflow(self, value: int) -> None:
+        if value == 1 or value > 240:
+            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
+        if self.dictionary.integer(o.CYCLE_PERIOD):
+            raise SdoAbortedError(abort.ABORT_APPLICATION_DEVICE_STATE)
+
+    def _on_overflow(self, value: int) -> None:
+        """SYNC carries a counter from now on, or none."""
+        self._sync_length = 1 if value else 0
+        self._sync_reported = False
+
+    def _on_sync(self, data: bytes) -> None:
+        if len(data) != self._sync_length:
+            if not self._sync_reported:  # once: a flood of EMCYs helps nobody
+                self._sync_reported = True
+                self.emergency.announce(SYNC_LENGTH)
+            return
         self._advance_to(self._segment.now_ns)
         self.pdo.on_sync()
         self.pdo.latch()

@@ -18,6 +18,14 @@ from hil_sim.ports import CanSegment
 CONNECTION_ABORTED = 0x8100  # NMT stopped or reset while enabled
 HEARTBEAT_LOST = 0x8130
 FOLLOWING_ERROR = 0x8611
+SYNC_LENGTH = 0x8240
+OVER_CURRENT = 0x2310  # of the drive's output
+UNDER_VOLTAGE = 0x3220  # of the DC link
+ENCODER_LOST = 0x7305
+OVER_TRAVEL = 0x8612  # beyond the reference limits
+
+WITHOUT_CONTROL = frozenset({OVER_CURRENT, UNDER_VOLTAGE, ENCODER_LOST})
+"""Faults that leave the drive nothing to brake with: the force goes off at once."""
 
 _REGISTER, _COB_ID, _ERROR_CODE = key(0x1001), key(0x1014), key(0x603F)
 _HISTORY = key(0x1003)
@@ -26,9 +34,14 @@ _EMCY = struct.Struct("<HB5x")
 _GENERIC, _COMMUNICATION, _PROFILE = 1 << 0, 1 << 4, 1 << 5
 
 
+_CLASS_BITS = {0x2: 1 << 1, 0x3: 1 << 2, 0x4: 1 << 3}  # current, voltage, temperature
+
+
 def register_bits(code: int) -> int:
-    """Error register bits of an error code: generic, and communication or device profile."""
-    return _GENERIC | (_COMMUNICATION if code >> 8 in (0x81, 0x82) else _PROFILE)
+    """Error register bits of an error code: generic, and that of its class."""
+    if code >> 8 in (0x81, 0x82):
+        return _GENERIC | _COMMUNICATION
+    return _GENERIC | _CLASS_BITS.get(code >> 12, _PROFILE)
 
 
 class Emergency:

@@ -31,8 +31,10 @@ class ModeCode(IntEnum):
 
     NONE = 0
     PROFILE_POSITION = 1
+    PROFILE_VELOCITY = 3
     HOMING = 6
     CYCLIC_POSITION = 8
+    CYCLIC_VELOCITY = 9
 
 
 @dataclass(frozen=True, slots=True)

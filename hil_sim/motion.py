@@ -1,11 +1,14 @@
 """The drive's device profile (CiA 402): power states, modes, controlled stops, following error.
 
 The controlword acts when it is written, by SDO or PDO. What moves the demand is either the SYNC
-(csp) or the profile generator, once a millisecond: pp, homing, and every stop. Stops by the option
-codes 0x605A to 0x605E and 0x6007: 1 means the ramp 0x6084, 2 and up the ramp 0x6085 (this drive
-has no stop at the current limit), 0 no ramp.
+(csp, csv) or the profile generator, once a millisecond: pp, pv, homing, and every stop. Stops by
+the option codes 0x605A to 0x605E and 0x6007: 1 means the ramp 0x6084, 2 and up the ramp 0x6085
+(this drive has no stop at the current limit), 0 no ramp.
 
-Not modelled: mains and brake, current limits other than the loop's peak force.
+Faults that come by themselves: following error, end switch (over-travel), full force for too long
+(over-current), lost host. Encoder and supply fail only when told to (`Drive.inject_fault`).
+
+Not modelled: brake, current limits other than the loop's peak force; cst.
 """
 
 from __future__ import annotations
@@ -18,7 +21,15 @@ from canopen.sdo import constants as abort
 
 from hil_sim import objects as o
 from hil_sim.dictionary import Dictionary
-from hil_sim.emergency import FOLLOWING_ERROR, HEARTBEAT_LOST, Emergency
+from hil_sim.emergency import (
+    FOLLOWING_ERROR,
+    HEARTBEAT_LOST,
+    OVER_CURRENT,
+    OVER_TRAVEL,
+    UNDER_VOLTAGE,
+    WITHOUT_CONTROL,
+    Emergency,
+)
 from hil_sim.homing import Homing
 from hil_sim.modes import (
     MODE_BIT_13,
@@ -34,6 +45,14 @@ from hil_sim.ports import CanSegment, Timer
 from hil_sim.profile import ProfileGenerator
 from hil_sim.profile_position import ProfilePosition
 from hil_sim.state_machine import FAULT_RESET, HALT, Command, State, commanded, decode
+from hil_sim.velocity import CyclicVelocity, ProfileVelocity
+
+SWITCH_DISTANCE = 5e-3
+"""End switches beyond the travel, where the mechanics are [m]."""
+OVERLOAD_SHARE, OVERLOAD_NS = 0.98, 200_000_000
+"""Over-current: this share of the peak force for so long ..."""
+OVERLOAD_ERROR = 10_000.0
+"""... at more than this following error [nm]."""
 
 _VOLTAGE, _REMOTE = 1 << 4, 1 << 9
 _POWERED = (State.ENABLED, State.QUICK_STOP, State.FAULT_REACTION)
@@ -82,12 +101,23 @@ class MotionControl:
         self._after_stop: Callable[[], None] | None = None
         self._sticky = 0
         self._outside_ns: int | None = None
+        self._overloaded_ns: int | None = None
+        self._beyond = False
+        self._syncs = 0
+        self._causes: set[int] = set()
+        settings = motor.settings
+        self._switches = tuple(
+            round((limit + side * SWITCH_DISTANCE) / settings.increment)
+            for limit, side in zip(settings.travel, (-1, 1), strict=True)
+        )
         context = Context(dictionary, motor, segment, self._generator, self._publish)
         self._modes: dict[int, Mode] = {
             ModeCode.NONE: Mode(context),
             ModeCode.PROFILE_POSITION: ProfilePosition(context),
+            ModeCode.PROFILE_VELOCITY: ProfileVelocity(context),
             ModeCode.HOMING: Homing(context),
             ModeCode.CYCLIC_POSITION: CyclicPosition(context),
+            ModeCode.CYCLIC_VELOCITY: CyclicVelocity(context),
         }
         self._mode = self._modes[ModeCode.NONE]
         dictionary.on_write[o.CONTROLWORD] = self._on_controlword
@@ -107,6 +137,9 @@ class MotionControl:
         """Take over the setpoints of this SYNC; only while `following`."""
         self._mode.on_sync()
         self._supervise()
+        self._syncs += 1
+        if not self._syncs & 7:  # a switch does not run away
+            self._watch_travel()
 
     def switch_off(self) -> None:
         """Force off, before a reset of the application."""
@@ -116,6 +149,7 @@ class MotionControl:
         """As after power-on; the dictionary was reset already."""
         self._mode = self._modes[ModeCode.NONE]
         self._word, self._word_state, self._sticky = 0, State.NOT_READY, 0
+        self._overloaded_ns = None
         self._configure()
         self._publish()
 
@@ -152,7 +186,7 @@ class MotionControl:
         self._advance_to(self._segment.now_ns)
         before, self._word = self._word, word
         if self.state is State.FAULT:
-            if word & FAULT_RESET and not before & FAULT_RESET:
+            if word & FAULT_RESET and not before & FAULT_RESET and not self._causes:
                 self._sticky = 0
                 self._emergency.clear()
                 self.state = State.SWITCH_ON_DISABLED
@@ -247,16 +281,35 @@ class MotionControl:
                 then()
             self._publish()
 
-    def _fault(self, code: int) -> None:
-        self._emergency.raise_(code)
-        self._react_to_fault()
+    def lasting_fault(self, code: int) -> None:
+        """A fault whose cause stays: not to be reset, before `cause_ended`."""
+        self._causes.add(code)
+        self.fault(code)
+        self._publish()
 
-    def _react_to_fault(self) -> None:
-        """Transition 13 and 14: by 0x605E, then force off and FAULT."""
+    def cause_ended(self, code: int | None) -> None:
+        """The cause of a lasting fault is gone (None: of all); the fault itself stays."""
+        self._causes = set() if code is None else self._causes - {code}
+        self._publish()
+
+    def fault(self, code: int) -> None:
+        """A fault of the drive: EMCY and error code, then the reaction; nothing in FAULT."""
+        if self.state in (State.FAULT_REACTION, State.FAULT):
+            return
+        self._advance_to(self._segment.now_ns)
+        self._emergency.raise_(code)
+        self._react_to_fault(coasts=code in WITHOUT_CONTROL)
+
+    def _react_to_fault(self, coasts: bool = False) -> None:
+        """Transition 13 and 14: by 0x605E, then force off and FAULT.
+
+        Args:
+            coasts: whatever would brake is gone: force off at once.
+        """
         if self.state in (State.FAULT_REACTION, State.FAULT):
             return
         option = self._dictionary.integer(o.FAULT_OPTION)
-        if self.state not in _POWERED or option == 0:
+        if self.state not in _POWERED or option == 0 or coasts:
             self._power_off(State.FAULT)
             return
         ramp = o.PROFILE_DECELERATION if option == 1 else o.QUICK_STOP_DECELERATION
@@ -328,8 +381,11 @@ class MotionControl:
         late = (now - self._due_ns) // TICK_NS  # 0 in virtual time
         self._due_ns += (late + 1) * TICK_NS
         self._timer = self._segment.at(self._due_ns, self._on_tick)
-        for _ in range(late):  # keep the profile's time
-            self._generator.step()
+        if late and not self._generator.done:
+            for _ in range(late):  # keep the profile's time
+                self._generator.step()
+            if self._generator.done:  # nobody else commands where it ended
+                self._motor.command_true(self._generator.position, self._ticks)
         if self._after_stop is None and self.state is State.ENABLED:
             self._mode.tick()
             self._step()
@@ -339,9 +395,24 @@ class MotionControl:
             self._step()
         if self.state in _POWERED:
             self._supervise()
+            self._watch_travel()
+
+    def _watch_travel(self) -> None:
+        """End switches; a fault on the way out only, so that the axis can be brought back."""
+        low, high = self._switches
+        beyond = not low <= self._motor.counter() <= high
+        if beyond is not self._beyond:
+            self._beyond = beyond
+            if beyond:
+                self.fault(OVER_TRAVEL)
 
     def _supervise(self) -> None:
-        if self._motor.worst_following_error() <= self._window:
+        worst = self._motor.worst_following_error()
+        if worst > OVERLOAD_ERROR:
+            self._watch_force()
+        else:
+            self._overloaded_ns = None
+        if worst <= self._window:
             self._outside_ns = None
             return
         if self.state is State.FAULT_REACTION:
@@ -351,13 +422,27 @@ class MotionControl:
             self._outside_ns = now
         if now - self._outside_ns >= self._timeout_ns:
             self._sticky = MODE_BIT_13
-            self._fault(FOLLOWING_ERROR)
+            self.fault(FOLLOWING_ERROR)
+
+    def _watch_force(self) -> None:
+        """Full force for too long, far from the demand: something holds the axis."""
+        now = self._segment.now_ns
+        control = self._motor.settings.control
+        full = OVERLOAD_SHARE * 1000 * control.peak_force / control.rated_force
+        if abs(self._motor.force()) < full:
+            self._overloaded_ns = None
+        elif self._overloaded_ns is None:
+            self._overloaded_ns = now
+        elif now - self._overloaded_ns >= OVERLOAD_NS:
+            self.fault(OVER_CURRENT)
 
     # Statusword ------------------------------------------------------------------------------
 
     def _publish(self) -> None:
         """Renew the statusword; a change is an event for TPDOs."""
-        word = self.state.value | _VOLTAGE | self._sticky
+        word = self.state.value | self._sticky
+        if UNDER_VOLTAGE not in self._causes:
+            word |= _VOLTAGE
         if self._remote:
             word |= _REMOTE
         if self.state is State.ENABLED:

@@ -1,9 +1,8 @@
-"""SDO server of the virtual drive: expedited and segmented transfers, abort codes of CiA 301.
+"""SDO server of the virtual drive: expedited, segmented and block transfers, CiA 301 abort codes.
 
 canopen's server on the drive's own dictionary and bus segment, with what it leaves out: refusal
 of an access before the first segment, toggle and size of a segmented download, and segments that
-belong to no transfer. Block transfers are refused (download) or answered by a segmented one
-(upload), as CiA 301 allows.
+belong to no transfer. Block transfers are `sdo_block.py`'s.
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ from canopen.sdo.server import SdoServer
 
 from hil_sim.dictionary import Dictionary
 from hil_sim.ports import CanSegment
+from hil_sim.sdo_block import BlockDownload, BlockUpload
 
 _MAX_DOWNLOAD = 4096  # bytes; a real drive has no endless buffer either
 
@@ -28,14 +28,24 @@ class DriveSdoServer(SdoServer):
         self._subindex = 0
         self._size: int | None = None
         self._download = False
+        self._block: BlockUpload | BlockDownload | None = None
 
     def reset(self) -> None:
         """Forget a transfer under way."""
-        self._buffer = None
+        self._buffer = self._block = None
 
     def on_frame(self, data: bytes) -> None:
         """Handle a request; anything but eight bytes is no SDO and is passed over."""
-        if len(data) == 8:
+        if len(data) != 8:
+            return
+        block = self._block
+        # a segment is told by its place in the transfer only; 0x80 is no segment but an abort
+        if isinstance(block, BlockDownload) and block.receiving and data[0] != 0x80:
+            try:
+                block.on_segment(data)
+            except SdoAbortedError as refused:
+                self.abort(refused.code)
+        else:
             self.on_request(self.rx_cobid, data, 0.0)
 
     def send_response(self, response: bytes) -> None:
@@ -44,17 +54,18 @@ class DriveSdoServer(SdoServer):
 
     def abort(self, abort_code: int = sdo.ABORT_GENERAL_ERROR) -> None:
         """Abort the transfer under way and say why."""
-        self._buffer = None
+        self._buffer = self._block = None
         super().abort(abort_code)
 
     def request_aborted(self, data: bytes) -> None:
         """The client gives up."""
-        self._buffer = None
+        self._buffer = self._block = None
         super().request_aborted(data)
 
     def init_upload(self, request: bytes) -> None:
         """Expedited answer or the first of a segmented one."""
         self._download = False
+        self._block = None
         super().init_upload(request)
 
     def segmented_upload(self, command: int) -> None:
@@ -69,6 +80,7 @@ class DriveSdoServer(SdoServer):
         """Store an expedited value or begin a segmented download."""
         command, index, subindex = sdo.SDO_STRUCT.unpack_from(request)
         self._size = None
+        self._block = None
         if not command & sdo.EXPEDITED:
             self._index, self._subindex = index, subindex
             self._node.check_writable(index, subindex)
@@ -96,12 +108,38 @@ class DriveSdoServer(SdoServer):
             self._buffer = None
 
     def block_download(self, data: bytes) -> None:
-        """Not offered."""
-        _, self._index, self._subindex = sdo.SDO_STRUCT.unpack_from(data)
-        raise SdoAbortedError(sdo.ABORT_INVALID_COMMAND_SPECIFIER)
+        """Begin or end a block download; its segments don't come here."""
+        if data[0] & 0x01:
+            if not isinstance(self._block, BlockDownload):
+                raise SdoAbortedError(sdo.ABORT_INVALID_COMMAND_SPECIFIER)
+            self._block.on_end(data)
+            self._block = None
+            return
+        self._buffer = None
+        _, index, subindex = sdo.SDO_STRUCT.unpack_from(data)
+        self._index, self._subindex = index, subindex
+        self._node.check_writable(index, subindex)
+
+        def store(value: bytes) -> None:
+            self._node.set_data(index, subindex, value, check_writable=True)
+
+        self._block = BlockDownload(data, _MAX_DOWNLOAD, store, self.send_response)
 
     def block_upload(self, data: bytes) -> None:
-        """Only its initiation may be answered by an ordinary upload."""
+        """Begin, go on with or end a block upload."""
         if data[0] & 0x03:
-            raise SdoAbortedError(sdo.ABORT_INVALID_COMMAND_SPECIFIER)
-        super().block_upload(data)
+            if not isinstance(self._block, BlockUpload):
+                raise SdoAbortedError(sdo.ABORT_INVALID_COMMAND_SPECIFIER)
+            self._block.on_frame(data)
+            if self._block.done:
+                self._block = None
+            return
+        self._buffer = self._block = None
+        _, self._index, self._subindex = sdo.SDO_STRUCT.unpack_from(data)
+        value = self._node.get_data(self._index, self._subindex, check_readable=True)
+        if not value:
+            raise SdoAbortedError(sdo.ABORT_NO_DATA_AVAILABLE)
+        if len(value) <= data[5]:  # the client's protocol switch threshold
+            self.init_upload(data)
+        else:
+            self._block = BlockUpload(data, value, self.send_response)

@@ -22,7 +22,7 @@ Handler = Callable[[bytes], None]
 Frame = tuple[int, int, bytes, tuple[bool, bool, bool], object]
 """Time [ns], id, data, (extended id, remote, error), sender: None for the nodes."""
 
-_DATA_FRAME = (False, False, False)  # extended id, remote, error: what nodes listen to
+DATA_FRAME = (False, False, False)  # extended id, remote, error: what nodes listen to
 
 _worlds: weakref.WeakValueDictionary[str, World] = weakref.WeakValueDictionary()
 
@@ -87,7 +87,7 @@ class World:
 
     def emit(self, can_id: int, data: bytes) -> None:
         """Send a data frame from a node. A node that listens to its own id hears itself."""
-        frame = (self.now_ns, can_id, data, _DATA_FRAME, None)
+        frame = (self.now_ns, can_id, data, DATA_FRAME, None)
         if self._delivering:
             self._frames.append(frame)
         else:
@@ -127,7 +127,7 @@ class World:
         owner: object,
         can_id: int,
         data: bytes,
-        flags: tuple[bool, bool, bool] = _DATA_FRAME,
+        flags: tuple[bool, bool, bool] = DATA_FRAME,
     ) -> None:
         """Send a host's frame and deliver it with everything that follows from it."""
         frame = (self.now_ns, can_id, data, flags, owner)
@@ -193,7 +193,7 @@ class World:
                 for host, queue in self._queues:
                     if host is not owner:
                         queue.append(frame)
-                if flags is _DATA_FRAME and can_id in handlers:
+                if flags is DATA_FRAME and can_id in handlers:
                     for handler in handlers[can_id]:
                         handler(data)
                 if not frames:

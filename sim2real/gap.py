@@ -12,9 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hil_sim.simulate import Response, simulate
 from hil_sim.settings import StageSettings
+from hil_sim.simulate import Response, simulate
 from sim2real.recording import BoolArray, FloatArray, Recording
 
 FLOOR_DRAWS = 4
@@ -38,6 +39,9 @@ class SignalGap:
     unit: str
 
 
+_MAX_STRETCH = 10
+"""Periods passed over for each sample, at most: beyond that it is no recording of one run."""
+
 Gap = dict[str, dict[str, SignalGap]]
 """Axis -> signal ("position", "force") -> gap."""
 
@@ -60,7 +64,7 @@ def measure(
         progress: called with (simulations done, all).
 
     Raises:
-        ValueError: axes that differ, or a recording without a valid sample.
+        ValueError: axes or SYNC periods that differ, or a recording without a valid sample.
     """
     names = [axis.name for axis in settings.axes]
     if set(names) != set(recording.axes):
@@ -71,8 +75,11 @@ def measure(
     for name, axis in zip(names, signals, strict=True):
         if not axis.valid.any():
             raise ValueError(f"axis {name}: no valid sample")
-    demand = np.column_stack([s.position_demand for s in signals])
-    offset = np.column_stack([s.force_offset for s in signals])
+    place = _places(recording.time, settings.sync_period)
+    # Where whole periods were passed over, the drives held the setpoint they had.
+    sent = np.searchsorted(place, np.arange(place[-1] + 1), side="right") - 1
+    demand = np.column_stack([s.position_demand for s in signals])[sent]
+    offset = np.column_stack([s.force_offset for s in signals])[sent]
     rest = [
         float(s.force_actual[0])
         if abs(s.force_actual[0]) > _REST_UNITS * axis.control.rated_force / 1000.0
@@ -93,12 +100,38 @@ def measure(
         actual = {"position": axis.position_actual, "force": axis.force_actual}
         gap[name] = {}
         for signal, unit in SIGNALS.items():
-            model: FloatArray = getattr(nominal, signal)[:, a]
-            floors = [_rms(getattr(draw, signal)[:, a] - model, axis.valid) for draw in noisy]
+            model: FloatArray = getattr(nominal, signal)[place, a]
+            floors = [_rms(getattr(draw, signal)[place, a] - model, axis.valid) for draw in noisy]
             gap[name][signal] = SignalGap(
                 _rms(actual[signal] - model, axis.valid), float(np.mean(floors)), unit
             )
     return gap
+
+
+def _places(time: FloatArray, period: float) -> NDArray[np.int64]:
+    """Number of the SYNC period each sample belongs to, from 0, strictly increasing.
+
+    Args:
+        time: of the samples [s].
+        period: of the model's SYNC [s].
+
+    Raises:
+        ValueError: the samples are not a period apart.
+    """
+    steps = np.arange(len(time))
+    if len(time) < 2:
+        return steps
+    usual = float(np.median(np.diff(time)))
+    if abs(usual - period) > 0.1 * period:
+        raise ValueError(
+            f"its samples are {usual:.6g} s apart, the model's sync_period is {period:g} s"
+        )
+    places = np.rint((time - time[0]) / period).astype(np.int64)
+    if places[-1] > _MAX_STRETCH * len(time):
+        raise ValueError(f"its samples are spread over {places[-1] * period:.6g} s")
+    # Host times that jitter by half a period and more: one after the other all the same.
+    increasing: NDArray[np.int64] = np.maximum.accumulate(places - steps) + steps
+    return increasing
 
 
 def _rms(difference: FloatArray, valid: BoolArray) -> float:

@@ -8,7 +8,7 @@ the stage ends disabled and what was recorded becomes the recording.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -18,6 +18,9 @@ from typing import Any
 from drivers import DriverError, Stage
 from drivers.settings import AxisSettings, BusSettings
 from estimation.trajectory import Limits
+from hil_sim.fault_rules import Injected
+from hil_sim.fault_world import FaultyWorld
+from hil_sim.faults import FaultPlan
 from hil_sim.stage import VirtualStage
 from hil_sim.world import World
 from sim2real.recording import Recording
@@ -62,6 +65,7 @@ class RunRequest:
         seed: of the virtual stage's noise and repeatability.
         folder: for the files.
         started: time of the run, with zone.
+        faults: of bus and drives, on the virtual stage only; None for none.
     """
 
     recipe: Recipe
@@ -73,6 +77,7 @@ class RunRequest:
     seed: int
     folder: Path
     started: datetime
+    faults: FaultPlan | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,11 +108,13 @@ class Listener:
         phase: called with a few words when a phase begins (boot, home, ...).
         event: called with each event of the engine.
         stoppable: called with the function that asks for a controlled stop.
+        switched_on: called with the virtual stage and its world (with `--simulate`).
     """
 
     phase: Callable[[str], object] = field(default=lambda _: None)
     event: Callable[[Event], object] = field(default=lambda _: None)
     stoppable: Callable[[Callable[[str], None]], object] = field(default=lambda _: None)
+    switched_on: Callable[[VirtualStage, World], object] = field(default=lambda *_: None)
 
 
 def execute(request: RunRequest, listener: Listener) -> RunResult:
@@ -131,23 +138,38 @@ def execute(request: RunRequest, listener: Listener) -> RunResult:
         bus = replace(bus, interface=request.bus[0], channel=request.bus[1])
     run = _Run(request, listener, compensation)
     with (
-        _virtual_stage(request, bus) as used,
+        _virtual_stage(request, bus, listener) as (used, injected),
         BusLog(request.folder / "bus.asc", request.started) as log,
     ):
         run.drive(used, axes, log)
+        run.note(injected)
     return run.finish()
 
 
 @contextmanager
-def _virtual_stage(request: RunRequest, bus: BusSettings) -> Iterator[BusSettings]:
-    """The bus to use: with `--simulate` a lock-step one with the truth's virtual drives on it."""
+def _virtual_stage(
+    request: RunRequest, bus: BusSettings, listener: Listener
+) -> Iterator[tuple[BusSettings, Sequence[Injected]]]:
+    """The bus to use, and the faults on it.
+
+    With `--simulate` it is a lock-step one with the truth's virtual drives on it.
+    """
     if request.truth is None:
-        yield bus
+        yield bus, ()
         return
     channel = f"run-{id(request)}"
-    world = World(channel)  # held here: the registry of worlds does not keep it alive
-    VirtualStage(stage_settings(request.truth), request.seed).attach(world)
-    yield replace(bus, interface="lockstep", channel=channel)
+    stage = VirtualStage(stage_settings(request.truth), request.seed)
+    # The world is held here: the registry of worlds does not keep it alive.
+    injected: Sequence[Injected] = ()
+    if request.faults is None:
+        world = World(channel)
+        stage.attach(world)
+    else:
+        world = faulty = FaultyWorld(channel, request.faults)
+        faulty.power_on(stage)
+        injected = faulty.injected
+    listener.switched_on(stage, world)
+    yield replace(bus, interface="lockstep", channel=channel), injected
 
 
 class _Run:
@@ -217,6 +239,16 @@ class _Run:
             recover(self._journal.path, overwrite=True)
             raise
 
+    def note(self, injected: Sequence[Injected]) -> None:
+        """Who reads the recording is to know that these faults were made."""
+        for entry in injected:
+            self._journal.event(
+                "injected_fault",
+                fault=repr(entry.fault),
+                count=entry.count,
+                first=entry.first_ns * 1e-9 if entry.count else None,
+            )
+
     def finish(self) -> RunResult:
         """Journal to recording, summary and report."""
         request, machine = self._request, self._request.machine
@@ -277,6 +309,7 @@ class _Run:
                 Limits(axis.velocity, axis.acceleration, axis.jerk),
                 axis.increment,
                 compensation,
+                axis.following_error,
             )
             for axis, compensation in zip(axes, self._compensation, strict=True)
         )

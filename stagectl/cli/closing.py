@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich import box
-from rich.console import Group, RenderableType
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.table import Table
 from rich.text import Text
 
 from stagectl.sequencer.verdict import SiteVerdict
 from stagectl.session import RunResult
+from stagectl.store.bus_log import SPOOL_NAME
 
 _STYLES = {"completed": "green", "aborted": "yellow", "fault": "red"}
 _ORDER = {"macro": 0, "micro": 1}
+_WIDTH = 80
 _LISTED = 10  # refused estimates and failed sites shown
 
 
 def closing(result: RunResult, folder: Path) -> RenderableType:
     """Outcome, moves per axis, friction figures, refused estimates, where the files are."""
     summary = result.summary
-    parts: list[RenderableType] = [_headline(summary)]
+    parts: list[RenderableType] = [_headline(result)]
     if summary["moves"]:
         parts.append(_moves(result))
     if summary["friction"]:
@@ -33,16 +36,37 @@ def closing(result: RunResult, folder: Path) -> RenderableType:
     if cycle["missed"] or cycle["late"]:
         parts.append(Text(f"cycles: {cycle['missed']} TPDOs missed, {cycle['late']} SYNCs late"))
     files = sorted(p.name for p in folder.iterdir()) if folder.is_dir() else []
+    if SPOOL_NAME in files:
+        parts.append(
+            Text(
+                f"the bus log could not be written whole (disk full?); what there is stays in "
+                f"{SPOOL_NAME}, and 'stagectl recover {folder}' makes a log of it",
+                style="yellow",
+            )
+        )
     parts.append(Text(f"files in {folder}: {', '.join(files)}"))
-    return Group(*parts)
+    return _Wide(Group(*parts))
+
+
+@dataclass(frozen=True, slots=True)
+class _Wide:
+    """At least as wide as its tables: a narrow terminal breaks their lines, none is cut off."""
+
+    inner: RenderableType
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        yield from console.render(self.inner, options.update(width=max(options.max_width, _WIDTH)))
 
 
 def _table(title: str) -> Table:
     return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1))
 
 
-def _headline(summary: dict[str, Any]) -> Text:
-    sites = {m["site"] for m in summary["moves"] if m["site"]}
+def _headline(result: RunResult) -> Text:
+    summary = result.summary
+    moves = () if result.recording is None else result.recording.moves
+    # Of the recording: the summary leaves out a move that no axis makes (already there).
+    sites = {move.site for move in moves if move.site is not None}
     text = Text(f"{summary['recipe']} on {summary['machine']}: ")
     text.append(summary["outcome"], style=_STYLES[summary["outcome"]])
     text.append(f", {len(sites)} sites in {summary['duration']:.1f} s of the stage's time")
@@ -133,9 +157,15 @@ def _friction(entries: Sequence[dict[str, Any]]) -> Table:
 
 
 def _refused(entries: Sequence[dict[str, Any]]) -> list[RenderableType]:
-    refused = [f"site {e['site']} axis {e['axis']}: {e['reason']}" for e in entries
-               if not e["accepted"]]  # fmt: skip
+    refused = [
+        f"{_site(e['site'])}axis {e['axis']}: {e['reason']}" for e in entries if not e["accepted"]
+    ]
     return _list("estimates refused, the last good model kept:", refused)
+
+
+def _site(site: int | None) -> str:
+    """Moves of a list, not of sites, belong to none."""
+    return f"site {site} " if site else ""
 
 
 def _judged(verdicts: Sequence[SiteVerdict]) -> list[RenderableType]:

@@ -9,13 +9,13 @@ from click.shell_completion import get_completion_class
 @click.command(short_help="Shell completion.")
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 def command(shell: str) -> None:
-    r"""Print the completion script for SHELL.
+    """Print the completion script for SHELL.
 
     \b
     bash:  eval "$(stagectl completion bash)"
     zsh:   eval "$(stagectl completion zsh)"
     fish:  stagectl completion fish | source
-    """
+    """  # noqa: D301  (\b keeps click from wrapping what follows)
     from stagectl.cli import cli
 
     kind = get_completion_class(shell)

@@ -1,10 +1,12 @@
 """What the operator sees while a run goes on: site, phase, settling, friction so far.
 
-Redrawn on events, not by a thread: nothing here competes with the SYNC cycle.
+Redrawn on events, not by a thread: nothing here competes with the SYNC cycle. A screen that is gone
+(closed pipe, lost terminal) is no reason to stop a stage.
 """
 
 from __future__ import annotations
 
+from contextlib import suppress
 from types import TracebackType
 
 from rich.console import Console
@@ -24,6 +26,8 @@ from stagectl.sequencer.events import (
 
 REDRAW = 0.1
 """Shortest time between two drawings [s]."""
+_SCREEN_GONE = (OSError, SystemExit)
+"""What rich raises then: it answers a closed pipe with the end of the program."""
 
 
 class RunProgress:
@@ -66,7 +70,8 @@ class RunProgress:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._progress.stop()
+        with suppress(*_SCREEN_GONE):
+            self._progress.stop()
 
     def phase(self, words: str) -> None:
         """A phase outside the moves begins."""
@@ -100,8 +105,9 @@ class RunProgress:
         return "" if site is None else f"site {site}/{self._sites} "
 
     def _warn(self, text: str) -> None:
-        if self._console.is_terminal:
-            self._progress.console.print(f"[yellow]{text}[/yellow]")
+        """What the operator must know, on a terminal or in a log."""
+        with suppress(*_SCREEN_GONE):
+            self._progress.console.print(text, style="yellow", markup=False, highlight=False)
 
     def _draw(self, words: str, done: int | None = None) -> None:
         known = ", ".join(part for part in (self._settling, *self._friction.values()) if part)
@@ -109,4 +115,5 @@ class RunProgress:
         now = self._progress.get_time()
         if now >= self._redraw_at:
             self._redraw_at = now + REDRAW
-            self._progress.refresh()
+            with suppress(*_SCREEN_GONE):
+                self._progress.refresh()

@@ -14,6 +14,7 @@ import click
 from stagectl.cli.options import FILE, BusType, write_json
 
 if TYPE_CHECKING:
+    from hil_sim.faults import FaultPlan
     from stagectl.config.machine import Machine
     from stagectl.recipe.model import Recipe
 
@@ -54,7 +55,11 @@ PACKAGED = "wafer-xy"
     show_default=True,
     help="Of the simulation's noise and repeatability.",
 )
-@click.option("--faults", type=FILE, help="Seeded faults of bus and drives (not available yet).")
+@click.option(
+    "--faults",
+    type=FILE,
+    help="Seeded faults of bus and drives, with --simulate (docs/faults.md).",
+)
 @click.option(
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
@@ -75,7 +80,7 @@ def command(
     json_out: Path | None,
     dry_run: bool,
 ) -> None:
-    r"""Run RECIPE: at every site a macro-move, friction update, micro-move, exposure.
+    """Run RECIPE: at every site a macro-move, friction update, micro-move, exposure.
 
     \b
     On the virtual stage, no hardware:
@@ -87,11 +92,11 @@ def command(
 
     Ctrl-C brings the stage to a controlled stop and keeps what was recorded; a second one
     does not hurry it. Exit code 0 completed, 2 unusable input, 3 fault, 130 stopped.
-    """
+    """  # noqa: D301  (\b keeps click from wrapping what follows)
     from stagectl.recipe.load import load_recipe
 
-    if faults is not None:
-        raise click.UsageError("--faults: fault injection is not available in this version")
+    if faults is not None and simulate is None:
+        raise click.UsageError("--faults needs --simulate: real faults come by themselves")
     if not math.isfinite(friction_scale):
         raise click.BadParameter("must be a number", param_hint="--friction-scale")
     if compensation == "oracle" and simulate is None:
@@ -100,12 +105,13 @@ def command(
         raise click.UsageError("--bus: --simulate brings its own bus, in virtual time")
     believed = _machine(machine)
     loaded = load_recipe(recipe, believed)
+    truth = None if simulate is None else _machine(simulate)
+    _check_truth(believed, truth)
+    plan = None if faults is None else _faults(faults, believed, seed)
     if dry_run:
         _dry_run(loaded, believed, json_out)
         return
-    truth = None if simulate is None else _machine(simulate)
-    _check_truth(believed, truth)
-    _run(loaded, believed, truth, bus, compensation, friction_scale, seed, out, json_out)
+    _run(loaded, believed, truth, bus, compensation, friction_scale, seed, plan, out, json_out)
 
 
 def _machine(path: Path | None) -> Machine:
@@ -113,6 +119,12 @@ def _machine(path: Path | None) -> Machine:
 
     packaged = path is None or (str(path) == PACKAGED and not path.exists())
     return load_machine(None if packaged else path)
+
+
+def _faults(path: Path, machine: Machine, seed: int) -> FaultPlan:
+    from stagectl.config.faults import load_faults
+
+    return load_faults(path, machine, seed)
 
 
 def _check_truth(believed: Machine, truth: Machine | None) -> None:
@@ -159,6 +171,7 @@ def _run(
     compensation: str,
     friction_scale: float,
     seed: int,
+    faults: FaultPlan | None,
     out: Path | None,
     json_out: Path | None,
 ) -> None:
@@ -172,7 +185,16 @@ def _run(
     started = datetime.now(UTC).astimezone()
     folder = out or Path("runs") / f"{recipe.name}-{started:%Y%m%d-%H%M%S}"
     request = RunRequest(
-        recipe, machine, truth, bus, Mode(compensation), friction_scale, seed, folder, started
+        recipe,
+        machine,
+        truth,
+        bus,
+        Mode(compensation),
+        friction_scale,
+        seed,
+        folder,
+        started,
+        faults,
     )
     quiet = json_out is not None and str(json_out) == "-"
     console = Console(stderr=quiet)
@@ -180,7 +202,7 @@ def _run(
         result = execute(request, Listener(progress.phase, progress.event, _stop_on_signal))
     if json_out is not None:
         write_json(result.summary, json_out)
-    console.print(closing(result, folder))
+    console.print(closing(result, folder), crop=False)
     if result.error is not None:
         raise result.error
 

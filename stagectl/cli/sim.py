@@ -18,7 +18,7 @@ from stagectl.cli.options import FILE, BusType
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True,
               help="Of noise, repeatability and start position.")  # fmt: skip
 def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> None:
-    r"""Run one virtual CiA 402 drive per axis, their mechanics behind them, until Ctrl-C.
+    """Run one virtual CiA 402 drive per axis, their mechanics behind them, until Ctrl-C.
 
     \b
     Between processes on one machine, without CAN hardware:
@@ -29,7 +29,7 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
 
     The drives boot at once (boot-up message, then heartbeat); their EDS is packaged with
     stagectl, the command prints where.
-    """
+    """  # noqa: D301  (\b keeps click from wrapping what follows)
     import can
 
     from hil_sim.plant import warm_up

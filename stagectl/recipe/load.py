@@ -18,6 +18,7 @@ from stagectl.config.yaml_nodes import Document, load_document, parse_document
 from stagectl.errors import ConfigError
 from stagectl.recipe import schema
 from stagectl.recipe.fiducial import ENTRY_POINTS
+from stagectl.recipe.length import too_long
 from stagectl.recipe.model import (
     MAX_STEPS,
     Dwell,
@@ -82,7 +83,7 @@ def _recipe(document: Document, machine: Machine) -> Recipe:
         raise ConfigError(in_order(check.problems))
     first, second = machine.axes
     unused = [k for k in ("expose", "fiducial") if moves and getattr(file, k) is not None]
-    return Recipe(
+    recipe = Recipe(
         name=file.recipe,
         axes=(first, second),
         macro=macro,
@@ -101,6 +102,9 @@ def _recipe(document: Document, machine: Machine) -> Recipe:
         source=document.name,
         notes=tuple(f"{key} has no effect with moves" for key in unused),
     )
+    if (reason := too_long(recipe)) is not None:
+        raise ConfigError(document.problem(("moves",) if moves else ("sites",), reason))
+    return recipe
 
 
 @dataclass

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, StrictInt, StringConstraints, Tag
+from pydantic import AfterValidator, Discriminator, Field, StrictInt, StringConstraints, Tag
+from pydantic_core import PydanticCustomError
 
 from stagectl.config.diagnose import Section
 from stagectl.config.machine import Label, LengthPair, Name
@@ -22,7 +23,16 @@ from stagectl.config.units import (
     PositiveVelocity,
 )
 
+
+def _no_path(name: str) -> str:
+    """Folders are called after a recipe."""
+    if "/" in name:
+        raise PydanticCustomError("reason", "must not hold a /: folders are called after it")
+    return name
+
+
 Count = Annotated[StrictInt, Field(ge=1, le=1000)]
+RecipeName = Annotated[Name, AfterValidator(_no_path)]
 FileName = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 
 
@@ -187,7 +197,7 @@ MoveItem = Annotated[
 class RecipeFile(Section):
     """A recipe file from its top."""
 
-    recipe: Name
+    recipe: RecipeName
     macro: ProfileSection
     micro: ProfileSection
     settle: SettleSection

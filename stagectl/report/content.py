@@ -51,9 +51,9 @@ class Notice:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """An estimate that was not taken over."""
+    """An estimate that was not taken over; `site` is None in a list of moves."""
 
-    site: int
+    site: int | None
     axis: str
     reason: str
 
@@ -142,7 +142,7 @@ def notices(summary: Summary) -> list[Notice]:
 
 def _list_places(moves: Sequence[Mapping[str, Any]]) -> str:
     names = [
-        f"{'site ' + str(move['site']) if move['site'] is not None else 'no site'} "
+        f"{'' if move['site'] is None else 'site ' + str(move['site']) + ' '}"
         f"{move['axis']} {move['kind']}"
         for move in moves
     ]
@@ -183,7 +183,7 @@ def rows(summary: Summary, axes: Sequence[str]) -> list[Row]:
 def refusals(summary: Summary) -> list[Refusal]:
     """The estimates that were refused, in order."""
     return [
-        Refusal(entry["site"], entry["axis"], entry["reason"] or "no reason given")
+        Refusal(entry["site"] or None, entry["axis"], entry["reason"] or "no reason given")
         for entry in summary["friction"]
         if not entry["accepted"]
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,8 @@ def write_report(
         part.write_text(text, encoding="utf-8")
         part.replace(path)
     except OSError as error:
+        with suppress(OSError):
+            part.unlink()
         raise StagectlError(f"{path}: cannot write the report: {error.strerror}") from error
 
 
@@ -53,12 +56,14 @@ def render(recording: Recording, summary: Mapping[str, Any], *, control_period: 
         lstrip_blocks=True,
     )
     axes = tuple(recording.axes)
+    by_site = all(move.site is not None for move in recording.moves)
     return environment.get_template("run.html.j2").render(
         static={name: _inline(name) for name in _INLINE},
         data=_script_json(chart_data(recording, summary, control_period)),
         summary=summary,
         recording=recording,
         sites=len({move.site for move in recording.moves if move.site is not None}),
+        places="sites" if by_site else "moves",
         windows=[content.window_name(key) for key in content.windows(summary)],
         headline=content.headline(summary),
         outcome=content.outcome(summary),

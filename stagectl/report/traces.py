@@ -49,6 +49,7 @@ def chart_data(
         "axes": list(recording.axes),
         "windows": list(windows(summary)),
         "placeName": "site" if by_site else "move",
+        "estimateName": "site" if by_site else "estimate",
         "moves": moves,
         "left_out": len(recording.moves) - len(shown),
         "first": _most_telling(moves, windows(summary)),
@@ -63,16 +64,25 @@ def chart_data(
             for number, of_axis in enumerate(entries)
             for axis, entry in of_axis.items()
         ],
-        "friction": [
+        "friction": _friction(summary["friction"], by_site),
+    }
+
+
+def _friction(entries: Iterable[Mapping[str, Any]], by_site: bool) -> list[dict[str, Any]]:
+    """Estimates at their site; in a list of moves there is none, and they are counted by axis."""
+    counts: dict[str, int] = {}
+    placed = []
+    for entry in entries:
+        count = counts[entry["axis"]] = counts.get(entry["axis"], 0) + 1
+        placed.append(
             {
-                "site": entry["site"],
+                "place": entry["site"] if by_site else count,
                 "axis": entry["axis"],
                 "accepted": entry["accepted"],
                 "parameters": entry["parameters"],
             }
-            for entry in summary["friction"]
-        ],
-    }
+        )
+    return placed
 
 
 def _entries(

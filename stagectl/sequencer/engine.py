@@ -98,7 +98,8 @@ class Engine:
 
         Raises:
             Aborted: a stop was asked for; the stage is at rest.
-            RunFault: a site did not settle and its recipe says stop; the stage is at rest.
+            RunFault: a site did not settle and its recipe says stop, the stage being at rest; or an
+                axis does not follow, which is for the caller to stop.
             drivers.DriverError: an axis or the bus failed; all axes are stopped.
         """
         try:

@@ -18,6 +18,8 @@ from estimation.split_horizon import MoveData
 from estimation.trajectory import Limits, Trajectory, plan, plan_stop
 from sim2real.recording import Move
 from stagectl.compensation import AxisCompensation, Learned
+from stagectl.errors import RunFault
+from stagectl.sequencer.samples import Block, MoveSamples
 
 F64 = NDArray[np.float64]
 Until = Callable[[tuple[float, ...]], bool]
@@ -26,40 +28,10 @@ REST_SAMPLES = 5
 """Samples whose mean is the force at rest."""
 BEFORE_MOVE = 2
 """Samples at rest that a move's data begin with."""
-PUNCTUAL = 0.01
-"""A sample that comes this share of Ts sooner or later after its SYNC than the samples of its move
-do (median) was not taken at its instant, as far as one can tell. At 10 mm/s, a sample 10 us off its
-instant is 0.1 um off its place, which looks like a force of 2 N on 8 kg."""
+ASTRAY = 10
+"""An axis that has been outside its following window in so many samples does not follow."""
 _CHUNK = 256
 """Setpoints streamed at once while holding."""
-
-
-class Block(Protocol):
-    """Samples that a stream brought back: float64[K, n] in SI units, `valid` bool[K, n]."""
-
-    @property
-    def position(self) -> F64:
-        """Position actual [m]."""
-
-    @property
-    def force(self) -> F64:
-        """Force actual [N]."""
-
-    @property
-    def valid(self) -> NDArray[np.bool_]:
-        """Whether the sample came."""
-
-    @property
-    def time(self) -> F64:
-        """Of the SYNCs, on the grid of Ts [s], shape (K,); whole periods may be passed over."""
-
-    @property
-    def late(self) -> NDArray[np.bool_]:
-        """Whether the SYNC went out late, shape (K,)."""
-
-    @property
-    def arrival(self) -> F64:
-        """When the sample came after its SYNC was sent [s], nan where it did not."""
 
 
 class StagePort(Protocol):
@@ -82,12 +54,15 @@ class MovingAxis:
         limits: most that the axis may be asked for.
         increment: of its setpoints [m].
         compensation: its force offsets.
+        following_error: window around the demand [m]. The drive watches its own demand; this is
+            for the case that ours does not reach it, or that its position does not reach us.
     """
 
     name: str
     limits: Limits
     increment: float
     compensation: AxisCompensation
+    following_error: float = math.inf
 
 
 class Mover:
@@ -119,7 +94,7 @@ class Mover:
         count = len(self._axes)
         self._offset: F64 = np.zeros(count)
         self._blocks: list[Block] = []
-        self._tail = _Samples.none(count)
+        self._tail = MoveSamples.none(count)
         self._before = self._tail
         self._rest_force: F64 = np.zeros(count)
 
@@ -215,8 +190,8 @@ class Mover:
 
     def _move_data(self) -> list[MoveData]:
         """What has come back of the move so far, axis by axis."""
-        parts = [self._before, *map(_Samples.of, self._blocks)]
-        data = _Samples.joined(parts).punctual(PUNCTUAL * self._period).on_grid(self._period)
+        parts = [self._before, *map(MoveSamples.of, self._blocks)]
+        data = MoveSamples.joined(parts).punctual(self._period).on_grid(self._period)
         return [
             MoveData(
                 np.ascontiguousarray(data.position[:, a]),
@@ -296,81 +271,28 @@ class Mover:
         block = self._stage.stream(demand, offset, check)
         self._blocks.append(block)
         self.samples += len(block.position)
-        samples = _Samples.of(block)
+        samples = MoveSamples.of(block)
+        self._check_following(samples, demand)
         if len(samples) < REST_SAMPLES:
-            samples = _Samples.joined([self._tail, samples])
+            samples = MoveSamples.joined([self._tail, samples])
         self._tail = samples.last(REST_SAMPLES)
         return len(block.position)
 
+    def _check_following(self, samples: MoveSamples, demand: F64) -> None:
+        """Position k against demand k - 1, which the drive was at when it was sampled.
 
-@dataclass(frozen=True, slots=True)
-class _Samples:
-    """Consecutive samples; a late one is no measurement of its instant, so it counts as invalid."""
-
-    time: F64
-    position: F64
-    force: F64
-    valid: NDArray[np.bool_]
-    arrival: F64
-
-    @classmethod
-    def none(cls, axes: int) -> _Samples:
-        empty = np.zeros((0, axes))
-        return cls(np.zeros(0), empty, empty, np.zeros((0, axes), dtype=np.bool_), empty)
-
-    @classmethod
-    def of(cls, block: Block) -> _Samples:
-        valid = block.valid & ~block.late[:, None]
-        return cls(block.time, block.position, block.force, valid, block.arrival)
-
-    @classmethod
-    def joined(cls, parts: Sequence[_Samples]) -> _Samples:
-        return cls(
-            np.concatenate([p.time for p in parts]),
-            np.concatenate([p.position for p in parts]),
-            np.concatenate([p.force for p in parts]),
-            np.concatenate([p.valid for p in parts]),
-            np.concatenate([p.arrival for p in parts]),
-        )
-
-    def __len__(self) -> int:
-        return len(self.time)
-
-    def last(self, count: int) -> _Samples:
-        return _Samples(
-            self.time[-count:], self.position[-count:], self.force[-count:], self.valid[-count:],
-            self.arrival[-count:],
-        )  # fmt: skip
-
-    def mean_force(self) -> F64:
-        """Mean force of each axis over its valid samples, over all where there is none."""
-        means = [
-            float(values[ok].mean() if ok.any() else values.mean())
-            for values, ok in zip(self.force.T, self.valid.T, strict=True)
-        ]
-        return np.array(means)
-
-    def punctual(self, tolerance: float) -> _Samples:
-        """With those invalid that came more than `tolerance` [s] off the median of their axis."""
-        valid = self.valid.copy()
-        for arrival, ok in zip(self.arrival.T, valid.T, strict=True):
-            if ok.any():
-                ok &= np.abs(arrival - np.median(arrival[ok])) <= tolerance
-        return _Samples(self.time, self.position, self.force, valid, self.arrival)
-
-    def on_grid(self, period: float) -> _Samples:
-        """With an invalid sample wherever a SYNC period was passed over."""
-        place = np.round((self.time - self.time[0]) / period).astype(np.int64)
-        if place[-1] == len(place) - 1:
-            return self
-        count, axes = int(place[-1]) + 1, self.position.shape[1]
-        position, force = np.zeros((count, axes)), np.zeros((count, axes))
-        valid = np.zeros((count, axes), dtype=np.bool_)
-        arrival = np.full((count, axes), np.nan)
-        position[place], force[place], valid[place] = self.position, self.force, self.valid
-        arrival[place] = self.arrival
-        time = self.time[0] + period * np.arange(count)
-        return _Samples(time, position, force, valid, arrival)
+        Raises:
+            RunFault: an axis does not follow.
+        """
+        error = np.abs(samples.position[1:] - demand[: len(samples) - 1])
+        for a, axis in enumerate(self._axes):
+            worst = error[:, a][samples.valid[1:, a]]
+            if (worst > axis.following_error).sum() >= ASTRAY:
+                raise RunFault(
+                    f"axis {axis.name}: 0x6064:00 position actual: {worst.max() * 1e3:.3g} mm from "
+                    f"what was demanded (following_error: {axis.following_error * 1e3:g} mm); "
+                    "do setpoints reach the drive?"
+                )
 
 
 def _never(_: tuple[float, ...]) -> bool:

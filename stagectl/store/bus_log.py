@@ -4,12 +4,17 @@ Every data frame with its time since the first, classic CAN only (no CAN FD, no 
 Direction is the host's view, told by the CANopen function code (CiA 301, predefined connection
 set). While the run goes on frames are spooled as they are to `bus.frames` beside it, for `tap` is
 called inside the SYNC cycle; the text is made at the end, or by `recover` where a run was killed.
+
+The log is the least of what a run writes, and it sees every frame before the bus does: where it
+cannot be written (disk full) it must not keep a quick stop from being sent, so it ends there, says
+so in `failure`, and leaves the frames it has.
 """
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -18,6 +23,8 @@ from stagectl.errors import StagectlError, UnusableInput
 
 LOG_NAME = "bus.asc"
 SPOOL_SUFFIX = ".frames"
+SPOOL_NAME = "bus.frames"
+LEFT_OVER_NAME = "bus-recovered.asc"
 
 # Function codes (COB-ID & ~0x7F) the host sends: NMT, SYNC (node 0), RPDO 1..4, SDO request.
 _HOST_SENDS = {0x000, 0x200, 0x300, 0x400, 0x500, 0x600}
@@ -35,12 +42,15 @@ _MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct",
 class BusLog:
     """Takes frames while a run goes on; `tap` is what the drivers call for each.
 
+    As a context it never raises at its end: whoever runs has a recording to write yet.
+
     Attributes:
         path: of the ASC file, there after `close`.
+        failure: why the log is not whole, or None; the spool stays then, for `recover`.
     """
 
     def __init__(self, path: Path, started: datetime, host_node: int = 127) -> None:
-        """Create the spool file.
+        """Create the spool file; one that a killed run left becomes `bus-recovered.asc` before.
 
         Args:
             path: an existing file is replaced at the end.
@@ -51,7 +61,9 @@ class BusLog:
             StagectlError: it cannot be written.
         """
         self.path = path
+        self.failure: str | None = None
         self._spool = path.with_suffix(SPOOL_SUFFIX)
+        _set_aside(self._spool, started.tzinfo)
         try:
             self._file = self._spool.open("wb", buffering=1 << 16)
             self._file.write(_HEAD.pack(_MAGIC, round(started.timestamp() * 1e6), host_node))
@@ -68,28 +80,32 @@ class BusLog:
             t_ns: time on any clock that does not run backwards [ns].
             can_id: arbitration id; above 0x7FF it is logged as extended.
             data: up to 8 bytes.
-
-        Raises:
-            StagectlError: it cannot be written (disk full).
         """
-        try:
-            self._write(self._pack(t_ns, can_id, len(data), data))
-        except OSError as error:
-            raise StagectlError(f"{self._spool}: cannot write: {error.strerror}") from error
+        if self.failure is None:
+            try:
+                self._write(self._pack(t_ns, can_id, len(data), data))
+            except OSError as error:
+                self.failure = f"{self._spool}: cannot write: {error.strerror}"
 
     def close(self) -> None:
         """Make the ASC file out of the spool; idempotent.
 
         Raises:
-            StagectlError: it cannot be written.
+            StagectlError: it cannot be written, or frames are missing in it.
         """
         if self._file.closed:
             return
         try:
             self._file.close()
         except OSError as error:
-            raise StagectlError(f"{self._spool}: cannot write: {error.strerror}") from error
-        convert(self._spool, self.path, self._zone)
+            self.failure = self.failure or f"{self._spool}: cannot write: {error.strerror}"
+        if self.failure is not None:
+            raise StagectlError(self.failure)
+        try:
+            convert(self._spool, self.path, self._zone)
+        except StagectlError as error:
+            self.failure = str(error)
+            raise
 
     def __enter__(self) -> BusLog:
         return self
@@ -100,14 +116,27 @@ class BusLog:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self.close()
+        with suppress(StagectlError):  # it is in `failure`
+            self.close()
+
+
+def _set_aside(spool: Path, zone: object) -> None:
+    """What a killed run left is made into a log of another name; what is no spool goes."""
+    if not spool.exists():
+        return
+    path, number = spool.with_name(LEFT_OVER_NAME), 1
+    while path.exists():
+        number += 1
+        path = spool.with_name(LEFT_OVER_NAME.replace(".", f"-{number}."))
+    with suppress(UnusableInput):
+        convert(spool, path, zone)
 
 
 def recover_log(folder: Path) -> Path | None:
     """Make the ASC file out of the spool that a killed run left in a folder.
 
     Returns:
-        The file, or None where there was no spool.
+        The file, or None where there was no spool, or nothing in it yet.
 
     Raises:
         UnusableInput: the spool is not one.
@@ -117,17 +146,19 @@ def recover_log(folder: Path) -> Path | None:
     spool = path.with_suffix(SPOOL_SUFFIX)
     if not spool.exists():
         return None
-    convert(spool, path, datetime.now().astimezone().tzinfo)
-    return path
+    return path if convert(spool, path, datetime.now().astimezone().tzinfo) else None
 
 
-def convert(spool: Path, path: Path, zone: object = None) -> None:
+def convert(spool: Path, path: Path, zone: object = None) -> bool:
     """Make an ASC file out of a spool, whole or cut anywhere, and remove the spool.
 
     Args:
         spool: file of a `BusLog`.
         path: to write; an existing file is replaced.
         zone: tzinfo of the date in its header.
+
+    Returns:
+        Whether there was anything in it; else there is no file.
 
     Raises:
         UnusableInput: it is not a spool.
@@ -137,6 +168,9 @@ def convert(spool: Path, path: Path, zone: object = None) -> None:
     try:
         with spool.open("rb") as frames:
             head = frames.read(_HEAD.size)
+            if len(head) < _HEAD.size and _MAGIC.startswith(head[: len(_MAGIC)]):
+                spool.unlink()  # killed before the first block was written
+                return False
             if len(head) < _HEAD.size or not head.startswith(_MAGIC):
                 raise UnusableInput(f"{spool}: not the frames of a bus log")
             _, started, host_node = _HEAD.unpack(head)
@@ -152,7 +186,10 @@ def convert(spool: Path, path: Path, zone: object = None) -> None:
                 text.write("End TriggerBlock\n")
         part.replace(path)
         spool.unlink()
+        return True
     except OSError as error:
+        with suppress(OSError):  # leaves its room to the recording
+            part.unlink()
         raise StagectlError(f"{path}: cannot write: {error.strerror}") from error
 
 

@@ -7,6 +7,7 @@ atomic: the file appears under its name complete or not at all.
 
 from __future__ import annotations
 
+import io
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -54,6 +55,7 @@ def read_recording(path: Path | str) -> Recording:
         _check_format(file)
         machine = _text(file, "machine")
         time = _floats(file, "time")
+        _unit(file, "time", "s")
         if np.any(np.diff(time) <= 0):
             sample = int(np.argmax(np.diff(time) <= 0)) + 1
             raise UnusableInput(f"/time: sample {sample}: not later than the one before")
@@ -121,8 +123,10 @@ def write_recording(
     """
     path = Path(path)
     part = path.with_name(path.name + ".part")
+    # In memory first: where the disk is full, closing an HDF5 file can take the process with it.
+    image = io.BytesIO()
     try:
-        with h5py.File(part, "w") as file:
+        with h5py.File(image, "w") as file:
             _write(file, recording, ledger)
             if events:
                 texts = [json.dumps(event) for event in events]
@@ -130,7 +134,9 @@ def write_recording(
                 file["events"].attrs["unit"] = "1"
             if outcome is not None:
                 file.attrs["outcome"] = outcome
-        with part.open("rb") as written:
+        with part.open("wb") as written:
+            written.write(image.getbuffer())
+            written.flush()
             os.fsync(written.fileno())
         part.replace(path)
     except OSError as error:
@@ -209,8 +215,8 @@ def _opened(path: Path | str) -> Iterator[h5py.File]:
 
 
 def _line(error: BaseException) -> str:
-    if isinstance(error, OSError) and error.strerror:
-        return error.strerror
+    if isinstance(error, OSError) and error.errno:
+        return os.strerror(error.errno)  # h5py's own text runs over several lines
     return str(error).strip("\"'").split("\n")[0]
 
 
@@ -219,7 +225,7 @@ def _check_format(file: h5py.File) -> None:
         raise UnusableInput(f"attribute format: not {FORMAT!r}, so not a recording of ours")
     version = file.attrs.get("version")
     if not isinstance(version, int | np.integer) or version < 1:
-        raise UnusableInput(f"attribute version: must be a whole number from 1, is {version!r}")
+        raise UnusableInput(f"attribute version: must be a whole number from 1, is {version}")
     if version > VERSION:
         raise UnusableInput(
             f"attribute version: {version} is newer than this program reads ({VERSION})"
@@ -299,6 +305,17 @@ def _floats(
     return values
 
 
+def _unit(group: h5py.Group, name: str, unit: str) -> None:
+    """Samples that say they are in another unit are not read as if they were SI."""
+    stated = group[name].attrs.get("unit", unit)
+    if isinstance(stated, bytes):
+        stated = stated.decode("utf-8", "replace")
+    if stated != unit:
+        raise UnusableInput(
+            f"{group.name.rstrip('/')}/{name}: attribute unit is {stated!r}, must be {unit!r}"
+        )
+
+
 def _integers(group: h5py.Group, name: str, length: int | None = None) -> npt.NDArray[Any]:
     values = _array(group, name, "iub", MAX_SAMPLES)
     _length(group, name, values, length)
@@ -308,6 +325,8 @@ def _integers(group: h5py.Group, name: str, length: int | None = None) -> npt.ND
 def _axis(axes: h5py.Group, name: str, length: int) -> AxisSignals:
     group = _group(axes, name)
     demand, offset, actual, force = (_floats(group, s, length) for s, _ in _SIGNALS)
+    for signal, unit in _SIGNALS:
+        _unit(group, signal, unit)
     statusword = None
     if "statusword" in group:
         statusword = _integers(group, "statusword", length).astype(np.uint16)
@@ -327,7 +346,7 @@ def _moves(file: h5py.File, axes: tuple[str, ...], length: int) -> tuple[Move, .
     moves: list[Move] = []
     for i, row in enumerate(table):
         place = f"/moves: row {i}"
-        kind = row["kind"].decode("ascii", "replace") if row["kind"] else ""
+        kind = row["kind"].decode("ascii", "replace") if isinstance(row["kind"], bytes) else ""
         if kind not in MOVE_KINDS:
             raise UnusableInput(f"{place}: kind {kind!r} is none of {', '.join(MOVE_KINDS)}")
         start, end = int(row["start"]), int(row["end"])

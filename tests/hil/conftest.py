@@ -3,7 +3,8 @@
 lockstep lives in virtual time; virtual has the drives in a thread, udp_multicast and socketcan in
 a process, both in real time. Real-time rigs run SYNC at 4 ms: tests look at behaviour, and a
 loaded machine with two cores has milliseconds of jitter. socketcan runs where the environment
-names an interface that is up: STAGECTL_HIL_SOCKETCAN=vcan0.
+names an interface that is up, STAGECTL_HIL_SOCKETCAN=vcan0; tests/system/test_vcan.py sees to it
+that there is one.
 """
 
 from __future__ import annotations
@@ -57,6 +58,11 @@ class Rig:
     def period(self) -> float:
         """Ts [s]."""
         return self.bus.sync_period
+
+    @property
+    def attempts(self) -> int:
+        """How often a test may try that needs some tenths of a second without disturbance."""
+        return 1 if self.virtual_time else 20
 
     def open(self, homing_method: int = PRESENT_POSITION, tap: Tap | None = None) -> Stage:
         """A stage on this bus; most tests don't care where its zero is."""

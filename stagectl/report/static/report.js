@@ -22,6 +22,10 @@
     return value.toFixed(decimals) + " µm";
   };
 
+  // As wide as its longest figure: stiffnesses have seven digits, errors three.
+  const yWidth = (chart, values) =>
+    Math.max(76, 24 + 9 * Math.max(0, ...(values || []).map((value) => String(value).length)));
+
   function axes(xLabel, yValues, options = {}) {
     const common = {
       stroke: () => css("--soft"), font: FONT,
@@ -29,7 +33,7 @@
     };
     return [
       { ...common, label: xLabel, labelFont: FONT, labelSize: 24, size: 34, ...options.x },
-      { ...common, size: 76, values: yValues },
+      { ...common, size: yWidth, values: yValues },
     ];
   }
 
@@ -273,14 +277,14 @@
       return names.map((name, i) => {
         const entries = data.friction.filter((entry) => entry.parameters[name]);
         const { rows, columns } = scatter(
-          entries, (e) => e.site, (e) => e.parameters[name].value, (e) => !e.accepted);
+          entries, (e) => e.place, (e) => e.parameters[name].value, (e) => !e.accepted);
         const figure = figures[i];
         const range = frictionRange(entries, name);
         return plot(figure, {
           height: 300,
           scales: { x: { time: false, range: (c, low, high) => [low - 0.6, high + 0.6] }, y: { range: () => range } },
-          axes: axes("site", plainTicks, wholeTicks),
-          series: scatterSeries("", " refused", 3).map((s, i) => (i ? s : { ...s, label: "site" })),
+          axes: axes(data.estimateName, plainTicks, wholeTicks),
+          series: scatterSeries("", " refused", 3).map((s, i) => (i ? s : { ...s, label: data.estimateName })),
           hooks: { draw: [sigmaBars(rows, name), crosses(hollowSeries())] },
         }, columns);
       });

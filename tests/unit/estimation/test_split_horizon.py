@@ -9,8 +9,8 @@ from estimation.gms import Friction
 from estimation.noise import encoder_noise, quantisation
 from estimation.split_horizon import EstimatorSettings, MoveData, SplitHorizonEstimator
 from estimation.trajectory import Limits, plan
-from hil_sim.simulate import simulate
 from hil_sim.settings import StageSettings
+from hil_sim.simulate import simulate
 from stagectl.config import load_machine, stage_settings
 
 TS = 1e-3

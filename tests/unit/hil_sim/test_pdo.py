@@ -175,7 +175,7 @@ def test_wrong_length_is_announced_once(host):
 def test_rpdo_cannot_bring_in_what_sdo_may_not(host):
     remap(host, 0x1601, 0x1401, [0x60600008], 0x301)
     host.nmt(1)
-    host.send(0x301, struct.pack("<b", 3))
+    host.send(0x301, struct.pack("<b", 7))
     host.send(0x080)
     assert host.read_object(1, 0x6061, 0, "b") == 0
     host.send(0x301, struct.pack("<b", 8))

@@ -127,7 +127,7 @@ def test_force_offset_is_ignored(pp, plant):
 
 def test_unsupported_mode_is_refused(pp):
     with pytest.raises(Exception, match="0x06090030"):
-        pp.write(1, 0x6060, 0, "b", 3)
+        pp.write(1, 0x6060, 0, "b", 7)
     assert pp.read_object(1, 0x6061, 0, "b") == 1
 
 

@@ -209,3 +209,19 @@ def test_moves_broken_off_are_not_in_the_table(summary: dict[str, Any]):
 
 def test_refused_figures_are_not_the_latest(summary: dict[str, Any]):
     assert content.latest_friction(summary, ("x", "y")) == [("x", "coulomb", "6.02", "0.0100", "N")]
+
+
+def test_a_list_of_moves_has_no_sites(recording: Recording, summary: dict[str, Any]):
+    moves = tuple(replace(move, site=None) for move in recording.moves)
+    entries = [{**entry, "site": None} for entry in summary["moves"]]
+    friction = [{**entry, "site": 0} for entry in summary["friction"] * 2]
+    bare = {**summary, "moves": entries, "friction": friction}
+    page = Page(render(replace(recording, moves=moves), bare, control_period=TC))
+    data = json.loads(page.data)
+    # the n-th estimate of an axis stands at n, not all of them at one place
+    places = [(entry["axis"], entry["place"]) for entry in data["friction"]]
+    assert places == [("x", 1), ("y", 1), ("x", 2), ("y", 2)]
+    assert (data["placeName"], data["estimateName"]) == ("move", "estimate")
+    assert "Settling over moves" in page.text
+    assert "no site" not in page.text
+    assert "site 0" not in page.text

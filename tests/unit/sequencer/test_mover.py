@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from estimation.trajectory import Limits
+from stagectl.errors import RunFault
 from stagectl.sequencer.mover import Mover, MovingAxis
 
 TS = 1e-3
@@ -115,6 +116,13 @@ def test_samples_that_come_at_another_time_than_the_others_do_not_count():
     np.testing.assert_array_equal(ragged.position, plain.position)
 
 
+def test_a_move_with_too_many_holes_is_followed_only():
+    (move,) = go(late=range(25, 100, 2)).moves
+    three_in_a_row = move.valid[:-2] & move.valid[1:-1] & move.valid[2:]
+    assert not three_in_a_row.any()
+    assert move.valid.sum() > 20
+
+
 def test_periods_passed_over_are_holes_in_time():
     plain, holed = go().moves[0], go(skip=(60,)).moves[0]
     assert len(holed.position) == len(plain.position) + 2
@@ -134,3 +142,21 @@ def test_a_move_revises_its_own_offsets_under_way():
     assert (revised.offsets_sent[: 20 + 50] == 0.0).all()
     assert (revised.offsets_sent[20 + 50 :] == 7.0).all()  # and the rest holds the last one
     np.testing.assert_array_equal(revised.moves[0].position, plain.moves[0].position)
+
+
+class Stuck(Echo):
+    """Says that it is somewhere else than it is told to be, from sample 60 on."""
+
+    def stream(self, position, offset, until=None):
+        before = self.k
+        block = super().stream(position, offset, until)
+        block.position[max(0, 60 - before) :] += 2e-3
+        return block
+
+
+def test_an_axis_that_does_not_follow_is_a_named_fault():
+    axis = MovingAxis("x", Limits(1.0, 10.0, 2000.0), 1e-9, Notes(), following_error=1e-3)
+    mover = Mover(Stuck(), [axis], TS, lambda: False)
+    mover.hold(0.05)
+    with pytest.raises(RunFault, match=r"^axis x: 0x6064:00 position actual: 2 mm from"):
+        mover.hold(0.05)

@@ -87,3 +87,33 @@ def test_a_recording_that_starts_with_force_starts_the_model_so(stage):
 def test_other_axes_are_an_error(stage, recorded):
     with pytest.raises(ValueError, match="axes x"):
         measure(recorded, replace(stage, axes=stage.axes[:1]))
+
+
+def test_another_sync_period_is_an_error(stage, recorded):
+    with pytest.raises(
+        ValueError, match=r"samples are 0\.001 s apart, the model.s sync_period is 0"
+    ):
+        measure(recorded, replace(stage, sync_period=0.002))
+
+
+def test_periods_passed_over_are_part_of_the_model_too(stage, recorded):
+    """A host that came late: SYNCs that never went out, the setpoint standing meanwhile."""
+    count = len(recorded)
+    kept = np.flatnonzero((np.arange(count) % 97 < 95) | (np.arange(count) < 3))
+    sent = kept[np.searchsorted(kept, np.arange(count), side="right") - 1]
+    names = list(recorded.axes)
+    demand = np.column_stack([recorded.axes[n].position_demand for n in names])[sent]
+    offset = np.column_stack([recorded.axes[n].force_offset for n in names])[sent]
+    response = simulate(stage, demand, offset, None)
+    axes = {
+        name: AxisSignals(
+            demand[kept, i], offset[kept, i],
+            response.position[kept, i], response.force[kept, i],
+            None, np.ones(len(kept), dtype=bool),
+        )
+        for i, name in enumerate(names)
+    }  # fmt: skip
+    late = Recording("", "", "", recorded.time[kept], axes, (), "made here")
+    for signals in measure(late, stage, draws=1).values():
+        assert signals["position"].nominal == 0.0
+        assert signals["force"].nominal == 0.0

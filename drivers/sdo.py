@@ -1,0 +1,180 @@
+"""SDO client protocol (CiA 301, 7.2.4): expedited, segmented and block transfers, without a bus.
+
+A transfer is a generator: it yields what to send next (one frame, several for a block, or None to
+go on waiting), is sent every frame that the server sends, and returns the object's bytes. A frame
+that is no answer to the present request (another object, another service, the toggle of a segment
+before) is passed over: it is late, or somebody else's. `sdo_channel.py` brings it onto a bus.
+"""
+
+from __future__ import annotations
+
+import struct
+from binascii import crc_hqx
+from collections.abc import Generator
+
+from canopen import SdoAbortedError
+
+Transfer = Generator["tuple[bytes, ...] | None", bytes, bytes]
+
+TIMED_OUT = 0x05040000
+UNKNOWN_COMMAND = 0x05040001
+_CRC_ERROR = 0x05040004
+_GENERAL_ERROR = 0x08000000
+
+BLOCK_SEGMENTS = 127
+_HEAD = struct.Struct("<BHB")
+_EXPEDITED, _SIZED = 0x02, 0x01
+
+
+def abort_frame(index: int, sub: int, code: int) -> bytes:
+    """The client gives a transfer up."""
+    return _HEAD.pack(0x80, index, sub) + struct.pack("<I", code)
+
+
+def upload(index: int, sub: int) -> Transfer:
+    """Reads an object: expedited or segmented, as the server has it."""
+    answer = yield from _initiate(_request(0x40, index, sub), index, sub, 0x40)
+    return (yield from _rest_of_upload(answer, index, sub))
+
+
+def download(index: int, sub: int, data: bytes) -> Transfer:
+    """Writes an object: expedited up to four bytes, else segmented."""
+    if 0 < len(data) <= 4:
+        command = 0x20 | (4 - len(data)) << 2 | _EXPEDITED | _SIZED
+        yield from _initiate(_request(command, index, sub, data), index, sub, 0x60)
+        return b""
+    size = struct.pack("<I", len(data))
+    yield from _initiate(_request(0x20 | _SIZED, index, sub, size), index, sub, 0x60)
+    toggle = 0
+    for start in range(0, max(1, len(data)), 7):
+        part = data[start : start + 7]
+        last = start + 7 >= len(data)
+        frame = bytes((toggle | (7 - len(part)) << 1 | last,)) + part.ljust(7, b"\0")
+        yield from _segment(frame, index, sub, 0x20 | toggle)
+        toggle ^= 0x10
+    return b""
+
+
+def block_upload(index: int, sub: int) -> Transfer:
+    """Reads an object in blocks; a server may answer by an ordinary upload."""
+    frame = _HEAD.pack(0xA4, index, sub) + bytes((BLOCK_SEGMENTS, 0, 0, 0))
+    answer = yield from _initiate(frame, index, sub, 0xC0, 0x40)
+    if answer[0] & 0xE0 == 0x40:
+        return (yield from _rest_of_upload(answer, index, sub))
+    checked = bool(answer[0] & 0x04)
+    data = bytearray()
+    send: tuple[bytes, ...] | None = (bytes((0xA3, 0, 0, 0, 0, 0, 0, 0)),)
+    finished = False
+    while not finished:
+        sequence, complete = 0, False
+        while not complete:
+            answer = yield send
+            send = None
+            if answer[0] == 0x80:
+                _check_abort(answer, index, sub)
+                continue
+            number = answer[0] & 0x7F
+            if number == sequence + 1:  # anything else is repeated from the last good one on
+                sequence = number
+                data += answer[1:]
+                finished = bool(answer[0] & 0x80)
+            complete = finished or number >= BLOCK_SEGMENTS or bool(answer[0] & 0x80)
+        send = (bytes((0xA2, sequence, BLOCK_SEGMENTS, 0, 0, 0, 0, 0)),)
+    answer = yield send
+    while answer[0] & 0xE3 != 0xC1:
+        _check_abort(answer, index, sub)
+        answer = yield None
+    unused = answer[0] >> 2 & 0x07
+    if unused:
+        del data[-unused:]
+    if checked and crc_hqx(bytes(data), 0) != struct.unpack_from("<H", answer, 1)[0]:
+        raise SdoAbortedError(_CRC_ERROR)
+    # nothing comes back for this one
+    return bytes(data)
+
+
+BLOCK_UPLOAD_END = bytes((0xA1, 0, 0, 0, 0, 0, 0, 0))
+"""Closes a block upload; sent by the channel, since no answer follows."""
+
+
+def block_download(index: int, sub: int, data: bytes) -> Transfer:
+    """Writes an object in blocks, with checksum where the server has one."""
+    frame = _request(0xC6, index, sub, struct.pack("<I", len(data)))
+    answer = yield from _initiate(frame, index, sub, 0xA0)
+    checked, size = bool(answer[0] & 0x04), answer[4]
+    segments = [data[i : i + 7] for i in range(0, max(1, len(data)), 7)]
+    done = 0
+    while done < len(segments):
+        if not 1 <= size <= 127:
+            raise SdoAbortedError(0x05040002)
+        block = segments[done : done + size]
+        frames = tuple(
+            bytes((n | (0x80 if done + n == len(segments) else 0),)) + part.ljust(7, b"\0")
+            for n, part in enumerate(block, start=1)
+        )
+        answer = yield frames
+        while answer[0] & 0xE3 != 0xA2:
+            _check_abort(answer, index, sub)
+            answer = yield None
+        if answer[1] > len(block):
+            raise SdoAbortedError(0x05040003)
+        done += answer[1]
+        size = answer[2]
+    unused = 7 - len(segments[-1])
+    crc = crc_hqx(data, 0) if checked else 0
+    answer = yield (bytes((0xC1 | unused << 2,)) + struct.pack("<H5x", crc),)
+    while answer[0] & 0xE3 != 0xA1:
+        _check_abort(answer, index, sub)
+        answer = yield None
+    return b""
+
+
+def _request(command: int, index: int, sub: int, data: bytes = b"") -> bytes:
+    return _HEAD.pack(command, index, sub) + data.ljust(4, b"\0")
+
+
+def _check_abort(answer: bytes, index: int, sub: int) -> None:
+    """Raises what the server says, if this is its abort of our transfer."""
+    command, its_index, its_sub = _HEAD.unpack_from(answer)
+    # some servers leave the object out of the abort of a segment
+    if command == 0x80 and (its_index, its_sub) in ((index, sub), (0, 0)):
+        raise SdoAbortedError(struct.unpack_from("<I", answer, 4)[0])
+
+
+def _initiate(
+    frame: bytes, index: int, sub: int, *expected: int
+) -> Generator[tuple[bytes, ...] | None, bytes, bytes]:
+    answer = yield (frame,)
+    while answer[0] & 0xE0 not in expected or _HEAD.unpack_from(answer)[1:] != (index, sub):
+        _check_abort(answer, index, sub)
+        answer = yield None
+    return answer
+
+
+def _segment(
+    frame: bytes, index: int, sub: int, expected: int
+) -> Generator[tuple[bytes, ...] | None, bytes, bytes]:
+    """One segment: `expected` holds service (bits 7..5) and toggle (bit 4) of the answer."""
+    answer = yield (frame,)
+    while answer[0] & 0xF0 != expected:
+        _check_abort(answer, index, sub)
+        answer = yield None
+    return answer
+
+
+def _rest_of_upload(answer: bytes, index: int, sub: int) -> Transfer:
+    if answer[0] & _EXPEDITED:
+        size = 4 - (answer[0] >> 2 & 3) if answer[0] & _SIZED else 4
+        return answer[4 : 4 + size]
+    announced = struct.unpack_from("<I", answer, 4)[0] if answer[0] & _SIZED else None
+    data = b""
+    toggle = 0
+    while True:
+        part = yield from _segment(bytes((0x60 | toggle,)) + bytes(7), index, sub, toggle)
+        data += part[1 : 8 - (part[0] >> 1 & 7)]
+        if part[0] & 1:
+            break
+        toggle ^= 0x10
+    if announced is not None and announced != len(data):
+        raise SdoAbortedError(_GENERAL_ERROR)
+    return data

@@ -1,0 +1,213 @@
+"""`stagectl enable`, `home` and `jog`: the stage moved by hand, all checks of a run included."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from stagectl.cli.bus_access import Bench, bus_options
+
+if TYPE_CHECKING:
+    from drivers.settings import AxisSettings
+    from drivers.stage import Stage
+    from stagectl.config.units import Dimension
+
+_JOG_VELOCITY = 10e-3
+_JOG_ACCELERATION = 1.0
+"""Of a jog, where the axis' limits allow them [m/s, m/s^2]."""
+_SLICE = 0.05
+_NEGATIVE = {"ignore_unknown_options": True}  # -2mm is a distance, no option
+
+
+class Quantity(click.ParamType[float]):
+    """A number (SI) or a text with its unit, such as `-50um`."""
+
+    def __init__(self, dimension: str) -> None:
+        self.name = dimension
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """The value in SI units."""
+        from stagectl.config import units
+
+        if isinstance(value, float):
+            return value
+        dimension: Dimension = getattr(units, self.name)
+        try:
+            try:
+                return units.parse_quantity(float(value), dimension)
+            except ValueError:
+                return units.parse_quantity(str(value), dimension)
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+
+
+@click.command(short_help="Close the loops and hold the stage.")
+@bus_options
+@click.option("--hold", "duration", type=click.FloatRange(0, 3600),
+              help="Disable again after so long [s]; without it on Ctrl-C.")  # fmt: skip
+@click.option("--reset", is_flag=True, help="Acknowledge faults first.")
+def enable(
+    machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int,
+    duration: float | None, reset: bool,
+) -> None:  # fmt: skip
+    """Boot the drives and hold all axes where they stand, under force; then disable.
+
+    The loops stay closed for as long as this command runs: drives quick-stop when they no longer
+    hear their host.
+    """
+    bench = Bench(machine, bus, simulate, seed)
+    if simulate and duration is None:
+        duration = 1.0
+    with bench.stage() as stage, _interruptible() as stopped:
+        _boot(stage, reset)
+        stage.enable()
+        _say(stage, "enabled, holding")
+        end = None if duration is None else stage.clock.now_ns() + round(duration * 1e9)
+        while not stopped() and (end is None or stage.clock.now_ns() < end):
+            left = _SLICE if end is None else min(_SLICE, (end - stage.clock.now_ns()) * 1e-9)
+            stage.hold(left)
+        _say(stage, "held")
+        stage.disable()
+    click.echo("disabled")
+
+
+@click.command(short_help="Home all axes.")
+@bus_options
+@click.option("--reset", is_flag=True, help="Acknowledge faults first.")
+def home(
+    machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int, reset: bool
+) -> None:
+    """Home all axes by their machine file's methods, then disable them.
+
+    The drives keep their zero until they are switched off.
+    """
+    bench = Bench(machine, bus, simulate, seed)
+    with bench.stage() as stage, _interruptible():
+        _boot(stage, reset)
+        stage.home(force=True)
+        _say(stage, "homed")
+        stage.disable()
+
+
+@click.command(short_help="Move one axis by a distance.", context_settings=_NEGATIVE)
+@click.argument("axis")
+@click.argument("distance", type=Quantity("LENGTH"))
+@bus_options
+@click.option("--velocity", type=Quantity("VELOCITY"), help="Of the move [10 mm/s].")
+@click.option("--here", is_flag=True, help="Don't home: trust the zero that the drive has.")
+@click.option("--reset", is_flag=True, help="Acknowledge faults first.")
+def jog(
+    axis: str, distance: float, machine: Path | None, bus: tuple[str, str] | None, simulate: bool,
+    seed: int, velocity: float | None, here: bool, reset: bool,
+) -> None:  # fmt: skip
+    """Move AXIS by DISTANCE (metres, or with a unit: 2mm, -50um) with the drive's own profile.
+
+    \b
+      stagectl jog x 2mm --simulate
+      stagectl jog y -50um --velocity 1mm/s
+
+    Homes the stage first, since limits count from its zero, and so starts there; after `stagectl
+    home`, --here starts where the axis stands. Velocity and target are checked against the
+    machine file before anything is sent that moves the axis.
+    """  # noqa: D301  (\b keeps click from wrapping what follows)
+    bench = Bench(machine, bus, simulate, seed)
+    chosen = _axis(bench.axes, axis)
+    speed, acceleration = _profile(chosen, velocity)
+    _check_distance(chosen, distance, here)
+    with bench.stage() as stage, _interruptible():
+        _boot(stage, reset)
+        if not here:
+            stage.home()
+        stage.enable()
+        column = [a.name for a in stage.axes].index(axis)
+        start = stage.targets[column]
+        stage.move_to(axis, start + distance, speed, acceleration)
+        stage.hold(0.1)
+        _say(stage, f"{axis} moved by {(stage.positions[column] - start) * 1e3:.6f} mm")
+        stage.disable()
+
+
+def _boot(stage: Stage, reset: bool) -> None:
+    """Boots the drives; says what they do without."""
+    stage.boot()
+    for limitation in stage.limitations:
+        click.echo(limitation, err=True)
+    if reset:
+        stage.reset_faults()
+
+
+def _axis(axes: tuple[AxisSettings, ...], name: str) -> AxisSettings:
+    for axis in axes:
+        if axis.name == name:
+            return axis
+    raise click.BadParameter(
+        f"no axis {name!r}; there are {', '.join(a.name for a in axes)}", param_hint="AXIS"
+    )
+
+
+def _profile(axis: AxisSettings, velocity: float | None) -> tuple[float, float]:
+    speed = min(_JOG_VELOCITY, axis.velocity) if velocity is None else velocity
+    if not 0 < speed <= axis.velocity:
+        raise click.BadParameter(
+            f"axis {axis.name}: must be in (0, {axis.velocity:g}] m/s, is {speed:g}",
+            param_hint="--velocity",
+        )
+    return speed, min(_JOG_ACCELERATION, axis.acceleration)
+
+
+def _check_distance(axis: AxisSettings, distance: float, here: bool) -> None:
+    """What can be known before anything is sent: from its zero, or not at all further."""
+    low, high = axis.travel
+    if here and abs(distance) > high - low:
+        reason = f"{distance:g} m is more than its travel of {high - low:g} m"
+    elif not here and not low <= distance <= high:
+        reason = f"{distance:g} m from zero is outside its travel {low:g}..{high:g} m"
+    else:
+        return
+    raise click.BadParameter(f"axis {axis.name}: {reason}", param_hint="DISTANCE")
+
+
+def _say(stage: Stage, what: str) -> None:
+    at = ", ".join(
+        f"{axis.name} {position * 1e3:.6f} mm"
+        for axis, position in zip(stage.axes, stage.positions, strict=True)
+    )
+    click.echo(f"{what}: {at}")
+
+
+@contextmanager
+def _interruptible() -> Iterator[Callable[[], bool]]:
+    """Ctrl-C interrupts what is under way; the stage is stopped and disabled on the way out.
+
+    Gives a function that says from then on to wait for Ctrl-C instead, and whether it came.
+    """
+    asked = waited_for = False
+
+    def stopped() -> bool:
+        nonlocal waited_for
+        waited_for = True
+        return asked
+
+    def handler(number: int, _: Any) -> None:
+        nonlocal asked
+        if asked:
+            return
+        asked = True
+        if not waited_for:
+            raise KeyboardInterrupt
+
+    before = {n: signal.signal(n, handler) for n in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stopped
+    except KeyboardInterrupt:
+        raise click.exceptions.Abort from None
+    finally:
+        for number, former in before.items():
+            signal.signal(number, former)

@@ -1,0 +1,107 @@
+"""`stagectl bus-budget`: does the PDO set fit the SYNC rate and the bit rate?"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from stagectl.cli.options import FILE, write_json
+
+if TYPE_CHECKING:
+    from drivers.bus_budget import BusBudget
+
+_BYTES = click.IntRange(0, 8)
+
+
+@click.command(short_help="Does the PDO set fit the bus?")
+@click.option("--machine", type=FILE, help="Machine file of the stage [wafer-xy].")
+@click.option("--sync-period", type=click.FloatRange(1e-6, 10), help="[s] [the machine's].")
+@click.option("--bitrate", type=click.IntRange(10_000, 1_000_000), help="[the machine's]")
+@click.option("--rpdo", type=_BYTES, multiple=True, help="Bytes of an RPDO of every axis [8].")
+@click.option("--tpdo", type=_BYTES, multiple=True, help="Bytes of a TPDO of every axis [8].")
+@click.option("--sync-counter", is_flag=True, help="SYNC carries a counter (0x1019).")
+@click.option("--json", "json_out", type=FILE, help="Write the figures here; - is stdout.")
+def command(
+    machine: Path | None, sync_period: float | None, bitrate: int | None,
+    rpdo: tuple[int, ...], tpdo: tuple[int, ...], sync_counter: bool, json_out: Path | None,
+) -> None:  # fmt: skip
+    """Add up the bits of one SYNC period with worst-case stuffing, and what is left for SDO.
+
+    Exit code 0 when the worst cycle fits, 1 when it does not. Arithmetic: no bus is opened.
+    """
+    from drivers.bus_budget import stage_budget
+    from stagectl.config.machine import load_machine
+    from stagectl.errors import StagectlError
+
+    stage = load_machine(machine)
+    budget = stage_budget(
+        tuple(stage.axes),
+        rpdo or (8,),
+        tpdo or (8,),
+        sync_period or stage.bus.sync_period,
+        bitrate or stage.bus.bitrate,
+        int(sync_counter),
+    )
+    if json_out is not None:
+        write_json(_figures(budget), json_out)
+    if json_out is None or str(json_out) != "-":
+        from rich.console import Console
+
+        Console().print(_table(budget, stage.name))
+        _verdict(budget)
+    if not budget.fits:
+        raise StagectlError(
+            f"the worst cycle needs {budget.peak} bits, {budget.available} fit into "
+            f"{budget.sync_period * 1e3:g} ms at {budget.bitrate / 1e3:g} kbit/s"
+        )
+
+
+def _figures(budget: BusBudget) -> dict[str, Any]:
+    return {
+        "sync_period": budget.sync_period, "bitrate": budget.bitrate,
+        "frames": [
+            {"name": x.name, "count": x.count, "bytes": x.data_bytes, "bits_worst": x.worst,
+             "bits_least": x.least}
+            for x in budget.lines
+        ],
+        "bits_available": budget.available, "bits_worst": budget.worst,
+        "bits_least": budget.least, "bits_worst_with_heartbeats": budget.peak,
+        "fits": budget.fits, "sdo_pairs_in_worst_cycle": budget.sdo_pairs,
+        "sdo_per_second": budget.sdo_per_second, "shortest_sync_period": budget.shortest_period,
+    }  # fmt: skip
+
+
+def _table(budget: BusBudget, name: str) -> Any:
+    from rich.table import Table
+
+    table = Table(
+        title=f"{name}: SYNC {budget.sync_period * 1e3:g} ms, {budget.bitrate / 1e3:g} kbit/s",
+        title_justify="left",
+    )
+    for column in ("frame", "bytes", "bits, worst", "bits, no stuffing", "share, worst"):
+        table.add_column(column, justify="left" if column == "frame" else "right")
+    rows = [(x.name, str(x.data_bytes), x.worst, x.least) for x in budget.lines]
+    rows.append(("cyclic frames", "", budget.worst, budget.least))
+    rows.append((f"worst cycle, {budget.heartbeats} heartbeats in it", "", budget.peak, -1))
+    for label, size, worst, least in rows:
+        if label == "cyclic frames":
+            table.add_section()
+        table.add_row(
+            label, size, str(worst), "" if least < 0 else str(least),
+            f"{worst / budget.available:.1%}",
+        )  # fmt: skip
+    return table
+
+
+def _verdict(budget: BusBudget) -> None:
+    if not budget.fits:
+        click.echo(f"shortest SYNC period that fits: {budget.shortest_period * 1e3:.3f} ms")
+        return
+    click.echo(
+        f"left for SDO: {budget.sdo_pairs} request/answer pairs in the worst cycle, "
+        f"{budget.sdo_per_second:.0f} a second in the mean"
+    )
+    if budget.sdo_pairs == 0:
+        click.echo("an SDO in the worst cycle makes it late: don't poll by SDO while streaming")

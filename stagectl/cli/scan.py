@@ -1,0 +1,90 @@
+"""`stagectl scan`: who is on the bus."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from stagectl.cli.bus_access import Bench, bus_options
+from stagectl.cli.options import FILE, write_json
+
+if TYPE_CHECKING:
+    from drivers.scan import Found
+
+
+@click.command(short_help="Who is on the bus.")
+@bus_options
+@click.option("--passive", is_flag=True, help="Only listen; send nothing.")
+@click.option("--listen", type=click.FloatRange(0.01, 60), default=0.25, show_default=True,
+              help="How long to wait for heartbeats and answers [s].")  # fmt: skip
+@click.option("--json", "json_out", type=FILE, help="Write what was found here; - is stdout.")
+def command(
+    machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int,
+    passive: bool, listen: float, json_out: Path | None,
+) -> None:  # fmt: skip
+    """List the nodes on the bus: identity, NMT state, and what a drive is doing.
+
+    Nodes are found by boot-up message, heartbeat, and by asking every id for its device type
+    (SDO read of 0x1000). Nothing is written, nothing moves.
+    """
+    from drivers.scan import scan
+
+    bench = Bench(machine, bus, simulate, seed)
+    with bench.onlooker() as network:
+        found = scan(network, ask=not passive, listen=listen)
+        label = network.label
+    axes = {axis.node: axis.name for axis in bench.axes}
+    if json_out is not None:
+        write_json([_entry(node, axes) for node in found], json_out)
+        if str(json_out) == "-":
+            return
+    from rich.console import Console
+
+    Console().print(_table(found, axes, label))
+    for node, name in axes.items():
+        if all(one.node != node for one in found):
+            click.echo(
+                f"axis {name}: node {node} of {bench.machine.source} was not heard", err=True
+            )
+
+
+def _entry(node: Found, axes: dict[int, str]) -> dict[str, Any]:
+    return {
+        "node": node.node, "axis": axes.get(node.node), "heard": node.heard, "nmt": node.nmt,
+        "device_type": node.device_type, "profile": node.profile, "vendor": node.vendor,
+        "product": node.product, "revision": node.revision, "serial": node.serial,
+        "name": node.name, "statusword": node.statusword, "state": node.state,
+        "error_register": node.error_register, "error_code": node.error_code,
+        "doubled": node.doubled,
+    }  # fmt: skip
+
+
+def _table(found: list[Found], axes: dict[int, str], label: str) -> Any:
+    from rich.table import Table
+
+    from drivers.faults import error_text
+
+    if not found:
+        return f"nobody was heard on {label}: power, wiring, termination, bit rate?"
+    table = Table(title=f"Nodes on {label}", title_justify="left")
+    for name in ("node", "axis", "heard", "NMT", "profile", "vendor", "product", "revision",
+                 "serial", "name", "state"):  # fmt: skip
+        table.add_column(name, justify="right" if name == "node" else "left")
+    for n in found:
+        state = n.state or "-"
+        if n.error_code:
+            state += f", {error_text(n.error_code)}"
+        if n.doubled:
+            state = "TWO DEVICES ON THIS NODE ID"
+        table.add_row(
+            str(n.node), axes.get(n.node, "-"), ", ".join(n.heard), n.nmt or "-",
+            "-" if n.profile is None else f"CiA {n.profile}", _hex(n.vendor), _hex(n.product),
+            _hex(n.revision), "-" if n.serial is None else str(n.serial), n.name or "-", state,
+        )  # fmt: skip
+    return table
+
+
+def _hex(value: int | None) -> str:
+    return "-" if value is None else f"0x{value:X}"

@@ -1,0 +1,74 @@
+"""`stagectl status`: what the axes are doing, in plain words."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from stagectl.cli.bus_access import Bench, bus_options
+from stagectl.cli.options import FILE, write_json
+
+if TYPE_CHECKING:
+    from drivers.status import AxisStatus
+
+_LISTEN = 0.25  # two heartbeats [s]
+
+
+@click.command(short_help="What the axes are doing.")
+@bus_options
+@click.option("--json", "json_out", type=FILE, help="Write the status here; - is stdout.")
+def command(
+    machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int,
+    json_out: Path | None,
+) -> None:  # fmt: skip
+    """Read state, mode, position, force and errors of all axes; nothing is changed.
+
+    Positions count from the drive's zero, which is the stage's only after homing. Works beside a
+    host that runs the stage, unless that one talks by SDO at the same moment.
+    """
+    from drivers.axis import Axis
+    from drivers.status import status_of
+
+    bench = Bench(machine, bus, simulate, seed)
+    with bench.onlooker() as network:
+        axes = [Axis(network, settings) for settings in bench.axes]
+        network.pump(_LISTEN)
+        statuses = [status_of(axis) for axis in axes]
+        for axis in axes:
+            axis.node.detach()
+    if json_out is not None:
+        write_json({s.axis: _entry(s) for s in statuses}, json_out)
+        if str(json_out) == "-":
+            return
+    from rich.console import Console
+
+    Console().print(_table(statuses, bench.machine.name))
+
+
+def _entry(status: AxisStatus) -> dict[str, Any]:
+    return {
+        "node": status.node, "nmt": status.nmt, "statusword": status.statusword,
+        "state": str(status.state), "words": status.words, "mode": status.mode,
+        "position": status.position, "force": status.force, "error_code": status.error_code,
+        "error_register": status.error_register, "error_history": list(status.history),
+    }  # fmt: skip
+
+
+def _table(statuses: list[AxisStatus], machine: str) -> Any:
+    from rich.table import Table
+
+    from drivers.status import error_line
+
+    table = Table(title=f"Status of {machine}", title_justify="left")
+    for name in ("axis", "node", "NMT", "status", "mode", "position", "force", "errors"):
+        table.add_column(name, justify="right" if name in ("node", "position", "force") else "left")
+    for s in statuses:
+        table.add_row(
+            s.axis, str(s.node), s.nmt or "no heartbeat",
+            f"{s.words} (0x{s.statusword:04X}, {s.state})", s.mode_text,
+            "-" if s.position is None else f"{s.position * 1e3:.6f} mm",
+            "-" if s.force is None else f"{s.force:.2f} N", error_line(s),
+        )  # fmt: skip
+    return table

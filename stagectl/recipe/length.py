@@ -1,0 +1,77 @@
+"""Whether a recipe is short enough to be recorded: refused before anything moves where it is not.
+
+A slip in a unit (a velocity of 1e-12, an exposure of 1e9 s) else shows itself hours later, or as a
+trajectory that no memory holds. Durations here are lower bounds, made without solving a trajectory;
+`dry_run` has the exact ones.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from stagectl.recipe.model import ListedMarks, NoMark, Profile, Recipe, SimulatedMark
+from stagectl.recipe.plan import DwellStep, ExposeStep, MoveStep, SettleStep, plan
+
+MAX_MOVE: Final = 3600.0
+"""Longest move [s]: its setpoints are computed at once."""
+MAX_RUN: Final = 43_200.0
+"""Longest run [s]: what a recording holds at 1 kHz."""
+_PLUGIN_REACH: Final = 1e-4  # m; a micro-move is shorter than that
+
+
+def too_long(recipe: Recipe) -> str | None:
+    """Why the recipe takes too long, or None where it does not."""
+    reach = _reach(recipe)
+    total = 0.0
+    position = (0.0, 0.0)
+    for step in plan(recipe, position):
+        match step:
+            case MoveStep():
+                if step.target is not None:
+                    distance = max(abs(t - p) for t, p in zip(step.target, position, strict=True))
+                    position = step.target
+                elif step.relative is not None:
+                    distance = max(abs(r) for r in step.relative)
+                    position = (position[0] + step.relative[0], position[1] + step.relative[1])
+                else:
+                    distance = reach
+                least = at_least(distance, step.profile)
+                if least > MAX_MOVE:
+                    return (
+                        f"a {step.kind}-move of {distance * 1e3:g} mm takes at least "
+                        f"{least / 3600.0:.3g} h, {MAX_MOVE / 3600.0:g} h is the most"
+                    )
+                total += least
+            case SettleStep():
+                total += step.hold
+            case ExposeStep() | DwellStep():
+                total += step.duration
+    if total > MAX_RUN:
+        return f"takes at least {total / 3600.0:.3g} h, a recording holds {MAX_RUN / 3600.0:g} h"
+    return None
+
+
+def at_least(distance: float, profile: Profile) -> float:
+    """A lower bound of the time from rest to rest over `distance` [m], in s.
+
+    What the motion takes when only one of the three limits holds: d/v; 2 sqrt(d/a); 4 (d/2j)^(1/3).
+    """
+    return max(
+        distance / profile.velocity,
+        2.0 * math.sqrt(distance / profile.acceleration),
+        4.0 * math.cbrt(distance / 2.0 / profile.jerk),
+    )
+
+
+def _reach(recipe: Recipe) -> float:
+    """Longest micro-move onto a mark, on one axis [m]."""
+    match recipe.fiducial:
+        case SimulatedMark(reach, _):
+            return reach
+        case ListedMarks(offsets):
+            return max((abs(d) for pair in offsets.values() for d in pair), default=0.0)
+        case NoMark():
+            return 0.0
+        case _:
+            return _PLUGIN_REACH

@@ -1,0 +1,194 @@
+"""Drives that lack what CiA 402 leaves optional: the driver goes on and says what is missing."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import struct
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drivers.errors import AxisFault
+from drivers.stage import Stage
+from hil_sim.dictionary import key
+from hil_sim.stage import VirtualStage
+from hil_sim.world import World
+from stagectl.config.machine import load_machine
+from stagectl.config.mapping import driver_settings, stage_settings
+
+_names = itertools.count()
+
+
+class Altering:
+    """A node's connection on which frames are altered on their way out."""
+
+    def __init__(self, world: World, alter: Callable[[int, bytes], bytes]) -> None:
+        self._world, self._alter = world, alter
+
+    @property
+    def now_ns(self) -> int:
+        return self._world.now_ns
+
+    def emit(self, can_id: int, data: bytes) -> None:
+        self._world.emit(can_id, self._alter(can_id, data))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._world, name)
+
+
+@contextmanager
+def stage_without(
+    *absent: int, alter: Callable[[int, bytes], bytes] = lambda i, d: d
+) -> Iterator[tuple[Stage, VirtualStage]]:
+    """A stage whose axis x lacks these objects, though its EDS lists them."""
+    machine = load_machine()
+    world = World(f"lesser-{next(_names)}")
+    drives = VirtualStage(stage_settings(machine), seed=1)
+    drives.attach(Altering(world, alter))  # type: ignore[arg-type]
+    for k in list(drives.drives[0].dictionary.variables):
+        if k >> 8 in absent:
+            del drives.drives[0].dictionary.variables[k]
+    bus, axes = driver_settings(machine)
+    bus = dataclasses.replace(bus, interface="lockstep", channel=world.name)
+    axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
+    with Stage.open(bus, axes) as stage:
+        stage.boot()
+        stage.home()
+        stage.enable()
+        yield stage, drives
+
+
+def test_a_complete_drive_has_no_limitations() -> None:
+    with stage_without() as (stage, _):
+        assert stage.limitations == ()
+
+
+def test_without_torque_offset_the_axis_streams_and_no_offset_is_claimed() -> None:
+    with stage_without(0x60B2) as (stage, _):
+        assert stage.limitations == (
+            "axis x: 0x60B2:00 torque offset is not offered: force offsets are not sent",
+        )
+        target = np.tile(stage.targets, (50, 1))
+        samples = stage.stream(target + 1e-6, np.full((50, 2), 1.8))
+        assert samples.valid.all()
+        assert (samples.force_offset[:, 0] == 0).all()
+        assert np.allclose(samples.force_offset[:, 1], 1.8)
+        assert samples.position[-1, 0] - target[0, 0] == pytest.approx(1e-6, abs=5e-7)
+
+
+def test_without_torque_actual_value_force_reads_zero() -> None:
+    with stage_without(0x6077) as (stage, _):
+        assert stage.limitations == (
+            "axis x: 0x6077:00 torque actual value is not offered: "
+            "force reads 0, friction cannot be learned",
+        )
+        samples = stage.hold(0.05)
+        assert (samples.force[:, 0] == 0).all()
+        assert (samples.statusword[:, 0] & 0x6F == 0x27).all()
+
+
+def test_without_factor_group_the_increment_is_trusted() -> None:
+    with stage_without(0x608F, 0x6091, 0x6092) as (stage, _):
+        assert len(stage.limitations) == 3
+        assert all("position unit is taken to be 1e-09 m" in x for x in stage.limitations)
+        assert len(stage.hold(0.01)) == 10
+
+
+def test_without_option_codes_and_windows_it_says_what_follows() -> None:
+    with stage_without(0x6007, 0x605A, 0x605B, 0x605C, 0x605D, 0x605E, 0x6065) as (stage, _):
+        assert any("loses its host is its own matter" in x for x in stage.limitations)
+        assert any("does not watch the following error" in x for x in stage.limitations)
+        stage.halt()
+        assert stage.enabled
+
+
+class NoAcknowledge:
+    """Takes bit 12 out of the TPDO, once homing, where it says something else, is over."""
+
+    def __init__(self) -> None:
+        self.active = False
+
+    def __call__(self, can_id: int, data: bytes) -> bytes:
+        if self.active and can_id == 0x181 and len(data) == 8:
+            return struct.pack("<H", struct.unpack_from("<H", data)[0] & ~0x1000) + data[2:]
+        return data
+
+
+def test_pp_without_bit_12_arrives_and_says_so() -> None:
+    alter = NoAcknowledge()
+    with stage_without(alter=alter) as (stage, _):
+        alter.active = True
+        target = stage.targets[0] + 1e-3
+        stage.move_to("x", target, velocity=0.05, acceleration=1.0)
+        assert stage.positions[0] == pytest.approx(target, abs=2e-6)
+        assert stage.limitations == (
+            "axis x: statusword bit 12 in pp is not offered: set-points are not acknowledged",
+        )
+
+
+def test_pp_without_bit_12_and_without_motion_is_a_fault() -> None:
+    alter = NoAcknowledge()
+    with stage_without(alter=alter) as (stage, drives):
+        alter.active = True
+        act = drives.drives[0].dictionary.on_write[key(0x6040)]
+        # deaf to bit 4: nothing is ever taken
+        drives.drives[0].dictionary.on_write[key(0x6040)] = lambda word: act(word & ~0x10)
+        drives.drives[0].pdo.start()  # its RPDOs look for what acts on a write only then
+        target = stage.targets[0] + 1e-3
+        with pytest.raises(AxisFault, match=r"^axis x: 0x607A:00 .*no drive that takes set-point"):
+            stage.move_to("x", target, velocity=0.05, acceleration=1.0)
+
+
+def test_a_fault_merges_all_that_is_known() -> None:
+    with stage_without() as (stage, drives):
+        target = np.tile(stage.targets, (100, 1))
+        count = 0
+
+        def until(_: object) -> bool:
+            nonlocal count
+            count += 1
+            if count == 20:
+                drives.drives[1].inject_fault(0x7305)
+            return False
+
+        with pytest.raises(AxisFault) as caught:
+            stage.stream(target, np.zeros_like(target), until=until)
+    text = str(caught.value)
+    assert text.startswith("axis y: emergency: incremental sensor 1 fault (0x7305)")
+    assert "last commands: " in text
+    assert "enable operation, mode 8" in text
+    assert "\n" not in text
+    assert text.count("0x7305") == 1
+    report = caught.value.report
+    assert report is not None
+    assert report.code == caught.value.code == 0x7305
+    assert report.error_code == 0x7305
+    assert report.error_register == 0x21
+    assert report.history[0] == 0x7305
+    assert report.evidence.emergencies == (0x7305,)
+    assert report.evidence.controlwords[-1] == 0x0F
+
+
+def test_halt_holds_where_it_comes_to_rest() -> None:
+    with stage_without() as (stage, _):
+        s = np.linspace(0, 1, 300)[:, None]
+        start = np.array(stage.targets)
+        moving = stage.stream(start + s * 5e-3, np.zeros((300, 2)))
+        stage.halt()
+        assert stage.enabled
+        rest = stage.hold(0.1)
+        assert np.ptp(rest.position[:, 0]) < 1e-6
+        braked = rest.position[-1, 0] - moving.position[-1, 0]
+        assert 0 < braked < 1e-3  # 17 mm/s at 1 m/s^2: 0.14 mm
+        stage.stream(np.tile(stage.targets, (10, 1)), np.zeros((10, 2)))
+
+
+def test_halt_needs_an_enabled_stage() -> None:
+    with stage_without() as (stage, _):
+        stage.disable()
+        with pytest.raises(AxisFault, match=r"^axis x: the stage is not enabled"):
+            stage.halt()

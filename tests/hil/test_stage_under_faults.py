@@ -1,0 +1,127 @@
+"""How the driver stops a stage that it reaches in part only: virtual time, faults on the bus."""
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+
+from drivers.errors import AxisFault, BusError
+from drivers.stage import Stage
+from hil_sim import faults as f
+from hil_sim.fault_world import FaultyWorld
+from hil_sim.stage import VirtualStage
+from hil_sim.state_machine import State
+from stagectl.config.mapping import driver_settings, stage_settings
+
+_names = (f"under-faults-{n}" for n in itertools.count())
+RPDO_Y = f.Frames(frozenset({0x202}), "host", after=1.0)
+SYNC = f.Frames(frozenset({0x080}), "host", after=1.0)
+
+
+class Bench:
+    """A stage enabled on a faulty bus; its faults begin at 1 s."""
+
+    def __init__(self, machine, *faults):
+        bus, axes = driver_settings(machine)
+        self.world = FaultyWorld(next(_names), f.FaultPlan(faults))
+        self.drives = VirtualStage(stage_settings(machine), seed=1, start=(-5e-4, -4e-4))
+        self.world.power_on(self.drives)
+        bus = dataclasses.replace(bus, interface="lockstep", channel=self.world.name)
+        self.stage = Stage.open(bus, [dataclasses.replace(axis, homing_method=37) for axis in axes])
+        self.stage.boot()
+        self.stage.home()
+        self.stage.enable()
+        self.stage.idle(0.99 - self.now)
+        self.stage.enable()  # takes the cycle up again
+
+    @property
+    def now(self):
+        return self.world.now_ns * 1e-9
+
+    @property
+    def enabled(self):
+        return [d.node_id for d in self.drives.drives if d.motion.state is State.ENABLED]
+
+    def hold(self, count):
+        rows = np.tile(np.array(self.stage.targets), (count, 1))
+        return self.stage.stream(rows, np.zeros_like(rows))
+
+    def enabled_until(self, node):
+        """Lets the stage rest for 0.2 s after its end; when the drive was last seen enabled [s]."""
+        last = self.now if node in self.enabled else 0.0
+        self.world.sleep_until_ns(self.world.now_ns + 200_000_000)
+        return self.now if node in self.enabled else last
+
+
+@pytest.fixture
+def bench(stage_machine):
+    made = []
+
+    def make(*faults):
+        made.append(Bench(stage_machine, *faults))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.stage.close()
+
+
+def test_a_drive_that_gets_no_setpoints_is_switched_off_by_sdo(bench):
+    b = bench(f.Drop(RPDO_Y))
+    b.hold(100)
+    b.stage.disable()
+    assert b.enabled == []
+
+
+def test_a_drive_that_gets_no_setpoints_is_stopped_by_sdo_within_50_ms(bench):
+    b = bench(f.Drop(RPDO_Y), f.DriveFault(1, 0x2310, at=1.1))
+    seen = []
+
+    def look():
+        seen.extend((b.now, node) for node in b.enabled)
+        b.world.at(b.world.now_ns + 1_000_000, look)
+
+    look()
+    with pytest.raises(AxisFault, match=r"^axis x: .*0x2310"):
+        b.hold(500)
+    assert max(t for t, node in seen if node == 2) < 1.1 + 0.05
+    assert b.enabled == []
+
+
+def test_without_sync_all_drives_are_stopped_by_sdo(bench):
+    b = bench(f.Drop(SYNC))
+    with pytest.raises(AxisFault, match=r"no process data \(TPDO 0x181\) for 6 SYNCs in a row"):
+        b.hold(500)
+    assert b.enabled == []
+
+
+@pytest.mark.parametrize("duration", [0.03, 0.3, 5.0])
+def test_a_drive_that_cannot_be_reached_for_a_while_ends_stopped(bench, duration):
+    b = bench(f.BusOff(2, at=1.1, duration=duration))
+    with pytest.raises(AxisFault, match=r"^axis y: "):
+        b.hold(500)
+    b.stage.close()
+    b.world.sleep_until_ns(b.world.now_ns + 600_000_000)
+    assert b.enabled == []
+
+
+def test_when_the_host_is_bus_off_the_drives_stop_by_themselves(bench):
+    b = bench(f.BusOff(None, at=1.1, duration=0.05))
+    with pytest.raises(BusError, match="bus-off"):
+        b.hold(500)
+    b.stage.close()
+    assert b.enabled_until(1) < 2.0
+    b.world.sleep_until_ns(b.world.now_ns + 600_000_000)
+    assert b.enabled == []
+
+
+def test_a_drive_that_answers_to_nothing_is_said_to_be_loose(bench):
+    sdo = f.Frames(frozenset({0x582}), "drives", after=1.0)
+    b = bench(f.Drop(RPDO_Y), f.Drop(sdo))
+    b.hold(100)
+    with pytest.raises(AxisFault, match=r"^axis y: 0x6041:00 statusword: was told to switch off"):
+        b.stage.disable()
+    b.stage.close()
+    b.world.sleep_until_ns(b.world.now_ns + 600_000_000)
+    assert b.enabled == []

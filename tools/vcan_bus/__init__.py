@@ -1,0 +1,1 @@
+"""Ways to a SocketCAN bus on which a command can run."""
