@@ -206,10 +206,11 @@ def make_compensation(
     Args:
         machine: what the host believes.
         mode: what the offsets are made of.
-        scale: of the friction figures to start from.
+        scale: of the machine file's friction figures to start from; the truth is not scaled.
         truth: where `mode` is oracle, whose friction figures to use.
     """
     source = truth if mode is Mode.ORACLE and truth is not None else machine
+    scale = scale if source is machine else 1.0
     made = tuple(
         AxisCompensation(
             axis, friction_model(source.axes[name]).scaled(scale), mode, machine.bus.sync_period

@@ -27,8 +27,8 @@ from sim2real.recording import Recording
 from stagectl.compensation import AxisCompensation, Mode, make_compensation
 from stagectl.config.machine import Machine
 from stagectl.config.mapping import driver_settings, stage_settings
-from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError
-from stagectl.recipe.fiducial import make_fiducial
+from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError, UnusableInput
+from stagectl.recipe.fiducial import Fiducial, make_fiducial
 from stagectl.recipe.model import Recipe
 from stagectl.recipe.plan import plan
 from stagectl.report.page import write_report
@@ -47,6 +47,8 @@ from stagectl.store.summary import (
     write_summary,
 )
 
+OUTPUTS = ("recording.h5", "summary.json", "report.html", "bus.asc")
+"""Files that a run writes."""
 UNITS = {"coulomb": "N", "viscous": "N s/m", "stiffness": "N/m", "attraction": "N/s"}
 """Friction figures of a summary and their units."""
 
@@ -125,7 +127,11 @@ def execute(request: RunRequest, listener: Listener) -> RunResult:
         StagectlError: the folder cannot be written.
         OSError: likewise.
     """
-    request.folder.mkdir(parents=True, exist_ok=True)
+    fiducial = make_fiducial(request.recipe.fiducial)
+    try:
+        request.folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UnusableInput(f"{request.folder}: {error.strerror}") from error
     left_over = recover_left_over(request.folder, aside=True)
     if left_over is not None:
         listener.phase(left_over.describe())
@@ -136,7 +142,8 @@ def execute(request: RunRequest, listener: Listener) -> RunResult:
     bus, axes = driver_settings(request.machine)
     if request.bus is not None:
         bus = replace(bus, interface=request.bus[0], channel=request.bus[1])
-    run = _Run(request, listener, compensation)
+    _put_aside(request.folder)
+    run = _Run(request, listener, compensation, fiducial)
     with (
         _virtual_stage(request, bus, listener) as (used, injected),
         BusLog(request.folder / "bus.asc", request.started) as log,
@@ -176,9 +183,15 @@ class _Run:
     """The part of a run that has a journal."""
 
     def __init__(
-        self, request: RunRequest, listener: Listener, compensation: tuple[AxisCompensation, ...]
+        self,
+        request: RunRequest,
+        listener: Listener,
+        compensation: tuple[AxisCompensation, ...],
+        fiducial: Fiducial,
     ) -> None:
         self._request, self._listener, self._compensation = request, listener, compensation
+        self._fiducial = fiducial
+        self._engine: Engine | None = None
         machine = request.machine
         self._journal = Journal(
             request.folder,
@@ -202,6 +215,7 @@ class _Run:
         """Open, home, run and disable the stage; what goes wrong is kept for `finish`."""
         listener, recipe = self._listener, self._request.recipe
         try:
+            listener.stoppable(self._ask_to_stop)
             listener.phase(f"opening {bus}")
             missed = self._request.machine.bus.max_missed
             with Stage.open(bus, axes, tap=log.tap, max_missed=missed) as stage:
@@ -211,15 +225,14 @@ class _Run:
                 stage.home()
                 stage.enable()
                 stage.sink = self._journal.sink
-                engine = Engine(
+                engine = self._engine = Engine(
                     stage,
                     self._moving_axes(axes),
-                    make_fiducial(recipe.fiducial),
+                    self._fiducial,
                     bus.sync_period,
                     self._on_move,
                     self._on_event,
                 )
-                listener.stoppable(engine.stop)
                 steps = plan(recipe, _pair(stage.targets))
                 begin = time.perf_counter()
                 try:
@@ -238,6 +251,16 @@ class _Run:
             self._journal.finish("fault", "internal error")
             recover(self._journal.path, overwrite=True)
             raise
+
+    def _ask_to_stop(self, reason: str) -> None:
+        """Moves end in a controlled stop; before them there is nothing to bring to an end.
+
+        Raises:
+            Aborted: while the stage is opened, booted or homed; it is stopped on the way out.
+        """
+        if self._engine is None:
+            raise Aborted(reason)
+        self._engine.stop(reason)
 
     def note(self, injected: Sequence[Injected]) -> None:
         """Who reads the recording is to know that these faults were made."""
@@ -334,7 +357,7 @@ class _Run:
             ** 0.5
         )
         entry = FrictionEntry(
-            site=event.site or 0,
+            site=event.site,
             axis=event.axis,
             accepted=estimate.accepted,
             reason=estimate.reason,
@@ -355,6 +378,16 @@ class _Run:
         )
         if estimate.accepted:
             self._first_update.setdefault(event.axis, self._moves)
+
+
+def _put_aside(folder: Path) -> None:
+    """Files of an earlier run go to `previous/`, so that they are not taken for this one's."""
+    old = [folder / name for name in OUTPUTS if (folder / name).exists()]
+    if old:
+        aside = folder / "previous"
+        aside.mkdir(exist_ok=True)
+        for path in old:
+            path.replace(aside / path.name)
 
 
 def _pair(position: tuple[float, ...]) -> tuple[float, float]:

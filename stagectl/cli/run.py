@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import signal
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -99,6 +100,9 @@ def command(
         raise click.UsageError("--faults needs --simulate: real faults come by themselves")
     if not math.isfinite(friction_scale):
         raise click.BadParameter("must be a number", param_hint="--friction-scale")
+    if json_out is not None and str(json_out) != "-":
+        if json_out.is_dir() or not os.access(json_out.absolute().parent, os.W_OK):
+            raise click.BadParameter(f"{json_out}: cannot be written", param_hint="--json")
     if compensation == "oracle" and simulate is None:
         raise click.UsageError("--compensation oracle needs --simulate: nobody knows a real truth")
     if simulate is not None and bus is not None:
@@ -208,11 +212,11 @@ def _run(
 
 
 def _stop_on_signal(stop: Callable[[str], None]) -> None:
-    """Ctrl-C and SIGTERM ask for a controlled stop from now on."""
+    """Ctrl-C, SIGTERM and a lost terminal ask for a controlled stop from now on."""
 
     def handler(number: int, _: Any) -> None:
         name = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
         stop(f"stopped by the operator ({name})")
 
-    signal.signal(signal.SIGINT, handler)
-    signal.signal(signal.SIGTERM, handler)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, handler)

@@ -43,13 +43,13 @@ class FrictionEntry:
     """One friction estimate of one axis at one site.
 
     Attributes:
-        site: from 1.  axis: its name.
+        site: from 1, None outside sites.  axis: its name.
         accepted: whether it was taken over.  reason: why not, or None.
         compute_time: [s].
         parameters: "coulomb", "viscous", "stiffness", ... -> estimate.
     """
 
-    site: int
+    site: int | None
     axis: str
     accepted: bool
     reason: str | None

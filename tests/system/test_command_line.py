@@ -268,3 +268,33 @@ def test_a_closed_pipe_does_not_stop_a_run(tmp_path):
     subprocess.run(command, stdout=write, stderr=subprocess.DEVNULL, check=False, timeout=100)
     os.close(write)
     assert json.loads((tmp_path / "summary.json").read_text())["outcome"] == "completed"
+
+
+def test_ctrl_c_before_anything_moves(tmp_path):
+    process = subprocess.Popen(
+        [
+            sys.executable, "-m", "stagectl", "run", RECIPE,
+            "--bus", f"virtual:nobody-{os.getpid()}", "--out", tmp_path / "out",
+        ],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    deadline = time.monotonic() + 60
+    while not (tmp_path / "out" / "bus.frames").exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    time.sleep(0.3)  # nobody answers: it waits for boot-up messages
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "stopped by the operator" in errors
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["outcome"] == "aborted"
+
+
+def test_an_earlier_run_is_put_aside(stagectl, tmp_path):
+    out = tmp_path / "out"
+    assert stagectl("run", RECIPE, "--simulate", "--out", out).returncode == 0
+    first = (out / "recording.h5").read_bytes()
+    done = stagectl("run", RECIPE, "--bus", f"virtual:nobody-{os.getpid()}", "--out", out)
+    assert done.returncode == 3
+    assert not (out / "recording.h5").exists()
+    assert (out / "previous" / "recording.h5").read_bytes() == first

@@ -62,10 +62,11 @@ def test_bus_suite_and_commands_on_a_vcan(
 ) -> None:
     report = tmp_path / "report.xml"
     command = [
-        sys.executable, "-m", "pytest", "-q", "-o", f"cache_dir={tmp_path / 'cache'}", "-k", "socketcan",
-        ROOT / "tests" / "hil", ROOT / "tests" / "system",
+        sys.executable, "-m", "pytest", "-q", "-o", f"cache_dir={tmp_path / 'cache'}",
+        "-k", "socketcan", ROOT / "tests" / "hil", ROOT / "tests" / "system",
     ]  # fmt: skip
     done = with_vcan(*command, f"--junitxml={report}", PYTEST_ADDOPTS="")
+    assert report.exists(), f"with {way}: {done.stdout}{done.stderr}"
     suite = next(ET.parse(report).getroot().iter("testsuite"))  # noqa: S314  our own pytest's
     tests, skipped, failures, errors = (
         int(suite.get(key, "0")) for key in ("tests", "skipped", "failures", "errors")

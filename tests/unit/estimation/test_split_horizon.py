@@ -264,6 +264,17 @@ class TestRefusals:
         assert found.accepted
         assert found.friction.coulomb == pytest.approx(expected.friction.coulomb, rel=0.01)
 
+    def test_a_move_with_too_many_holes_is_followed_only(self, data):
+        estimator = self.settled(data)
+        before = estimator.friction
+        move = data.move(6)
+        valid = move.valid.copy()
+        valid[20:200:2] = False
+        estimate = estimator.update(replace(move, valid=valid))
+        assert (estimate.accepted, estimator.friction) == (False, before)
+        assert "of the samples can be used" in str(estimate.reason)
+        assert estimator.state.total == pytest.approx(float(move.force[-1]), abs=1.0)
+
     def test_nothing_valid_is_an_error(self, data):
         estimator = self.settled(data)
         move = data.move(6)

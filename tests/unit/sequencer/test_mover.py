@@ -116,13 +116,6 @@ def test_samples_that_come_at_another_time_than_the_others_do_not_count():
     np.testing.assert_array_equal(ragged.position, plain.position)
 
 
-def test_a_move_with_too_many_holes_is_followed_only():
-    (move,) = go(late=range(25, 100, 2)).moves
-    three_in_a_row = move.valid[:-2] & move.valid[1:-1] & move.valid[2:]
-    assert not three_in_a_row.any()
-    assert move.valid.sum() > 20
-
-
 def test_periods_passed_over_are_holes_in_time():
     plain, holed = go().moves[0], go(skip=(60,)).moves[0]
     assert len(holed.position) == len(plain.position) + 2
