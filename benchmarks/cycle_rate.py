@@ -3,7 +3,7 @@
     python benchmarks/cycle_rate.py [--rounds 7]
 
 One cycle: two RPDOs, SYNC, one step of the two-axis plant, two TPDOs, decoded. The yardstick is
-`hil_sim.simulate.simulate`, the same plant without CAN, measured in the same rounds: the ratios hold
+`hil_sim.simulate`, the same plant without CAN, measured in the same rounds: the ratios hold
 on a busy machine, the microseconds don't.
 """
 
