@@ -292,11 +292,14 @@ class Stage:
 
     @_exclusive
     def reset_faults(self) -> None:
-        """Acknowledges all faults; `enable` is the next step.
+        """Makes all nodes OPERATIONAL again and acknowledges all faults; `enable` is next.
 
         Raises:
             AxisFault: a fault stays.
+            NodeError: a node does not become OPERATIONAL.
         """
+        for axis in self.axes:
+            axis.node.start()  # a drive that missed the host's heartbeat has left it
         with self._stopping():
             self._power.reset_faults()
 

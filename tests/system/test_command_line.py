@@ -209,6 +209,7 @@ def test_nothing_is_lost_when_killed(stagectl, tmp_path):
     assert len(read_recording(tmp_path / "out" / "recording.h5")) > 1000
 
 
+@pytest.mark.flaky(reruns=1)
 def test_two_processes_over_udp_multicast_in_real_time(stagectl, tmp_path):
     number = os.getpid()  # tests of another clone may run beside this
     group = f"239.74.{1 + number // 250 % 250}.{1 + number % 250}"
@@ -294,7 +295,7 @@ def test_an_earlier_run_is_put_aside(stagectl, tmp_path):
     out = tmp_path / "out"
     assert stagectl("run", RECIPE, "--simulate", "--out", out).returncode == 0
     first = (out / "recording.h5").read_bytes()
-    done = stagectl("run", RECIPE, "--bus", f"virtual:nobody-{os.getpid()}", "--out", out)
+    done = stagectl("run", RECIPE, "--bus", "socketcan:nosuchcan9", "--out", out)
     assert done.returncode == 3
     assert not (out / "recording.h5").exists()
     assert (out / "previous" / "recording.h5").read_bytes() == first
