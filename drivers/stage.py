@@ -317,6 +317,8 @@ class Stage:
     @_exclusive
     def safe_stop(self) -> None:
         """Quick stop and power off wherever it still reaches; never raises."""
+        if not any(c.seen or c.axis.node.booted for c in self._cycle.channels):
+            return  # nobody was ever there: nothing of ours moves
         try:
             self.quick_stop()
         except Exception:  # noqa: BLE001  whatever broke the bus: try the other way to the drives
@@ -340,7 +342,8 @@ class Stage:
         for axis in self.axes:
             # A drive that may still be under power keeps its watch over our heartbeat: it will
             # stop when that is missing.
-            if axis.name not in self._power.loose:
+            # One that never booted has nothing to be released from.
+            if axis.node.booted and axis.name not in self._power.loose:
                 try:
                     axis.node.release()
                 except (DriverError, BusError):
