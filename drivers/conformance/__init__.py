@@ -9,6 +9,7 @@ standard's is "differs".
 
 from __future__ import annotations
 
-from drivers.conformance.probe import Finding, Probe, Verdict, run
+from drivers.conformance.examination import run
+from drivers.conformance.probe import Finding, Probe, Verdict
 
 __all__ = ["Finding", "Probe", "Verdict", "run"]
