@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,9 +12,12 @@ import click
 from stagectl.cli.options import FILE, write_json
 
 if TYPE_CHECKING:
-    from sim2real.gap import Gap
+    from rich.console import Console
 
-FORMAT, VERSION = "stagectl-gap-report", 1
+    from hil_sim.settings import StageSettings
+    from sim2real.gap import Gap, Measured
+    from sim2real.recording import Recording
+    from stagectl.config.machine import Machine
 
 
 @click.group(short_help="Where simulation and recording differ.")
@@ -28,69 +33,154 @@ def measure(recording: Path, machine: Path | None, json_out: Path | None) -> Non
     """Simulate RECORDING's demands in closed loop and compare; nothing is fitted.
 
     The gap is the rms of recorded minus simulated, noise-free. The floor is what a perfect model
-    would still show, for encoder noise and the repeatability that the machine file states.
+    would still show, for encoder noise and the repeatability that the machine file states; where
+    the recording repeats moves, it is checked against them.
     """
-    from rich.console import Console
-    from rich.progress import Progress
-
-    from sim2real import gap as sim2real_gap
-    from stagectl.config.machine import load_machine, parse_machine
-    from stagectl.config.mapping import stage_settings
-    from stagectl.errors import UnusableInput
+    from sim2real.report import FORMAT, VERSION, gap_json
     from stagectl.store.recording import read_recording
 
     recorded = read_recording(recording)
-    model = (
-        parse_machine(recorded.machine, f"{recording}:machine")
+    name, settings = _model(machine, recorded)
+    quiet = json_out is not None and str(json_out) == "-"
+    console = _console(quiet)
+    with _simulating(console) as progress:
+        found = _measured(recorded, settings, progress)
+    if json_out is not None:
+        report = {"format": FORMAT, "version": VERSION, "recordings": [str(recording)]}
+        write_json({**report, "gap": gap_json(found.gap)}, json_out)
+    if not quiet:
+        console.print(_table(found.gap, f"Gap of {name} against {recording.name} (rms)"))
+        for line in repeat_lines(found):
+            console.print(line, markup=False, highlight=False)
+
+
+@command.command("compare", short_help="Two machine files against the same recordings.")
+@click.argument("first", type=FILE, metavar="A.yaml")
+@click.argument("second", type=FILE, metavar="B.yaml")
+@click.argument("recordings", type=FILE, nargs=-1, required=True, metavar="REC.h5...")
+@click.option("--json", "json_out", type=FILE, help="Write the figures here; - is stdout.")
+def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: Path | None) -> None:
+    """Which of two machine files is closer to the recordings, and by how much.
+
+    Nothing is fitted. Gap closed is that of B over A, above A's floor.
+    """
+    from sim2real.gap import closed, pooled
+    from sim2real.report import FORMAT, VERSION, GapFigures, gap_json
+    from stagectl.config.machine import load_machine
+    from stagectl.config.mapping import stage_settings
+    from stagectl.store.recording import read_recording
+
+    machines = [load_machine(path) for path in (first, second)]
+    settings = [stage_settings(machine) for machine in machines]
+    recorded = [read_recording(path) for path in recordings]
+    quiet = json_out is not None and str(json_out) == "-"
+    console = _console(quiet)
+    gaps = []
+    with _simulating(console) as progress:
+        for model in settings:
+            each = [(_measured(r, model, progress).gap, len(r)) for r in recorded]
+            gaps.append(pooled(each))
+    before, after = gaps
+    share = closed(before, after)
+    both: Gap = {
+        axis: {
+            signal: GapFigures(figures.nominal, figures.floor, figures.unit, other.nominal)
+            for (signal, figures), other in zip(signals.items(), after[axis].values(), strict=True)
+        }
+        for axis, signals in before.items()
+    }
+    if json_out is not None:
+        report = {
+            "format": FORMAT,
+            "version": VERSION,
+            "recordings": [str(path) for path in recordings],
+            "machines": [str(first), str(second)],
+        }
+        write_json({**report, "gap": gap_json(both), "gap_closed": share}, json_out)
+    if not quiet:
+        console.print(_table(both, f"Gap of {first.name} (A) and {second.name} (B) (rms)"))
+        console.print(closed_line(share), markup=False, highlight=False)
+
+
+def closed_line(share: float | None) -> str:
+    """Gap closed in words."""
+    if share is None:
+        return "A is too close to its floor for a share of the gap to be closed."
+    if share < 0:
+        return f"B is farther from the recordings than A: gap closed {share:.2f}."
+    return f"B closes {share:.2f} of A's gap (1 is all of it)."
+
+
+def repeat_lines(found: Measured) -> list[str]:
+    """What the recording's repeated moves say of the floor; nothing where none repeats."""
+    lines = []
+    for axis, signals in found.repeats.items():
+        parts = [f"{signal} {check.ratio:.1f} x" for signal, check in signals.items()]
+        moves = next(iter(signals.values())).moves
+        lines.append(
+            f"{axis}: {moves} moves repeat another; they scatter by {', '.join(parts)} "
+            "what the machine file's repeatability gives"
+        )
+    return lines
+
+
+def _model(machine: Path | None, recorded: Recording) -> tuple[str, StageSettings]:
+    """Name and settings of the machine file, by default the recording's own."""
+    from stagectl.config.machine import load_machine, parse_machine
+    from stagectl.config.mapping import stage_settings
+
+    model: Machine = (
+        parse_machine(recorded.machine, f"{recorded.source}:machine")
         if machine is None
         else load_machine(machine)
     )
-    quiet = json_out is not None and str(json_out) == "-"
-    console = Console(stderr=quiet)
+    return model.name, stage_settings(model)
+
+
+def _measured(
+    recorded: Recording, settings: StageSettings, progress: Callable[[int, int], object]
+) -> Measured:
+    from sim2real.gap import compare_with
+    from stagectl.errors import UnusableInput
+
+    try:
+        return compare_with(recorded, settings, progress=progress)
+    except ValueError as error:
+        raise UnusableInput(f"{recorded.source}: {error}") from error
+
+
+def _console(quiet: bool) -> Console:
+    from rich.console import Console
+
+    return Console(stderr=quiet)
+
+
+@contextmanager
+def _simulating(console: Console) -> Iterator[Callable[[int, int], object]]:
+    from rich.progress import Progress
+
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("simulating", total=None)
-        try:
-            found = sim2real_gap.measure(
-                recorded,
-                stage_settings(model),
-                progress=lambda done, total: bar.update(task, completed=done, total=total),
-            )
-        except ValueError as error:
-            raise UnusableInput(f"{recording}: {error}") from error
-    if json_out is not None:
-        write_json(_report(found, recording), json_out)
-    if not quiet:
-        console.print(_table(found, model.name, recording))
+        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
-def _report(found: Gap, recording: Path) -> dict[str, Any]:
-    """docs/formats/gap-report.md, as far as `measure` fills it."""
-    return {
-        "format": FORMAT,
-        "version": VERSION,
-        "recordings": [str(recording)],
-        "gap": {
-            axis: {
-                signal: {"nominal": gap.nominal, "floor": gap.floor, "unit": gap.unit}
-                for signal, gap in signals.items()
-            }
-            for axis, signals in found.items()
-        },
-    }
-
-
-def _table(found: Gap, machine: str, recording: Path) -> Any:
+def _table(found: Gap, title: str) -> Any:
     from rich.table import Table
 
-    table = Table(title=f"Gap of {machine} against {recording.name} (rms)", title_justify="left")
-    for name in ("axis", "signal", "gap", "floor", "gap / floor"):
+    both = any(f.explained is not None for signals in found.values() for f in signals.values())
+    table = Table(title=title, title_justify="left")
+    names = ["axis", "signal", *(("A", "B") if both else ("gap",)), "floor"]
+    names += ["A / floor", "B / floor"] if both else ["gap / floor"]
+    for name in names:
         table.add_column(name, justify="left" if name in ("axis", "signal") else "right")
     for axis, signals in found.items():
         for signal, gap in signals.items():
             scale, unit = (1e6, "µm") if signal == "position" else (1.0, "N")
-            ratio = f"{gap.nominal / gap.floor:.1f}" if gap.floor > 0 else "-"
+            gaps = [gap.nominal, *([] if gap.explained is None else [gap.explained])]
             table.add_row(
-                axis, signal, f"{gap.nominal * scale:.3f} {unit}",
-                f"{gap.floor * scale:.3f} {unit}", ratio,
-            )  # fmt: skip
+                axis,
+                signal,
+                *(f"{value * scale:.3f} {unit}" for value in (*gaps, gap.floor)),
+                *(f"{value / gap.floor:.1f}" if gap.floor > 0 else "-" for value in gaps),
+            )
     return table

@@ -33,7 +33,9 @@ def test_help_is_light():
     assert done.stderr == ""
 
 
-@pytest.mark.parametrize("command", [[], *([name] for name in COMMANDS), ["gap", "measure"]])
+@pytest.mark.parametrize(
+    "command", [[], *([name] for name in COMMANDS), ["gap", "measure"], ["gap", "compare"]]
+)
 def test_every_command_has_help(stagectl, command):
     done = stagectl(*command, "--help")
     assert done.returncode == 0
@@ -299,3 +301,16 @@ def test_an_earlier_run_is_put_aside(stagectl, tmp_path):
     assert done.returncode == 3
     assert not (out / "recording.h5").exists()
     assert (out / "previous" / "recording.h5").read_bytes() == first
+
+
+def test_gap_compare(stagectl, tmp_path):
+    heavy = tmp_path / "heavy.yaml"
+    text = load_machine().text
+    heavy.write_text(text.replace("mass: 8.0", "mass: 8.8"))
+    (tmp_path / "wafer-xy.yaml").write_text(text)
+    done = stagectl(
+        "gap", "compare", heavy, tmp_path / "wafer-xy.yaml", DATA / "null-2.h5", "--json", "-"
+    )
+    report = json.loads(done.stdout)
+    assert report["gap_closed"] > 0.95
+    assert report["gap"]["x"]["force"]["explained"] < 0.14 < report["gap"]["x"]["force"]["nominal"]

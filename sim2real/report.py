@@ -1,0 +1,309 @@
+"""What a diagnosis of the sim-to-real gap says, and its JSON (docs/formats/gap-report.md).
+
+Plain values in SI units: nothing here computes. `GapReport.to_json` gives exactly the keys of the
+format; figures that are not known are null where the format says so, and left out elsewhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+FORMAT, VERSION = "stagectl-gap-report", 1
+
+NO_GAP = "no_gap"
+EXPLAINED = "explained"
+PARTLY_EXPLAINED = "partly_explained"
+UNEXPLAINED = "unexplained"
+INSUFFICIENT = "insufficient"
+VERDICTS = (NO_GAP, EXPLAINED, PARTLY_EXPLAINED, UNEXPLAINED, INSUFFICIENT)
+
+SIGNALS = {"position": "m", "force": "N"}
+"""Signals of an axis that are compared, and their units."""
+WHERE_BY = ("axis", "phase", "position", "velocity", "direction", "time", "frequency", "move")
+"""What a cell of `where` is cut out by; `frequency` is in Hz, or in 1/m over the position."""
+
+Json = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelFinding:
+    """One thing that is wrong with a channel before any physics.
+
+    Attributes:
+        axis: its name.
+        channel: dataset of the recording format it is about ("force_actual", "time", ...).
+        finding: "units", "sign", "scale", "offset", "delay", "clock", "jitter", "quantisation",
+            "saturation", "controller", ...
+        value: its size, None where it has none.
+        unit: of the value.
+        applied: True where the recording was corrected for it before the diagnosis.
+        text: one sentence for people; not part of the JSON.
+    """
+
+    axis: str
+    channel: str
+    finding: str
+    value: float | None
+    unit: str
+    applied: bool = False
+    text: str = ""
+
+    def to_json(self) -> Json:
+        """The entry of `channels`."""
+        return {
+            "axis": self.axis,
+            "channel": self.channel,
+            "finding": self.finding,
+            "value": _number(self.value),
+            "unit": self.unit,
+            "applied": self.applied,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class GapFigures:
+    """Gap of one signal of one axis, in `unit`.
+
+    Attributes:
+        nominal: rms of recorded minus simulated by the machine file as given.
+        floor: what a perfect model would still show.
+        unit: "m" or "N".
+        explained: rms with the causes added, None where nothing was fitted.
+    """
+
+    nominal: float
+    floor: float
+    unit: str
+    explained: float | None = None
+
+    def to_json(self) -> Json:
+        """The entry of `gap.<axis>.<signal>`; without `explained` where nothing was fitted."""
+        figures = {"nominal": _number(self.nominal), "floor": _number(self.floor)}
+        if self.explained is not None:
+            figures["explained"] = _number(self.explained)
+        return {**figures, "unit": self.unit}
+
+
+Gap = Mapping[str, Mapping[str, GapFigures]]
+"""Axis -> signal ("position", "force") -> figures."""
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """One cell that holds much of the gap.
+
+    Attributes:
+        axis: its name.
+        signal: "position" or "force".
+        by: one of `WHERE_BY`.
+        share: part of the gap's energy above the floor, 0..1, over all axes and signals.
+        range: (low, high) for position, velocity, time and frequencies; else None.
+        value: of a phase, a direction (-1, 1) or a move (number from 0); else None.
+        unit: of the range; "" where there is none.
+        text: one sentence for people; not part of the JSON.
+    """
+
+    axis: str
+    signal: str
+    by: str
+    share: float
+    range: tuple[float, float] | None = None
+    value: str | int | None = None
+    unit: str = ""
+    text: str = ""
+
+    def to_json(self) -> Json:
+        """The entry of `where`."""
+        cell: Json = {"axis": self.axis, "signal": self.signal, "by": self.by}
+        if self.range is not None:
+            cell["range"] = [_number(end) for end in self.range]
+            cell["unit"] = self.unit
+        if self.value is not None:
+            cell["value"] = self.value
+        return {**cell, "share": _number(self.share)}
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A fitted parameter of an effect, with one sigma."""
+
+    value: float
+    sigma: float
+    unit: str
+
+    def to_json(self) -> Json:
+        """The entry of `causes[].parameters`."""
+        return {"value": _number(self.value), "sigma": _number(self.sigma), "unit": self.unit}
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """An effect that the recordings say is there.
+
+    Attributes:
+        axis: that feels it.
+        effect: name as in effects.md.
+        probability: that it is present on that axis.
+        parameters: key as in effects.md -> figure.
+        gap_closed: what its removal from the final model gives back, None where the gap is too
+            small to say.
+        gap_closed_interval: of it.
+        remedy: one sentence on what is usually done about it; not part of the JSON.
+    """
+
+    axis: str
+    effect: str
+    probability: float
+    parameters: Mapping[str, Parameter]
+    gap_closed: float | None
+    gap_closed_interval: tuple[float, float] | None
+    remedy: str = ""
+
+    def to_json(self) -> Json:
+        """The entry of `causes`."""
+        return {
+            "axis": self.axis,
+            "effect": self.effect,
+            "probability": _number(self.probability),
+            "parameters": {key: p.to_json() for key, p in self.parameters.items()},
+            "gap_closed": _number(self.gap_closed),
+            "gap_closed_interval": _interval(self.gap_closed_interval),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """An effect that was looked at, in the ranking: also those that were not taken."""
+
+    axis: str
+    effect: str
+    probability: float
+    gap_closed: float | None
+
+    def to_json(self) -> Json:
+        """The entry of `candidates`."""
+        return {
+            "axis": self.axis,
+            "effect": self.effect,
+            "probability": _number(self.probability),
+            "gap_closed": _number(self.gap_closed),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Confusable:
+    """Effects that these recordings cannot tell apart.
+
+    Attributes:
+        axis: of them.
+        effects: their names, the likeliest first.
+        why: one sentence.
+        likeness: (effect, effect) -> |cosine| of their signatures after what the base parameters
+            and the friction's wander take out, 0..1; for the matrix of the page, not in the JSON.
+    """
+
+    axis: str
+    effects: tuple[str, ...]
+    why: str
+    likeness: Mapping[tuple[str, str], float] | None = None
+
+    def to_json(self) -> Json:
+        """The entry of `confusable`."""
+        return {"axis": self.axis, "effects": list(self.effects), "why": self.why}
+
+
+@dataclass(frozen=True, slots=True)
+class NextExperiment:
+    """Moves that would tell most.
+
+    Attributes:
+        why: one sentence.
+        moves: as under `moves` of a recipe, ready for `stagectl run`.
+    """
+
+    why: str
+    moves: tuple[Mapping[str, Any], ...]
+
+    def to_json(self) -> Json:
+        """The value of `next_experiment`."""
+        return {"why": self.why, "moves": [dict(move) for move in self.moves]}
+
+
+@dataclass(frozen=True, slots=True)
+class GapReport:
+    """The whole diagnosis.
+
+    Attributes:
+        recordings: as they were named.
+        verdict: one of `VERDICTS`.
+        reason: one sentence.
+        channels, where, causes, candidates, confusable: in the order of the report.
+        gap: axis -> signal -> figures.
+        gap_closed: on moves that took no part in choosing or fitting; None where the gap is too
+            small (G0^2 < 1.5 floor^2) or nothing was fitted.
+        gap_closed_interval: of it, by block bootstrap.
+        gap_closed_in_sample: on the moves that were fitted.
+        next_experiment: None where nothing needs telling apart.
+
+    Raises:
+        ValueError: an unknown verdict.
+    """
+
+    recordings: tuple[str, ...]
+    verdict: str
+    reason: str
+    channels: tuple[ChannelFinding, ...] = ()
+    gap: Gap | None = None
+    gap_closed: float | None = None
+    gap_closed_interval: tuple[float, float] | None = None
+    gap_closed_in_sample: float | None = None
+    where: tuple[Where, ...] = ()
+    causes: tuple[Cause, ...] = ()
+    candidates: tuple[Candidate, ...] = ()
+    confusable: tuple[Confusable, ...] = ()
+    next_experiment: NextExperiment | None = None
+
+    def __post_init__(self) -> None:
+        if self.verdict not in VERDICTS:
+            raise ValueError(f"verdict: {self.verdict!r} is none of {', '.join(VERDICTS)}")
+
+    def to_json(self) -> Json:
+        """The report as docs/formats/gap-report.md lays it down, ready for `json.dumps`."""
+        experiment = self.next_experiment
+        return {
+            "format": FORMAT,
+            "version": VERSION,
+            "recordings": list(self.recordings),
+            "verdict": self.verdict,
+            "reason": self.reason,
+            "channels": [finding.to_json() for finding in self.channels],
+            "gap": gap_json(self.gap or {}),
+            "gap_closed": _number(self.gap_closed),
+            "gap_closed_interval": _interval(self.gap_closed_interval),
+            "gap_closed_in_sample": _number(self.gap_closed_in_sample),
+            "where": [cell.to_json() for cell in self.where],
+            "causes": [cause.to_json() for cause in self.causes],
+            "candidates": [candidate.to_json() for candidate in self.candidates],
+            "confusable": [group.to_json() for group in self.confusable],
+            "next_experiment": None if experiment is None else experiment.to_json(),
+        }
+
+
+def gap_json(gap: Gap) -> Json:
+    """The value of `gap`."""
+    return {
+        axis: {signal: figures.to_json() for signal, figures in signals.items()}
+        for axis, signals in gap.items()
+    }
+
+
+def _number(value: float | None) -> float | None:
+    """A plain float; what is no number is null, for JSON has neither nan nor infinity."""
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _interval(interval: tuple[float, float] | None) -> list[float | None] | None:
+    return None if interval is None else [_number(end) for end in interval]

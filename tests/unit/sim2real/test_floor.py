@@ -1,0 +1,101 @@
+"""The floor: against its definition, and against repeated moves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hil_sim.simulate import simulate
+from sim2real.floor import check_repeats, floor
+from sim2real.gap import closed, combined, pooled
+from sim2real.recording import AxisSignals, Recording
+from sim2real.replay import prepare, residual
+from sim2real.report import GapFigures
+from stagectl.config import load_machine, stage_settings
+
+
+@pytest.fixture(scope="module")
+def stage():
+    return stage_settings(load_machine())
+
+
+def laps(stage, seed, laps=6):
+    """The same move there and back again and again, on both axes, as the stage records it."""
+    t = np.arange(0, 1, 0.01)
+    there = np.concatenate(
+        (np.zeros(60), 5e-3 * t**3 * (10 - 15 * t + 6 * t**2), np.full(90, 5e-3))
+    )
+    once = np.concatenate((there, there[::-1]))
+    demand = np.round(np.tile(once, laps) / 1e-9)[:, None] * [1e-9, 1e-9]
+    offset = np.zeros_like(demand)
+    response = simulate(stage, demand, offset, seed)
+    axes = {
+        name: AxisSignals(
+            demand[:, a], offset[:, a], response.position[:, a], response.force[:, a], None,
+            np.ones(len(demand), dtype=bool),
+        )
+        for a, name in enumerate(("x", "y"))
+    }  # fmt: skip
+    return Recording("", "", "", np.arange(len(demand)) * 1e-3, axes, (), "made here")
+
+
+def wandering(stage, factor):
+    axes = tuple(
+        replace(a, friction=replace(a.friction, wander=factor * a.friction.wander))
+        for a in stage.axes
+    )
+    return replace(stage, axes=axes)
+
+
+def test_the_floor_is_what_another_draw_of_the_same_stage_shows(stage):
+    recorded = laps(stage, 77)
+    replay = prepare(recorded, stage)
+    below = floor(replay, stage)
+    left = residual(replay.measured(), below.nominal)
+    ratios = [
+        np.sqrt(np.mean(left[axis][signal] ** 2)) / figure
+        for axis, signals in below.rms.items()
+        for signal, figure in signals.items()
+    ]
+    # Three seconds hold six correlation times of the wander: single draws scatter that much.
+    assert 0.6 < np.sqrt(np.mean(np.square(ratios))) < 1.6
+
+
+def test_repeated_moves_confirm_the_floor_or_refute_it(stage):
+    for factor, low, high in ((1.0, 0.7, 1.4), (4.0, 2.0, 6.0)):
+        recorded = laps(wandering(stage, factor), 5)
+        replay = prepare(recorded, stage)
+        below = floor(replay, stage)
+        checks = check_repeats(
+            recorded, 1e-3, residual(replay.measured(), below.nominal), below.draws
+        )
+        for axis in ("x", "y"):
+            assert checks[axis]["force"].moves == 12
+            assert low < checks[axis]["force"].ratio < high
+
+
+def test_without_repeats_there_is_nothing_to_check(stage):
+    recorded = laps(stage, 5, laps=1)
+    replay = prepare(recorded, stage)
+    below = floor(replay, stage, draws=1)
+    assert check_repeats(recorded, 1e-3, replay.measured(), below.draws) == {}
+
+
+def gap(position, force):
+    return {
+        "x": {"position": GapFigures(position, 1e-7, "m"), "force": GapFigures(force, 0.1, "N")}
+    }
+
+
+def test_gap_closed_counts_above_the_floor_only():
+    assert combined(gap(1e-7, 0.1)) == pytest.approx(1.0)
+    assert closed(gap(1e-6, 1.0), gap(1e-7, 0.1)) == pytest.approx(1.0)
+    assert closed(gap(1e-6, 1.0), gap(1e-6, 1.0)) == pytest.approx(0.0)
+    assert closed(gap(1e-6, 1.0), gap(2e-6, 2.0)) < 0
+    assert closed(gap(1.1e-7, 0.11), gap(1e-7, 0.1)) is None
+
+
+def test_figures_of_several_recordings_pool_as_mean_squares():
+    both = pooled([(gap(1e-6, 3.0), 100), (gap(1e-6, 0.0), 300)])
+    assert both["x"]["position"].nominal == pytest.approx(1e-6)
+    assert both["x"]["force"].nominal == pytest.approx(1.5)
