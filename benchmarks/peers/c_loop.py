@@ -1,0 +1,133 @@
+"""One residual-and-sensitivity evaluation: the estimator's compiled pass over a plain C loop.
+
+The C loop is built on the spot (`gcc -O3 -march=native`). Both are called many times from compiled
+code, so that neither pays for Python; their chi-squares are compared.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numba
+import numpy as np
+
+from estimation.belief import COULOMB, LEVEL, MASS, STIFFNESS, VISCOUS
+from estimation.gms import REST_BAND, element_shares
+from estimation.window import normal_equations
+from estimation.zones import STICK
+from peers.problem import F64, START, TS, ZONE_AB, Problem
+
+SOURCE = Path(__file__).with_name("pass.c")
+FLAGS = ("-O3", "-march=native", "-shared", "-fPIC", "-lm")
+TIMES = 200
+
+
+class Constants(ctypes.Structure):
+    """As in pass.c."""
+
+    _fields_ = [
+        (name, ctypes.c_double)
+        for name in (
+            "stiffness", "coulomb", "alpha", "vs", "rate", "period", "band", "fast_speed",
+            "noise", "white",
+        )
+    ]  # fmt: skip
+
+
+def ratio(problem: Problem, rounds: int) -> dict[str, float]:
+    """Both evaluations' times [s] (least of the rounds) and their chi-squares.
+
+    Raises:
+        OSError: no C compiler, or it failed.
+    """
+    p = np.array([1.97, 2.03, 1.9, 0.991])
+    with tempfile.TemporaryDirectory() as folder:
+        c_call = _c(problem, p, Path(folder))
+        own_call = _own(problem, p)
+        chi_c, chi_own = c_call(1), own_call(1)
+        best_c = best_own = np.inf
+        for _ in range(rounds):
+            best_c = min(best_c, _timed(c_call))
+            best_own = min(best_own, _timed(own_call))
+    return {"c": best_c, "own": best_own, "chi_c": chi_c, "chi_own": chi_own}
+
+
+def _timed(call: Callable[[int], float]) -> float:
+    begin = time.perf_counter()
+    call(TIMES)
+    return (time.perf_counter() - begin) / TIMES
+
+
+def _c(problem: Problem, p: F64, folder: Path) -> Callable[[int], float]:
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None:
+        raise OSError("no C compiler (gcc)")
+    target = folder / "pass.so"
+    built = subprocess.run(  # noqa: S603 - the compiler found above, on our own file
+        [compiler, str(SOURCE), "-o", str(target), *FLAGS],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if built.returncode:
+        raise OSError(f"{compiler}: {built.stderr.strip().splitlines()[0]}")
+    library = ctypes.CDLL(str(target))
+    library.repeat.restype = ctypes.c_double
+    settings, rows = problem.settings, problem.rows(ZONE_AB)
+    constants = Constants(
+        alpha=START.static_ratio, vs=START.stribeck_velocity, rate=START.relaxation_rate,
+        period=TS, band=REST_BAND, fast_speed=12.0 * START.stribeck_velocity,
+        noise=(settings.mass * settings.position_noise / TS**2) ** 2,
+        white=settings.force_noise**2,
+    )  # fmt: skip
+    arrays = [
+        problem.position, problem.velocity, problem.acceleration, problem.force, p, problem.scale,
+        np.empty((4, 4)), np.empty(4),
+    ]  # fmt: skip
+    at = [array.ctypes.data_as(ctypes.c_void_p) for array in arrays]
+
+    def call(times: int, _keep: object = arrays) -> float:
+        return float(
+            library.repeat(
+                *at[:4], rows.stop, rows.start, at[4], at[5], ctypes.byref(constants), at[6], at[7],
+                times,
+            )
+        )  # fmt: skip
+
+    return call
+
+
+def _own(problem: Problem, p: F64) -> Callable[[int], float]:
+    settings = problem.settings
+    figures = np.array([*problem.scale[:3], START.relaxation_rate, problem.scale[3]])
+    data = (
+        problem.position, problem.velocity, problem.acceleration, problem.force,
+        np.ones(len(problem.zone), dtype=np.bool_), problem.zone, settings.vector(), figures,
+        START.vector(), element_shares(START.elements), START.coulomb, np.zeros(START.elements),
+        np.zeros(START.elements, dtype=np.bool_), 0.0, 0.0,
+    )  # fmt: skip
+    active = np.array([COULOMB, VISCOUS, STIFFNESS, MASS])
+    relative = np.ones(LEVEL)
+    relative[active] = p
+    white = settings.force_noise**2
+
+    def call(times: int) -> float:
+        return float(_repeat(relative, active, white, data, times))
+
+    return call
+
+
+@numba.njit(cache=True)
+def _repeat(p, active, white, data, times):  # type: ignore[no-untyped-def]
+    curvature, slope = np.empty((active.shape[0], active.shape[0])), np.empty(active.shape[0])
+    at, chi = p.copy(), 0.0
+    for i in range(times):
+        at[0] = p[0] * (1.0 + 1e-12 * i)
+        chi, _ = normal_equations(at, active, STICK, 0, white, data, curvature, slope)
+    return chi

@@ -1,0 +1,251 @@
+"""One move as a least-squares problem, written down once for all peers.
+
+250 samples at 1 kHz out of rest, over 25 mm, and a settling that reverses; N = 4 elements; unknown
+are Coulomb force, viscous coefficient, presliding stiffness and mass, relative to the start model
+(half the truth). The residual is whitened: encoder noise through the second difference, force
+resolution white. First zone A for (Fc, sigma_v, mass), then all that moved for all four, from zone
+A's solution and with the same arrival cost.
+
+Two forms of the same model: `residual` leads the estimator's own compiled elements through the
+samples; `steps` is the list of micro-steps for packages that have to build the model themselves
+(what does not depend on the unknowns is computed here for them).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.belief import BeliefSettings
+from estimation.gms import REST_BAND, Friction, FrictionState, element_shares, follow
+from estimation.gms import follow_positions as follow_elements
+from estimation.noise import quantisation
+from estimation.split_horizon import (
+    Estimate,
+    EstimatorSettings,
+    MoveData,
+    SplitHorizonEstimator,
+)
+from estimation.trajectory import Limits, plan
+from estimation.zones import SLIDE, STICK, split
+
+F64 = NDArray[np.float64]
+
+NAMES = ("coulomb", "viscous", "stiffness", "mass")
+UNITS = ("N", "N s/m", "N/m", "kg")
+TS, SUBSTEPS = 1e-3, 4
+ENCODER, FORCE_STEP = 1e-9, 0.04
+TRUE = Friction(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+TRUE_MASS = 8.0
+MASS = 8.0 * 1.01
+START = TRUE.scaled(0.5)
+ZONE_A = (0, 1, 3)
+ZONE_AB = (0, 1, 2, 3)
+NO_SUBSTEPS = 4.0
+"""Above so many Stribeck velocities a sample is one step, as the estimator has it."""
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Micro-steps of the model, and where each sample's last one is.
+
+    Attributes:
+        dx: displacement [m], shape (S,).  direction: its sign.
+        curve: s(v).  decay: exp(-rate dt/s(v)).
+        reset: 1 where the direction changes, so that all elements stick again.
+        last: the step after which sample k has its force, -1 before any, shape (K - 2,).
+    """
+
+    dx: F64
+    direction: F64
+    curve: F64
+    decay: F64
+    reset: F64
+    last: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The move, its zones, the arrival cost and the whitening.
+
+    Attributes:
+        position, force: as measured [m, N], shape (K,).
+        velocity, acceleration: central differences at the inner samples, shape (K - 2,).
+        zone: their zone codes.
+        scale: what the relative unknowns are relative to, shape (4,).
+        spread: relative 1-sigma of the arrival cost; its mean is 1, shape (4,).
+        lower, upper: bounds of the relative unknowns.
+        settings: of the estimator.
+        steps: the model as micro-steps.
+    """
+
+    position: F64
+    force: F64
+    velocity: F64
+    acceleration: F64
+    zone: NDArray[np.int8]
+    scale: F64
+    spread: F64
+    lower: float
+    upper: float
+    settings: EstimatorSettings
+    steps: Steps
+
+    def rows(self, free: tuple[int, ...]) -> slice:
+        """Inner samples that count where these unknowns are solved for; a single run."""
+        code = SLIDE if free == ZONE_A else STICK
+        chosen = np.flatnonzero(self.zone >= code)
+        assert (np.diff(chosen) == 1).all()
+        return slice(int(chosen[0]), int(chosen[-1]) + 1)
+
+    def factor(self, count: int) -> F64:
+        """Cholesky factor of the residual's covariance, three diagonals, shape (count, 3).
+
+        Row k: entries (k, k - 2), (k, k - 1), (k, k).
+        """
+        noise = (self.settings.mass * self.settings.position_noise / TS**2) ** 2
+        c0, c1, c2 = 6 * noise + self.settings.force_noise**2, -4 * noise, noise
+        rows = np.zeros((count, 3))
+        for k in range(count):
+            second = c2 / rows[k - 2, 2] if k > 1 else 0.0
+            first = (c1 - second * (rows[k - 1, 1] if k > 1 else 0.0)) / rows[k - 1, 2] if k else 0
+            rows[k] = second, first, np.sqrt(c0 - first**2 - second**2)
+        return rows
+
+    def residual(self, p: F64, free: tuple[int, ...]) -> F64:
+        """Whitened residual and the arrival cost's n rows at p, shape (samples + n,)."""
+        rows = self.rows(free)
+        out = np.empty(rows.stop - rows.start + len(free))
+        compiled_residual(p, *self.arguments(free), out)
+        return out
+
+    def cost(self, p: F64, free: tuple[int, ...] = ZONE_AB) -> float:
+        """Sum of squares of `residual`: what everybody minimises."""
+        values = self.residual(p, free)
+        return float(values @ values)
+
+    def arguments(self, free: tuple[int, ...]) -> tuple[object, ...]:
+        """What `compiled_residual` takes between p and its result."""
+        rows = self.rows(free)
+        return (
+            self.position, self.velocity, self.acceleration, self.force, START.vector(),
+            element_shares(START.elements), self.scale, self.spread, np.array(free), rows.start,
+            rows.stop, self.factor(rows.stop - rows.start),
+        )  # fmt: skip
+
+    def ready(self) -> tuple[SplitHorizonEstimator, MoveData]:
+        """An estimator that knows the state before the move, and the move."""
+        estimator = SplitHorizonEstimator(START, self.settings)
+        estimator.at_rest(0.0, 0.0, -1.0)
+        estimator.update(MoveData(np.zeros(5), np.zeros(5), np.ones(5, dtype=bool), -1.0, 0.0))
+        valid = np.ones(len(self.position), dtype=np.bool_)
+        return estimator, MoveData(self.position, self.force, valid, 0.0, 0.0)
+
+    def relative(self, estimate: Estimate) -> F64:
+        """The estimator's answer in the peers' unknowns."""
+        model = estimate.friction
+        found = np.array([model.coulomb, model.viscous, model.stiffness, estimate.mass[0]])
+        return found / self.scale
+
+
+@numba.njit(cache=True)
+def compiled_residual(  # type: ignore[no-untyped-def]
+    p, position, velocity, acceleration, force, model, shares, scale, spread, free, begin, end,
+    factor, out,
+):  # fmt: skip
+    """The estimator's compiled elements along the samples, whitened row by row, into `out`."""
+    figures = scale.copy()
+    for i in range(free.shape[0]):
+        figures[free[i]] = p[free[i]] * scale[free[i]]
+    vector = model.copy()
+    vector[0], vector[1] = figures[0], figures[2]
+    count = end
+    elements, jacobian = np.empty(count), np.empty((count, 3))
+    follow_elements(
+        vector, shares, np.zeros(shares.shape[0]), np.zeros(shares.shape[0], dtype=np.bool_),
+        np.array([0.0, position[0]]), position[1 : count + 1], velocity[:count], TS, SUBSTEPS,
+        REST_BAND, elements, jacobian,
+    )  # fmt: skip
+    for k in range(begin, end):
+        row = k - begin
+        value = elements[k] + figures[1] * velocity[k] + figures[3] * acceleration[k] - force[k + 1]
+        if row > 0:
+            value -= factor[row, 1] * out[row - 1]
+        if row > 1:
+            value -= factor[row, 0] * out[row - 2]
+        out[row] = value / factor[row, 2]
+    for i in range(free.shape[0]):
+        out[end - begin + i] = (p[free[i]] - 1.0) / spread[free[i]]
+
+
+def build(samples: int = 250) -> Problem:
+    """The move of the comparison, its noise on a seed."""
+    motion = plan(0.0, 25e-3, Limits(0.5, 3.0, 200.0))
+    time = np.arange(-3, samples - 3) * TS
+    clean = motion.sample(time)[0]
+    after = np.clip(time - motion.duration, 0.0, None)
+    # A settling of 1 um that reverses, smooth where it begins.
+    clean = clean + 1e-6 * np.sin(2 * np.pi * 40 * after) ** 2 * np.exp(-after / 8e-3)
+    model, mass = TRUE, TRUE_MASS
+    velocity, acceleration = differences(clean)
+    elements, _ = follow(
+        model, FrictionState.relaxed(4, float(clean[0])), clean[1:-1], velocity, TS
+    )
+    inner = elements + model.viscous * velocity + mass * acceleration
+    exact = np.concatenate([[0.0], inner, inner[-1:]])
+    rng = np.random.default_rng(1)
+    position = clean + rng.normal(0.0, ENCODER, samples)
+    force = np.round(exact / FORCE_STEP) * FORCE_STEP
+    belief = BeliefSettings(wander=0.0)
+    settings = EstimatorSettings(
+        MASS, TS, ENCODER, quantisation(FORCE_STEP), model_error=0.0, belief=belief,
+        fixed=("relaxation_rate",),
+    )  # fmt: skip
+    chosen = [0, 1, 2, 4]
+    # Two moves old: the one of rest that made the state known, and this one.
+    spread = np.sqrt(
+        np.square(belief.start_spread)[chosen] + 2 * np.square(belief.drift)[chosen] + 1e-12
+    )
+    velocity, acceleration = differences(position)
+    return Problem(
+        position, force, velocity, acceleration, split(position, START, TS),
+        np.array([START.coulomb, START.viscous, START.stiffness, MASS]), spread,
+        *settings.bounds, settings, micro_steps(position, velocity),
+    )  # fmt: skip
+
+
+def differences(position: F64) -> tuple[F64, F64]:
+    """Central first and second differences at the inner samples."""
+    velocity = (position[2:] - position[:-2]) / (2 * TS)
+    return velocity, (position[2:] - 2 * position[1:-1] + position[:-2]) / TS**2
+
+
+def micro_steps(position: F64, velocity: F64) -> Steps:
+    """The estimator's steps: none at rest, four per sample near the Stribeck velocity, else one."""
+    dx, direction, curve, decay, reset, last = [], [], [], [], [], []
+    reference, heading = position[0], 0.0
+    for k, v1 in enumerate(velocity):
+        moved = position[k + 1] - reference
+        if abs(moved) > REST_BAND:
+            reference = position[k + 1]
+            v0 = velocity[k - 1] if k else v1
+            slowest = min(v0 * heading, v1 * heading)
+            count = 1 if slowest > NO_SUBSTEPS * START.stribeck_velocity else SUBSTEPS
+            dt = TS / count
+            for j in range(count):
+                v = v0 + (v1 - v0) * (j + 0.5) / count + moved / TS - 0.5 * (v0 + v1)
+                s = 1 + START.static_ratio * np.exp(-abs(v) / START.stribeck_velocity)
+                dx.append(v * dt)
+                direction.append(np.sign(v))
+                curve.append(s)
+                decay.append(np.exp(-START.relaxation_rate * dt / s))
+                reset.append(float(direction[-1] != heading))
+                heading = direction[-1]
+        last.append(len(dx) - 1)
+    return Steps(
+        np.array(dx), np.array(direction), np.array(curve), np.array(decay), np.array(reset),
+        np.array(last),
+    )  # fmt: skip
