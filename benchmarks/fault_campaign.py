@@ -45,7 +45,8 @@ from stagectl.compensation import Mode
 from stagectl.config.machine import Machine, load_machine
 from stagectl.recipe.load import parse_recipe
 from stagectl.recipe.model import Recipe
-from stagectl.session import Listener, RunRequest, RunResult, execute
+from stagectl.request import RunRequest, RunResult
+from stagectl.session import Listener, execute
 from stagectl.store.recording import read_recording
 
 RECIPE = """\

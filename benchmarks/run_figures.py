@@ -24,7 +24,8 @@ from stagectl.compensation import Mode
 from stagectl.config.machine import Machine, load_machine
 from stagectl.recipe.load import load_recipe
 from stagectl.recipe.model import Recipe
-from stagectl.session import Listener, RunRequest, execute
+from stagectl.request import RunRequest
+from stagectl.session import Listener, execute
 
 RECIPE = Path(__file__).parents[1] / "recipes" / "inspection-20.yaml"
 WINDOWS = ("5e-08", "2e-07")

@@ -61,6 +61,7 @@ class Stage:
     Attributes:
         axes: one `Axis` per settings, in that order; arrays have their columns in it.
         sink: called with a `Sample` once per streamed SYNC, before anything else is done with it.
+        ending: a stop or the closing has begun, and nothing may break it off; until the next boot.
     """
 
     def __init__(
@@ -76,6 +77,7 @@ class Stage:
         self.settings = bus
         self._owned: can.BusABC | None = None
         self._open = True
+        self.ending = False
         _check_unique(axes)
         self._network = Network(bus_object, str(bus), tap)
         self.axes = tuple(Axis(self._network, axis) for axis in axes)
@@ -191,6 +193,7 @@ class Stage:
             NodeError: a node is missing, refuses an access, or is another device.
             ConfigurationError: a drive cannot be set up as needed.
         """
+        self.ending = False
         self._cycle.forget()
         self._power.mode = None
         for axis in self.axes:
@@ -317,6 +320,7 @@ class Stage:
     @_exclusive
     def safe_stop(self) -> None:
         """Quick stop and power off wherever it still reaches; never raises."""
+        self.ending = True
         if not any(c.seen or c.axis.node.booted for c in self._cycle.channels):
             return  # nobody was ever there: nothing of ours moves
         try:
@@ -333,7 +337,7 @@ class Stage:
         """Stops and disables what is still moving, lets go of nodes and bus; never raises."""
         if not self._open:
             return
-        self._open = False
+        self._open, self.ending = False, True
         if any(c.seen for c in self._cycle.channels):
             try:
                 self.disable() if self.enabled else self._power.switch_off()

@@ -216,6 +216,30 @@ class SplitHorizonEstimator:
         mass = float(self._figures[MASS])
         return mass * float(self._belief.mean[MASS]), mass * self._belief.spread(MASS)
 
+    def believe(self, figures: Mapping[str, tuple[float, float]]) -> None:
+        """Begin from figures that were learned before instead of from the start model.
+
+        Bounds stay relative to the start model.
+
+        Args:
+            figures: value and standard deviation of coulomb [N], viscous [N s/m], stiffness [N/m]
+                and relaxation_rate [1/s], by name; those that are missing stay.
+        """
+        for i, name in enumerate(FIGURES[:MASS]):
+            if name in figures:
+                value, sigma = figures[name]
+                self._belief.mean[i] = value / self._figures[i]
+                self._belief.covariance[i, i] = (sigma / self._figures[i]) ** 2
+        self.friction = self._belief.friction(self._start)
+
+    def forget_state(self) -> None:
+        """The axis has moved unobserved: its friction state is unknown, as before the first move.
+
+        The figures stay; the level is forgotten.
+        """
+        self.state = self._time = None
+        self._belief = self._belief.predicted(math.inf, self.settings.belief)
+
     def effective(self, time: float) -> Friction:
         """The model with the level expected at `time` [s]: what feedforward should use."""
         elapsed = 0.0 if self._time is None else time - self._time

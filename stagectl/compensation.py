@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -34,6 +35,10 @@ REVISE = 0.03
 """Relative change of the sliding force from which a move's own offsets are revised under way."""
 REVISE_AT = 0.65
 """When that is looked at: this share of the move's duration, while it still brakes."""
+
+
+Figures = Mapping[str, tuple[float, float]]
+"""Friction figures by name (coulomb, viscous, stiffness, relaxation_rate), each with its sigma."""
 
 
 class Mode(StrEnum):
@@ -167,6 +172,10 @@ class AxisCompensation:
         force = mass_feedforward(self._mass, stop, samples, self._period, self._ahead)
         return offset - self._mass * acceleration + force
 
+    def forget_state(self) -> None:
+        """The stage has been without power: its friction figures stay, its state is unknown."""
+        self.estimator.forget_state()
+
     def learn(self, move: MoveData) -> Learned | None:
         """Follow a move, and update the model from it where that is the mode.
 
@@ -199,7 +208,11 @@ def friction_model(axis: Axis) -> Friction:
 
 
 def make_compensation(
-    machine: Machine, mode: Mode, scale: float = 1.0, truth: Machine | None = None
+    machine: Machine,
+    mode: Mode,
+    scale: float = 1.0,
+    truth: Machine | None = None,
+    known: Mapping[str, Figures] | None = None,
 ) -> tuple[AxisCompensation, ...]:
     """Compensation of every axis, in the machine's order, compiled and ready.
 
@@ -208,6 +221,7 @@ def make_compensation(
         mode: what the offsets are made of.
         scale: of the machine file's friction figures to start from; the truth is not scaled.
         truth: where `mode` is oracle, whose friction figures to use.
+        known: axis -> figures that an earlier run has learned, where `mode` is estimated.
     """
     source = truth if mode is Mode.ORACLE and truth is not None else machine
     scale = scale if source is machine else 1.0
@@ -217,6 +231,10 @@ def make_compensation(
         )
         for name, axis in machine.axes.items()
     )
+    if mode is Mode.ESTIMATED and known is not None:
+        for name, compensation in zip(machine.axes, made, strict=True):
+            if name in known:
+                compensation.estimator.believe(known[name])
     _warm_up(next(iter(machine.axes.values())), machine.bus.sync_period)
     return made
 

@@ -1,8 +1,8 @@
 """One run from a validated recipe to its files: stage opened, homed, run, disabled, written down.
 
 Joins what the lower layers keep apart: machine and recipe, virtual drives (with `--simulate`) or a
-real bus, compensation, engine, journal, bus log, summary and report. Whatever happens on the way,
-the stage ends disabled and what was recorded becomes the recording.
+real bus, compensation, engine, bus log, and the run's record. Whatever happens on the way, the
+stage ends disabled and what was recorded becomes the recording.
 """
 
 from __future__ import annotations
@@ -11,95 +11,32 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from datetime import datetime
-from pathlib import Path
-from typing import Any
 
-from drivers import DriverError, Stage
+from drivers import AxisFault, BusError, DriverError, Stage
 from drivers.settings import AxisSettings, BusSettings
 from estimation.trajectory import Limits
 from hil_sim.fault_rules import Injected
 from hil_sim.fault_world import FaultyWorld
-from hil_sim.faults import FaultPlan
 from hil_sim.stage import VirtualStage
 from hil_sim.world import World
-from sim2real.recording import Recording
-from stagectl.compensation import AxisCompensation, Mode, make_compensation
-from stagectl.config.machine import Machine
+from stagectl.compensation import AxisCompensation, make_compensation
 from stagectl.config.mapping import driver_settings, stage_settings
 from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError, UnusableInput
 from stagectl.recipe.fiducial import Fiducial, make_fiducial
-from stagectl.recipe.model import Recipe
-from stagectl.recipe.plan import plan
-from stagectl.report.page import write_report
+from stagectl.recipe.model import Pair
+from stagectl.recipe.plan import plan_from
+from stagectl.request import RunRequest, RunResult
+from stagectl.run_record import RunRecord, put_aside
 from stagectl.sequencer.engine import Engine
-from stagectl.sequencer.events import Event, FrictionUpdated
+from stagectl.sequencer.events import Event, Retrying
 from stagectl.sequencer.mover import MovingAxis
-from stagectl.sequencer.verdict import SiteVerdict, judge
 from stagectl.store.bus_log import BusLog
-from stagectl.store.journal import AxisScaling, Journal, JournalHeader
-from stagectl.store.recovery import recover, recover_left_over
-from stagectl.store.summary import (
-    FrictionEntry,
-    ParameterEstimate,
-    RunFacts,
-    build_summary,
-    write_summary,
-)
+from stagectl.store.recovery import recover_left_over
 
-OUTPUTS = ("recording.h5", "summary.json", "report.html", "bus.asc")
-"""Files that a run writes."""
-UNITS = {"coulomb": "N", "viscous": "N s/m", "stiffness": "N/m", "attraction": "N/s"}
-"""Friction figures of a summary and their units."""
-
-
-@dataclass(frozen=True, slots=True)
-class RunRequest:
-    """What is to be run.
-
-    Attributes:
-        recipe: checked against `machine`.
-        machine: what the host believes.
-        truth: what the virtual stage is; None for the machine's bus.
-        bus: (interface, channel) instead of the machine's.
-        mode: of compensation.
-        friction_scale: of the friction figures the host starts from.
-        seed: of the virtual stage's noise and repeatability.
-        folder: for the files.
-        started: time of the run, with zone.
-        faults: of bus and drives, on the virtual stage only; None for none.
-    """
-
-    recipe: Recipe
-    machine: Machine
-    truth: Machine | None
-    bus: tuple[str, str] | None
-    mode: Mode
-    friction_scale: float
-    seed: int
-    folder: Path
-    started: datetime
-    faults: FaultPlan | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class RunResult:
-    """How it went.
-
-    Attributes:
-        summary: as in `summary.json`.
-        recording: of the run, None when it ended before its first sample.
-        error: what ended it early, else None.
-        first_update: axis -> index of the recording's move after whose update its friction model
-            was first learned; absent where it never was.
-        verdicts: pass or fail per site, where the recipe has limits.
-    """
-
-    summary: dict[str, Any]
-    recording: Recording | None
-    error: StagectlError | None
-    first_update: dict[str, int]
-    verdicts: tuple[SiteVerdict, ...]
+LASTING = (0x2, 0x3, 0x4, 0x5, 0x7)
+"""Classes of error codes (their first digit) after which somebody has to look before power comes
+back: current, voltage, temperature, hardware, sensors."""
+OVER_TRAVEL = 0x8612
 
 
 @dataclass(slots=True)
@@ -137,12 +74,16 @@ def execute(request: RunRequest, listener: Listener) -> RunResult:
         listener.phase(left_over.describe())
     listener.phase("preparing the estimator")
     compensation = make_compensation(
-        request.machine, request.mode, request.friction_scale, request.truth
+        request.machine,
+        request.mode,
+        request.friction_scale,
+        request.truth,
+        None if request.resumed is None else request.resumed.friction,
     )
     bus, axes = driver_settings(request.machine)
     if request.bus is not None:
         bus = replace(bus, interface=request.bus[0], channel=request.bus[1])
-    _put_aside(request.folder)
+    put_aside(request.folder)
     run = _Run(request, listener, compensation, fiducial)
     with (
         _virtual_stage(request, bus, listener) as (used, injected),
@@ -191,55 +132,31 @@ class _Run:
     ) -> None:
         self._request, self._listener, self._compensation = request, listener, compensation
         self._fiducial = fiducial
+        self._stage: Stage | None = None
         self._engine: Engine | None = None
-        machine = request.machine
-        self._journal = Journal(
-            request.folder,
-            JournalHeader(
-                machine.text,
-                request.recipe.text,
-                request.started.isoformat(),
-                tuple(
-                    AxisScaling(name, 1e-9, axis.drive.rated_force / 1000.0)
-                    for name, axis in machine.axes.items()
-                ),
-            ),
-        )
-        self._friction: list[FrictionEntry] = []
-        self._first_update: dict[str, int] = {}
-        self._moves = 0
-        self._wall_time = 0.0
         self._error: StagectlError | None = None
+        self._record = RunRecord(request)
+        self.note = self._record.note
 
     def drive(self, bus: BusSettings, axes: tuple[AxisSettings, ...], log: BusLog) -> None:
         """Open, home, run and disable the stage; what goes wrong is kept for `finish`."""
-        listener, recipe = self._listener, self._request.recipe
+        listener = self._listener
         try:
             listener.stoppable(self._ask_to_stop)
             listener.phase(f"opening {bus}")
             missed = self._request.machine.bus.max_missed
             with Stage.open(bus, axes, tap=log.tap, max_missed=missed) as stage:
+                self._stage = stage
                 listener.phase("booting the drives")
                 stage.boot()
                 listener.phase("homing")
                 stage.home()
                 stage.enable()
-                stage.sink = self._journal.sink
-                engine = self._engine = Engine(
-                    stage,
-                    self._moving_axes(axes),
-                    self._fiducial,
-                    bus.sync_period,
-                    self._on_move,
-                    self._on_event,
-                )
-                steps = plan(recipe, _pair(stage.targets))
                 begin = time.perf_counter()
                 try:
-                    engine.run(steps)
+                    self._go_through(stage, axes, bus.sync_period)
                 finally:
-                    self._wall_time = time.perf_counter() - begin
-                    stage.sink = None
+                    self._record.wall_time = time.perf_counter() - begin
                 listener.phase("disabling")
                 stage.disable()
         except DriverError as error:
@@ -248,82 +165,75 @@ class _Run:
             self._error = error
         except BaseException:
             # Not foreseen: keep what there is, then let it be seen.
-            self._journal.finish("fault", "internal error")
-            recover(self._journal.path, overwrite=True)
+            self._record.abandon()
             raise
+
+    def finish(self) -> RunResult:
+        """Write what the run leaves."""
+        self._listener.phase("writing recording and report")
+        return self._record.finish(self._error)
+
+    def _go_through(self, stage: Stage, axes: tuple[AxisSettings, ...], period: float) -> None:
+        """All that is left of the recipe; a stretch that faults is begun again where that helps."""
+        record, recipe = self._record, self._request.recipe
+        start = _pair(stage.targets)
+        engine = self._engine = Engine(
+            stage, self._moving_axes(axes), self._fiducial, period, record.move, self._on_event
+        )
+        attempt, attempted = 0, record.done
+        while True:
+            stage.sink = record.journal.sink
+            try:
+                engine.run(plan_from(recipe, record.done, start))
+                return
+            except AxisFault as fault:
+                attempt = attempt + 1 if record.done == attempted else 1
+                attempted = record.done
+                if attempt > self._request.retries or not recoverable(fault):
+                    raise
+                self._on_event(
+                    Retrying(record.done + 1, attempt, self._request.retries, str(fault))
+                )
+                self._recover(stage, fault)
+                broken = engine.begin_anew(record.journal.samples)
+                if broken is not None:
+                    record.broken_off(broken)
+            finally:
+                stage.sink = None
+
+    def _recover(self, stage: Stage, fault: AxisFault) -> None:
+        """From a stopped stage with a fault to an enabled one.
+
+        Raises:
+            RunFault: the fault stays, or there is a new one.
+            BusError: the bus fails.
+        """
+        try:
+            try:
+                stage.reset_faults()
+            except BusError:
+                raise
+            except DriverError:  # a drive that rebooted, or that takes no reset as it is
+                stage.boot()
+            stage.home()  # only axes that have lost their zero
+            stage.enable()
+        except BusError:
+            raise
+        except DriverError as stays:
+            raise RunFault(f"{fault}; trying to go on: {stays}") from stays
 
     def _ask_to_stop(self, reason: str) -> None:
         """Moves end in a controlled stop; before them there is nothing to bring to an end.
 
+        A stop that goes on already, for whatever reason, is not broken off.
+
         Raises:
             Aborted: while the stage is opened, booted or homed; it is stopped on the way out.
         """
-        if self._engine is None:
+        if self._engine is not None:
+            self._engine.stop(reason)
+        elif self._stage is None or not self._stage.ending:
             raise Aborted(reason)
-        self._engine.stop(reason)
-
-    def note(self, injected: Sequence[Injected]) -> None:
-        """Who reads the recording is to know that these faults were made."""
-        for entry in injected:
-            self._journal.event(
-                "injected_fault",
-                fault=repr(entry.fault),
-                count=entry.count,
-                first=entry.first_ns * 1e-9 if entry.count else None,
-            )
-
-    def finish(self) -> RunResult:
-        """Journal to recording, summary and report."""
-        request, machine = self._request, self._request.machine
-        error = self._error
-        outcome = (
-            "completed" if error is None else "aborted" if isinstance(error, Aborted) else "fault"
-        )
-        fault = str(error) if outcome == "fault" else None
-        self._journal.finish(outcome, fault)
-        self._listener.phase("writing the recording")
-        content = recover(self._journal.path, overwrite=True).content
-        recording = None if content is None else content.recording
-        period = machine.bus.sync_period
-        control_period = next(iter(machine.axes.values())).drive.control_period
-        facts = RunFacts(
-            recipe=request.recipe.name,
-            machine=machine.name,
-            compensation=request.mode.value,
-            seed=request.seed,
-            simulated=request.truth is not None,
-            lot=request.recipe.lot,
-            duration=0.0 if recording is None else round(len(recording) * period, 9),
-            wall_time=self._wall_time,
-            outcome=outcome,
-            fault=fault,
-        )
-        summary = build_summary(
-            _empty(machine, request) if recording is None else recording,
-            facts,
-            self._friction,
-            control_period=control_period,
-            sync_period=period,
-            ledger=None if content is None else content.ledger,
-        )
-        write_summary(summary, request.folder / "summary.json")
-        if recording is not None:
-            self._listener.phase("writing the report")
-            write_report(
-                request.folder / "report.html", recording, summary, control_period=control_period
-            )
-        verdicts = (
-            ()
-            if recording is None
-            else judge(
-                recording,
-                request.recipe.limits,
-                request.recipe.settle.window,
-                control_period,
-                period,
-            )
-        )
-        return RunResult(summary, recording, error, dict(self._first_update), verdicts)
 
     def _moving_axes(self, axes: tuple[AxisSettings, ...]) -> tuple[MovingAxis, ...]:
         return tuple(
@@ -337,79 +247,20 @@ class _Run:
             for axis, compensation in zip(axes, self._compensation, strict=True)
         )
 
-    def _on_move(self, move: Any) -> None:
-        self._moves += 1
-        self._journal.move(move)
-
     def _on_event(self, event: Event) -> None:
-        if isinstance(event, FrictionUpdated):
-            self._note_friction(event)
+        self._record.event(event)
         self._listener.event(event)
 
-    def _note_friction(self, event: FrictionUpdated) -> None:
-        estimate, friction = event.estimate, event.estimate.friction
-        sigma = dict(estimate.sigma)
-        rate = sigma.pop("relaxation_rate")
-        # C = rate Fc: relative variances add.
-        sigma["attraction"] = (
-            friction.attraction
-            * ((rate / friction.relaxation_rate) ** 2 + (sigma["coulomb"] / friction.coulomb) ** 2)
-            ** 0.5
-        )
-        entry = FrictionEntry(
-            site=event.site,
-            axis=event.axis,
-            accepted=estimate.accepted,
-            reason=estimate.reason,
-            compute_time=event.compute_time,
-            parameters={
-                name: ParameterEstimate(float(getattr(friction, name)), sigma[name], unit)
-                for name, unit in UNITS.items()
-            },
-        )
-        self._friction.append(entry)
-        self._journal.event(
-            "friction",
-            site=entry.site,
-            axis=entry.axis,
-            accepted=entry.accepted,
-            reason=entry.reason,
-            parameters={n: (p.value, p.sigma) for n, p in entry.parameters.items()},
-        )
-        if estimate.accepted:
-            self._first_update.setdefault(event.axis, self._moves)
+
+def recoverable(fault: AxisFault) -> bool:
+    """Whether a fault may be acknowledged and gone on from without anybody looking at the machine.
+
+    Lost frames, a drive that lost its host or rebooted, a following error: yes, as often as the
+    run allows. Current, voltage, temperature, hardware, sensors and end switches: no.
+    """
+    code = fault.code
+    return code is None or (code >> 12 not in LASTING and code != OVER_TRAVEL)
 
 
-def _put_aside(folder: Path) -> None:
-    """Files of an earlier run go to `previous/`, so that they are not taken for this one's."""
-    old = [folder / name for name in OUTPUTS if (folder / name).exists()]
-    if old:
-        aside = folder / "previous"
-        aside.mkdir(exist_ok=True)
-        for path in old:
-            path.replace(aside / path.name)
-
-
-def _pair(position: tuple[float, ...]) -> tuple[float, float]:
+def _pair(position: tuple[float, ...]) -> Pair:
     return position[0], position[1]
-
-
-def _empty(machine: Machine, request: RunRequest) -> Recording:
-    """A recording without samples, for the summary of a run that never moved."""
-    import numpy as np
-
-    from sim2real.recording import AxisSignals
-
-    none = np.zeros(0)
-    return Recording(
-        machine.text,
-        request.recipe.text,
-        request.started.isoformat(),
-        none,
-        {
-            name: AxisSignals(none, none, none, none, None, np.zeros(0, dtype=np.bool_))
-            for name in machine.axes
-        },
-        (),
-        "",
-    )

@@ -13,8 +13,8 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderR
 from rich.table import Table
 from rich.text import Text
 
+from stagectl.request import RunResult
 from stagectl.sequencer.verdict import SiteVerdict
-from stagectl.session import RunResult
 from stagectl.store.bus_log import SPOOL_NAME
 
 _STYLES = {"completed": "green", "aborted": "yellow", "fault": "red"}
@@ -26,7 +26,7 @@ _LISTED = 10  # refused estimates and failed sites shown
 def closing(result: RunResult, folder: Path) -> RenderableType:
     """Outcome, moves per axis, friction figures, refused estimates, where the files are."""
     summary = result.summary
-    parts: list[RenderableType] = [_headline(result)]
+    parts: list[RenderableType] = [_headline(result), *_went_on(summary)]
     if summary["moves"]:
         parts.append(_moves(result))
     if summary["friction"]:
@@ -74,6 +74,18 @@ def _headline(result: RunResult) -> Text:
         speed = summary["duration"] / summary["wall_time"]
         text.append(f" (simulated in {summary['wall_time']:.2f} s, {speed:.0f} x real time)")
     return text
+
+
+def _went_on(summary: dict[str, Any]) -> list[RenderableType]:
+    """What the run took up, and what it began again."""
+    lines = []
+    resumed = summary.get("resumed")
+    if resumed is not None:
+        lines.append(f"went on behind {resumed['done']} finished, which are in {resumed['run']}")
+    for retry in summary.get("retries", ()):
+        where = "" if retry["site"] is None else f"site {retry['site']} "
+        lines.append(f"{where}begun again (attempt {retry['attempt']}): {retry['fault']}")
+    return [Text("\n".join(lines))] if lines else []
 
 
 def _moves(result: RunResult) -> Table:

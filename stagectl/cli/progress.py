@@ -20,6 +20,7 @@ from stagectl.sequencer.events import (
     FrictionUpdated,
     MarkNotFound,
     MoveStarted,
+    Retrying,
     Settled,
     Stopping,
 )
@@ -98,6 +99,12 @@ class RunProgress:
                 self._draw(f"{self._where(event.site)}exposed", self._begun)
             case MarkNotFound():
                 self._warn(f"site {event.site}: mark not found, no micro-move")
+            case Retrying():
+                what = "stretch" if not self._sites else "site"
+                self._warn(
+                    f"{what} {event.stretch}: {event.fault}; trying again "
+                    f"({event.attempt} of {event.limit})"
+                )
             case Stopping():
                 self._draw(f"stopping: {event.reason}")
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from hil_sim.faults import FaultPlan
     from stagectl.config.machine import Machine
     from stagectl.recipe.model import Recipe
+    from stagectl.request import RunRequest
 
 PACKAGED = "wafer-xy"
 
@@ -66,6 +67,19 @@ PACKAGED = "wafer-xy"
     type=click.Path(path_type=Path, file_okay=False),
     help="Folder for recording, summary, report and bus log [runs/RECIPE-TIME].",
 )
+@click.option(
+    "--resume",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="RUN",
+    help="Go on with the interrupted run in this folder, behind its last finished site.",
+)
+@click.option(
+    "--retries",
+    type=click.IntRange(0, 100),
+    default=0,
+    show_default=True,
+    help="Begin a site again so often after a fault that can be recovered.",
+)
 @click.option("--json", "json_out", type=FILE, help="Also write the summary here; - is stdout.")
 @click.option("--dry-run", is_flag=True, help="Only say what would be done; nothing moves.")
 def command(
@@ -78,6 +92,8 @@ def command(
     seed: int,
     faults: Path | None,
     out: Path | None,
+    resume: Path | None,
+    retries: int,
     json_out: Path | None,
     dry_run: bool,
 ) -> None:
@@ -90,6 +106,8 @@ def command(
       stagectl run recipes/inspection-20.yaml --simulate --friction-scale 0.5
     On a real bus:
       stagectl run RECIPE.yaml --machine M.yaml --bus socketcan:can0
+    Go on with a run that a fault, Ctrl-C or a power cut ended:
+      stagectl run RECIPE.yaml --resume runs/RECIPE-20260101-120000
 
     Ctrl-C brings the stage to a controlled stop and keeps what was recorded; a second one
     does not hurry it. Exit code 0 completed, 2 unusable input, 3 fault, 130 stopped.
@@ -113,9 +131,32 @@ def command(
     _check_truth(believed, truth)
     plan = None if faults is None else _faults(faults, believed, seed)
     if dry_run:
+        if resume is not None:
+            raise click.UsageError("--dry-run tells of the whole recipe; leave --resume out")
         _dry_run(loaded, believed, json_out)
         return
-    _run(loaded, believed, truth, bus, compensation, friction_scale, seed, plan, out, json_out)
+    started = datetime.now(UTC).astimezone()
+    folder = out or Path("runs") / f"{loaded.name}-{started:%Y%m%d-%H%M%S}"
+    _check_apart(folder, resume)
+    from stagectl.compensation import Mode
+    from stagectl.request import RunRequest
+    from stagectl.resume import load_interrupted
+
+    request = RunRequest(
+        loaded,
+        believed,
+        truth,
+        bus,
+        Mode(compensation),
+        friction_scale,
+        seed,
+        folder,
+        started,
+        plan,
+        retries,
+        None if resume is None else load_interrupted(resume, loaded),
+    )
+    _run(request, json_out)
 
 
 def _machine(path: Path | None) -> Machine:
@@ -167,46 +208,28 @@ def _dry_run(recipe: Recipe, machine: Machine, json_out: Path | None) -> None:
         Console().print(outcome.render())
 
 
-def _run(
-    recipe: Recipe,
-    machine: Machine,
-    truth: Machine | None,
-    bus: tuple[str, str] | None,
-    compensation: str,
-    friction_scale: float,
-    seed: int,
-    faults: FaultPlan | None,
-    out: Path | None,
-    json_out: Path | None,
-) -> None:
+def _check_apart(folder: Path, resume: Path | None) -> None:
+    if resume is not None and folder.resolve() == resume.resolve():
+        raise click.BadParameter(
+            f"{folder}: holds the run that is gone on with; the rest needs a folder of its own",
+            param_hint="--out",
+        )
+
+
+def _run(request: RunRequest, json_out: Path | None) -> None:
     from rich.console import Console
 
     from stagectl.cli.closing import closing
     from stagectl.cli.progress import RunProgress
-    from stagectl.compensation import Mode
-    from stagectl.session import Listener, RunRequest, execute
+    from stagectl.session import Listener, execute
 
-    started = datetime.now(UTC).astimezone()
-    folder = out or Path("runs") / f"{recipe.name}-{started:%Y%m%d-%H%M%S}"
-    request = RunRequest(
-        recipe,
-        machine,
-        truth,
-        bus,
-        Mode(compensation),
-        friction_scale,
-        seed,
-        folder,
-        started,
-        faults,
-    )
     quiet = json_out is not None and str(json_out) == "-"
     console = Console(stderr=quiet)
-    with RunProgress(console, recipe, tuple(machine.axes)) as progress:
+    with RunProgress(console, request.recipe, tuple(request.machine.axes)) as progress:
         result = execute(request, Listener(progress.phase, progress.event, _stop_on_signal))
     if json_out is not None:
         write_json(result.summary, json_out)
-    console.print(closing(result, folder), crop=False)
+    console.print(closing(result, request.folder), crop=False)
     if result.error is not None:
         raise result.error
 

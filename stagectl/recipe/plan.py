@@ -1,7 +1,8 @@
 """From a recipe to a flat list of frozen steps: what `run` does and what `--dry-run` counts.
 
 Pure: the same recipe and start give the same steps. Only the targets of micro-moves onto a
-fiducial are open; they come from the fiducial while the recipe runs.
+fiducial are open; they come from the fiducial while the recipe runs. The steps come in stretches
+that are done as a whole or again from their first step: a site, or one entry of a list of moves.
 """
 
 from __future__ import annotations
@@ -75,7 +76,21 @@ class DwellStep:
     duration: float
 
 
+@dataclass(frozen=True, slots=True)
+class DoneStep:
+    """A stretch is over: a run that is interrupted from here on goes on behind it.
+
+    Attributes:
+        number: of the stretch, from 1.
+        site: the same, where the recipe has sites; None in a list of moves.
+    """
+
+    number: int
+    site: int | None
+
+
 Step = MoveStep | SettleStep | FiducialStep | ExposeStep | DwellStep
+MarkedStep = Step | DoneStep
 
 
 def plan(recipe: Recipe, start: Pair = (0.0, 0.0)) -> tuple[Step, ...]:
@@ -86,17 +101,48 @@ def plan(recipe: Recipe, start: Pair = (0.0, 0.0)) -> tuple[Step, ...]:
         start: where the axes are when it begins [m] (home by default); only the direction of the
             first `reverse` of an axis can depend on it.
     """
+    return tuple(step for _, steps in _stretches(recipe, start) for step in steps)
+
+
+def plan_from(recipe: Recipe, done: int, start: Pair = (0.0, 0.0)) -> tuple[MarkedStep, ...]:
+    """The steps after the first `done` stretches, each stretch with a `DoneStep` at its end.
+
+    A list of moves that goes on in its middle begins with a move to where it was.
+
+    Args:
+        recipe: a validated recipe.
+        done: stretches that are over, 0 for none.
+        start: as `plan`.
+    """
+    steps: list[MarkedStep] = []
+    for number, (origin, stretch) in enumerate(_stretches(recipe, start), 1):
+        if number <= done:
+            continue
+        if recipe.moves and done and not steps:
+            steps.append(MoveStep(None, "other", origin, recipe.macro))
+        steps += [*stretch, DoneStep(number, None if recipe.moves else number)]
+    return tuple(steps)
+
+
+def _stretches(recipe: Recipe, start: Pair) -> Iterator[tuple[Pair, tuple[Step, ...]]]:
+    """Each stretch with the position that it begins at."""
     settle = _settle_step(recipe.settle)
+    origin = start
     if recipe.moves:
-        return tuple(_with_settling(recipe.moves, start, settle))
-    steps: list[Step] = []
+        for _, position, step in walk(recipe.moves, start):
+            # Macro- and micro-moves wait for the settle window; creeps and reversals run on.
+            waits = isinstance(step, MoveStep) and step.kind in ("macro", "micro")
+            yield origin, (step, settle) if waits else (step,)
+            origin = position
+        return
     for site, position in enumerate(recipe.sites, 1):
-        steps += [MoveStep(site, "macro", position, recipe.macro), settle]
+        steps: list[Step] = [MoveStep(site, "macro", position, recipe.macro), settle]
         if not isinstance(recipe.fiducial, NoMark):
             steps += [FiducialStep(site), MoveStep(site, "micro", None, recipe.micro), settle]
         if recipe.expose > 0:
             steps.append(ExposeStep(recipe.expose))
-    return tuple(steps)
+        yield origin, tuple(steps)
+        origin = position
 
 
 def walk(
@@ -126,14 +172,6 @@ def walk(
             position[move.axis] = round(position[move.axis] + relative[move.axis], 12)
             step = MoveStep(None, move.kind, None, move.profile, (relative[0], relative[1]))
         yield location, (position[0], position[1]), step
-
-
-def _with_settling(moves: tuple[Move, ...], start: Pair, settle: SettleStep) -> Iterator[Step]:
-    """Macro- and micro-moves wait for the settle window; creeps and reversals run on."""
-    for _, _, step in walk(moves, start):
-        yield step
-        if isinstance(step, MoveStep) and step.kind in ("macro", "micro"):
-            yield settle
 
 
 def _settle_step(settle: Settle) -> SettleStep:

@@ -15,21 +15,25 @@ from sim2real.recording import Move
 from stagectl.errors import Aborted, RunFault
 from stagectl.recipe.fiducial import Fiducial
 from stagectl.recipe.plan import (
+    DoneStep,
     DwellStep,
     ExposeStep,
     FiducialStep,
+    MarkedStep,
     MoveStep,
     SettleStep,
-    Step,
 )
 from stagectl.sequencer.events import (
     Event,
     Exposed,
     FrictionUpdated,
+    MarkFound,
     MarkNotFound,
     MoveStarted,
     Settled,
+    StopNoticed,
     Stopping,
+    StretchDone,
 )
 from stagectl.sequencer.mover import Mover, MovingAxis, StagePort
 
@@ -40,10 +44,15 @@ MAX_RETRIES = 3
 
 
 class StopRequest:
-    """Asked for by a signal handler or another thread; looked at on every SYNC."""
+    """Asked for by a signal handler or another thread; looked at on every SYNC.
 
-    def __init__(self) -> None:
+    Args:
+        noticed: called with the reason when it is seen for the first time, which is when it acts.
+    """
+
+    def __init__(self, noticed: Callable[[str], object]) -> None:
         self.reason: str | None = None
+        self._noticed: Callable[[str], object] | None = noticed
 
     def __call__(self, reason: str) -> None:
         """Ask for a controlled stop; the first reason stays."""
@@ -52,7 +61,12 @@ class StopRequest:
 
     def asked(self) -> bool:
         """Whether a stop was asked for."""
-        return self.reason is not None
+        if self.reason is None:
+            return False
+        if self._noticed is not None:
+            noticed, self._noticed = self._noticed, None
+            noticed(self.reason)
+        return True
 
 
 class Engine:
@@ -79,7 +93,7 @@ class Engine:
         on_move: Callable[[Move], object],
         on_event: Callable[[Event], object],
     ) -> None:
-        self.stop = StopRequest()
+        self.stop = StopRequest(lambda reason: on_event(StopNoticed(reason)))
         self._mover = Mover(stage, axes, period, self.stop.asked)
         self._fiducial = fiducial
         self._period = period
@@ -93,7 +107,20 @@ class Engine:
         """SYNCs streamed so far."""
         return self._mover.samples
 
-    def run(self, steps: Sequence[Step]) -> None:
+    def begin_anew(self, samples: int) -> Move | None:
+        """After a fault, the stage enabled again at rest: what was known of its state is void.
+
+        Args:
+            samples: SYNCs that the broken-off stream got to, all in all.
+
+        Returns:
+            The move that was broken off as it was really made, None where there was none.
+        """
+        self._mark = None
+        self._site_position = tuple(self._mover.target)
+        return self._mover.begin_anew(samples)
+
+    def run(self, steps: Sequence[MarkedStep]) -> None:
         """Go through the steps; the stage ends at rest, enabled, its force offsets in force.
 
         Raises:
@@ -111,7 +138,7 @@ class Engine:
             self._on_event(Stopping(str(end)))
             raise
 
-    def _do(self, step: Step) -> None:
+    def _do(self, step: MarkedStep) -> None:
         match step:
             case MoveStep():
                 self._move(step)
@@ -124,6 +151,8 @@ class Engine:
                 self._on_event(Exposed(self._site))
             case DwellStep():
                 self._hold(step.duration)
+            case DoneStep():
+                self._on_event(StretchDone(step.number, step.site))
 
     def _move(self, step: MoveStep) -> None:
         self._learn()
@@ -156,8 +185,7 @@ class Engine:
         x, y = self._site_position
         found = self._fiducial.find(site, (x, y))
         self._mark = None if found is None else (x + found[0], y + found[1])
-        if found is None:
-            self._on_event(MarkNotFound(site))
+        self._on_event(MarkNotFound(site) if found is None else MarkFound(site, found))
 
     def _settle(self, step: SettleStep) -> None:
         """Wait for the window; a move that never came about (no mark) has nothing to wait for."""
@@ -207,5 +235,5 @@ class Engine:
             self._on_event(FrictionUpdated(site, axis, learned.estimate, learned.compute_time))
 
     def _check_stop(self) -> None:
-        if self.stop.reason is not None:
-            raise Aborted(self.stop.reason)
+        if self.stop.asked():
+            raise Aborted(self.stop.reason or "stopped")

@@ -51,10 +51,53 @@ class Exposed:
 
 
 @dataclass(frozen=True, slots=True)
+class StretchDone:
+    """A site, or an entry of a list of moves, is over and will not be done again.
+
+    Attributes:
+        number: of the stretch, from 1.
+        site: the same where the recipe has sites, else None.
+    """
+
+    number: int
+    site: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Retrying:
+    """A stretch is begun again after a fault.
+
+    Attributes:
+        stretch: its number, from 1.  attempt: from 1, at most `limit`.
+        fault: what happened.
+    """
+
+    stretch: int
+    attempt: int
+    limit: int
+    fault: str
+
+
+@dataclass(frozen=True, slots=True)
+class MarkFound:
+    """Where the fiducial of a site is: `offset` from the site [m]."""
+
+    site: int
+    offset: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
 class MarkNotFound:
     """The fiducial of this site was not found: no micro-move."""
 
     site: int
+
+
+@dataclass(frozen=True, slots=True)
+class StopNoticed:
+    """The operator's request to stop has been seen; it takes effect from the next sample on."""
+
+    reason: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,4 +107,15 @@ class Stopping:
     reason: str
 
 
-Event = MoveStarted | Settled | FrictionUpdated | Exposed | MarkNotFound | Stopping
+Event = (
+    MoveStarted
+    | Settled
+    | FrictionUpdated
+    | Exposed
+    | StretchDone
+    | Retrying
+    | MarkFound
+    | MarkNotFound
+    | StopNoticed
+    | Stopping
+)

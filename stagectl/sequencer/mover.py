@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -88,15 +88,28 @@ class Mover:
         stop: Callable[[], bool],
     ) -> None:
         self.samples = 0
-        self.target: F64 = np.array(stage.targets, dtype=np.float64)
         self.move: Move | None = None
         self._stage, self._axes, self._period, self._stop = stage, tuple(axes), period, stop
+        self._take_stock()
+
+    def _take_stock(self) -> None:
+        """As after enabling: at rest where the stage says, no force offset, nothing seen yet."""
         count = len(self._axes)
+        self.target: F64 = np.array(self._stage.targets, dtype=np.float64)
         self._offset: F64 = np.zeros(count)
         self._blocks: list[Block] = []
         self._tail = MoveSamples.none(count)
         self._before = self._tail
         self._rest_force: F64 = np.zeros(count)
+
+    def begin_anew(self, samples: int) -> Move | None:
+        """Go on after a fault, the stage enabled again at rest; see `Engine.begin_anew`."""
+        broken, self.move = self.move, None
+        self.samples = samples
+        self._take_stock()
+        for axis in self._axes:
+            axis.compensation.forget_state()
+        return broken if broken is None else replace(broken, end=min(broken.end, samples))
 
     @property
     def time(self) -> float:

@@ -14,7 +14,9 @@ F64 = NDArray[np.float64]
 PUNCTUAL = 0.01
 """A sample may come this share of Ts off the median arrival in any case ..."""
 SCATTER = 4.0
-"""... and so many times the median scatter of its move."""
+"""... and so many times the median scatter of its move ..."""
+LOOSE = 0.04
+"""... but never more than this share of Ts: a move with less punctual samples teaches nothing."""
 
 
 class Block(Protocol):
@@ -116,7 +118,8 @@ class MoveSamples:
         for arrival, ok in zip(self.arrival.T, valid.T, strict=True):
             if ok.any():
                 away = np.abs(arrival - np.median(arrival[ok]))
-                ok &= away <= max(PUNCTUAL * period, SCATTER * float(np.median(away[ok])))
+                usual = SCATTER * float(np.median(away[ok]))
+                ok &= away <= min(max(PUNCTUAL * period, usual), LOOSE * period)
         return MoveSamples(self.time, self.position, self.force, valid, self.arrival)
 
     def on_grid(self, period: float) -> MoveSamples:

@@ -12,6 +12,7 @@ import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -98,6 +99,52 @@ def read_ledger(path: Path | str) -> CycleLedger | None:
                 for name in group
             },
             late=late.astype(np.bool_),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class RunNotes:
+    """What a run noted beside its samples.
+
+    Attributes:
+        recipe: text of the recipe, "" where there was none.
+        machine: text of the machine file.
+        started: ISO 8601 time with zone.
+        outcome: how it ended, "" where the recording does not tell.
+        events: in their order, each with its name `event` and the `sample` it came before.
+    """
+
+    recipe: str
+    machine: str
+    started: str
+    outcome: str
+    events: tuple[Mapping[str, Any], ...]
+
+
+def read_notes(path: Path | str) -> RunNotes:
+    """Read what a run noted; its samples stay unread.
+
+    Raises:
+        UnusableInput: as `read_recording`, or events that are no JSON objects.
+    """
+    with _opened(path) as file:
+        _check_format(file)
+        events = []
+        if "events" in file:
+            for number, text in enumerate(_array(file, "events", "OS", MAX_MOVES)):
+                try:
+                    event = json.loads(text)
+                except (ValueError, TypeError, RecursionError):
+                    event = None
+                if not isinstance(event, dict):
+                    raise UnusableInput(f"/events: entry {number}: is no JSON object")
+                events.append(event)
+        return RunNotes(
+            recipe=_text(file, "recipe", default=""),
+            machine=_text(file, "machine"),
+            started=_text(file, "started", default=""),
+            outcome=_text(file, "outcome", default=""),
+            events=tuple(events),
         )
 
 

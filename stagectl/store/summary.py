@@ -1,5 +1,7 @@
 """`summary.json` of a run: docs/formats/run.md, version 1, every key.
 
+`resumed` and `retries` are there only where a run went on with another, or began a site again.
+
 Built from the recording and what the run alone knows. Numbers it has no value for are null, never
 NaN: JSON has none.
 """
@@ -58,6 +60,20 @@ class FrictionEntry:
 
 
 @dataclass(frozen=True, slots=True)
+class Retry:
+    """A stretch of the recipe that was begun again after a fault.
+
+    Attributes:
+        site: from 1, None in a list of moves.  attempt: from 1.
+        fault: its text.
+    """
+
+    site: int | None
+    attempt: int
+    fault: str
+
+
+@dataclass(frozen=True, slots=True)
 class RunFacts:
     """What the run alone knows.
 
@@ -67,6 +83,8 @@ class RunFacts:
         seed: of noise and repeatability.  simulated: on virtual drives.  lot: or None.
         duration: of the run on the stage's clock [s].  wall_time: of its moves [s].
         outcome: "completed", "aborted" or "fault".  fault: its text, or None.
+        resumed: what it went on with (run, started, done), None where it began at the start.
+        retries: stretches that were begun again.
     """
 
     recipe: str
@@ -79,6 +97,8 @@ class RunFacts:
     wall_time: float
     outcome: str
     fault: str | None = None
+    resumed: Mapping[str, object] | None = None
+    retries: Sequence[Retry] = ()
 
 
 def build_summary(
@@ -104,7 +124,7 @@ def build_summary(
     """
     results = summarise_moves(recording, control_period, sync_period, windows)
     missed = sum(int((~signals.valid).sum()) for signals in recording.axes.values())
-    return {
+    summary: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
         "recipe": facts.recipe,
@@ -127,6 +147,11 @@ def build_summary(
             "late": 0 if ledger is None else ledger.late_cycles,
         },
     }
+    if facts.resumed is not None:
+        summary["resumed"] = dict(facts.resumed)
+    if facts.retries:
+        summary["retries"] = [asdict(retry) for retry in facts.retries]
+    return summary
 
 
 def write_summary(summary: Mapping[str, Any], path: Path) -> None:

@@ -13,7 +13,8 @@ import pytest
 from stagectl.compensation import Mode
 from stagectl.config.machine import Machine, load_machine, parse_machine
 from stagectl.recipe.load import load_recipe
-from stagectl.session import Listener, RunRequest, RunResult, execute
+from stagectl.request import RunRequest, RunResult
+from stagectl.session import Listener, execute
 
 ROOT = Path(__file__).parents[2]
 RECIPE = ROOT / "recipes" / "inspection-20.yaml"

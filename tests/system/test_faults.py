@@ -21,8 +21,9 @@ from hil_sim import faults as f
 from hil_sim.state_machine import State
 from stagectl.compensation import Mode
 from stagectl.recipe.load import parse_recipe
+from stagectl.request import RunRequest
 from stagectl.sequencer.events import FrictionUpdated
-from stagectl.session import Listener, RunRequest, execute
+from stagectl.session import Listener, execute
 from stagectl.store.recording import read_recording
 
 ROOT = Path(__file__).parents[2]

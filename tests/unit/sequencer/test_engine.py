@@ -23,6 +23,7 @@ from stagectl.sequencer.engine import Engine
 from stagectl.sequencer.events import (
     Exposed,
     FrictionUpdated,
+    MarkFound,
     MarkNotFound,
     MoveStarted,
     Settled,
@@ -136,7 +137,7 @@ def test_a_site_goes_macro_settle_learn_micro_settle_expose():
     kinds = [type(e) for e in events]
     # What the macro-move taught is there before the micro-move begins.
     first = kinds.index(FrictionUpdated)
-    assert kinds[:first] == [MoveStarted, Settled]
+    assert kinds[:first] == [MoveStarted, Settled, MarkFound]
     assert kinds[first : first + 3] == [FrictionUpdated, FrictionUpdated, MoveStarted]
     assert kinds.count(Exposed) == 2
     for move in moves:
