@@ -1,10 +1,14 @@
 """The stage's mechanics with its drive loops, all axes jointly, compiled.
 
+One kernel for every stage: what the plain model does not have enters through ports
+(`hil_sim.disturbances`), and an axis without any takes the plain path, to the bit.
+
 Order of one control tick at time t, as docs/reference-stage.md states it: the encoder reading taken
 at t feeds the position loop, whose output drives the current loop and the plant until t + Tc, where
 the encoder is read again. The plant is integrated in steps of Tc/5, semi-implicit Euler.
 
-Not modelled: power electronics, commutation, cables, the machine's base.
+Not modelled: power electronics, commutation; cables, the machine's base and much else are effects
+(`hil_sim.effects`).
 """
 
 from __future__ import annotations
@@ -22,7 +26,16 @@ from hil_sim.control import (
     advance_demand,
     position_loop,
 )
+from hil_sim.disturbances import coulomb_factor, delayed, drag, drive, refresh, solve_jointly, swing
 from hil_sim.friction import element_shares, slip_step, stribeck
+from hil_sim.port_arrays import (
+    PORT_FIELDS,
+    PORT_STATE_FIELDS,
+    Arena,
+    couple,
+    fill,
+    opened,
+)
 from hil_sim.settings import AxisSettings, StageSettings
 
 F64 = NDArray[np.float64]
@@ -46,7 +59,9 @@ _PLANT = np.dtype(
         ("wander", "f8"),
         ("wander_keep", "f8"),
         ("current_gain", "f8"),
-    ]
+        *PORT_FIELDS,
+    ],
+    align=True,
 )
 _STATE = np.dtype(
     [
@@ -59,6 +74,7 @@ _STATE = np.dtype(
         ("encoder", "f8"),
         ("speed", "f8"),
         ("worst_error", "f8"),
+        *PORT_STATE_FIELDS,
     ]
 )
 
@@ -88,7 +104,7 @@ def command(loop, position, force, ticks):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def step(  # type: ignore[no-untyped-def]
-    plant, control, state, loop, forces, slipping, shares, period, normals, first, ticks,
+    plant, control, state, loop, forces, slipping, shares, arena, period, normals, first, ticks,
     orders, report,
 ):  # fmt: skip
     """Take over the orders, advance, report: what `Plant` needs of one call."""
@@ -99,7 +115,10 @@ def step(  # type: ignore[no-untyped-def]
         if orders[a, 4] != 0.0:
             state[a].worst_error = 0.0
             orders[a, 4] = 0.0
-    _advance(plant, control, state, loop, forces, slipping, shares, period, normals, first, ticks)
+    _advance(
+        plant, control, state, loop, forces, slipping, shares, arena, period, SUBSTEPS, normals,
+        first, ticks,
+    )  # fmt: skip
     for a in range(plant.shape[0]):
         report[a, 0] = round(state[a].encoder / plant[a].increment)
         report[a, 1] = state[a].motor_force
@@ -110,26 +129,56 @@ def step(  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _advance(  # type: ignore[no-untyped-def]
-    plant, control, state, loop, forces, slipping, shares, period, normals, first, ticks
+    plant, control, state, loop, forces, slipping, shares, arena, period, substeps, normals, first,
+    ticks,
 ):  # fmt: skip
     """Advance every axis by `ticks` control ticks; their noise starts at `normals[..., first]`."""
     axes = plant.shape[0]
-    dt = period / SUBSTEPS
+    dt = period / substeps
+    noisy = normals.shape[2] > 0
+    coupled = plant[0].coupled
     for tick in range(first, first + ticks):
         for a in range(axes):
             advance_demand(loop[a])
             if loop[a].powered:
                 error = position_loop(control[a], loop[a], state[a].encoder, period)
                 state[a].worst_error = max(state[a].worst_error, abs(error))
-        for _ in range(SUBSTEPS):
+        for a in range(axes):
+            if plant[a].ported:
+                refresh(plant, state, arena, a, loop[a].output, period)
+        for substep in range(substeps):
             for a in range(axes):
                 p = plant[a]
                 s = state[a]
-                s.motor_force += p.current_gain * (loop[a].output - s.motor_force)
-                v = s.velocity + dt / p.mass * (s.motor_force - s.friction - p.viscous * s.velocity)
+                if p.ported:
+                    s.motor_force += p.current_gain * (
+                        delayed(p, s, arena, substep) - s.motor_force
+                    )
+                    s.kick = dt * drive(
+                        p,
+                        s,
+                        arena,
+                        substep * dt,
+                        s.motor_force,
+                        s.friction + p.viscous * s.velocity,
+                    )
+                else:
+                    s.motor_force += p.current_gain * (loop[a].output - s.motor_force)
+                    s.kick = dt / p.mass * (s.motor_force - s.friction - p.viscous * s.velocity)
+            if coupled:
+                solve_jointly(plant, state, arena, dt)
+            for a in range(axes):
+                p = plant[a]
+                s = state[a]
+                v = s.velocity + s.kick
                 dx = v * dt
                 s.velocity = v
                 s.position += dx
+                level = p.coulomb
+                if p.ported:
+                    swing(p, s, arena, dt)
+                    drag(p, arena, dx)
+                    level *= coulomb_factor(p, s, v)
                 if v != 0.0:
                     direction = math.copysign(1.0, v)
                     if direction != s.direction:
@@ -145,62 +194,93 @@ def _advance(  # type: ignore[no-untyped-def]
                         direction,
                         dx,
                         p.element_stiffness,
-                        p.coulomb * curve * (1.0 + s.wander),
+                        level * curve * (1.0 + s.wander),
                         math.exp(-p.relaxation_rate * dt / curve),
                     )
         for a in range(axes):
             p = plant[a]
             s = state[a]
-            s.wander = p.wander_keep * s.wander + p.wander * normals[a, 1, tick]
-            _read_encoder(p, s, period, normals[a, 0, tick])
+            if noisy:
+                s.wander = p.wander_keep * s.wander + p.wander * normals[a, 1, tick]
+                _read_encoder(p, s, period, normals[a, 0, tick])
+            else:
+                s.wander = p.wander_keep * s.wander
+                _read_encoder(p, s, period, 0.0)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def run_demands(  # type: ignore[no-untyped-def]
-    plant, control, state, loop, forces, slipping, shares, period, ticks, normals, demand, offset,
-    unit, position_out, force_out,
+    plant, control, state, loop, forces, slipping, shares, arena, period, substeps, ticks, normals,
+    demand, offset, unit, position_out, force_out,
 ):  # fmt: skip
-    """Run whole demands: row k of every array is SYNC k."""
+    """Run whole demands: row k of every array is SYNC k.
+
+    `normals` of no ticks means no noise; a `unit` of 0 leaves the force as it is.
+    """
     axes = plant.shape[0]
     for k in range(demand.shape[0]):
         for a in range(axes):
             position_out[k, a] = state[a].encoder
-            force_out[k, a] = round(state[a].motor_force / unit[a]) * unit[a]
+            force = state[a].motor_force
+            force_out[k, a] = round(force / unit[a]) * unit[a] if unit[a] > 0.0 else force
             command(loop[a], demand[k, a], offset[k, a], ticks)
         _advance(
-            plant, control, state, loop, forces, slipping, shares, period, normals, k * ticks, ticks
-        )
+            plant, control, state, loop, forces, slipping, shares, arena, period, substeps, normals,
+            k * ticks, ticks,
+        )  # fmt: skip
 
 
-def _plant_record(axis: AxisSettings) -> tuple[float, ...]:
+def _plant_record(axis: AxisSettings) -> dict[str, float]:
     friction = axis.friction
     period = axis.control.period
     keep = math.exp(-period / friction.correlation_time)
-    return (
-        axis.mass,
-        friction.viscous,
-        friction.coulomb,
-        friction.static_ratio,
-        friction.stribeck_velocity,
-        friction.stribeck_shape,
-        friction.stiffness / friction.elements,
-        friction.attraction / friction.coulomb,
-        friction.elements,
-        axis.increment,
-        axis.noise,
-        friction.wander * math.sqrt(1.0 - keep**2),
-        keep,
-        1.0 - math.exp(-2.0 * math.pi * axis.control.current_bandwidth * period / SUBSTEPS),
-    )
+    return {
+        "stribeck_velocity": friction.stribeck_velocity,
+        "stribeck_shape": friction.stribeck_shape,
+        "relaxation_rate": friction.attraction / friction.coulomb,
+        "elements": friction.elements,
+        "increment": axis.increment,
+        "noise": axis.noise,
+        "wander": friction.wander * math.sqrt(1.0 - keep**2),
+        "wander_keep": keep,
+    }
 
 
 class Arrays:
-    """The kernel's arguments for a stage at rest at the given positions."""
+    """The kernel's arguments for a stage at rest at the given positions.
 
-    def __init__(self, settings: StageSettings, start: Sequence[float]) -> None:
+    Args:
+        settings: of the stage, effects included.
+        start: true position of each axis [m].
+        duration: of the simulation [s]; None: without end.
+        substeps: plant steps per control tick.
+        level: factor on Fc at each SYNC of the duration, shape (K, axes); None: 1.
+
+    Raises:
+        ValueError: effects that cannot be, naming axis and effect.
+    """
+
+    def __init__(
+        self,
+        settings: StageSettings,
+        start: Sequence[float],
+        duration: float | None = None,
+        substeps: int = SUBSTEPS,
+        level: F64 | None = None,
+    ) -> None:
         axes = settings.axes
         widest = max(a.friction.elements for a in axes)
-        self.plant = np.array([_plant_record(a) for a in axes], dtype=_PLANT)
+        self.ports = opened(settings, duration)
+        for a, ports in enumerate(() if level is None else self.ports):
+            ports.scale_time_coulomb(np.append(level[:, a], level[-1, a]))  # type: ignore[index]
+        self.plant = np.zeros(len(axes), dtype=_PLANT)
+        arena = Arena()
+        for record, axis, ports in zip(self.plant, axes, self.ports, strict=True):
+            for name, value in _plant_record(axis).items():
+                record[name] = value
+            fill(record, ports, arena, settings, substeps)
+        couple(self.plant, self.ports, arena)
+        self.arena = arena.array()
         self.control = np.array(
             [
                 (c.kp, c.ki, c.kd, c.derivative_time, c.peak_force)
@@ -222,20 +302,37 @@ class Arrays:
                 self.loop[a][name] = reading
 
     def balance(self, a: int, force: float, axis: AxisSettings) -> None:
-        """Let motor and friction of one axis hold each other at `force` [N]."""
+        """Let motor, friction and disturbances of one axis hold each other.
+
+        Args:
+            a: number of the axis.
+            force: of the motor as measured [N]; less where friction cannot hold it.
+            axis: settings of the axis.
+        """
         friction = axis.friction
-        limits = self.shares[a, : friction.elements] * friction.coulomb
-        limits = limits * (1.0 + friction.static_ratio)
+        ports, record = self.ports[a], self.plant[a]
+        limits = self.shares[a, : friction.elements] * float(record["coulomb"])
+        limits = limits * (1.0 + ports.static_ratio)
+        pull = ports.standing_force(float(self.state[a]["position"]))
+        asked = ports.force_constant * force - pull
         elements = np.zeros(friction.elements)
         for _ in range(friction.elements):
             free = np.abs(elements) < limits
-            missing = force - float(elements.sum())
+            missing = asked - float(elements.sum())
             if abs(missing) < 1e-12 or not free.any():
                 break
             elements[free] += missing / free.sum()
             np.clip(elements, -limits, limits, out=elements)
         held = float(elements.sum())
+        motor = (held + pull) / ports.force_constant
         self.forces[a, : friction.elements] = elements
         self.state[a]["friction"] = held
-        self.state[a]["motor_force"] = held
-        self.loop[a]["integral"] = held - self.loop[a]["offset"]
+        self.state[a]["motor_force"] = motor
+        self.loop[a]["integral"] = motor - self.loop[a]["offset"]
+        if record["history"] >= 0:
+            begin = int(record["history"])
+            self.arena[begin : begin + int(record["history_depth"])] = motor
+
+    def restart_clock(self) -> None:
+        """Make now t = 0 for everything that depends on time."""
+        self.state["clock"] = 0

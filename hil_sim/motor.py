@@ -35,6 +35,7 @@ class Motor:
         self._whole = round(self._scale) if abs(self._scale - round(self._scale)) < 1e-9 else None
         self._permille = self.settings.control.rated_force / 1000.0
         self.origin = plant.encoder(axis)
+        self._streamed = False
 
     def counter(self) -> int:
         """True encoder counter [increments], 0 at the index mark."""
@@ -79,6 +80,9 @@ class Motor:
 
     def command(self, position: int, permille: int, ticks: int) -> None:
         """Ramp to a target [nm] and force offset [1/1000 rated] within `ticks` control ticks."""
+        if not self._streamed:
+            self._streamed = True
+            self._plant.start_clock()
         whole = self._whole
         true = (position + self.origin * whole) * UNIT if whole else self.to_true(position)
         self._plant.command(self._axis, true, permille * self._permille, ticks)

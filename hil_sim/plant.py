@@ -24,6 +24,9 @@ class Plant:
 
     Attributes:
         time_ns: start of the next control tick that has not been integrated.
+
+    Raises:
+        ValueError: effects that cannot be, naming axis and effect.
     """
 
     def __init__(
@@ -40,6 +43,7 @@ class Plant:
         arrays.state["wander"] = self._noise.start_wander(settings)
         self._normals = self._noise.draw(_NOISE_BLOCK)
         self._used = 0
+        self._clock_runs = False
         # Orders wait for the next step; its report is kept as plain floats.
         self._orders = np.zeros((count, 5))
         self._order_rows: list[Any] = [memoryview(row) for row in self._orders]  # type: ignore[arg-type]
@@ -49,7 +53,7 @@ class Plant:
         self._values: list[list[float]] = self._report.tolist()
         self._kernel = (
             arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces,
-            arrays.slipping, arrays.shares, self._period,
+            arrays.slipping, arrays.shares, arrays.arena, self._period,
         )  # fmt: skip
 
     def advance_to(self, time_ns: int) -> None:
@@ -88,6 +92,12 @@ class Plant:
         """Ramp demand [m] and force offset [N] linearly to this pair, reached after `ticks`."""
         order = self._order_rows[axis]
         order[0], order[1], order[2], order[3] = 1.0, position, force, ticks
+
+    def start_clock(self) -> None:
+        """Make now t = 0 for whatever depends on time; once after power-on, for all axes."""
+        if not self._clock_runs:
+            self._clock_runs = True
+            self._arrays.restart_clock()
 
     def encoder(self, axis: int) -> int:
         """Encoder counts at `time_ns`, from the plant's true zero."""

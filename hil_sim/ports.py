@@ -58,6 +58,9 @@ class PlantPort(Protocol):
     def command(self, axis: int, position: float, force: float, ticks: int) -> None:
         """Ramp demand [m] and force offset [N] linearly to this pair within `ticks` ticks."""
 
+    def start_clock(self) -> None:
+        """A host begins to stream setpoints: t = 0 for whatever depends on time."""
+
     def encoder(self, axis: int) -> int:
         """Encoder counter [increments], noise included."""
 

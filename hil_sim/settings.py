@@ -7,6 +7,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from hil_sim.effects.effect import AppliedEffect
 
 
 def _require(condition: bool, name: str, reason: str) -> None:
@@ -106,6 +110,7 @@ class AxisSettings:
         travel: (lowest, highest) position [m].
         velocity, acceleration, jerk: limits [m/s, m/s^2, m/s^3].
         following_error: window [m].
+        effects: what else acts on the axis.
     """
 
     name: str
@@ -120,6 +125,7 @@ class AxisSettings:
     acceleration: float
     jerk: float
     following_error: float
+    effects: tuple[AppliedEffect, ...] = ()
 
     def __post_init__(self) -> None:
         _require(1 <= self.node <= 127, "node", f"must be 1..127, is {self.node!r}")

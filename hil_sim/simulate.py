@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.mechanics import Arrays, run_demands
+from hil_sim.mechanics import SUBSTEPS, Arrays, run_demands
 from hil_sim.noise import Noise
 from hil_sim.settings import StageSettings
 
@@ -37,6 +37,10 @@ def simulate(
     offset: F64,
     seed: int | None,
     rest_force: Sequence[float] | None = None,
+    *,
+    level: F64 | None = None,
+    substeps: int = SUBSTEPS,
+    rounded: bool = True,
 ) -> Response:
     """Closed-loop response to target positions and force offsets, from rest at the first target.
 
@@ -48,9 +52,12 @@ def simulate(
             Roundings of encoder and force stay.
         rest_force: motor force of each axis in the initial rest [N], balanced by its friction
             elements in equal parts (each at most its static limit); default 0.
+        level: factor on Fc at each SYNC, shape (K, axes), straight between them; default 1.
+        substeps: plant steps per control tick; the reference has 5.
+        rounded: False reports the force as it is (the encoder stays rounded, inside the loop).
 
     Raises:
-        ValueError: shapes that do not fit.
+        ValueError: shapes that do not fit, or effects that cannot be.
     """
     demand = np.ascontiguousarray(demand, dtype=np.float64)
     offset = np.ascontiguousarray(offset, dtype=np.float64)
@@ -64,18 +71,24 @@ def simulate(
     force = np.empty_like(demand)
     if len(demand) == 0:
         return Response(position, force)
-    arrays = Arrays(settings, demand[0].tolist())
+    if level is not None and level.shape != demand.shape:
+        raise ValueError(f"level must have shape {demand.shape}, has {level.shape}")
+    arrays = Arrays(
+        settings, demand[0].tolist(), len(demand) * settings.sync_period, substeps, level
+    )
     for name in ("offset", "from_force", "to_force"):
         arrays.loop[name] = offset[0]
     arrays.loop["powered"] = True
-    for a, held in enumerate([0.0] * count if rest_force is None else rest_force):
-        arrays.balance(a, held, settings.axes[a])
+    for a, held in enumerate(() if rest_force is None else rest_force):
+        if held != 0.0:  # else nothing holds anything yet, also where effects pull
+            arrays.balance(a, held, settings.axes[a])
     noise = Noise(count, seed)
     arrays.state["wander"] = noise.start_wander(settings)
-    unit = np.array([a.control.rated_force / 1000.0 for a in settings.axes])
+    unit = np.array([rounded * a.control.rated_force / 1000.0 for a in settings.axes])
     run_demands(
         arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces, arrays.slipping,
-        arrays.shares, settings.control_period, settings.ticks,
-        noise.draw(len(demand) * settings.ticks), demand, offset, unit, position, force,
+        arrays.shares, arrays.arena, settings.control_period, substeps, settings.ticks,
+        noise.draw(0 if seed is None else len(demand) * settings.ticks), demand, offset, unit,
+        position, force,
     )  # fmt: skip
     return Response(position, force)

@@ -21,19 +21,10 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
     """The simulator's settings: the machine's figures exactly, `tolerance` is never drawn.
 
     Raises:
-        ConfigError: the machine asks for what the simulator does not have (effects).
+        ConfigError: effects that the simulator does not have, or with values that cannot be.
     """
     from hil_sim import settings
 
-    problems = [
-        machine.document.problem(
-            ("axes", name, "effects", index), f"effect '{effect.name}' cannot be simulated yet"
-        )
-        for name, axis in machine.axes.items()
-        for index, effect in enumerate(axis.effects)
-    ]
-    if problems:
-        raise ConfigError(problems)
     axes = []
     for name, axis in machine.axes.items():
         friction, drive = axis.plant.friction, axis.drive
@@ -73,6 +64,10 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
                 following_error=axis.limits.following_error,
             )
         )
+    if any(axis.effects for axis in machine.axes.values()):
+        from stagectl.config.effects import with_effects
+
+        axes = with_effects(machine, axes)
     return settings.StageSettings(sync_period=machine.bus.sync_period, axes=tuple(axes))
 
 

@@ -73,6 +73,9 @@ class FollowingPlant:
         self._ramp[axis] = (self._demand[axis], position, ticks, 0)
         self.offset[axis] = force
 
+    def start_clock(self) -> None:
+        """Nothing depends on time."""
+
     def encoder(self, axis: int) -> int:
         return round(self.actual[axis] * 1e9)
 

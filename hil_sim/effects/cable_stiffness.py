@@ -1,0 +1,31 @@
+"""Cables and hoses that act as a spring."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.ports import EffectPorts
+
+
+class CableStiffness(Effect):
+    """The cable loop pulls back towards where it is relaxed.
+
+    Bending stiffness of cable chains, flat cables and vacuum hoses; also bellows and flexures;
+    strongest on short travels and light stages.
+    """
+
+    name = "cable_stiffness"
+    group = "force"
+    parameters = (
+        Parameter("stiffness", "N/m", "of the spring", (8.0, 35.0), neutral=0.0),
+        Parameter("center", "m", "where it is relaxed", None, role="place"),
+    )
+    equation = "F_d += stiffness (x - center)"
+    enters = "A disturbance force in proportion to position."
+    remedy = "Lead cables in a longer, softer loop, or feed the spring force forward."
+
+    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+        """See `Effect.apply`."""
+        ports.spring += parameters["stiffness"]
+        ports.force -= parameters["stiffness"] * parameters["center"]

@@ -1,0 +1,32 @@
+"""Coulomb friction level other than believed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.ports import EffectPorts
+
+
+class CoulombLevel(Effect):
+    """Sliding friction is stronger or weaker all along the travel.
+
+    Preload of the guide or of wipers and seals, new or aged lubricant, another grease, another
+    temperature than at the last identification.
+    """
+
+    name = "coulomb_level"
+    group = "friction"
+    parameters = (
+        Parameter("ratio", "", "of the Coulomb level", (0.7, 1.3), neutral=1.0, above=0.0),
+    )
+    equation = "Fc * ratio (C/Fc kept: C * ratio)"
+    enters = "A factor on Fc, in the slip limits too; the relaxation rate C/Fc stays."
+    remedy = (
+        "Re-identify the friction level (a calibration move is enough); if it grew, look at "
+        "lubrication, wipers and preload."
+    )
+
+    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+        """See `Effect.apply`."""
+        ports.coulomb *= parameters["ratio"]

@@ -1,0 +1,39 @@
+"""Force from the other axis' acceleration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.ports import EffectPorts
+
+
+class CrossCoupling(Effect):
+    """Accelerating one axis pushes the other.
+
+    Axes that are not square, a centre of mass beside the line of thrust, a stacked stage whose
+    guide yields, or a force vector that is tilted by commutation.
+    """
+
+    name = "cross_coupling"
+    group = "dynamics"
+    parameters = (
+        Parameter(
+            "mass",
+            "kg",
+            "force per acceleration of the other axis",
+            (0.15, 0.6),
+            signed=True,
+            neutral=0.0,
+        ),
+    )
+    equation = "F_d += mass * acceleration of the other axis"
+    enters = "A disturbance force from the other axis' acceleration, solved together with it."
+    remedy = (
+        "Feed the other axis' demanded acceleration forward with this mass; square the axes "
+        "and balance the load."
+    )
+
+    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+        """See `Effect.apply`."""
+        ports.couple(parameters["mass"])

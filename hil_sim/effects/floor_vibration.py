@@ -1,0 +1,36 @@
+"""Vibration that comes from outside."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.ports import EffectPorts
+
+
+class FloorVibration(Effect):
+    """A force shakes the axis at one frequency all the time.
+
+    Pumps, chillers and fans through hoses and frame, a building's floor, a fan on the axis
+    itself; frequencies near the machines' speed or twice the mains.
+    """
+
+    name = "floor_vibration"
+    group = "force"
+    parameters = (
+        Parameter("amplitude", "N", "of the force", (0.25, 0.7), neutral=0.0),
+        Parameter(
+            "frequency", "Hz", "", (12.0, 90.0), role="shape", above=0.0, below=2500.0, log=True
+        ),
+        Parameter("phase", "rad", "at t = 0", None, role="phase"),
+    )
+    equation = "F_d += amplitude sin(2 pi frequency t + phase)"
+    enters = "A disturbance force over time."
+    remedy = (
+        "Find the source by switching off pumps and fans one by one; decouple it, or isolate "
+        "the machine better."
+    )
+
+    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+        """See `Effect.apply`."""
+        ports.add_harmonic(parameters["amplitude"], parameters["frequency"], parameters["phase"])

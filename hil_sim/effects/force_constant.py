@@ -1,0 +1,35 @@
+"""Motor force per current other than nominal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.ports import EffectPorts
+
+
+class ForceConstant(Effect):
+    """The motor gives another force per ampere than the drive's scaling says.
+
+    Magnets that have warmed up (NdFeB loses about 0.1 % per kelvin), an air gap that differs
+    from the drawing, commutation angle off, a current sensor's gain, or a wrong rated force in
+    the drive.
+    """
+
+    name = "force_constant"
+    group = "motor"
+    parameters = (
+        Parameter(
+            "ratio", "", "motor force over measured force", (0.9, 1.1), neutral=1.0, above=0.0
+        ),
+    )
+    equation = "F_motor = ratio * measured current * nominal constant"
+    enters = "A factor from measured force to motor force; the force actual value does not show it."
+    remedy = (
+        "Measure force against current with a load cell, check the commutation offset, and "
+        "correct the drive's force scaling."
+    )
+
+    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+        """See `Effect.apply`."""
+        ports.force_constant *= parameters["ratio"]

@@ -1,0 +1,31 @@
+"""A constant force on the axis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.ports import EffectPorts
+
+
+class ForceOffset(Effect):
+    """A force pulls one way, whatever the axis does.
+
+    A table out of level (1 mrad is 0.08 N for 8 kg), the pull of a cable or hose, a weight
+    counterbalanced by too much or too little, a current sensor's offset.
+    """
+
+    name = "force_offset"
+    group = "force"
+    parameters = (
+        Parameter("force", "N", "against positive motion", (0.4, 2.0), signed=True, neutral=0.0),
+    )
+    equation = "F_d += force (tilt, cable pull)"
+    enters = "A constant disturbance force."
+    remedy = (
+        "Level the machine, lead cables and hoses without pull, or feed the constant force forward."
+    )
+
+    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+        """See `Effect.apply`."""
+        ports.force += parameters["force"]

@@ -1,0 +1,50 @@
+"""Motor force that varies along the magnet track."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.ports import EffectPorts
+
+
+class ForceRipple(Effect):
+    """The same current gives more or less force from place to place.
+
+    Back-EMF that is no perfect sine, commutation steps or a wrong angle, coils that differ:
+    harmonics of the electrical period, in proportion to the current.
+    """
+
+    name = "force_ripple"
+    group = "motor"
+    parameters = (
+        Parameter(
+            "ratio",
+            "",
+            "amplitude over the mean force",
+            (0.03, 0.08),
+            neutral=0.0,
+            above=-1.0,
+            below=1.0,
+        ),
+        Parameter(
+            "pitch", "m", "period over position", (8e-3, 14e-3), role="shape", least=1e-3, log=True
+        ),
+        Parameter("phase", "rad", "at position 0", None, role="phase"),
+    )
+    equation = "F_motor * (1 + ratio sin(2 pi x/pitch + phase))"
+    enters = (
+        "A factor on the motor force over position, after saturation; the force actual value "
+        "does not show it."
+    )
+    remedy = (
+        "Correct the commutation angle first; then scale the force demand with a table over "
+        "position."
+    )
+
+    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+        """See `Effect.apply`."""
+        angle = 2.0 * np.pi / parameters["pitch"] * ports.positions + parameters["phase"]
+        ports.scale_position_gain(1.0 + parameters["ratio"] * np.sin(angle))

@@ -1,0 +1,45 @@
+"""Motor force that levels off at high current."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.ports import EffectPorts
+
+
+class ForceSaturation(Effect):
+    """At high current the force falls short.
+
+    Iron of the coil unit or back plate saturates, magnets are warm, or the supply's voltage no
+    longer drives the current at speed; strongest where accelerations are.
+    """
+
+    name = "force_saturation"
+    group = "motor"
+    parameters = (
+        Parameter(
+            "force",
+            "N",
+            "that the motor cannot exceed",
+            (1.0, 1.8),
+            relative_to="rated force",
+            above=0.0,
+            neutral=math.inf,
+            log=True,
+        ),
+    )
+    equation = "F_motor = force * tanh(F/force)"
+    enters = (
+        "A soft limit on the motor force after the force constant; the force actual value "
+        "does not show it."
+    )
+    remedy = (
+        "Keep accelerations below the force where it bends, or invert the curve in the force "
+        "demand; check cooling and bus voltage."
+    )
+
+    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+        """See `Effect.apply`."""
+        ports.saturation = min(ports.saturation, parameters["force"])

@@ -1,0 +1,45 @@
+"""A spot on the travel with more friction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.ports import EffectPorts
+
+
+class FrictionPosition(Effect):
+    """Friction is higher around one place.
+
+    A contaminated or damaged spot of the rail, a dent from transport, a joint of two rails, a
+    place where lubricant has dried because nothing runs over it, a pinched seal.
+    """
+
+    name = "friction_position"
+    group = "friction"
+    parameters = (
+        Parameter("amplitude", "", "surplus at the center", (0.2, 0.6), neutral=0.0, least=-1.0),
+        Parameter("center", "m", "where", None, role="place"),
+        Parameter(
+            "width",
+            "m",
+            "standard deviation of the bell",
+            (5e-3, 25e-3),
+            role="shape",
+            least=5e-4,
+            log=True,
+        ),
+    )
+    equation = "Fc * (1 + amplitude exp(-((x - center)/width)²/2))"
+    enters = "A factor on Fc over position."
+    remedy = (
+        "Clean and relubricate there; if it stays, use a friction map in the feedforward and "
+        "plan the rail's replacement."
+    )
+
+    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+        """See `Effect.apply`."""
+        bell = np.exp(-0.5 * ((ports.positions - parameters["center"]) / parameters["width"]) ** 2)
+        ports.scale_position_coulomb(1.0 + parameters["amplitude"] * bell)

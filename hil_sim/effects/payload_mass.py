@@ -1,0 +1,47 @@
+"""Moved mass other than believed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.ports import EffectPorts
+from hil_sim.settings import AxisSettings
+
+
+class PayloadMass(Effect):
+    """More or less mass on the carriage than the machine file says.
+
+    A heavier chuck, a wafer cassette left on, an optics head swapped, a cover or cable chain
+    that was not weighed, or a mass taken from CAD before the last change.
+    """
+
+    name = "payload_mass"
+    group = "mass"
+    parameters = (
+        Parameter(
+            "mass",
+            "kg",
+            "added to the moved mass",
+            (0.03, 0.15),
+            signed=True,
+            relative_to="mass",
+            neutral=0.0,
+        ),
+    )
+    equation = "m + mass (may be negative)"
+    enters = "The moved mass m."
+    remedy = (
+        "Weigh the load or identify the mass from accelerations, and correct it in the "
+        "machine file; feedforward follows."
+    )
+
+    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+        """See `Effect.apply`."""
+        ports.mass += parameters["mass"]
+
+    def refusal(self, parameters: Mapping[str, float], axis: AxisSettings) -> str | None:
+        """See `Effect.refusal`."""
+        if parameters["mass"] <= -axis.mass:
+            return f"mass: leaves no mass of the axis' {axis.mass:g} kg"
+        return None

@@ -1,0 +1,258 @@
+"""The ports of one axis: where an effect enters the plant, filled in plain numpy.
+
+The plant is one compiled kernel that knows ports, not effects (docs/decisions).
+An effect writes into the ports of its axis before a simulation; several may write to the same port:
+factors multiply, forces add. From the controller's output to the force on the carriage the order
+is dead time, current loop (measured here), force constant, saturation, gain over position; then
+
+    m dv/dt = F_motor - F_f - F_d,   F_d the sum of all disturbance forces.
+
+Tables are interpolated (over position cubic, else linear) and held at their ends. Tables over
+position and everything over time are evaluated in the middle of each control tick and taken as
+straight lines within it: exact enough below 1 m/s for structure of a millimetre and longer.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim.settings import AxisSettings
+
+F64 = NDArray[np.float64]
+
+POSITION_STEP = 1e-4
+"""Distance of the nodes of tables over position [m]."""
+POSITION_MARGIN = 0.01
+"""Tables over position reach beyond the travel by this [m]."""
+VELOCITY_NODES = 1500
+"""Nodes of tables over velocity on each side of zero, dense near zero."""
+MOST_DELAY = 0.05
+"""Longest dead time [s]."""
+LIVE_DURATION = 600.0
+"""Tables over time of a stage that runs without end reach so far [s]."""
+
+
+class Oscillator(NamedTuple):
+    """A mass on spring and damper: ratio of masses, frequency [Hz], damping ratio."""
+
+    mass_ratio: float
+    frequency: float
+    damping: float
+
+
+class Field(NamedTuple):
+    """A factor over the positions of this axis and another one.
+
+    Attributes:
+        own: positions of this axis at the nodes, evenly spaced, float64[n] [m].
+        other: positions of the other axis, float64[m] [m].
+        values: at the nodes, float64[n, m].
+    """
+
+    own: F64
+    other: F64
+    values: F64
+
+
+class EffectPorts:
+    """The ports of one axis.
+
+    Args:
+        axis: nominal settings.
+        sync_period: Ts [s], distance of the nodes of tables over time.
+        duration: of the simulation [s]; None: it goes on without end.
+
+    Attributes:
+        axis: as above.
+        mass: moved mass m [kg].
+        viscous: sigma_v [N s/m].
+        stiffness: sigma0, presliding [N/m].
+        static_ratio: alpha.
+        coulomb: factor on Fc; the relaxation rate C/Fc stays.
+        coulomb_forward, coulomb_backward: factors on Fc at v > 0 and v < 0.
+        current_bandwidth: of the current loop [Hz].
+        delay: dead time between the controller's output and the current loop [s].
+        force_constant: factor from measured force to motor force.
+        saturation: motor force is this times tanh(F / this) [N]; inf: none.
+        force: constant disturbance [N].
+        spring: disturbance per position [N/m].
+    """
+
+    def __init__(self, axis: AxisSettings, sync_period: float, duration: float | None) -> None:
+        self.axis = axis
+        self.mass = axis.mass
+        self.viscous = axis.friction.viscous
+        self.stiffness = axis.friction.stiffness
+        self.static_ratio = axis.friction.static_ratio
+        self.coulomb = 1.0
+        self.coulomb_forward = 1.0
+        self.coulomb_backward = 1.0
+        self.current_bandwidth = axis.control.current_bandwidth
+        self.delay = 0.0
+        self.force_constant = 1.0
+        self.saturation = float("inf")
+        self.force = 0.0
+        self.spring = 0.0
+        self.position_force: F64 | None = None
+        self.position_coulomb: F64 | None = None
+        self.position_gain: F64 | None = None
+        self.velocity_force: F64 | None = None
+        self.time_force: F64 | None = None
+        self.time_coulomb: F64 | None = None
+        self.harmonics: list[tuple[float, float, float]] = []
+        self.decays: list[tuple[float, float]] = []
+        self.hysteresis: list[tuple[float, float]] = []
+        self.hanging: list[Oscillator] = []
+        self.bases: list[Oscillator] = []
+        self.fields: list[Field] = []
+        self.coupled_mass = 0.0
+        self._sync_period = sync_period
+        self._duration = duration
+
+    # Where tables have their nodes -----------------------------------------------------------
+
+    @property
+    def positions(self) -> F64:
+        """Nodes of tables over position: the travel and a margin, float64[n] [m]."""
+        low, high = self.axis.travel
+        count = int(np.ceil((high - low + 2.0 * POSITION_MARGIN) / POSITION_STEP)) + 1
+        return np.asarray(low - POSITION_MARGIN + POSITION_STEP * np.arange(count))
+
+    @property
+    def velocities(self) -> F64:
+        """Nodes of tables over velocity, up to 1.5 times the limit, float64[n] [m/s]."""
+        root = np.arange(-VELOCITY_NODES, VELOCITY_NODES + 1) / VELOCITY_NODES
+        return np.asarray(1.5 * self.axis.velocity * root * np.abs(root))
+
+    @property
+    def times(self) -> F64:
+        """Nodes of tables over time: the SYNCs of the simulation, float64[n] [s]."""
+        duration = LIVE_DURATION if self._duration is None else self._duration
+        count = int(np.ceil(duration / self._sync_period)) + 1
+        return np.asarray(self._sync_period * np.arange(count))
+
+    # Forces against the motion of the carriage ------------------------------------------------
+
+    def add_position_force(self, force: F64) -> None:
+        """Disturbance force at each of `positions` [N]."""
+        self.position_force = _sum(self.position_force, force, self.positions)
+
+    def add_velocity_force(self, force: F64) -> None:
+        """Disturbance force at each of `velocities` [N], positive against motion at v > 0."""
+        self.velocity_force = _sum(self.velocity_force, force, self.velocities)
+
+    def add_time_force(self, force: F64) -> None:
+        """Disturbance force at each of `times` [N]."""
+        self.time_force = _sum(self.time_force, force, self.times)
+
+    def add_harmonic(self, amplitude: float, frequency: float, phase: float) -> None:
+        """Disturbance force amplitude sin(2 pi frequency t + phase) [N, Hz, rad]."""
+        self.harmonics.append((amplitude, frequency, phase))
+
+    def add_hysteresis(self, force: float, stiffness: float) -> None:
+        """Disturbance force H, dH = stiffness dx, held within ± force [N, N/m]; 0 at first."""
+        self.hysteresis.append((force, stiffness))
+
+    def couple(self, mass: float) -> None:
+        """Disturbance force mass times the acceleration of the other axis [kg]."""
+        self.coupled_mass += mass
+
+    # Factors ---------------------------------------------------------------------------------
+
+    def scale_position_coulomb(self, factor: F64) -> None:
+        """Factor on Fc at each of `positions`."""
+        self.position_coulomb = _product(self.position_coulomb, factor, self.positions)
+
+    def scale_position_gain(self, factor: F64) -> None:
+        """Factor on the motor force at each of `positions`, after saturation."""
+        self.position_gain = _product(self.position_gain, factor, self.positions)
+
+    def scale_time_coulomb(self, factor: F64) -> None:
+        """Factor on Fc at each of `times`."""
+        self.time_coulomb = _product(self.time_coulomb, factor, self.times)
+
+    def decay_coulomb(self, amplitude: float, time_constant: float) -> None:
+        """Factor on Fc 1 + amplitude exp(-t/time_constant) [s]."""
+        self.decays.append((amplitude, time_constant))
+
+    def scale_field_coulomb(self, own: F64, other: F64, factor: F64) -> None:
+        """Factor on Fc over the positions of this axis and the other one.
+
+        Args:
+            own: positions of this axis at the nodes, evenly spaced, float64[n] [m].
+            other: positions of the other axis, float64[m] [m].
+            factor: at the nodes, float64[n, m]; interpolated linearly in both.
+
+        Raises:
+            ValueError: shapes that do not fit.
+        """
+        if factor.shape != (len(own), len(other)) or min(factor.shape) < 2:
+            raise ValueError(f"field has shape {factor.shape}, nodes are {len(own)} x {len(other)}")
+        self.fields.append(Field(own, other, factor))
+
+    # Linear dynamics -------------------------------------------------------------------------
+
+    def hang(self, mass_ratio: float, frequency: float, damping: float) -> None:
+        """Let mass_ratio m hang on spring and damper from the rest of the carriage.
+
+        Args:
+            mass_ratio: hanging mass over moved mass m, 0..1.
+            frequency: of the free-free mode [Hz].
+            damping: its damping ratio.
+        """
+        self.hanging.append(Oscillator(mass_ratio, frequency, damping))
+
+    def mount(self, mass_ratio: float, frequency: float, damping: float) -> None:
+        """Stand the axis on a base of mass m/mass_ratio that takes the reaction of its force.
+
+        Args:
+            mass_ratio: moved mass m over the base's.
+            frequency: of the base on its isolators [Hz].
+            damping: damping ratio of that mode.
+        """
+        self.bases.append(Oscillator(mass_ratio, frequency, damping))
+
+    def standing_force(self, position: float) -> float:
+        """The disturbance force at rest at this position [m] that does not depend on time [N]."""
+        force = self.force + self.spring * position
+        if self.position_force is not None:
+            force += float(np.interp(position, self.positions, self.position_force))
+        return force
+
+    def check(self) -> None:
+        """Raise unless the effects leave a plant that can be simulated.
+
+        Raises:
+            ValueError: saying what is wrong.
+        """
+        hanging = sum(h.mass_ratio for h in self.hanging)
+        if self.mass <= 0.0:
+            raise ValueError(f"effects leave a mass of {self.mass:g} kg")
+        if hanging >= 1.0:
+            raise ValueError(f"effects hang {hanging:g} of the mass from the carriage")
+        if self.static_ratio <= -1.0:
+            raise ValueError(f"effects leave a static_ratio of {self.static_ratio:g}")
+        if not 0.0 <= self.delay <= MOST_DELAY:
+            raise ValueError(f"effects leave a dead time of {self.delay:g} s")
+
+
+def _fits(values: F64, nodes: F64) -> F64:
+    values = np.asarray(values, dtype=np.float64)
+    if values.shape != nodes.shape:
+        raise ValueError(f"table has shape {values.shape}, its nodes {nodes.shape}")
+    if not np.isfinite(values).all():
+        raise ValueError("table has values that are not finite")
+    return values
+
+
+def _sum(table: F64 | None, values: F64, nodes: F64) -> F64:
+    values = _fits(values, nodes)
+    return values.copy() if table is None else table + values
+
+
+def _product(table: F64 | None, values: F64, nodes: F64) -> F64:
+    values = _fits(values, nodes)
+    return values.copy() if table is None else table * values

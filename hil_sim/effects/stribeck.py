@@ -1,0 +1,39 @@
+"""Static friction over sliding friction other than believed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.ports import EffectPorts
+
+
+class Stribeck(Effect):
+    """Breaking away takes more or less force than sliding on.
+
+    Boundary lubrication after long rests, starved or over-greased guides, sliding seals;
+    rolling guides with little lubricant show hardly any.
+    """
+
+    name = "stribeck"
+    group = "friction"
+    parameters = (
+        Parameter(
+            "static_ratio",
+            "",
+            "surplus of static over sliding friction, alpha",
+            (0.0, 1.2),
+            neutral="static_ratio",
+            above=-1.0,
+        ),
+    )
+    equation = "alpha = static_ratio"
+    enters = "The ratio alpha of the Stribeck curve s(v), in its place."
+    remedy = (
+        "Re-identify alpha from slow reversals; against a strong peak: relubricate, run in, "
+        "or keep the axis moving between sites."
+    )
+
+    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+        """See `Effect.apply`."""
+        ports.static_ratio = parameters["static_ratio"]

@@ -1,0 +1,32 @@
+"""Friction that falls while the axis warms up."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.ports import EffectPorts
+
+
+class ThermalDrift(Effect):
+    """Friction starts high and settles.
+
+    Grease is stiff when cold and warms by its own losses within minutes; motor heat reaches the
+    guides later; after a long rest the film rebuilds within seconds.
+    """
+
+    name = "thermal_drift"
+    group = "friction"
+    parameters = (
+        Parameter("amplitude", "", "surplus at the start", (0.1, 0.4), neutral=0.0, least=-1.0),
+        Parameter(
+            "time_constant", "s", "of its decay", (3.0, 300.0), role="shape", above=0.0, log=True
+        ),
+    )
+    equation = "Fc * (1 + amplitude exp(-t/time_constant))"
+    enters = "A factor on Fc over time."
+    remedy = "Run a warm-up before production, or track the friction level from move to move."
+
+    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+        """See `Effect.apply`."""
+        ports.decay_coulomb(parameters["amplitude"], parameters["time_constant"])

@@ -1,0 +1,101 @@
+"""The effects of a machine file, checked against those that the simulator has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.library import EffectError, library
+from hil_sim.effects.ports import EffectPorts
+from hil_sim.settings import AxisSettings
+from stagectl.config.diagnose import in_order, suggestion
+from stagectl.config.machine import Effect as Wanted
+from stagectl.config.machine import Machine
+from stagectl.config.yaml_nodes import one_line
+from stagectl.errors import ConfigError
+
+_TRIAL = 1.0  # duration for which effects are tried [s]; nothing depends on it
+
+
+def with_effects(machine: Machine, axes: Sequence[AxisSettings]) -> list[AxisSettings]:
+    """The axes with the machine's effects switched on.
+
+    Args:
+        machine: whose axes have effects.
+        axes: their settings, without effects, in the same order.
+
+    Raises:
+        ConfigError: an effect or key that is not known, is missing, or has a value that physics
+            does not allow; one line per problem.
+    """
+    try:
+        known = library()
+    except EffectError as error:
+        raise ConfigError(f"{one_line(machine.source, 300)}: effects: {error}") from error
+    problems: list[str] = []
+    complete = []
+    for settings, (name, axis) in zip(axes, machine.axes.items(), strict=True):
+        place: tuple[str | int, ...] = ("axes", name, "effects")
+        applied = []
+        for index, wanted in enumerate(axis.effects):
+            found = _problems(wanted, known, settings)
+            if not found:
+                effect = known[wanted.name].at(**wanted.parameters)
+                if reason := _refused(replace(settings, effects=(effect,)), machine):
+                    found = [((), reason, False)]
+                else:
+                    applied.append(effect)
+            problems += [
+                machine.document.problem((*place, index, *key), reason, at_key=at_key)
+                for key, reason, at_key in found
+            ]
+        complete.append(replace(settings, effects=tuple(applied)))
+        if not problems and (reason := _refused(complete[-1], machine)):
+            problems.append(machine.document.problem(place, reason))
+    if problems:
+        raise ConfigError(in_order(problems))
+    return complete
+
+
+Problem = tuple[tuple[str, ...], str, bool]
+"""Key beneath the effect, or none; reason; whether the key itself is at fault."""
+
+
+def _problems(wanted: Wanted, known: dict[str, Effect], axis: AxisSettings) -> list[Problem]:
+    if wanted.name not in known:
+        hint = suggestion(wanted.name, list(known))
+        return [(("effect",), f"unknown effect '{one_line(wanted.name)}'{hint}", False)]
+    effect = known[wanted.name]
+    keys = {p.key: p for p in effect.parameters}
+    found: list[Problem] = []
+    extra = [key for key in wanted.parameters if key not in keys]
+    for key in extra:
+        found.append(((key,), f"unknown key of {effect.name}{suggestion(key, list(keys))}", True))
+    for key, parameter in keys.items():
+        if key in wanted.parameters:
+            if reason := parameter.refusal(wanted.parameters[key]):
+                found.append(((key,), reason, False))
+        elif not extra:  # else it may be the one misspelt
+            found.append(((), f"{effect.name}: {key} is missing ({_about(parameter)})", False))
+    if not found and (reason := effect.refusal(wanted.parameters, axis)):
+        found.append(((), reason, False))
+    return found
+
+
+def _about(parameter: Parameter) -> str:
+    return f"{parameter.meaning} [{parameter.unit}]" if parameter.unit else parameter.meaning
+
+
+def _refused(settings: AxisSettings, machine: Machine) -> str | None:
+    """Why the ports do not take the effects of this axis, or None."""
+    ports = EffectPorts(settings, machine.bus.sync_period, _TRIAL)
+    try:
+        for effect in settings.effects:
+            effect.apply(ports)
+        ports.check()
+    except ValueError as error:
+        return str(error)
+    if ports.coupled_mass and len(machine.axes) != 2:
+        return "cross_coupling needs a stage of two axes"
+    return None
