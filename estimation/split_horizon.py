@@ -124,6 +124,7 @@ class Estimate:
         friction: the model in force afterwards.
         sigma: standard deviation of its coulomb [N], viscous [N s/m], stiffness [N/m] and
             relaxation_rate [1/s], by name.
+        covariance: of those four in that order, shape (4, 4).
         gain: by how much the move narrowed each figure: standard deviation before over after,
             1 where it said nothing; by name, apparent mass included.
         mass: apparent mass and its standard deviation [kg] (see `belief`).
@@ -136,6 +137,7 @@ class Estimate:
     reason: str | None
     friction: Friction
     sigma: Mapping[str, float]
+    covariance: F64
     gain: Mapping[str, float]
     mass: tuple[float, float]
     level: float
@@ -211,6 +213,13 @@ class SplitHorizonEstimator:
         """Standard deviations of the friction figures, by name, in their units."""
         spread = np.sqrt(self._belief.covariance.diagonal()[:MASS]) * self._figures[:MASS]
         return dict(zip(FIGURES, spread.tolist(), strict=False))
+
+    @property
+    def covariance(self) -> F64:
+        """Of the four friction figures, in their units, shape (4, 4)."""
+        scale = self._figures[:MASS]
+        covariance: F64 = self._belief.covariance[:MASS, :MASS] * np.outer(scale, scale)
+        return covariance
 
     def _mass(self) -> tuple[float, float]:
         mass = float(self._figures[MASS])
@@ -310,7 +319,7 @@ class SplitHorizonEstimator:
         self._time = move.time + (count - 1) * self.settings.period
         narrowed = np.sqrt(prior.covariance.diagonal() / self._belief.covariance.diagonal())
         return Estimate(
-            reason is None, reason, self.friction, self.sigma,
+            reason is None, reason, self.friction, self.sigma, self.covariance,
             dict(zip(FIGURES, narrowed.tolist(), strict=False)), self._mass(), self.level, used,
             misfit,
         )  # fmt: skip

@@ -55,6 +55,7 @@ class RunRequest:
         faults: of bus and drives, on the virtual stage only; None for none.
         retries: how often a stretch (a site) is begun again after a fault that can be recovered.
         resumed: the interrupted run that this one goes on with; None: from the start.
+        history: file or server that the friction estimates go to; None for none.
     """
 
     recipe: Recipe
@@ -69,6 +70,7 @@ class RunRequest:
     faults: FaultPlan | None = None
     retries: int = 0
     resumed: Resumed | None = None
+    history: str | None = None
 
     def as_noted(self) -> dict[str, Any]:
         """What the recording keeps of it, for a run that goes on with this one and for replay."""
@@ -100,6 +102,7 @@ class RunResult:
         first_update: axis -> index of the recording's move after whose update its friction model
             was first learned; absent where it never was.
         verdicts: pass or fail per site, where the recipe has limits.
+        notices: what else the operator should know.
     """
 
     summary: dict[str, Any]
@@ -107,3 +110,4 @@ class RunResult:
     error: StagectlError | None
     first_update: dict[str, int]
     verdicts: tuple[SiteVerdict, ...]
+    notices: tuple[str, ...] = ()

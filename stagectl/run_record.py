@@ -14,6 +14,8 @@ import numpy as np
 from hil_sim.fault_rules import Injected
 from sim2real.recording import AxisSignals, Move, Recording
 from stagectl.errors import Aborted, StagectlError
+from stagectl.history.run_history import RunHistory, start_history
+from stagectl.history.temperature import LatestTemperature
 from stagectl.report.page import write_report
 from stagectl.request import RunRequest, RunResult
 from stagectl.sequencer.events import (
@@ -43,19 +45,24 @@ UNITS = {"coulomb": "N", "viscous": "N s/m", "stiffness": "N/m", "attraction": "
 
 
 class RunRecord:
-    """The record of one run; creates the journal.
+    """The record of one run; creates the journal, and notes the run in its history.
 
     Attributes:
+        temperature: of the stage, to be set by who has opened it.
         journal: of the run.
         done: stretches of the recipe that are over, those of the runs before included.
         wall_time: of the moves [s], to be set by who runs them.
 
     Raises:
-        StagectlError: the journal cannot be written.
+        UnusableInput: the history is not one that can be written to; nothing has been written.
+        StagectlError: the journal or the history cannot be written.
     """
 
     def __init__(self, request: RunRequest) -> None:
         self._request = request
+        self.temperature = LatestTemperature(None)
+        self._history: RunHistory | None = start_history(request)
+        put_aside(request.folder)
         machine, resumed = request.machine, request.resumed
         self.done = 0 if resumed is None else resumed.done
         self.wall_time = 0.0
@@ -91,6 +98,8 @@ class RunRecord:
         match event:
             case FrictionUpdated():
                 self._note_friction(event)
+                if self._history is not None:
+                    self._history.note(event, temperature=self.temperature.at(event.time))
             case StretchDone(number=number, site=site):
                 self.done = number
                 self.journal.event("done", number=number, site=site)
@@ -116,6 +125,8 @@ class RunRecord:
     def abandon(self) -> None:
         """An error that nobody foresaw: what there is becomes a recording."""
         self.journal.finish("fault", "internal error")
+        if self._history is not None:
+            self._history.end("fault", "internal error")
         recover(self.journal.path, overwrite=True)
 
     def finish(self, error: StagectlError | None) -> RunResult:
@@ -130,6 +141,11 @@ class RunRecord:
         )
         fault = str(error) if outcome == "fault" else None
         self.journal.finish(outcome, fault)
+        notices = []
+        if self._history is not None:
+            self._history.end(outcome, fault)
+            if self._history.failure is not None:
+                notices.append(f"the friction history is not whole: {self._history.failure}")
         content = recover(self.journal.path, overwrite=True).content
         recording = None if content is None else content.recording
         period = machine.bus.sync_period
@@ -172,7 +188,9 @@ class RunRecord:
                 period,
             )
         )
-        return RunResult(summary, recording, error, dict(self._first_update), verdicts)
+        return RunResult(
+            summary, recording, error, dict(self._first_update), verdicts, tuple(notices)
+        )
 
     def _note_friction(self, event: FrictionUpdated) -> None:
         estimate, friction = event.estimate, event.estimate.friction

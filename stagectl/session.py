@@ -22,11 +22,12 @@ from hil_sim.world import World
 from stagectl.compensation import AxisCompensation, make_compensation
 from stagectl.config.mapping import driver_settings, stage_settings
 from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError, UnusableInput
+from stagectl.history.temperature import stage_temperature
 from stagectl.recipe.fiducial import Fiducial, make_fiducial
 from stagectl.recipe.model import Pair
 from stagectl.recipe.plan import plan_from
 from stagectl.request import RunRequest, RunResult
-from stagectl.run_record import RunRecord, put_aside
+from stagectl.run_record import RunRecord
 from stagectl.sequencer.engine import Engine
 from stagectl.sequencer.events import Event, Retrying
 from stagectl.sequencer.mover import MovingAxis
@@ -83,7 +84,6 @@ def execute(request: RunRequest, listener: Listener) -> RunResult:
     bus, axes = driver_settings(request.machine)
     if request.bus is not None:
         bus = replace(bus, interface=request.bus[0], channel=request.bus[1])
-    put_aside(request.folder)
     run = _Run(request, listener, compensation, fiducial)
     with (
         _virtual_stage(request, bus, listener) as (used, injected),
@@ -152,6 +152,8 @@ class _Run:
                 listener.phase("homing")
                 stage.home()
                 stage.enable()
+                self._record.temperature = stage_temperature(self._request.machine, stage)
+                self._record.temperature.at(0.0)
                 begin = time.perf_counter()
                 try:
                     self._go_through(stage, axes, bus.sync_period)

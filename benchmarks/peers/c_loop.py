@@ -69,7 +69,7 @@ def _c(problem: Problem, p: F64, folder: Path) -> Callable[[int], float]:
     if compiler is None:
         raise OSError("no C compiler (gcc)")
     target = folder / "pass.so"
-    built = subprocess.run(  # noqa: S603 - the compiler found above, on our own file
+    built = subprocess.run(
         [compiler, str(SOURCE), "-o", str(target), *FLAGS],
         capture_output=True,
         text=True,

@@ -35,6 +35,7 @@ def closing(result: RunResult, folder: Path) -> RenderableType:
     cycle = summary["cycle"]
     if cycle["missed"] or cycle["late"]:
         parts.append(Text(f"cycles: {cycle['missed']} TPDOs missed, {cycle['late']} SYNCs late"))
+    parts += [Text(notice, style="yellow") for notice in result.notices]
     files = sorted(p.name for p in folder.iterdir()) if folder.is_dir() else []
     if SPOOL_NAME in files:
         parts.append(

@@ -80,6 +80,12 @@ PACKAGED = "wafer-xy"
     show_default=True,
     help="Begin a site again so often after a fault that can be recovered.",
 )
+@click.option(
+    "--history",
+    metavar="FILE|URL|none",
+    help="Friction history to write to [the machine file's; else stage.db beside the run's folder, "
+    "or in it where --out names one].",
+)
 @click.option("--json", "json_out", type=FILE, help="Also write the summary here; - is stdout.")
 @click.option("--dry-run", is_flag=True, help="Only say what would be done; nothing moves.")
 def command(
@@ -94,6 +100,7 @@ def command(
     out: Path | None,
     resume: Path | None,
     retries: int,
+    history: str | None,
     json_out: Path | None,
     dry_run: bool,
 ) -> None:
@@ -139,6 +146,7 @@ def command(
     folder = out or Path("runs") / f"{loaded.name}-{started:%Y%m%d-%H%M%S}"
     _check_apart(folder, resume)
     from stagectl.compensation import Mode
+    from stagectl.history.opening import default_history, named_in
     from stagectl.request import RunRequest
     from stagectl.resume import load_interrupted
 
@@ -155,6 +163,9 @@ def command(
         plan,
         retries,
         None if resume is None else load_interrupted(resume, loaded),
+        default_history(
+            history, named_in(believed) if truth is None else None, folder, out is not None
+        ),
     )
     _run(request, json_out)
 

@@ -52,6 +52,7 @@ FORCE_RANGE = 32.767
 """CiA 402 force values are INTEGER16 in 1/1000 of the rated force: at most this multiple."""
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=200)]
+ObjectName = Annotated[str, StringConstraints(pattern=r"^0x[0-9A-Fa-f]{1,4}:[0-9A-Fa-f]{1,2}$")]
 AxisName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]
 
 
@@ -215,12 +216,36 @@ class Axis(Section):
     effects: tuple[Annotated[Effect, BeforeValidator(_effect)], ...] = ()
 
 
+class Temperature(Section):
+    """Where the stage's temperature is read: an integer object of a drive, or a plug-in.
+
+    Attributes:
+        axis: whose drive.  object: "0xINDEX:SUB", hexadecimal.
+        scale, offset: [deg C] per count, and at 0 counts.
+        plugin: name under the entry point group `stagectl.temperature`, instead of the others.
+    """
+
+    axis: str | None = None
+    object: ObjectName | None = None
+    scale: Number = 1.0
+    offset: Number = 0.0
+    plugin: Name | None = None
+
+
 class Machine(Section):
-    """A validated machine file. Sites and moves name the axes in the order of `axes`."""
+    """A validated machine file. Sites and moves name the axes in the order of `axes`.
+
+    Attributes:
+        history: where real runs write their friction history: a file beside the machine file,
+            postgresql://..., or "none"; None for `stage.db` near the run's files.
+        temperature: where it is read, if anywhere.
+    """
 
     name: Annotated[Name, Field(alias="machine")]
     bus: Bus
     axes: Annotated[Mapping[AxisName, Axis], Field(min_length=1, max_length=8)]
+    history: Name | None = None
+    temperature: Temperature | None = None
 
     _document: Document = PrivateAttr()
 
@@ -280,6 +305,13 @@ def _impossible(machine: Machine, document: Document) -> list[str]:
     sync = machine.bus.sync_period
     if not _whole(sync / 1e-6):
         refuse(("bus", "sync_period"), f"must be a whole number of us, is {sync:.12g} s")
+    thermometer = machine.temperature
+    if thermometer is not None:
+        by_object = thermometer.axis is not None and thermometer.object is not None
+        if by_object == (thermometer.plugin is not None):
+            refuse(("temperature",), "needs axis and object, or plugin instead")
+        elif by_object and thermometer.axis not in machine.axes:
+            refuse(("temperature", "axis"), f"no such axis; there are {', '.join(machine.axes)}")
     nodes: dict[int, str] = {}
     first: float | None = None
     for name, axis in machine.axes.items():

@@ -231,8 +231,21 @@ class Engine:
     def _learn(self) -> None:
         move = self._mover.move
         for axis, learned in self._mover.learn():
-            site = None if move is None else move.site
-            self._on_event(FrictionUpdated(site, axis, learned.estimate, learned.compute_time))
+            assert move is not None  # noqa: S101  else there would be nothing to learn from
+            site = move.site
+            place = tuple(move.target.values()) if site is None else self._site_position
+            self._on_event(
+                FrictionUpdated(
+                    site,
+                    axis,
+                    learned.estimate,
+                    learned.compute_time,
+                    move.kind,
+                    place,
+                    abs(move.distance(axis)),
+                    self._mover.time,
+                )
+            )
 
     def _check_stop(self) -> None:
         if self.stop.asked():

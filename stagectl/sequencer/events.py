@@ -35,12 +35,27 @@ class Settled:
 
 @dataclass(frozen=True, slots=True)
 class FrictionUpdated:
-    """The estimator has looked at a move of one axis; `compute_time` in s."""
+    """The estimator has looked at a move of one axis.
+
+    Attributes:
+        site: from 1, None outside sites.
+        axis: its name.
+        estimate: what came of it.
+        compute_time: of the estimator [s].
+        kind: of the move.
+        place: nominal position of the site, or the move's target [m].
+        distance: moved by this axis [m].
+        time: of the stage when the move was over, its rest included [s].
+    """
 
     site: int | None
     axis: str
     estimate: Estimate
     compute_time: float
+    kind: str = "macro"
+    place: tuple[float, ...] = (0.0, 0.0)
+    distance: float = 0.0
+    time: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

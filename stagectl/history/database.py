@@ -1,0 +1,156 @@
+"""What the history asks of a database, and SQLite's side of it.
+
+SQLite in WAL mode: one writer, any number of readers that never wait for it. A commit has reached
+the kernel when it returns, so a killed process loses none (`synchronous = NORMAL`: a power cut may
+cost the last commits, never the file).
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, Protocol
+
+from stagectl.errors import StagectlError, UnusableInput
+from stagectl.history.schema import APPLICATION_ID, MIGRATIONS
+
+BUSY_TIMEOUT = 2.0
+"""How long a write waits for another program's [s]."""
+
+
+class Database(Protocol):
+    """A connection. SQL has `?` for its parameters.
+
+    Attributes:
+        name: how errors call it.
+    """
+
+    name: str
+
+    def execute(self, sql: str, parameters: Sequence[object] = ()) -> list[tuple[Any, ...]]:
+        """Run one statement, return all its rows.
+
+        Raises:
+            StagectlError: the database refuses.
+        """
+
+    def execute_many(self, sql: str, rows: Sequence[Sequence[object]]) -> None:
+        """Run one statement for each row of parameters; errors as `execute`."""
+
+    def transaction(self) -> Any:
+        """A context: all or nothing of what is executed in it."""
+
+    def close(self) -> None:
+        """Let go of it; idempotent."""
+
+
+class SqliteDatabase:
+    """`stage.db`.
+
+    Args:
+        path: of the file; made where it is not there and `write` is set.
+        write: False opens it for reading only.
+
+    Raises:
+        UnusableInput: not there, not a history, or made by a newer version.
+        StagectlError: it cannot be opened or brought up to date.
+    """
+
+    def __init__(self, path: Path, write: bool = True) -> None:
+        self.name = str(path)
+        if not write and not path.is_file():
+            raise UnusableInput(f"{path}: no such history")
+        if path.is_dir():
+            raise UnusableInput(f"{path}: is a folder, not a history")
+        mode = "rwc" if write else "ro"
+        try:
+            self._connection = sqlite3.connect(
+                f"{path.absolute().as_uri()}?mode={mode}", uri=True, isolation_level=None,
+                timeout=BUSY_TIMEOUT, cached_statements=64,
+            )  # fmt: skip
+        except sqlite3.Error as error:
+            raise StagectlError(f"{path}: cannot open the history: {error}") from error
+        try:
+            self._check(write)
+        except BaseException:
+            self._connection.close()
+            raise
+
+    def _check(self, write: bool) -> None:
+        tables = self._number("SELECT count(*) FROM sqlite_master")
+        if tables and self._number("PRAGMA application_id") != APPLICATION_ID:
+            raise UnusableInput(f"{self.name}: an SQLite file, but not a history of stagectl")
+        if not tables and not write:
+            raise UnusableInput(f"{self.name}: empty, not a history")
+        version = self._number("PRAGMA user_version")
+        if version > len(MIGRATIONS):
+            raise UnusableInput(
+                f"{self.name}: tables of version {version}, made by a newer stagectl; this one "
+                f"knows up to {len(MIGRATIONS)}"
+            )
+        if write:
+            self.execute("PRAGMA journal_mode = WAL")
+            self.execute("PRAGMA synchronous = NORMAL")
+            self.execute("PRAGMA foreign_keys = ON")
+            self._migrate()
+        elif version < len(MIGRATIONS):
+            raise UnusableInput(
+                f"{self.name}: tables of version {version}; open it once for writing "
+                f"(any run does) to bring them to {len(MIGRATIONS)}"
+            )
+
+    def _migrate(self) -> None:
+        if self._number("PRAGMA user_version") == len(MIGRATIONS):
+            return
+        types = {"key": "INTEGER PRIMARY KEY", "real": "REAL", "blob": "BLOB"}
+        with self.transaction():  # looked at again inside: another process may have been faster
+            for number in range(self._number("PRAGMA user_version"), len(MIGRATIONS)):
+                for statement in MIGRATIONS[number]:
+                    self.execute(statement.format(**types))
+                self.execute(f"PRAGMA user_version = {number + 1}")
+            self.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+
+    def _number(self, sql: str) -> int:
+        return int(self.execute(sql)[0][0])
+
+    def execute(self, sql: str, parameters: Sequence[object] = ()) -> list[tuple[Any, ...]]:
+        """As `Database`."""
+        try:
+            return self._connection.execute(sql, tuple(parameters)).fetchall()
+        except sqlite3.Error as error:
+            raise _refusal(self.name, error) from error
+
+    def execute_many(self, sql: str, rows: Sequence[Sequence[object]]) -> None:
+        """As `Database`."""
+        try:
+            self._connection.executemany(sql, rows)
+        except sqlite3.Error as error:
+            raise _refusal(self.name, error) from error
+
+    @contextmanager
+    def transaction(self) -> Iterator[None]:
+        """The write lock is taken at once, so that nothing fails half way for want of it."""
+        self.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            self.execute("COMMIT")
+        except BaseException:
+            with suppress(sqlite3.Error):
+                self._connection.execute("ROLLBACK")
+            raise
+
+    def close(self) -> None:
+        """As `Database`."""
+        self._connection.close()
+
+
+def _refusal(name: str, error: sqlite3.Error) -> StagectlError:
+    if isinstance(error, sqlite3.DatabaseError) and "not a database" in str(error):
+        return UnusableInput(f"{name}: not an SQLite file")
+    if "malformed" in str(error):
+        return UnusableInput(f"{name}: damaged: {error}")
+    if "locked" in str(error):
+        return StagectlError(f"{name}: another program is writing to it")
+    return StagectlError(f"{name}: {error}")

@@ -1,0 +1,70 @@
+"""Which history is meant by what a user writes, and opening it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stagectl.history.port import History
+
+if TYPE_CHECKING:
+    from stagectl.config.machine import Machine
+
+FILE_NAME = "stage.db"
+OFF = "none"
+"""Instead of a file: no history."""
+
+
+def is_server(where: str) -> bool:
+    """Whether this names a PostgreSQL database instead of a file."""
+    return where.startswith(("postgresql://", "postgres://"))
+
+
+def open_history(where: str, write: bool = False) -> History:
+    """The history in a file, or on a server.
+
+    Args:
+        where: path of a `stage.db`, or postgresql://...
+        write: make it where there is none, and bring its tables up to date.
+
+    Raises:
+        UnusableInput: there is none, or it is none that this version can use.
+        StagectlError: it cannot be opened.
+    """
+    from stagectl.history.sql import SqlHistory
+
+    if is_server(where):
+        from stagectl.history.postgres import PostgresDatabase
+
+        return SqlHistory(PostgresDatabase(where, write))
+    from stagectl.history.database import SqliteDatabase
+
+    return SqlHistory(SqliteDatabase(Path(where), write))
+
+
+def named_in(machine: Machine) -> str | None:
+    """What the machine file says of the history; files are beside the machine file."""
+    where = machine.history
+    if where is None or where == OFF or is_server(where):
+        return where
+    return str(Path(machine.source).parent / where)
+
+
+def default_history(named: str | None, machine: str | None, folder: Path, own: bool) -> str | None:
+    """Where a run's history goes: the option, else the machine file's key, else near its files.
+
+    A simulated run never gets the machine file's (`machine` is None then): virtual friction has no
+    business in a real stage's history unless it is asked for.
+
+    Args:
+        named: `--history`; "none" for no history.
+        machine: of the machine file.
+        folder: of the run's files.
+        own: whether the user named the folder: nothing outside of it is touched then. Else it is
+            one of many under `runs`, and the history stands beside them.
+    """
+    if named is not None:
+        return None if named == OFF else named
+    if machine is not None:
+        return None if machine == OFF else machine
+    return str((folder if own else folder.parent) / FILE_NAME)

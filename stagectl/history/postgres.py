@@ -1,0 +1,140 @@
+"""A fleet's history in one place: PostgreSQL behind the same port (extra `postgres`, psycopg 3).
+
+Tables are those of `schema`, in the schema `stagectl` of the database. Statements are the same as
+SQLite's; only the marks of the parameters differ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from stagectl.errors import StagectlError, UnusableInput
+from stagectl.history.schema import MIGRATIONS
+
+if TYPE_CHECKING:
+    import psycopg
+
+CONNECT_TIMEOUT = 5
+"""How long connecting may take [s]."""
+STATEMENT_TIMEOUT = 10
+"""How long a statement may take [s]; a run must not hang on a network."""
+_LOCK = 0x53544743  # advisory lock held while tables are brought up to date
+
+
+class PostgresDatabase:
+    """A connection to a server.
+
+    Args:
+        url: postgresql://user@host/database, as libpq takes it.
+        write: False opens it for reading only.
+
+    Raises:
+        UnusableInput: psycopg is not installed, or the tables were made by a newer version.
+        StagectlError: the server cannot be reached or refuses.
+    """
+
+    def __init__(self, url: str, write: bool = True) -> None:
+        try:
+            import psycopg
+        except ImportError:
+            raise UnusableInput(
+                "a history in PostgreSQL needs psycopg: pip install 'stagectl[postgres]'"
+            ) from None
+        self._error = psycopg.Error
+        try:
+            self._connection: psycopg.Connection[tuple[Any, ...]] = psycopg.connect(
+                url, autocommit=True, connect_timeout=CONNECT_TIMEOUT,
+                options=f"-c search_path=stagectl -c statement_timeout={STATEMENT_TIMEOUT}s",
+            )  # fmt: skip
+        except psycopg.Error as error:
+            raise StagectlError(f"{_without_password(url)}: {_one_line(error)}") from error
+        info = self._connection.info
+        self.name = f"postgresql://{info.host}:{info.port}/{info.dbname}"
+        try:
+            if write:
+                self._migrate()
+            else:
+                self._connection.read_only = True
+            version = self._version()
+            if version > len(MIGRATIONS):
+                raise UnusableInput(
+                    f"{self.name}: tables of version {version}, made by a newer stagectl; this "
+                    f"one knows up to {len(MIGRATIONS)}"
+                )
+            if version < len(MIGRATIONS):
+                raise UnusableInput(f"{self.name}: no history there, or an older one")
+        except BaseException:
+            self.close()
+            raise
+
+    def _version(self) -> int:
+        there = self.execute("SELECT to_regclass('stagectl.migration') IS NOT NULL")[0][0]
+        if not there:
+            return 0
+        return int(self.execute("SELECT coalesce(max(number), 0) FROM migration")[0][0])
+
+    def _migrate(self) -> None:
+        if self._version() >= len(MIGRATIONS):
+            return
+        types = {
+            "key": "BIGINT GENERATED ALWAYS AS IDENTITY PRIMARY KEY",
+            "real": "DOUBLE PRECISION",
+            "blob": "BYTEA",
+        }
+        with self.transaction():
+            self.execute("SELECT pg_advisory_xact_lock(?)", (_LOCK,))
+            self.execute("CREATE SCHEMA IF NOT EXISTS stagectl")
+            self.execute(
+                "CREATE TABLE IF NOT EXISTS migration (number INTEGER PRIMARY KEY, "
+                "applied TIMESTAMPTZ NOT NULL DEFAULT now())"
+            )
+            for number in range(self._version(), len(MIGRATIONS)):
+                for statement in MIGRATIONS[number]:
+                    self.execute(statement.format(**types))
+                self.execute("INSERT INTO migration (number) VALUES (?)", (number + 1,))
+
+    def execute(self, sql: str, parameters: Sequence[object] = ()) -> list[tuple[Any, ...]]:
+        """As `database.Database`."""
+        try:
+            cursor = self._connection.execute(_marks(sql), parameters or None)
+            return cursor.fetchall() if cursor.description is not None else []
+        except self._error as error:
+            raise StagectlError(f"{self.name}: {_one_line(error)}") from error
+
+    def execute_many(self, sql: str, rows: Sequence[Sequence[object]]) -> None:
+        """As `database.Database`."""
+        try:
+            with self._connection.cursor() as cursor:
+                cursor.executemany(_marks(sql), rows)
+        except self._error as error:
+            raise StagectlError(f"{self.name}: {_one_line(error)}") from error
+
+    @contextmanager
+    def transaction(self) -> Iterator[None]:
+        """All or nothing of what is executed in it."""
+        try:
+            with self._connection.transaction():
+                yield
+        except self._error as error:
+            raise StagectlError(f"{self.name}: {_one_line(error)}") from error
+
+    def close(self) -> None:
+        """As `database.Database`."""
+        self._connection.close()
+
+
+def _marks(sql: str) -> Any:
+    """Our statements hold no other `?` or `%`."""
+    return sql.replace("?", "%s")
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+def _without_password(url: str) -> str:
+    """What of a URL may stand in a message."""
+    scheme, mark, rest = url.partition("://")
+    return f"{scheme}{mark}{rest.rpartition('@')[2]}" if mark else "PostgreSQL"

@@ -1,0 +1,117 @@
+"""A run's estimates on their way into the history.
+
+The history is never worth a run: where it cannot be written any more (disk full, server gone) that
+is kept in `failure`, the run goes on without, and its own files hold the estimates all the same.
+"""
+
+from __future__ import annotations
+
+from importlib import metadata
+
+from estimation.belief import FIGURES, MASS
+from stagectl.errors import StagectlError
+from stagectl.history.opening import open_history
+from stagectl.history.port import History
+from stagectl.history.records import EstimateRecord, RunEntry, StageKey
+from stagectl.request import RunRequest
+from stagectl.sequencer.events import FrictionUpdated
+
+
+def software() -> str:
+    """Name and version of what makes the estimates."""
+    return f"stagectl {metadata.version('stagectl')}"
+
+
+class RunHistory:
+    """Writes one run's estimates as they come.
+
+    Args:
+        history: open for writing; closed by `end`.
+        run: that begins now.
+
+    Attributes:
+        failure: why the history is not whole, or None.
+        number: of the run in the history.
+
+    Raises:
+        StagectlError: the run cannot be noted; nothing has moved yet.
+    """
+
+    def __init__(self, history: History, run: RunEntry) -> None:
+        self.failure: str | None = None
+        self._history, self._run = history, run
+        self.number = history.start_run(run)
+
+    def note(
+        self,
+        event: FrictionUpdated,
+        measured: tuple[float, float] | None = None,
+        temperature: float | None = None,
+    ) -> None:
+        """Add what the estimator made of a move.
+
+        Args:
+            event: of the run.
+            measured: the move's own sliding level, relative, and its standard deviation.
+            temperature: [deg C], where there is one.
+        """
+        if self.failure is not None:
+            return
+        estimate = event.estimate
+        record = EstimateRecord(
+            run=self.number,
+            axis=event.axis,
+            kind=event.kind,
+            site=event.site,
+            place=(event.place[0], event.place[1]),
+            time=self._run.started + event.time,
+            distance=event.distance,
+            accepted=estimate.accepted,
+            reason=estimate.reason,
+            figures={name: float(getattr(estimate.friction, name)) for name in FIGURES[:MASS]},
+            covariance=tuple(estimate.covariance.ravel().tolist()),
+            level=estimate.level,
+            measured=measured,
+            temperature=temperature,
+        )
+        try:
+            self._history.add([record])
+        except StagectlError as error:
+            self.failure = str(error)
+
+    def end(self, outcome: str, fault: str | None) -> None:
+        """Note how the run ended, and let go of the history; never raises."""
+        try:
+            if self.failure is None:
+                self._history.end_run(self.number, outcome, fault)
+        except StagectlError as error:
+            self.failure = str(error)
+        finally:
+            self._history.close()
+
+
+def start_history(request: RunRequest) -> RunHistory | None:
+    """The history that a run was asked to write to, with the run noted in it.
+
+    Raises:
+        UnusableInput: it is none that can be written to.
+        StagectlError: it cannot be opened.
+    """
+    if request.history is None:
+        return None
+    simulated = request.truth is not None
+    recipe, machine = request.recipe, request.machine
+    return RunHistory(
+        open_history(request.history, write=True),
+        RunEntry(
+            StageKey(machine.name, simulated),
+            tuple(machine.axes),
+            request.started.timestamp(),
+            recipe.name,
+            recipe.lot,
+            recipe.wafer,
+            software(),
+            str(request.folder),
+            seed=request.seed if simulated else None,
+        ),
+    )

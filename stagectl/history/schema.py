@@ -1,0 +1,40 @@
+"""Tables of the friction history, as numbered migrations. A released one is never changed.
+
+Written once for SQLite and PostgreSQL: {key}, {real} and {blob} stand for what they call a row
+number, a double and bytes. docs/formats/history.md explains every column.
+"""
+
+from __future__ import annotations
+
+APPLICATION_ID = 0x53544743
+"""`PRAGMA application_id` of a stage.db: "STGC"."""
+
+MIGRATIONS: tuple[tuple[str, ...], ...] = (
+    # 1: runs and estimates.
+    (
+        """CREATE TABLE stage (
+            id {key}, machine TEXT NOT NULL, simulated INTEGER NOT NULL,
+            UNIQUE (machine, simulated))""",
+        """CREATE TABLE stage_axis (
+            stage BIGINT NOT NULL REFERENCES stage, axis TEXT NOT NULL, UNIQUE (stage, axis))""",
+        """CREATE TABLE run (
+            id {key}, stage BIGINT NOT NULL REFERENCES stage, purpose TEXT NOT NULL,
+            started {real} NOT NULL, recipe TEXT NOT NULL, lot TEXT, wafer TEXT,
+            software TEXT NOT NULL, folder TEXT NOT NULL, seed BIGINT, outcome TEXT, fault TEXT)""",
+        """CREATE TABLE place (
+            id {key}, stage BIGINT NOT NULL REFERENCES stage,
+            x_um BIGINT NOT NULL, y_um BIGINT NOT NULL, UNIQUE (stage, x_um, y_um))""",
+        """CREATE TABLE estimate (
+            id {key}, run BIGINT NOT NULL REFERENCES run, place BIGINT NOT NULL REFERENCES place,
+            axis TEXT NOT NULL, kind TEXT NOT NULL, site BIGINT, time {real} NOT NULL,
+            distance {real} NOT NULL, accepted INTEGER NOT NULL, reason TEXT,
+            figures TEXT NOT NULL, covariance {blob} NOT NULL, level {real} NOT NULL,
+            measured {real}, measured_sigma {real}, temperature {real})""",
+        # What a trend and a map at a date are read by; refusals have no part in either.
+        """CREATE INDEX estimate_trend ON estimate (place, axis, time)
+            WHERE accepted = 1""",
+        "CREATE INDEX estimate_run ON estimate (run)",
+        "CREATE INDEX estimate_wear ON estimate (axis, time)",
+        "CREATE INDEX run_stage ON run (stage, started)",
+    ),
+)

@@ -1,0 +1,257 @@
+"""The history in SQL, the same for SQLite and PostgreSQL."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from stagectl.history.database import Database
+from stagectl.history.records import F64, EstimateRecord, Pair, RunEntry, StageKey, Trend
+
+_FAR = 1e18  # beyond any time in seconds; databases have no infinity in common
+
+_ESTIMATE = (
+    "e.run, e.axis, e.kind, e.site, p.x_um, p.y_um, e.time, e.distance, e.accepted, e.reason, "
+    "e.figures, e.covariance, e.level, e.measured, e.measured_sigma, e.temperature"
+)
+
+
+class SqlHistory:
+    """`port.History` on a database.
+
+    Args:
+        database: with the tables of `schema`, up to date.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self._stages: dict[StageKey, int] = {}
+        self._places: dict[tuple[int, int, int], int] = {}
+        self._stage_of_run: dict[int, int] = {}
+
+    @property
+    def name(self) -> str:
+        """As `port.History`."""
+        return self._database.name
+
+    def start_run(self, run: RunEntry) -> int:
+        """As `port.History`."""
+        with self._database.transaction():
+            stage = self._stage_number(run.stage)
+            rows = self._database.execute(
+                "INSERT INTO run (stage, purpose, started, recipe, lot, wafer, software, folder, "
+                "seed) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING id",
+                (
+                    stage, run.purpose, run.started, run.recipe, run.lot, run.wafer, run.software,
+                    run.folder, run.seed,
+                ),
+            )  # fmt: skip
+            for axis in run.axes:
+                self._database.execute(
+                    "INSERT INTO stage_axis (stage, axis) VALUES (?, ?) ON CONFLICT DO NOTHING",
+                    (stage, axis),
+                )
+        number = int(rows[0][0])
+        self._stage_of_run[number] = stage
+        return number
+
+    def end_run(self, run: int, outcome: str, fault: str | None = None) -> None:
+        """As `port.History`."""
+        with self._database.transaction():
+            self._database.execute(
+                "UPDATE run SET outcome = ?, fault = ? WHERE id = ?", (outcome, fault, run)
+            )
+
+    def add(self, estimates: Sequence[EstimateRecord]) -> None:
+        """As `port.History`."""
+        made: dict[tuple[int, int, int], int] = {}
+        with self._database.transaction():
+            rows = [self._row(estimate, made) for estimate in estimates]
+            self._database.execute_many(
+                "INSERT INTO estimate (run, place, axis, kind, site, time, distance, accepted, "
+                "reason, figures, covariance, level, measured, measured_sigma, temperature) "
+                "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                rows,
+            )
+        self._places |= made  # only now are they there for good
+
+    def runs(self, stage: StageKey, last: int = 100) -> list[tuple[int, RunEntry, str | None]]:
+        """As `port.History`."""
+        rows = self._database.execute(
+            "SELECT r.id, r.started, r.recipe, r.lot, r.wafer, r.software, r.folder, r.purpose, "
+            "r.seed, r.outcome FROM run r JOIN stage s ON s.id = r.stage "
+            "WHERE s.machine = ? AND s.simulated = ? ORDER BY r.started DESC, r.id DESC LIMIT ?",
+            (stage.machine, int(stage.simulated), last),
+        )
+        axes = self._axes(stage)
+        return [(int(row[0]), RunEntry(stage, axes, *row[1:9]), row[9]) for row in rows]
+
+    def stages(self) -> list[StageKey]:
+        """As `port.History`."""
+        rows = self._database.execute("SELECT machine, simulated FROM stage ORDER BY id")
+        return [StageKey(machine, bool(simulated)) for machine, simulated in rows]
+
+    def places(self, stage: StageKey) -> list[Pair]:
+        """As `port.History`."""
+        rows = self._database.execute(
+            "SELECT p.x_um, p.y_um FROM place p JOIN stage s ON s.id = p.stage "
+            "WHERE s.machine = ? AND s.simulated = ? AND EXISTS (SELECT 1 FROM estimate e "
+            "WHERE e.place = p.id AND e.accepted = 1) ORDER BY p.y_um, p.x_um",
+            (stage.machine, int(stage.simulated)),
+        )
+        return [(x / 1e6, y / 1e6) for x, y in rows]
+
+    def trend(
+        self,
+        stage: StageKey,
+        axis: str,
+        place: Pair,
+        since: float = -math.inf,
+        until: float = math.inf,
+    ) -> Trend:
+        """As `port.History`."""
+        rows = self._database.execute(
+            "SELECT e.time, e.figures, e.covariance, e.level, e.temperature, e.kind, e.run "
+            "FROM estimate e WHERE e.place = ("
+            "SELECT p.id FROM place p JOIN stage s ON s.id = p.stage WHERE s.machine = ? "
+            "AND s.simulated = ? AND p.x_um = ? AND p.y_um = ?) AND e.axis = ? "
+            "AND e.accepted = 1 AND e.time >= ? AND e.time <= ? ORDER BY e.time",
+            (
+                stage.machine, int(stage.simulated), *_micrometres(place), axis,
+                max(since, -_FAR), min(until, _FAR),
+            ),
+        )  # fmt: skip
+        return _trend(rows)
+
+    def at_date(self, stage: StageKey, when: float) -> list[EstimateRecord]:
+        """As `port.History`."""
+        rows = self._database.execute(
+            # One step down the index per place and axis, however long the history is.
+            f"SELECT {_ESTIMATE} FROM place p JOIN stage s ON s.id = p.stage "  # noqa: S608
+            "JOIN stage_axis a ON a.stage = s.id JOIN estimate e ON e.id = ("
+            "SELECT l.id FROM estimate l WHERE l.place = p.id "
+            "AND l.axis = a.axis AND l.accepted = 1 AND l.time <= ? ORDER BY l.time DESC LIMIT 1) "
+            "WHERE s.machine = ? AND s.simulated = ? ORDER BY e.axis, p.y_um, p.x_um",
+            (min(when, _FAR), stage.machine, int(stage.simulated)),
+        )
+        return [_estimate(row) for row in rows]
+
+    def refused(self, stage: StageKey, last: int = 100) -> list[EstimateRecord]:
+        """As `port.History`."""
+        rows = self._database.execute(
+            f"SELECT {_ESTIMATE} FROM estimate e JOIN place p ON p.id = e.place "  # noqa: S608
+            "JOIN stage s ON s.id = p.stage WHERE s.machine = ? AND s.simulated = ? "
+            "AND e.accepted = 0 ORDER BY e.time DESC, e.id DESC LIMIT ?",
+            (stage.machine, int(stage.simulated), last),
+        )
+        return [_estimate(row) for row in rows]
+
+    def counted(self, stage: StageKey) -> tuple[int, int]:
+        """As `port.History`."""
+        rows = self._database.execute(
+            "SELECT e.accepted, count(*) FROM estimate e JOIN place p ON p.id = e.place "
+            "JOIN stage s ON s.id = p.stage WHERE s.machine = ? AND s.simulated = ? "
+            "GROUP BY e.accepted",
+            (stage.machine, int(stage.simulated)),
+        )
+        counts = dict(rows)
+        return int(counts.get(1, 0)), int(counts.get(0, 0))
+
+    def close(self) -> None:
+        """As `port.History`."""
+        self._database.close()
+
+    def _row(self, e: EstimateRecord, made: dict[tuple[int, int, int], int]) -> tuple[object, ...]:
+        stage = self._stage_of_run.get(e.run)
+        if stage is None:
+            rows = self._database.execute("SELECT stage FROM run WHERE id = ?", (e.run,))
+            if not rows:
+                raise ValueError(f"run {e.run} is not in {self.name}")
+            stage = self._stage_of_run[e.run] = int(rows[0][0])
+        key = (stage, *_micrometres(e.place))
+        place = self._places.get(key) or made.get(key)
+        if place is None:
+            place = made[key] = self._id("place", ("stage", "x_um", "y_um"), key)
+        measured = e.measured or (None, None)
+        return (
+            e.run, place, e.axis, e.kind, e.site, e.time, e.distance, int(e.accepted), e.reason,
+            json.dumps(dict(e.figures)), struct.pack(f"<{len(e.covariance)}d", *e.covariance),
+            e.level, *measured, e.temperature,
+        )  # fmt: skip
+
+    def _axes(self, stage: StageKey) -> tuple[str, ...]:
+        rows = self._database.execute(
+            "SELECT a.axis FROM stage_axis a JOIN stage s ON s.id = a.stage "
+            "WHERE s.machine = ? AND s.simulated = ? ORDER BY a.axis",
+            (stage.machine, int(stage.simulated)),
+        )
+        return tuple(axis for (axis,) in rows)
+
+    def _stage_number(self, stage: StageKey) -> int:
+        number = self._stages.get(stage)
+        return number or self._id(
+            "stage", ("machine", "simulated"), (stage.machine, int(stage.simulated))
+        )
+
+    def _id(self, table: str, columns: Sequence[str], values: Sequence[object]) -> int:
+        """Number of the row with these values, made where there is none."""
+        same = " AND ".join(f"{column} = ?" for column in columns)
+        rows = self._database.execute(f"SELECT id FROM {table} WHERE {same}", values)  # noqa: S608
+        if not rows:
+            marks = ", ".join("?" * len(columns))
+            rows = self._database.execute(
+                f"INSERT INTO {table} ({', '.join(columns)}) VALUES ({marks}) "  # noqa: S608
+                f"ON CONFLICT DO NOTHING RETURNING id",
+                values,
+            ) or self._database.execute(f"SELECT id FROM {table} WHERE {same}", values)  # noqa: S608
+        return int(rows[0][0])
+
+
+def _micrometres(place: Pair) -> tuple[int, int]:
+    """What tells one place from another: its position in whole um."""
+    return round(place[0] * 1e6), round(place[1] * 1e6)
+
+
+def _covariance(data: bytes) -> tuple[float, ...]:
+    return struct.unpack(f"<{len(data) // 8}d", data)
+
+
+def _trend(rows: Sequence[Sequence[Any]]) -> Trend:
+    """Columns out of rows, without a step per row where it can be helped."""
+    if not rows:
+        none = np.zeros(0)
+        return Trend(none, {}, {}, none, none, (), ())
+    time, texts, covariances, level, temperature, kind, run = zip(*rows, strict=True)
+    figures = json.loads(f"[{','.join(texts)}]")
+    names = list(dict.fromkeys(name for entry in figures for name in entry))
+    values = {name: np.array([f.get(name, math.nan) for f in figures], float) for name in names}
+    sigma: dict[str, F64]
+    if all(entry.keys() == figures[0].keys() for entry in figures):
+        count = len(names)
+        matrices = np.frombuffer(b"".join(covariances), "<f8").reshape(len(rows), count, count)
+        diagonal = np.sqrt(np.maximum(np.einsum("kii->ki", matrices), 0.0))
+        sigma = dict(zip(names, diagonal.T, strict=True))
+    else:  # another version of the estimator had other figures
+        sigma = {name: np.full(len(rows), math.nan) for name in names}
+        for k, (entry, data) in enumerate(zip(figures, covariances, strict=True)):
+            diagonal = _covariance(data)[:: len(entry) + 1]
+            for name, variance in zip(entry, diagonal, strict=True):
+                sigma[name][k] = math.sqrt(max(variance, 0.0))
+    return Trend(
+        np.array(time, float), values, sigma, np.array(level, float),
+        np.array([math.nan if t is None else t for t in temperature], float), kind, run,
+    )  # fmt: skip
+
+
+def _estimate(row: Sequence[Any]) -> EstimateRecord:
+    return EstimateRecord(
+        run=row[0], axis=row[1], kind=row[2], site=row[3], place=(row[4] / 1e6, row[5] / 1e6),
+        time=row[6], distance=row[7], accepted=bool(row[8]), reason=row[9],
+        figures=json.loads(row[10]), covariance=_covariance(row[11]), level=row[12],
+        measured=None if row[13] is None else (row[13], row[14]), temperature=row[15],
+    )  # fmt: skip

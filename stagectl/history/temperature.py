@@ -1,0 +1,107 @@
+"""Where a stage's temperature comes from: an object of a drive, or a plug-in. Without one, none.
+
+A plug-in is a callable without arguments under the entry point group `stagectl.temperature` that
+returns a `Thermometer`. It is read before the first move and then at most once a minute, between
+moves; a reading that fails is no reading, never a reason to stop a run.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from importlib import metadata
+from typing import TYPE_CHECKING, Final, Protocol
+
+from stagectl.errors import ConfigError
+
+if TYPE_CHECKING:
+    from drivers import Stage
+    from stagectl.config.machine import Machine
+
+ENTRY_POINTS: Final = "stagectl.temperature"
+EVERY: Final = 60.0
+"""Least time between two readings, on the stage's clock [s]."""
+
+
+class Thermometer(Protocol):
+    """Reads a temperature."""
+
+    def read(self) -> float:
+        """Temperature [deg C]; any exception means that there is none now."""
+
+
+class Scaled:
+    """An integer object of a drive times `scale` plus `offset`.
+
+    Args:
+        read: reads the object.
+        scale: [deg C] per count.
+        offset: [deg C] at 0 counts.
+    """
+
+    def __init__(self, read: Callable[[], int], scale: float, offset: float) -> None:
+        self._read, self._scale, self._offset = read, scale, offset
+
+    def read(self) -> float:
+        """As `Thermometer`."""
+        return self._read() * self._scale + self._offset
+
+
+class LatestTemperature:
+    """Asks a thermometer now and then, and remembers.
+
+    Args:
+        thermometer: to ask; None where there is none.
+    """
+
+    def __init__(self, thermometer: Thermometer | None) -> None:
+        self._thermometer = thermometer
+        self._value: float | None = None
+        self._asked = -math.inf
+
+    def at(self, time: float) -> float | None:
+        """Temperature at `time` on the stage's clock [s], as last read [deg C]."""
+        if self._thermometer is not None and time - self._asked >= EVERY:
+            self._asked = time
+            try:
+                value = float(self._thermometer.read())
+            except Exception:  # noqa: BLE001  a plug-in, or a drive without the object
+                value = math.nan
+            self._value = value if math.isfinite(value) else None
+        return self._value
+
+
+def load_plugin(name: str) -> Thermometer:
+    """The thermometer of a plug-in.
+
+    Raises:
+        ConfigError: it is not installed or cannot be loaded.
+    """
+    found = list(metadata.entry_points(group=ENTRY_POINTS, name=name))
+    if not found:
+        raise ConfigError(f"temperature plug-in '{name}' is not installed")
+    try:
+        thermometer: Thermometer = found[0].load()()
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}".splitlines()[0]
+        raise ConfigError(f"temperature plug-in '{name}' cannot be loaded: {reason}") from error
+    return thermometer
+
+
+def stage_temperature(machine: Machine, stage: Stage) -> LatestTemperature:
+    """The machine file's thermometer, asked over the opened stage where it is an object.
+
+    Raises:
+        ConfigError: its plug-in cannot be used.
+    """
+    from drivers.objects import ObjectRef
+
+    source = machine.temperature
+    if source is None:
+        return LatestTemperature(None)
+    if source.plugin is not None:
+        return LatestTemperature(load_plugin(source.plugin))
+    index, _, sub = str(source.object).partition(":")
+    entry = ObjectRef(int(index, 16), int(sub, 16), "temperature")
+    node = next(axis.node for axis in stage.axes if axis.name == source.axis)
+    return LatestTemperature(Scaled(lambda: node.read(entry), source.scale, source.offset))

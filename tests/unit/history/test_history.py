@@ -1,0 +1,115 @@
+"""The friction history, one suite for every database behind the port."""
+
+import math
+
+import pytest
+
+from stagectl.errors import StagectlError
+from stagectl.history.records import StageKey
+
+BEGIN = 1.7e9
+STAGE = StageKey("wafer-xy", True)
+
+
+def test_an_estimate_comes_back_as_it_was(where, opened, a_run, an_estimate):
+    history = opened(where)
+    run = a_run(lot="L7", wafer="W3", seed=5)
+    number = history.start_run(run)
+    first = an_estimate(number, temperature=22.4, measured=(1.02, 0.003), level=0.99)
+    refused = an_estimate(
+        number, accepted=False, reason="coulomb jumps by +20%", axis="y", time=BEGIN + 2, site=None
+    )
+    history.add([first, refused])
+    history.end_run(number, "completed")
+    history.close()
+
+    again = opened(where, write=False)
+    assert again.at_date(STAGE, math.inf) == [first]
+    assert again.refused(STAGE) == [refused]
+    assert again.runs(STAGE) == [(number, run, "completed")]
+    assert again.counted(STAGE) == (1, 1)
+    assert again.places(STAGE) == [(0.01, -0.02)]
+    trend = again.trend(STAGE, "x", (0.01, -0.02))
+    assert {name: v.tolist() for name, v in trend.values.items()} == {
+        "coulomb": [6.0], "viscous": [20.0]
+    }  # fmt: skip
+    assert {name: v.tolist() for name, v in trend.sigma.items()} == {
+        "coulomb": [0.2], "viscous": [0.5]
+    }  # fmt: skip
+    assert (trend.temperature[0], trend.level[0], trend.run) == (22.4, 0.99, (number,))
+
+
+def test_the_map_at_a_date_has_the_last_accepted_one_of_each_place_and_axis(
+    where, opened, a_run, an_estimate
+):
+    history = opened(where)
+    number = history.start_run(a_run())
+    sites = [(0.0, 0.0), (0.01, 0.0), (0.0, 0.01)]
+    for week in range(4):
+        history.add(
+            [
+                an_estimate(
+                    number, axis=axis, place=place, time=BEGIN + week * 1e5 + i,
+                    figures={"coulomb": 10.0 * week + i, "viscous": 1.0},
+                    accepted=week != 3, reason=None if week != 3 else "no",
+                )
+                for i, place in enumerate(sites) for axis in "xy"
+            ]
+        )  # fmt: skip
+    for when, week in ((math.inf, 2), (BEGIN + 1.5e5, 1), (BEGIN + 50, 0)):
+        rows = history.at_date(STAGE, when)
+        assert len(rows) == 6
+        got = {(r.axis, r.place): r.figures["coulomb"] for r in rows}
+        assert got == {
+            (a, p): 10.0 * week + i
+            for i, p in enumerate(sites) for a in "xy"
+        }  # fmt: skip
+    assert history.at_date(STAGE, BEGIN - 1) == []
+    trend = history.trend(STAGE, "y", sites[1], since=BEGIN + 1e4, until=BEGIN + 1.5e5)
+    assert trend.values["coulomb"].tolist() == [11.0]
+    assert len(history.trend(STAGE, "z", sites[1])) == 0
+
+
+def test_a_trend_over_estimators_with_different_figures(where, opened, a_run, an_estimate):
+    history = opened(where)
+    number = history.start_run(a_run())
+    history.add([an_estimate(number)])
+    history.add([an_estimate(number, time=BEGIN + 9, figures={"bias": 0.1}, covariance=(0.09,))])
+    trend = history.trend(STAGE, "x", (0.01, -0.02))
+    assert trend.values["coulomb"].tolist() == [6.0, pytest.approx(math.nan, nan_ok=True)]
+    assert trend.sigma["bias"].tolist() == [pytest.approx(math.nan, nan_ok=True), 0.3]
+
+
+def test_stages_are_kept_apart(where, opened, a_run, an_estimate):
+    history = opened(where)
+    real = StageKey("wafer-xy", False)
+    for stage, coulomb in ((STAGE, 1.0), (real, 2.0)):
+        number = history.start_run(a_run(stage))
+        history.add([an_estimate(number, figures={"coulomb": coulomb}, covariance=(0.1,))])
+    assert set(history.stages()) == {STAGE, real}
+    for stage, coulomb in ((STAGE, 1.0), (real, 2.0)):
+        assert [r.figures["coulomb"] for r in history.at_date(stage, math.inf)] == [coulomb]
+        assert len(history.trend(stage, "x", (0.01, -0.02))) == 1
+
+
+def test_estimates_are_added_all_or_none(where, opened, a_run, an_estimate):
+    history = opened(where)
+    number = history.start_run(a_run())
+    good = an_estimate(number, place=(0.05, 0.05))
+    with pytest.raises((StagectlError, ValueError)):
+        history.add([good, an_estimate(number + 1000)])
+    assert history.at_date(STAGE, math.inf) == []
+    history.add([good])  # the place of the failed one was rolled back with it
+    assert history.at_date(STAGE, math.inf) == [good]
+
+
+def test_a_reader_reads_while_the_writer_writes(where, opened, a_run, an_estimate):
+    writer = opened(where)
+    number = writer.start_run(a_run())
+    readers = [opened(where, write=False) for _ in range(3)]
+    for i in range(5):
+        writer.add([an_estimate(number, time=BEGIN + i)])
+        for reader in readers:
+            assert len(reader.trend(STAGE, "x", (0.01, -0.02))) == i + 1
+    with pytest.raises(StagectlError):
+        readers[0].start_run(a_run())

@@ -1,0 +1,125 @@
+"""stage.db as a file: what else may stand in its place, migrations, and death at any instant."""
+
+import contextlib
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+
+import pytest
+
+from stagectl.errors import StagectlError, UnusableInput
+from stagectl.history import database
+from stagectl.history.opening import default_history, open_history
+from stagectl.history.records import StageKey
+from stagectl.history.schema import MIGRATIONS
+
+
+@pytest.mark.parametrize("write", [True, False])
+def test_what_is_no_history_is_refused(tmp_path, write):
+    text = tmp_path / "notes.db"
+    text.write_text("not a database at all, but long enough to be looked at\n" * 30)
+    foreign = tmp_path / "foreign.db"
+    with contextlib.closing(sqlite3.connect(foreign)) as connection:
+        connection.execute("CREATE TABLE something (x)")
+    newer = tmp_path / "newer.db"
+    open_history(str(newer), write=True).close()
+    with contextlib.closing(sqlite3.connect(newer)) as connection:
+        connection.execute(f"PRAGMA user_version = {len(MIGRATIONS) + 1}")
+    reasons = {
+        text: "not an SQLite file", foreign: "not a history", newer: "newer stagectl",
+        tmp_path: "is a folder" if write else "no such",
+    }  # fmt: skip
+    for path, reason in reasons.items():
+        before = path.read_bytes() if path.is_file() else b""
+        with pytest.raises(UnusableInput, match=reason):
+            open_history(str(path), write)
+        assert not path.is_file() or path.read_bytes() == before
+    with pytest.raises(UnusableInput if not write else StagectlError):
+        open_history(str(tmp_path / "nowhere" / "stage.db"), write)
+
+
+def test_every_older_version_is_brought_up_to_date(tmp_path, monkeypatch, a_run, an_estimate):
+    for version in range(1, len(MIGRATIONS) + 1):
+        path = str(tmp_path / f"{version}.db")
+        with monkeypatch.context() as old:
+            old.setattr(database, "MIGRATIONS", MIGRATIONS[:version])
+            history = open_history(path, write=True)
+            history.add([an_estimate(history.start_run(a_run()))])
+            history.close()
+        if version < len(MIGRATIONS):
+            with pytest.raises(UnusableInput, match="open it once for writing"):
+                open_history(path)
+        history = open_history(path, write=True)
+        assert history.counted(StageKey("wafer-xy", True)) == (1, 0)
+        history.close()
+        open_history(path).close()
+
+
+def test_where_a_run_writes(tmp_path):
+    runs = tmp_path / "runs" / "a"
+    assert default_history("h.db", "m.db", runs, own=False) == "h.db"
+    assert default_history("none", "m.db", runs, own=False) is None
+    assert default_history(None, "m.db", runs, own=True) == "m.db"
+    assert default_history(None, None, runs, own=False) == str(tmp_path / "runs" / "stage.db")
+    assert default_history(None, None, runs, own=True) == str(runs / "stage.db")
+
+
+WRITER = """
+import sys
+sys.path.insert(0, {tests!r})
+from stagectl.history.opening import open_history
+from stagectl.history.records import EstimateRecord, RunEntry, StageKey
+sys.stdout.write("up\\n")
+sys.stdout.flush()
+history = open_history({path!r}, write=True)
+run = history.start_run(
+    RunEntry(StageKey("m", False), ("x", "y"), 0.0, "r", None, None, "s", "f"))
+i = 0
+while True:
+    history.add([
+        EstimateRecord(run, axis, "macro", i, (i % 7 * 1e-3, 0.0), float(i), 0.01, True, None,
+                       {{"coulomb": 1.0 + i}}, (0.01,)) for axis in "xy"])
+    sys.stdout.write(f"{{run}} {{i}}\\n")
+    sys.stdout.flush()
+    i += 1
+"""
+
+
+def test_killed_at_any_instant_nothing_committed_is_lost(tmp_path):
+    path = str(tmp_path / "stage.db")
+    command = [sys.executable, "-c", WRITER.format(path=path, tests=".")]
+    stage = StageKey("m", False)
+    promised: dict[int, int] = {}
+    for attempt in range(10):
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
+            first = (
+                writer.stdout.readline()
+            )  # "up": then at any instant, the file's making included
+            assert first == "up\n"
+            if attempt >= 5:
+                first = writer.stdout.readline()
+            time.sleep(0.004 * attempt)
+            os.kill(writer.pid, signal.SIGKILL)
+            lines = (first + writer.stdout.read()).splitlines(keepends=True)
+        lines = [line for line in lines if line.endswith("\n") and " " in line]
+        if lines:
+            run, last = map(int, lines[-1].split())
+            promised[run] = last
+        if not (tmp_path / "stage.db").exists():
+            continue
+        history = open_history(path, write=True)
+        history.close()
+        with contextlib.closing(sqlite3.connect(path)) as connection:
+            assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+            rows = dict(connection.execute("SELECT run, max(site) FROM estimate GROUP BY run"))
+            pairs = connection.execute(
+                "SELECT run, site, count(*) FROM estimate GROUP BY run, site HAVING count(*) != 2"
+            ).fetchall()
+        assert pairs == []
+        for run, last in promised.items():
+            assert rows[run] >= last
+    assert promised
+    assert open_history(path).counted(stage)[0] > 0
