@@ -252,7 +252,7 @@ class FrictionField:
         kernel = KERNELS[node.kernel][0]
         matrix = node.amplitude**2 * kernel(self._distance / node.length)
         matrix[np.diag_indices(len(matrix))] += self.sigma**2 + node.scatter**2 + _JITTER
-        factor = np.linalg.cholesky(matrix)
+        factor: F64 = np.linalg.cholesky(matrix).astype(np.float64, copy=False)
         sides = np.column_stack([self._log, np.ones(len(self._log))])
         solved = np.linalg.solve(factor.T, np.linalg.solve(factor, sides))
         total = float(solved[:, 1].sum())
