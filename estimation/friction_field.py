@@ -252,9 +252,11 @@ class FrictionField:
         kernel = KERNELS[node.kernel][0]
         matrix = node.amplitude**2 * kernel(self._distance / node.length)
         matrix[np.diag_indices(len(matrix))] += self.sigma**2 + node.scatter**2 + _JITTER
-        factor: F64 = np.linalg.cholesky(matrix).astype(np.float64, copy=False)
+        factor: F64 = np.asarray(np.linalg.cholesky(matrix), dtype=np.float64)
         sides = np.column_stack([self._log, np.ones(len(self._log))])
-        solved = np.linalg.solve(factor.T, np.linalg.solve(factor, sides))
+        solved: F64 = np.asarray(
+            np.linalg.solve(factor.T, np.linalg.solve(factor, sides)), dtype=np.float64
+        )
         total = float(solved[:, 1].sum())
         constant = float(solved[:, 0].sum()) / total
         return factor, solved[:, 0] - constant * solved[:, 1], solved[:, 1], total
