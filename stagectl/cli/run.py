@@ -83,8 +83,8 @@ PACKAGED = "wafer-xy"
 @click.option(
     "--history",
     metavar="FILE|URL|none",
-    help="Friction history to write to [the machine file's; else stage.db beside the run's folder, "
-    "or in it where --out names one].",
+    help="Friction history to write to [stage.db beside the run's folder; real runs: the machine "
+    "file's, or stage.db in the folder of --out].",
 )
 @click.option("--json", "json_out", type=FILE, help="Also write the summary here; - is stdout.")
 @click.option("--dry-run", is_flag=True, help="Only say what would be done; nothing moves.")
@@ -146,7 +146,7 @@ def command(
     folder = out or Path("runs") / f"{loaded.name}-{started:%Y%m%d-%H%M%S}"
     _check_apart(folder, resume)
     from stagectl.compensation import Mode
-    from stagectl.history.opening import default_history, named_in
+    from stagectl.history.opening import default_history
     from stagectl.request import RunRequest
     from stagectl.resume import load_interrupted
 
@@ -163,9 +163,7 @@ def command(
         plan,
         retries,
         None if resume is None else load_interrupted(resume, loaded),
-        default_history(
-            history, named_in(believed) if truth is None else None, folder, out is not None
-        ),
+        default_history(history, believed, truth is not None, folder, out is not None),
     )
     _run(request, json_out)
 

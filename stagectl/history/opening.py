@@ -50,21 +50,27 @@ def named_in(machine: Machine) -> str | None:
     return str(Path(machine.source).parent / where)
 
 
-def default_history(named: str | None, machine: str | None, folder: Path, own: bool) -> str | None:
+def default_history(
+    named: str | None, machine: Machine, simulated: bool, folder: Path, own: bool
+) -> str | None:
     """Where a run's history goes: the option, else the machine file's key, else near its files.
 
-    A simulated run never gets the machine file's (`machine` is None then): virtual friction has no
-    business in a real stage's history unless it is asked for.
+    A simulated run never gets the machine file's: virtual friction has no business in a real
+    stage's history unless it is asked for. Where the user names a folder, nothing outside of it is
+    touched, and a simulated run, of which there may be thousands, leaves no history there either.
 
     Args:
         named: `--history`; "none" for no history.
-        machine: of the machine file.
+        machine: the run's.
+        simulated: on virtual drives.
         folder: of the run's files.
-        own: whether the user named the folder: nothing outside of it is touched then. Else it is
-            one of many under `runs`, and the history stands beside them.
+        own: whether the user named the folder; else it is one of many under `runs`, and the
+            history stands beside them.
     """
+    if named is None and not simulated:
+        named = named_in(machine)
     if named is not None:
         return None if named == OFF else named
-    if machine is not None:
-        return None if machine == OFF else machine
-    return str((folder if own else folder.parent) / FILE_NAME)
+    if own:
+        return None if simulated else str(folder / FILE_NAME)
+    return str(folder.parent / FILE_NAME)

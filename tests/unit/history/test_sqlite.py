@@ -10,6 +10,7 @@ import time
 
 import pytest
 
+from stagectl.config.machine import load_machine, parse_machine
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.history import database
 from stagectl.history.opening import default_history, open_history
@@ -59,12 +60,24 @@ def test_every_older_version_is_brought_up_to_date(tmp_path, monkeypatch, a_run,
 
 
 def test_where_a_run_writes(tmp_path):
-    runs = tmp_path / "runs" / "a"
-    assert default_history("h.db", "m.db", runs, own=False) == "h.db"
-    assert default_history("none", "m.db", runs, own=False) is None
-    assert default_history(None, "m.db", runs, own=True) == "m.db"
-    assert default_history(None, None, runs, own=False) == str(tmp_path / "runs" / "stage.db")
-    assert default_history(None, None, runs, own=True) == str(runs / "stage.db")
+    plain = load_machine()
+    text = plain.text + "history: fleet.db\n"
+    named = parse_machine(text, str(tmp_path / "m.yaml"))
+    run = tmp_path / "runs" / "a"
+    beside, within = str(tmp_path / "runs" / "stage.db"), str(run / "stage.db")
+    #        option, machine, simulated, folder named by the user
+    cases = [
+        ("h.db", named, False, False, "h.db"),
+        ("h.db", named, True, True, "h.db"),
+        ("none", named, False, False, None),
+        (None, named, False, True, str(tmp_path / "fleet.db")),
+        (None, named, True, False, beside),
+        (None, plain, False, False, beside),
+        (None, plain, False, True, within),
+        (None, plain, True, True, None),
+    ]
+    for option, machine, simulated, own, where in cases:
+        assert default_history(option, machine, simulated, run, own) == where
 
 
 WRITER = """
