@@ -82,6 +82,7 @@ def refresh(plant, state, arena, a, output, period):  # type: ignore[no-untyped-
         s.later = arena[p.history + (s.ring - p.delay_ticks - 1 + depth) % depth]
     else:
         s.late = output
+        s.later = output
     middle = s.position + 0.5 * period * s.velocity
     s.place = middle
     t = s.clock * period
@@ -146,6 +147,12 @@ def delayed(p, s, arena, substep):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
+def delayed_pair(s):  # type: ignore[no-untyped-def]
+    """The delayed output before and after its step within this tick [N]."""
+    return s.later, s.late
+
+
+@numba.njit(cache=True)
 def coulomb_factor(p, s, direction):  # type: ignore[no-untyped-def]
     """What scales Fc at the present position, time and direction."""
     value = s.coulomb + s.coulomb_slope * (s.position - s.place)
@@ -156,21 +163,29 @@ def coulomb_factor(p, s, direction):  # type: ignore[no-untyped-def]
 def drive(p, s, arena, since, motor_force, resistance):  # type: ignore[no-untyped-def]
     """Force on the carriage and the acceleration it makes, but for coupling.
 
-    Sets `net` and `sprung`; returns the acceleration relative to the base [m/s^2].
+    Sets `net`, `sprung`, `springs` and `response`; returns the acceleration relative to the base
+    [m/s^2].
 
     Args: `since` the tick's start [s], measured motor force [N], friction [N].
     """
     away = s.position - s.place
     force = motor_force
+    response = 1.0
     if p.position_gain >= 0 or p.saturation > 0.0 or p.gain != 1.0:
         force *= p.gain
+        response = p.gain
         if p.saturation > 0.0:
-            force = p.saturation * math.tanh(force / p.saturation)
+            bent = math.tanh(force / p.saturation)
+            force = p.saturation * bent
+            response *= 1.0 - bent * bent
         if p.position_gain >= 0:
-            force *= s.gain + s.gain_slope * away
+            gain = s.gain + s.gain_slope * away
+            force *= gain
+            response *= gain
+    s.response = response
     against = s.pull + s.pull_slope * away + s.push + s.push_rate * since
     if p.velocity_force >= 0:
-        against += _over_velocity(arena, p, s.velocity)
+        against += over_velocity(arena, p, s.velocity)
     for i in range(p.hysteresis_count):
         against += arena[p.hysteresis + 3 * i + 2]
     s.net = force - resistance - against
@@ -189,7 +204,7 @@ def drive(p, s, arena, since, motor_force, resistance):  # type: ignore[no-untyp
 
 
 @numba.njit(cache=True)
-def _over_velocity(arena, p, v):  # type: ignore[no-untyped-def]
+def over_velocity(arena, p, v):  # type: ignore[no-untyped-def]
     """Force at this velocity; nodes lie at ± (i / scale)^2."""
     half = VELOCITY_NODES
     u = math.sqrt(abs(v)) * p.velocity_scale
@@ -236,8 +251,12 @@ def swing(p, s, arena, dt):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def drag(p, arena, dx):  # type: ignore[no-untyped-def]
-    """Advance the hysteretic elements by a displacement [m]."""
+    """Advance the hysteretic elements by a displacement [m]; the change of their force [N]."""
+    change = 0.0
     for i in range(p.hysteresis_count):
         at = p.hysteresis + 3 * i
         limit = arena[at + 1]
-        arena[at + 2] = min(max(arena[at + 2] + arena[at] * dx, -limit), limit)
+        force = min(max(arena[at + 2] + arena[at] * dx, -limit), limit)
+        change += force - arena[at + 2]
+        arena[at + 2] = force
+    return change

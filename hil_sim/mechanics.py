@@ -20,6 +20,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.coarse import coarse_kick, coarse_move, fine_steps
 from hil_sim.control import (
     CONTROL_DTYPE,
     CONTROL_STATE_DTYPE,
@@ -34,6 +35,7 @@ from hil_sim.port_arrays import (
     Arena,
     couple,
     fill,
+    fill_coarse,
     opened,
 )
 from hil_sim.settings import AxisSettings, StageSettings
@@ -137,6 +139,7 @@ def _advance(  # type: ignore[no-untyped-def]
     dt = period / substeps
     noisy = normals.shape[2] > 0
     coupled = plant[0].coupled
+    coarse = substeps < SUBSTEPS
     for tick in range(first, first + ticks):
         for a in range(axes):
             advance_demand(loop[a])
@@ -146,7 +149,14 @@ def _advance(  # type: ignore[no-untyped-def]
         for a in range(axes):
             if plant[a].ported:
                 refresh(plant, state, arena, a, loop[a].output, period)
-        for substep in range(substeps):
+        for substep in range(substeps if coarse else 0):
+            for a in range(axes):
+                coarse_kick(plant, state, loop, arena, a, substep, dt)
+            if coupled:
+                solve_jointly(plant, state, arena, dt)
+            for a in range(axes):
+                coarse_move(plant[a], state[a], forces[a], slipping[a], shares[a], arena, dt)
+        for substep in range(0 if coarse else substeps):
             for a in range(axes):
                 p = plant[a]
                 s = state[a]
@@ -253,11 +263,12 @@ class Arrays:
         settings: of the stage, effects included.
         start: true position of each axis [m].
         duration: of the simulation [s]; None: without end.
-        substeps: plant steps per control tick.
+        substeps: plant steps per control tick: 5 is the reference, more is finer, 1 coarse
+            (`hil_sim.coarse`).
         level: factor on Fc at each SYNC of the duration, shape (K, axes); None: 1.
 
     Raises:
-        ValueError: effects that cannot be, naming axis and effect.
+        ValueError: effects that cannot be, naming axis and effect; substeps of 2..4.
     """
 
     def __init__(
@@ -268,6 +279,8 @@ class Arrays:
         substeps: int = SUBSTEPS,
         level: F64 | None = None,
     ) -> None:
+        if substeps != 1 and substeps < SUBSTEPS:
+            raise ValueError(f"substeps must be 1 or at least {SUBSTEPS}, is {substeps}")
         axes = settings.axes
         widest = max(a.friction.elements for a in axes)
         self.ports = opened(settings, duration)
@@ -279,6 +292,9 @@ class Arrays:
             for name, value in _plant_record(axis).items():
                 record[name] = value
             fill(record, ports, arena, settings, substeps)
+            if substeps < SUBSTEPS:
+                fine = fine_steps(substeps, SUBSTEPS)
+                fill_coarse(record, ports, arena, settings.control_period, substeps, fine)
         couple(self.plant, self.ports, arena)
         self.arena = arena.array()
         self.control = np.array(

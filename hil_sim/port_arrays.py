@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.coarse import motor_weights
 from hil_sim.effects.ports import VELOCITY_NODES, EffectPorts
 from hil_sim.settings import StageSettings
 
@@ -57,6 +58,8 @@ PORT_FIELDS = [
     ("delay_ticks", "i8"),
     ("delay_share", "i8"),
     ("coupling", "i8"),
+    ("motor_weights", "i8"),
+    ("coarse_share", "f8"),
 ]
 """Of the plant's record; offsets are into the arena."""
 
@@ -76,7 +79,10 @@ PORT_STATE_FIELDS = [
     ("push_rate", "f8"),
     ("net", "f8"),  # force on the carriage without coupling and springs [N]
     ("sprung", "f8"),  # force of what hangs from it [N]
+    ("springs", "f8"),  # acceleration by all springs and dampers [m/s^2]
+    ("response", "f8"),  # change of motor force per change of measured force
     ("kick", "f8"),  # change of velocity in this substep [m/s]
+    ("lead", "f8"),  # what a coarse step adds to the velocity that makes the displacement [m/s]
 ]
 """Of the state's record."""
 
@@ -115,8 +121,8 @@ def opened(settings: StageSettings, duration: float | None) -> list[EffectPorts]
             for effect in axis.effects:
                 effect.apply(own)
             own.check()
-            if own.coupled_mass and len(settings.axes) != 2:
-                raise ValueError("coupling needs a stage of two axes")
+            if (own.coupled_mass or own.fields) and len(settings.axes) != 2:
+                raise ValueError("an effect that involves the other axis needs a stage of two")
         except ValueError as error:
             raise ValueError(f"axis {axis.name}: {error}") from error
         ports.append(own)
@@ -142,8 +148,7 @@ def fill(
     record["element_stiffness"] = ports.stiffness / friction.elements
     record["static_ratio"] = ports.static_ratio
     record["coulomb"] = friction.coulomb * ports.coulomb
-    decay = 2.0 * math.pi * ports.current_bandwidth * period / substeps
-    record["current_gain"] = 1.0 - math.exp(-decay)
+    record["current_gain"] = 1.0 - math.exp(-_decay(ports, period, substeps))
     record["gain"] = ports.force_constant
     record["saturation"] = ports.saturation if math.isfinite(ports.saturation) else 0.0
     record["coulomb_forward"] = ports.coulomb_forward
@@ -247,16 +252,52 @@ def _fill_delay(
     ticks = ports.delay / period
     whole = math.floor(ticks + 1e-9)
     step = max(0.0, ticks - whole) * substeps  # substeps until the output steps
-    decay = 2.0 * math.pi * ports.current_bandwidth * period / substeps
-    share = []
-    for j in range(substeps):
-        before = min(max(step - j, 0.0), 1.0)
-        old = (1.0 - math.exp(-decay * before)) * math.exp(-decay * (1.0 - before))
-        share.append(old / (1.0 - math.exp(-decay)))
+    share = _shares_before(step, _decay(ports, period, substeps), substeps)
     record["delay_ticks"] = whole
     record["history_depth"] = whole + 2
     record["history"] = arena.add(np.zeros(whole + 2))
     record["delay_share"] = arena.add(share)
+
+
+def _decay(ports: EffectPorts, period: float, steps: int) -> float:
+    return 2.0 * math.pi * ports.current_bandwidth * period / steps
+
+
+def _shares_before(step: float, decay: float, count: int) -> F64:
+    """Weight of the input before its step in each of `count` steps, float64[count].
+
+    Args:
+        step: when the input steps, in steps.
+        decay: 2 pi bandwidth times a step.
+        count: of steps.
+    """
+    before = np.clip(step - np.arange(count), 0.0, 1.0)
+    old = (1.0 - np.exp(-decay * before)) * np.exp(-decay * (1.0 - before))
+    return np.asarray(old / (1.0 - math.exp(-decay)))
+
+
+def fill_coarse(
+    record: np.void, ports: EffectPorts, arena: Arena, period: float, substeps: int, fine: int
+) -> None:
+    """What coarse steps need: `hil_sim.coarse.motor_weights` for each of a tick.
+
+    Args:
+        record: of the axis.
+        ports: of the axis.
+        arena: of all axes.
+        period: Tc [s].
+        substeps: coarse steps per control tick.
+        fine: fine steps that each stands for.
+    """
+    count = substeps * fine
+    decay = _decay(ports, period, count)
+    ticks = ports.delay / period
+    step = max(0.0, ticks - math.floor(ticks + 1e-9)) * count
+    shares = _shares_before(step, decay, count).reshape(substeps, fine)
+    record["motor_weights"] = arena.add(
+        np.concatenate([motor_weights(decay, share).ravel() for share in shares])
+    )
+    record["coarse_share"] = (fine + 1.0) / (2.0 * fine)
 
 
 def couple(plant: np.ndarray, ports: Sequence[EffectPorts], arena: Arena) -> None:

@@ -96,6 +96,6 @@ def _refused(settings: AxisSettings, machine: Machine) -> str | None:
         ports.check()
     except ValueError as error:
         return str(error)
-    if ports.coupled_mass and len(machine.axes) != 2:
-        return "cross_coupling needs a stage of two axes"
+    if (ports.coupled_mass or ports.fields) and len(machine.axes) != 2:
+        return "an effect that involves the other axis needs a stage of two"
     return None

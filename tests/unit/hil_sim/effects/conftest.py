@@ -1,0 +1,93 @@
+"""A stage without friction whose loops are open: the motor gets the force offset, nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hil_sim.effects import AppliedEffect, Effect
+from hil_sim.effects.library import own_effects
+from hil_sim.settings import StageSettings
+from hil_sim.simulate import simulate
+from stagectl.config import load_machine, stage_settings
+
+F64 = NDArray[np.float64]
+MASS = 8.0
+"""Of axis x, the one under test [kg]."""
+
+
+@pytest.fixture(scope="session")
+def nominal() -> StageSettings:
+    return stage_settings(load_machine())
+
+
+@pytest.fixture(scope="session")
+def effects() -> dict[str, Effect]:
+    return own_effects()
+
+
+@pytest.fixture(scope="session")
+def free(nominal: StageSettings) -> StageSettings:
+    """No friction, no control, encoders of a picometre."""
+    return replace(
+        nominal,
+        axes=tuple(
+            replace(
+                axis,
+                friction=replace(axis.friction, coulomb=1e-9, viscous=0.0, stiffness=1e-6),
+                control=replace(axis.control, kp=1e-9, ki=0.0, kd=0.0, peak_force=1e3),
+                increment=1e-12,
+            )
+            for axis in nominal.axes
+        ),
+    )
+
+
+@pytest.fixture(scope="session")
+def with_effects() -> Callable[..., StageSettings]:
+    """A stage with effects on axis x, and others on y."""
+
+    def put(stage: StageSettings, *x: AppliedEffect, y: tuple[AppliedEffect, ...] = ()):
+        first, second = stage.axes
+        return replace(stage, axes=(replace(first, effects=x), replace(second, effects=y)))
+
+    return put
+
+
+@pytest.fixture(scope="session")
+def pushed() -> Callable[..., tuple[F64, F64, F64]]:
+    """Push x (and y) with a constant demanded force from t = 0: time, position and force of x."""
+
+    def run(
+        stage: StageSettings,
+        force: float,
+        *,
+        start: float = 0.0,
+        across: float = 0.0,
+        duration: float = 0.1,
+        substeps: int = 50,
+        axis: int = 0,
+    ) -> tuple[F64, F64, F64]:
+        rows = round(duration / stage.sync_period) + 1
+        demand = np.tile([start, 0.0], (rows, 1))
+        offset = np.tile([force, across], (rows, 1))
+        response = simulate(stage, demand, offset, None, substeps=substeps, rounded=False)
+        time = stage.sync_period * np.arange(rows)
+        return time, response.position[:, axis], response.force[:, axis]
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def current() -> Callable[[F64, float], F64]:
+    """Step response of the nominal current loop after a delay [s]."""
+
+    def response(time: F64, delay: float = 0.0, bandwidth: float = 1500.0) -> F64:
+        since = np.maximum(time - delay, 0.0)
+        return 1.0 - np.exp(-2.0 * np.pi * bandwidth * since)
+
+    return response

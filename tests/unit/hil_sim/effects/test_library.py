@@ -1,0 +1,143 @@
+"""The library's effects as the format names them, and effects of other packages."""
+
+import math
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil_sim.effects.library import EffectError, library
+from hil_sim.effects.ports import EffectPorts
+
+FORMAT = Path(__file__).parents[4] / "docs" / "formats" / "effects.md"
+PACKAGE = '''
+from hil_sim.effects import Effect, Parameter
+
+
+class Draught(Effect):
+    """Moving air."""
+
+    name = "draught"
+    group = "force"
+    parameters = (Parameter("force", "N", "of the air", (0.1, 0.2), neutral=0.0),)
+    equation = "F_d += force"
+    enters = "A constant disturbance force."
+    remedy = "Close the door."
+
+    def apply(self, ports, parameters):
+        ports.force += parameters["force"]
+
+
+class Twin(Draught):
+    name = "cogging"
+
+
+NOTHING = 3
+'''
+
+
+def named_in_the_format():
+    rows = re.findall(r"^\| (\w+) \| ([\w, ]+) \|", FORMAT.read_text(encoding="utf-8"), re.M)
+    return {name: tuple(keys.split(", ")) for name, keys in rows if name != "effect"}
+
+
+def test_names_and_keys_are_those_of_the_format(effects):
+    named = named_in_the_format()
+    assert len(named) == 21
+    assert {n: tuple(p.key for p in effects[n].parameters) for n in named} == named
+
+
+def test_every_effect_says_what_it_is(effects, nominal):
+    for name, effect in effects.items():
+        assert effect.name == name
+        for text in (effect.origin(), effect.remedy, effect.enters):
+            assert text.endswith("."), (name, text)
+        assert len(effect.origin()) > 80, name
+        assert any(p.neutral is not None for p in effect.parameters), name
+        for parameter in effect.parameters:
+            for axis in nominal.axes:
+                for low, high in parameter.ranges(axis):
+                    assert low < high
+                    assert parameter.refusal(low) is None, (name, parameter.key)
+                    assert parameter.refusal(high) is None, (name, parameter.key)
+            assert parameter.refusal(math.nan)
+            neutral = parameter.neutral_on(nominal.axes[0])
+            assert (neutral is None) == (parameter.role != "size"), (name, parameter.key)
+
+
+def test_ranges_are_those_of_the_axis(effects, nominal):
+    x, y = nominal.axes
+    (mass,) = effects["payload_mass"].parameters
+    assert mass.ranges(y) == (pytest.approx((-2.1, -0.42)), pytest.approx((0.42, 2.1)))
+    (force,) = effects["force_saturation"].parameters
+    assert force.ranges(x) == (pytest.approx((40.0, 72.0)),)
+    _, center, _ = effects["friction_position"].parameters
+    assert center.ranges(x) == (x.travel,)
+    assert effects["stribeck"].parameters[0].neutral_on(x) == x.friction.static_ratio
+
+
+def test_every_effect_enters_the_ports(effects, nominal):
+    axis = nominal.axes[0]
+    plain = vars(EffectPorts(axis, 1e-3, 0.1))
+    for effect in effects.values():
+        values = {p.key: p.ranges(axis)[-1][1] for p in effect.parameters}
+        ports = EffectPorts(axis, 1e-3, 0.1)
+        effect.at(**values).apply(ports)
+        ports.check()
+        changed = [
+            k for k, v in vars(ports).items() if v is not plain[k] and str(v) != str(plain[k])
+        ]
+        assert changed, effect.name
+
+
+def test_values_are_checked(effects):
+    cogging = effects["cogging"]
+    with pytest.raises(ValueError, match="ptch: not a key of cogging; it has amplitude, pitch"):
+        cogging.at(amplitude=1.0, ptch=0.03, phase=0.0)
+    with pytest.raises(ValueError, match="phase: is missing"):
+        cogging.at(amplitude=1.0, pitch=0.03)
+    with pytest.raises(ValueError, match=r"pitch: must be >= 0\.001 m, is 0\.0001"):
+        cogging.at(amplitude=1.0, pitch=1e-4, phase=0.0)
+    with pytest.raises(ValueError, match="amplitude: must be finite, is nan"):
+        cogging.at(amplitude=math.nan, pitch=0.03, phase=0.0)
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """An installed distribution with these entry points, until the test ends."""
+
+    def install(points):
+        (tmp_path / "breeze.py").write_text(PACKAGE)
+        info = tmp_path / "breeze-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text("Metadata-Version: 2.1\nName: breeze\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text(f"[stagectl.effects]\n{points}\n")
+        monkeypatch.syspath_prepend(str(tmp_path))
+
+    yield install
+    sys.modules.pop("breeze", None)
+
+
+def test_another_package_brings_an_effect(package, effects, nominal):
+    package("draught = breeze:Draught")
+    known = library()
+    assert set(known) == {*effects, "draught"}
+    ports = EffectPorts(nominal.axes[0], 1e-3, 0.1)
+    known["draught"].at(force=0.2).apply(ports)
+    assert ports.force == 0.2
+
+
+@pytest.mark.parametrize(
+    ("point", "reason"),
+    [
+        ("x = breeze:Twin", "breeze: entry point 'x' in stagectl.effects: .*'cogging' is there"),
+        ("x = breeze:NOTHING", "is no hil_sim.effects.Effect"),
+        ("x = breeze:Gone", "AttributeError"),
+        ("x = breze:Draught", "ModuleNotFoundError"),
+    ],
+)
+def test_another_packages_mistake_is_named(package, point, reason):
+    package(point)
+    with pytest.raises(EffectError, match=reason):
+        library()

@@ -1,0 +1,241 @@
+"""Ports beyond the library's effects, what is refused, and that the plain plant stays as it was."""
+
+import math
+from dataclasses import replace
+from threading import Thread
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from hil_sim.effects import Effect
+from hil_sim.effects.ports import EffectPorts
+from hil_sim.plant import Plant
+from hil_sim.simulate import needs_all_axes, simulate
+
+MASS = 8.0
+
+both_steps = pytest.mark.parametrize("substeps", [5, 1])
+
+
+def effect_of(write):
+    """An effect without parameters that calls `write(ports)`."""
+
+    class Own(Effect):
+        """Of a test."""
+
+        name, group, parameters = "own", "force", ()
+        equation = enters = remedy = ""
+
+        def apply(self, ports, parameters):
+            write(ports)
+
+    return Own().at()
+
+
+def demand_of(seed, rows=600):
+    rng = np.random.default_rng(seed)
+    walk = np.cumsum(rng.normal(0.0, 1.0, (rows, 2)), axis=0)
+    smooth = np.apply_along_axis(np.convolve, 0, walk, np.hanning(41), "same")
+    return 1e-6 * (smooth - smooth[0])
+
+
+@both_steps
+def test_force_over_velocity(free, with_effects, pushed, substeps):
+    drag = effect_of(
+        lambda ports: ports.add_velocity_force(80.0 * ports.velocities * np.abs(ports.velocities))
+    )
+    time, position, _ = pushed(with_effects(free, drag), 30.0, substeps=substeps, duration=0.4)
+    terminal = math.sqrt(30.0 / 80.0)
+    late = time - 1.0 / (2.0 * math.pi * 1500.0)
+    expected = MASS / 80.0 * np.log(np.cosh(80.0 * terminal / MASS * np.maximum(late, 0.0)))
+    assert np.abs(position - expected).max() < 1e-4 * expected[-1] + 1e-5
+    _, backwards, _ = pushed(with_effects(free, drag), -30.0, substeps=substeps, duration=0.4)
+    np.testing.assert_allclose(backwards, -position, atol=1e-9)
+
+
+@both_steps
+def test_force_over_time(free, with_effects, pushed, substeps):
+    push = effect_of(lambda ports: ports.add_time_force(-2.0 * ports.times))
+    time, position, _ = pushed(with_effects(free, push), 0.0, substeps=substeps)
+    np.testing.assert_allclose(position, 2.0 / MASS * time**3 / 6.0, atol=2e-3 * 4e-5)
+
+
+@both_steps
+def test_cubic_force_over_position(free, with_effects, pushed, substeps):
+    cable = effect_of(lambda ports: ports.add_position_force(1e5 * (ports.positions - 0.06) ** 3))
+    time, position, _ = pushed(with_effects(free, cable), 0.0, substeps=substeps, duration=0.5)
+    expected = solve_ivp(
+        lambda t, s: (s[1], -1e5 * (s[0] - 0.06) ** 3 / MASS), (0.0, 0.5), (0.0, 0.0), t_eval=time,
+        rtol=1e-10, atol=1e-14,
+    ).y[0]  # fmt: skip
+    assert np.ptp(expected) > 0.1
+    np.testing.assert_allclose(position, expected, atol=1e-3 * np.ptp(expected))
+
+
+@both_steps
+def test_level_over_time_is_the_ports_factor(nominal, with_effects, substeps):
+    demand = demand_of(1)
+    factor = 1.0 + 0.2 * np.sin(np.arange(len(demand)) / 40.0)
+    table = effect_of(lambda ports: ports.scale_time_coulomb(np.append(factor, factor[-1])))
+    level = np.column_stack([factor, np.ones_like(factor)])
+    zero = np.zeros_like(demand)
+    one = simulate(with_effects(nominal, table), demand, zero, None, substeps=substeps)
+    other = simulate(nominal, demand, zero, None, substeps=substeps, level=level)
+    assert one.position.tobytes() == other.position.tobytes()
+    plain = simulate(nominal, demand, zero, None, substeps=substeps)
+    assert np.abs(plain.force - one.force)[:, 0].max() > 0.5
+
+
+@both_steps
+def test_field_over_both_positions(nominal, with_effects, substeps):
+    # Fc rises along y: x slides at one speed while y moves, and its friction follows y.
+    grid = np.linspace(-0.15, 0.15, 31)
+    field = effect_of(
+        lambda ports: ports.scale_field_coulomb(
+            grid, grid, np.broadcast_to(1.0 + 4.0 * grid, (31, 31)).copy()
+        )
+    )
+    rows = 1000
+    speed = 0.05 * np.minimum(np.arange(rows) / 50.0, 1.0)
+    demand = np.column_stack([np.cumsum(speed) * 1e-3, 0.5 * np.cumsum(speed) * 1e-3])
+    stage = with_effects(nominal, field)
+    response = simulate(stage, demand, 0.0 * demand, None, substeps=substeps, rounded=False)
+    across = response.position[300:, 1] - 0.025 * 0.01  # the elements follow 10 ms late
+    expected = 6.0 * (1.0 + 4.0 * across) + 20.0 * 0.05
+    np.testing.assert_allclose(response.force[300:, 0], expected, atol=0.02)
+    assert needs_all_axes(stage)
+    assert not needs_all_axes(nominal)
+
+
+def test_one_step_per_tick_is_near_the_reference(nominal, with_effects, effects):
+    demand = 3.0 * demand_of(3, 3000)
+    stage = with_effects(
+        nominal,
+        effects["cogging"].at(amplitude=1.5, pitch=0.025, phase=1.0),
+        effects["dead_time"].at(delay=0.00033),
+        effects["resonance"].at(frequency=120.0, damping=0.02, mass_ratio=0.2),
+        y=(
+            effects["cross_coupling"].at(mass=0.5),
+            effects["cable_hysteresis"].at(force=1.0, stiffness=3e3),
+        ),
+    )
+    zero = np.zeros_like(demand)
+    fine, coarse, plain = (
+        simulate(s, demand, zero, None, substeps=n, rounded=False)
+        for s, n in ((stage, 5), (stage, 1), (nominal, 5))
+    )
+    for signal, floor in (("position", 0.05e-6), ("force", 0.07)):
+        a, b, c = (getattr(r, signal) for r in (fine, coarse, plain))
+        difference = np.sqrt(np.mean((a - b) ** 2, axis=0))
+        assert (difference < 0.2 * floor).all(), difference
+        assert (np.sqrt(np.mean((a - c) ** 2, axis=0)) > 2 * floor).all()
+
+
+def test_an_effect_that_does_nothing_changes_nothing(nominal, with_effects, effects):
+    demand = demand_of(6)
+    idle = with_effects(
+        nominal,
+        effects["coulomb_level"].at(ratio=1.0),
+        effects["payload_mass"].at(mass=0.0),
+        effects["force_constant"].at(ratio=1.0),
+        effects["dead_time"].at(delay=0.0),
+        effects["resonance"].at(frequency=100.0, damping=0.02, mass_ratio=0.0),
+        effects["viscous_damping"].at(ratio=1.0),
+    )
+    one = simulate(idle, demand, 0.0 * demand, 4)
+    other = simulate(nominal, demand, 0.0 * demand, 4)
+    assert one.position.tobytes() == other.position.tobytes()
+    assert one.force.tobytes() == other.force.tobytes()
+
+
+def test_an_uncoupled_axis_alone_is_the_same(nominal, with_effects, effects):
+    demand = demand_of(7)
+    stage = with_effects(nominal, effects["force_ripple"].at(ratio=0.05, pitch=0.01, phase=0.3))
+    whole = simulate(stage, demand, 0.0 * demand, None)
+    alone = replace(stage, axes=stage.axes[:1])
+    single = simulate(alone, demand[:, :1], 0.0 * demand[:, :1], None)
+    np.testing.assert_array_equal(single.position[:, 0], whole.position[:, 0])
+    np.testing.assert_array_equal(single.force[:, 0], whole.force[:, 0])
+
+
+def test_threads_do_not_disturb_one_another(nominal, with_effects, effects):
+    demand = demand_of(8, 1500)
+    stages = [
+        with_effects(nominal, effects["cable_hysteresis"].at(force=f, stiffness=2e3))
+        for f in (0.5, 1.5)
+    ]
+    alone = [simulate(s, demand, 0.0 * demand, None).force for s in stages]
+    together = [None, None]
+
+    def work(i):
+        together[i] = simulate(stages[i], demand, 0.0 * demand, None).force
+
+    threads = [Thread(target=work, args=(i,)) for i in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for one, other in zip(alone, together, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_rest_force_is_shared_between_friction_and_disturbance(nominal, with_effects, effects):
+    stage = with_effects(
+        nominal,
+        effects["force_offset"].at(force=2.0),
+        effects["dead_time"].at(delay=0.0005),
+        effects["force_constant"].at(ratio=0.95),
+    )
+    zero = np.zeros((200, 2))
+    response = simulate(stage, zero, zero, None, rest_force=[4.0, 0.0], rounded=False)
+    np.testing.assert_allclose(response.force[:, 0], 4.0, atol=0.01)
+    assert np.abs(response.position).max() <= 1e-9
+
+
+def test_time_begins_when_setpoints_do(nominal, with_effects):
+    blow = effect_of(lambda ports: ports.add_time_force(np.where(ports.times > 0.06, 3.0, 0.0)))
+    plant = Plant(with_effects(nominal, blow), None)
+    plant.power(0, True)
+    plant.advance_to(50_000_000)
+    plant.start_clock()
+    forces = []
+    for k in range(1, 100):
+        plant.advance_to(50_000_000 + k * 1_000_000)
+        forces.append(plant.force(0))
+        plant.start_clock()  # for every axis, and again: once is enough
+    assert np.abs(forces[:59]).max() < 0.01
+    assert np.abs(forces[61:]).min() > 0.1
+
+
+def test_what_does_not_fit_is_refused(nominal, with_effects, effects):
+    zero = np.zeros((5, 2))
+    stage = with_effects(
+        nominal, *[effects["resonance"].at(frequency=90, damping=0.02, mass_ratio=0.6)] * 2
+    )
+    with pytest.raises(ValueError, match=r"axis x: effects hang 1\.2 of the mass"):
+        simulate(stage, zero, zero, None)
+    stage = with_effects(nominal, effects["cross_coupling"].at(mass=0.3))
+    with pytest.raises(ValueError, match="axis x: an effect that involves the other axis"):
+        simulate(replace(stage, axes=stage.axes[:1]), zero[:, :1], zero[:, :1], None)
+    with pytest.raises(ValueError, match="substeps must be 1 or at least 5, is 3"):
+        simulate(nominal, zero, zero, None, substeps=3)
+    with pytest.raises(ValueError, match=r"level must have shape \(5, 2\)"):
+        simulate(nominal, zero, zero, None, level=np.ones((4, 2)))
+    wrong = effect_of(lambda ports: ports.add_position_force(np.ones(3)))
+    with pytest.raises(ValueError, match=r"axis x: own: table has shape \(3,\)"):
+        simulate(with_effects(nominal, wrong), zero, zero, None)
+    endless = effect_of(lambda ports: ports.scale_position_gain(ports.positions / 0.0))
+    with np.errstate(all="ignore"), pytest.raises(ValueError, match="not finite"):
+        simulate(with_effects(nominal, endless), zero, zero, None)
+
+
+def test_nodes_cover_travel_speed_and_time(nominal):
+    axis = nominal.axes[0]
+    ports = EffectPorts(axis, 1e-3, 2.0)
+    assert ports.positions[0] < axis.travel[0] - 5e-3
+    assert ports.positions[-1] > axis.travel[1] + 5e-3
+    assert ports.velocities[-1] > axis.velocity
+    assert ports.velocities[len(ports.velocities) // 2] == 0.0
+    assert ports.times[0] == 0.0
+    assert ports.times[-1] >= 2.0
