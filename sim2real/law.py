@@ -1,0 +1,197 @@
+"""The drive's controller recomputed from what was logged: the force it must have commanded.
+
+The law is that of docs/reference-stage.md ("The drive, each control tick"): between two SYNCs the
+demand is known exactly, the encoder is interpolated by a cubic spline through the logged
+positions, and the commanded force goes through the current loop to the instant of sampling. The
+mechanics play no part: whatever acts on the stage, a drive that computes this law reports this
+force. On recordings of a stage that does, the remainder is the rounding of 0x6077. Dead time and
+current bandwidth stand between command and report, and so are seen here alone, apart from
+everything else.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
+
+from hil_sim.settings import ControlSettings, StageSettings
+from sim2real.recording import BoolArray, FloatArray
+from sim2real.replay import Replay
+
+TERMS = ("kp", "ki", "kd", "force_offset")
+"""Parts of the commanded force, in the order of `Law.terms`."""
+_WINDUP_PASSES = 8
+_WARM_UP = 20
+"""Samples within which the derivative's filter forgets that the law was begun in mid-motion."""
+_MARGIN = 4
+"""Samples at both ends and beside gaps that the interpolation does not do justice."""
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """How the logged channels lie in time against the law [s]; all zero as the machine file says.
+
+    Attributes:
+        lag: from the law's output to the current loop (dead time); negative: force is logged early.
+        position: by how much the logged position is late.
+        demand: by how much the setpoints act late.
+        drift: the logged position's lateness grows by so much per second.
+        resampled: the logged force was moved this much later by interpolating its samples. (Force
+            sampled late within the drive is `lag`: between SYNCs the force is no straight line,
+            for the demand's velocity steps at each.)
+    """
+
+    lag: float = 0.0
+    position: float = 0.0
+    demand: float = 0.0
+    drift: float = 0.0
+    resampled: float = 0.0
+
+
+AS_STATED = Timing()
+"""As the machine file has it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Law:
+    """One axis' controller and what was logged of it.
+
+    Attributes:
+        control: of the machine file.
+        period: SYNC period [s].
+        demand, offset: setpoints of every SYNC period, float64[P] [m, N].
+        place: int64[K], the period that each sample belongs to.
+        force: logged, float64[K] [N].
+        usable: bool[K], samples at which the law can be recomputed.
+        encoder: spline through the logged positions over time [s].
+        begin: number of the first SYNC period.
+    """
+
+    control: ControlSettings
+    period: float
+    demand: FloatArray
+    offset: FloatArray
+    place: NDArray[np.int64]
+    force: FloatArray
+    usable: BoolArray
+    encoder: CubicSpline
+    begin: int = 0
+
+    def terms(self, timing: Timing = AS_STATED, bandwidth: float | None = None) -> FloatArray:
+        """Parts of the reported force, float64[4, K] [N], in the order of `TERMS`.
+
+        They are good to a constant, for the integrator may have started with any value.
+
+        Args:
+            timing: of the channels.
+            bandwidth: of the current loop [Hz]; None for the machine file's.
+        """
+        control = self.control
+        tick = control.period
+        ticks = round(self.period / tick)
+        count = len(self.demand) * ticks
+        at = (np.arange(count) + self.begin * ticks) * tick
+        # The ramp to setpoint k ends with the last tick before SYNC k + 1.
+        reached = (np.arange(len(self.demand)) + self.begin + 1) * self.period - tick
+        demand = np.interp(at - timing.demand, reached, self.demand)
+        offset = np.interp(at - timing.demand, reached, self.offset)
+        error = demand - self.encoder(at + timing.position + timing.drift * at)
+        keep = tick / (control.derivative_time + tick)
+        rate = np.diff(error, prepend=error[:1]) / tick
+        derivative = lfilter([keep], [1.0, keep - 1.0], rate)
+        proportional, damping = control.kp * error, control.kd * derivative
+        integral = self._integral(error, proportional + damping + offset)
+        parts = np.stack((proportional, integral, damping, offset))
+        # The current loop, exact for a held input that changes `part` after the tick.
+        shift, part = divmod(timing.lag / tick, 1.0)
+        corner = 2.0 * math.pi * (control.current_bandwidth if bandwidth is None else bandwidth)
+        new = -math.expm1(-corner * tick * (1.0 - part))
+        whole = -math.expm1(-corner * tick)
+        out = lfilter([new, whole - new], [1.0, whole - 1.0], parts, axis=1)
+        # Sample k is taken before the tick of SYNC k.
+        sampled = (self.place - self.begin) * ticks - 1 - int(shift)
+        reported: FloatArray = np.where(sampled >= 0, out[:, np.clip(sampled, 0, count - 1)], 0.0)
+        if timing.resampled:
+            times = self.place * self.period
+            late = times - timing.resampled
+            reported = np.array([np.interp(late, times, part) for part in reported])
+        return reported
+
+    def slip(self) -> FloatArray:
+        """What the law makes of a position log that is off, float64[2, K] [N]: by 1 m, by 1 m/m."""
+        time = self.place * self.period
+        control = self.control
+        offset = control.kp + control.ki * (time - time[0])
+        followed = self.demand[self.place - self.begin]
+        scale = control.kp * followed + control.ki * self.period * np.cumsum(followed)
+        slip: FloatArray = -np.stack((offset, scale))
+        return slip
+
+    def busiest(self, samples: int) -> Law:
+        """The law over the stretch of so many samples in which the demand travels farthest."""
+        count = len(self.place)
+        if samples >= count:
+            return self
+        gone = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(self.demand)))))
+        travelled = gone[self.place[samples - 1 :]] - gone[self.place[: count - samples + 1]]
+        start = int(np.argmax(travelled))
+        first, last = self.place[start], self.place[start + samples - 1]
+        usable = self.usable[start : start + samples].copy()
+        usable[:_WARM_UP] = False
+        return replace(
+            self,
+            demand=self.demand[first : last + 1],
+            offset=self.offset[first : last + 1],
+            place=self.place[start : start + samples],
+            force=self.force[start : start + samples],
+            usable=usable,
+            begin=self.begin + int(first),
+        )
+
+    def _integral(self, error: FloatArray, rest: FloatArray) -> FloatArray:
+        """Output of the integrator before each tick [N], halted where the output is clamped."""
+        control = self.control
+        taken = error
+        for _ in range(_WINDUP_PASSES):
+            total = np.cumsum(taken) * control.ki * control.period
+            integral: FloatArray = np.concatenate(([0.0], total[:-1]))
+            raw = integral + rest
+            halted = (np.abs(raw) > control.peak_force) & (raw * error > 0)
+            if not halted.any():
+                break
+            taken = np.where(halted, 0.0, error)
+        return integral
+
+
+def law_of(replay: Replay, settings: StageSettings, axis: str) -> Law:
+    """The controller of one axis and what was logged of it.
+
+    Raises:
+        ValueError: fewer valid samples than an interpolation needs.
+    """
+    index = replay.names.index(axis)
+    signals = replay.recording.axes[axis]
+    valid = np.flatnonzero(signals.valid)
+    if len(valid) < 4 * _MARGIN:
+        raise ValueError(f"axis {axis}: only {len(valid)} valid samples")
+    usable = signals.valid.copy()
+    usable[: valid[0] + _MARGIN] = False
+    usable[valid[-1] + 1 - _MARGIN :] = False
+    places = replay.place[valid]
+    for gap in np.flatnonzero(np.diff(places) > 1):
+        usable[max(valid[gap] + 1 - _MARGIN, 0) : valid[gap + 1] + _MARGIN] = False
+    return Law(
+        settings.axes[index].control,
+        replay.period,
+        replay.demand[:, index],
+        replay.offset[:, index],
+        replay.place,
+        signals.force_actual,
+        usable,
+        CubicSpline(places * replay.period, signals.position_actual[valid]),
+    )
