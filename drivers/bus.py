@@ -22,7 +22,10 @@ from drivers.errors import BusError
 from drivers.settings import HOST_NODE, BusSettings
 
 Tap = Callable[[int, int, bytes], object]
-"""Sees every frame sent or received: (time [ns], CAN-ID, data)."""
+"""Sees every frame sent or received: (time [ns], CAN-ID, data); id `BUS_FAILED` where that failed.
+"""
+BUS_FAILED = 0x2000_0000
+"""SocketCAN's flag of an error frame."""
 
 HEARTBEAT_NS = 100_000_000
 SERVICE_NS = 25_000_000
@@ -112,7 +115,9 @@ class Network(canopen.Network):
             raise self.failure(f"cannot send frame 0x{can_id:03X}", why) from why
 
     def failure(self, what: str, why: BaseException) -> BusError:
-        """A `BusError` that names this bus."""
+        """A `BusError` that names this bus; the tap sees that the bus failed."""
+        if self.tap is not None:
+            self.tap(self.clock.now_ns(), BUS_FAILED, b"")
         return BusError(f"bus {self.label}: {what}: {_line(why)}")
 
     def received(self, message: can.Message) -> None:

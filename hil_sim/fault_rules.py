@@ -144,7 +144,8 @@ class Rule:
                 return frames * (1 + copies)
             case f.Delay(least=least, most=most):
                 return [
-                    (delay + nanoseconds(self._random.uniform(least, most)), data)
+                    # whole microseconds: more than that no bus log shows
+                    (delay + round(self._random.uniform(least, most) * 1e6) * 1000, data)
                     for delay, data in frames
                 ]
             case f.Resize(length=length):

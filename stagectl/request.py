@@ -33,6 +33,15 @@ class Resumed:
     done: int
     friction: Mapping[str, Figures]
 
+    @classmethod
+    def noted(cls, note: Mapping[str, Any]) -> Resumed:
+        """From what a recording keeps of it (`RunRequest.as_noted`)."""
+        friction = {
+            str(axis): {str(name): (float(p[0]), float(p[1])) for name, p in figures.items()}
+            for axis, figures in note["friction"].items()
+        }
+        return cls(str(note["run"]), str(note["started"]), int(note["done"]), friction)
+
     def link(self) -> dict[str, object]:
         """For the summary of the run that goes on: what it goes on with, and where."""
         return {"run": self.run, "started": self.started, "done": self.done}
@@ -84,6 +93,11 @@ class RunRequest:
             if self.truth is None or self.mode is not Mode.ORACLE
             else self.truth.text,
             "bus": None if self.bus is None else list(self.bus),
+            "files": {
+                "recipe": self.recipe.source,
+                "machine": self.machine.source,
+                "truth": None if self.truth is None else self.truth.source,
+            },
             "retries": self.retries,
             "resumed": None
             if resumed is None

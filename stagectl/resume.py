@@ -58,16 +58,14 @@ def load_interrupted(folder: Path, recipe: Recipe) -> Resumed:
 
 
 def _resumed(folder: Path, notes: RunNotes, run: Mapping[str, Any]) -> Resumed:
-    before = run["resumed"] or {"done": 0, "friction": {}}
+    before = None if run["resumed"] is None else Resumed.noted(run["resumed"])
     done = [int(e["number"]) for e in notes.events if e["event"] == "done"]
-    friction: dict[str, Figures] = {
-        str(axis): {str(name): _pair(pair) for name, pair in figures.items()}
-        for axis, figures in before["friction"].items()
-    }
+    friction = {} if before is None else dict(before.friction)
     for event in notes.events:
         if event["event"] == "friction" and event["accepted"]:
             friction[str(event["axis"])] = _figures(event["parameters"])
-    return Resumed(str(folder), notes.started, max([int(before["done"]), *done]), friction)
+    done.append(0 if before is None else before.done)
+    return Resumed(str(folder), notes.started, max(done), friction)
 
 
 def _figures(parameters: Mapping[str, Sequence[float]]) -> Figures:

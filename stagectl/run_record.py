@@ -122,6 +122,11 @@ class RunRecord:
                 first=entry.first_ns * 1e-9 if entry.count else None,
             )
 
+    def note_log(self, digest: str | None) -> None:
+        """The bus log is written: the recording knows which one is its own."""
+        if digest is not None:
+            self.journal.event("bus_log", digest=digest)
+
     def abandon(self) -> None:
         """An error that nobody foresaw: what there is becomes a recording."""
         self.journal.finish("fault", "internal error")

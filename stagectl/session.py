@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
+import can
+
 from drivers import AxisFault, BusError, DriverError, Stage
 from drivers.settings import AxisSettings, BusSettings
 from estimation.trajectory import Limits
@@ -57,15 +59,35 @@ class Listener:
     switched_on: Callable[[VirtualStage, World], object] = field(default=lambda *_: None)
 
 
-def execute(request: RunRequest, listener: Listener) -> RunResult:
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """What stands in for bus, camera and operator, where a run is made again.
+
+    Attributes:
+        bus: with a clock of its own.
+        fiducial: where the marks are.
+        stop: after so many samples the operator asks for a stop, with this reason.
+    """
+
+    bus: can.BusABC
+    fiducial: Fiducial
+    stop: tuple[int, str] | None = None
+
+
+def execute(request: RunRequest, listener: Listener, rig: Rig | None = None) -> RunResult:
     """Run a recipe and write its files.
+
+    Args:
+        request: what is to be run.
+        listener: who wants to know what goes on.
+        rig: in place of the bus that the request names.
 
     Raises:
         ConfigError: the stage cannot be set up from the files given; nothing has moved.
         StagectlError: the folder cannot be written.
         OSError: likewise.
     """
-    fiducial = make_fiducial(request.recipe.fiducial)
+    fiducial = make_fiducial(request.recipe.fiducial) if rig is None else rig.fiducial
     try:
         request.folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -84,25 +106,23 @@ def execute(request: RunRequest, listener: Listener) -> RunResult:
     bus, axes = driver_settings(request.machine)
     if request.bus is not None:
         bus = replace(bus, interface=request.bus[0], channel=request.bus[1])
-    run = _Run(request, listener, compensation, fiducial)
-    with (
-        _virtual_stage(request, bus, listener) as (used, injected),
-        BusLog(request.folder / "bus.asc", request.started) as log,
-    ):
+    run = _Run(request, listener, compensation, fiducial, rig)
+    log = BusLog(request.folder / "bus.asc", request.started)
+    with _virtual_stage(request, bus, listener, rig) as (used, injected), log:
         run.drive(used, axes, log)
         run.note(injected)
-    return run.finish()
+    return run.finish(log.digest)
 
 
 @contextmanager
 def _virtual_stage(
-    request: RunRequest, bus: BusSettings, listener: Listener
+    request: RunRequest, bus: BusSettings, listener: Listener, rig: Rig | None
 ) -> Iterator[tuple[BusSettings, Sequence[Injected]]]:
     """The bus to use, and the faults on it.
 
     With `--simulate` it is a lock-step one with the truth's virtual drives on it.
     """
-    if request.truth is None:
+    if request.truth is None or rig is not None:
         yield bus, ()
         return
     channel = f"run-{id(request)}"
@@ -129,9 +149,10 @@ class _Run:
         listener: Listener,
         compensation: tuple[AxisCompensation, ...],
         fiducial: Fiducial,
+        rig: Rig | None,
     ) -> None:
         self._request, self._listener, self._compensation = request, listener, compensation
-        self._fiducial = fiducial
+        self._fiducial, self._rig = fiducial, rig
         self._stage: Stage | None = None
         self._engine: Engine | None = None
         self._error: StagectlError | None = None
@@ -145,7 +166,8 @@ class _Run:
             listener.stoppable(self._ask_to_stop)
             listener.phase(f"opening {bus}")
             missed = self._request.machine.bus.max_missed
-            with Stage.open(bus, axes, tap=log.tap, max_missed=missed) as stage:
+            given = None if self._rig is None else self._rig.bus
+            with Stage.open(bus, axes, tap=log.tap, bus_object=given, max_missed=missed) as stage:
                 self._stage = stage
                 listener.phase("booting the drives")
                 stage.boot()
@@ -170,9 +192,10 @@ class _Run:
             self._record.abandon()
             raise
 
-    def finish(self) -> RunResult:
-        """Write what the run leaves."""
+    def finish(self, log_digest: str | None) -> RunResult:
+        """Write what the run leaves, beside the bus log."""
         self._listener.phase("writing recording and report")
+        self._record.note_log(log_digest)
         return self._record.finish(self._error)
 
     def _go_through(self, stage: Stage, axes: tuple[AxisSettings, ...], period: float) -> None:
@@ -184,7 +207,7 @@ class _Run:
         )
         attempt, attempted = 0, record.done
         while True:
-            stage.sink = record.journal.sink
+            stage.sink = self._sink(engine)
             try:
                 engine.run(plan_from(recipe, record.done, start))
                 return
@@ -202,6 +225,20 @@ class _Run:
                     record.broken_off(broken)
             finally:
                 stage.sink = None
+
+    def _sink(self, engine: Engine) -> Callable[[Sequence[int]], None]:
+        """Where samples go."""
+        journal = self._record.journal
+        if self._rig is None or self._rig.stop is None:
+            return journal.sink
+        samples, reason = self._rig.stop
+
+        def sink(sample: Sequence[int]) -> None:
+            journal.sink(sample)
+            if journal.samples == samples:
+                engine.stop(reason)
+
+        return sink
 
     def _recover(self, stage: Stage, fault: AxisFault) -> None:
         """From a stopped stage with a fault to an enabled one.

@@ -25,6 +25,7 @@ COMMANDS = {
     "gap": ("stagectl.cli.gap", "Where simulation and recording differ."),
     "paper": ("stagectl.cli.paper", "The source paper's tables and claims, reproduced."),
     "recover": ("stagectl.cli.recover", "Recordings out of what killed runs left."),
+    "replay": ("stagectl.cli.replay", "A recorded bus log drives the host again."),
     "completion": ("stagectl.cli.completion", "Shell completion."),
 }
 

@@ -4,6 +4,8 @@ Every data frame with its time since the first, classic CAN only (no CAN FD, no 
 Direction is the host's view, told by the CANopen function code (CiA 301, predefined connection
 set). While the run goes on frames are spooled as they are to `bus.frames` beside it, for `tap` is
 called inside the SYNC cycle; the text is made at the end, or by `recover` where a run was killed.
+Its last line, a comment to other tools, is the SHA-256 of all lines before it. Where the bus failed
+the host there is an `ErrorFrame`.
 
 The log is the least of what a run writes, and it sees every frame before the bus does: where it
 cannot be written (disk full) it must not keep a quick stop from being sent, so it ends there, says
@@ -12,12 +14,14 @@ so in `failure`, and leaves the frames it has.
 
 from __future__ import annotations
 
+import hashlib
 import struct
 from collections.abc import Iterator
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
+from typing import BinaryIO
 
 from stagectl.errors import StagectlError, UnusableInput
 
@@ -25,6 +29,9 @@ LOG_NAME = "bus.asc"
 SPOOL_SUFFIX = ".frames"
 SPOOL_NAME = "bus.frames"
 LEFT_OVER_NAME = "bus-recovered.asc"
+DIGEST_LINE = "// SHA-256 of the lines above: "
+BUS_FAILED = 0x2000_0000
+"""In place of an id: the bus refused to send or receive (SocketCAN's flag of error frames)."""
 
 # Function codes (COB-ID & ~0x7F) the host sends: NMT, SYNC (node 0), RPDO 1..4, SDO request.
 _HOST_SENDS = {0x000, 0x200, 0x300, 0x400, 0x500, 0x600}
@@ -47,6 +54,7 @@ class BusLog:
     Attributes:
         path: of the ASC file, there after `close`.
         failure: why the log is not whole, or None; the spool stays then, for `recover`.
+        digest: SHA-256 of the ASC file's text, after `close`; None where there is none.
     """
 
     def __init__(self, path: Path, started: datetime, host_node: int = 127) -> None:
@@ -62,6 +70,7 @@ class BusLog:
         """
         self.path = path
         self.failure: str | None = None
+        self.digest: str | None = None
         self._spool = path.with_suffix(SPOOL_SUFFIX)
         _set_aside(self._spool, started.tzinfo)
         try:
@@ -102,7 +111,7 @@ class BusLog:
         if self.failure is not None:
             raise StagectlError(self.failure)
         try:
-            convert(self._spool, self.path, self._zone)
+            self.digest = convert(self._spool, self.path, self._zone)
         except StagectlError as error:
             self.failure = str(error)
             raise
@@ -146,10 +155,11 @@ def recover_log(folder: Path) -> Path | None:
     spool = path.with_suffix(SPOOL_SUFFIX)
     if not spool.exists():
         return None
-    return path if convert(spool, path, datetime.now().astimezone().tzinfo) else None
+    zone = datetime.now().astimezone().tzinfo
+    return None if convert(spool, path, zone) is None else path
 
 
-def convert(spool: Path, path: Path, zone: object = None) -> bool:
+def convert(spool: Path, path: Path, zone: object = None) -> str | None:
     """Make an ASC file out of a spool, whole or cut anywhere, and remove the spool.
 
     Args:
@@ -158,7 +168,8 @@ def convert(spool: Path, path: Path, zone: object = None) -> bool:
         zone: tzinfo of the date in its header.
 
     Returns:
-        Whether there was anything in it; else there is no file.
+        SHA-256 of the text, as its last line states it; None where there was nothing in the spool
+        and so there is no file.
 
     Raises:
         UnusableInput: it is not a spool.
@@ -170,27 +181,38 @@ def convert(spool: Path, path: Path, zone: object = None) -> bool:
             head = frames.read(_HEAD.size)
             if len(head) < _HEAD.size and _MAGIC.startswith(head[: len(_MAGIC)]):
                 spool.unlink()  # killed before the first block was written
-                return False
+                return None
             if len(head) < _HEAD.size or not head.startswith(_MAGIC):
                 raise UnusableInput(f"{spool}: not the frames of a bus log")
             _, started, host_node = _HEAD.unpack(head)
             date = _date(datetime.fromtimestamp(started * 1e-6, zone))  # type: ignore[arg-type]
-            with part.open("w", encoding="ascii", newline="\n") as text:
-                text.write(
-                    f"date {date}\nbase hex  timestamps absolute\ninternal events logged\n"
-                    f"Begin Triggerblock {date}\n   0.000000 Start of measurement\n"
-                )
-                lines = _Lines(host_node)
-                while block := frames.read(_FRAME.size * _BLOCK):
-                    text.writelines(lines.of(block[: len(block) // _FRAME.size * _FRAME.size]))
-                text.write("End TriggerBlock\n")
+            with part.open("wb") as text:
+                seal = hashlib.sha256()
+                for piece in _pieces(frames, date, host_node):
+                    seal.update(piece)
+                    text.write(piece)
+                digest = seal.hexdigest()
+                text.write(f"{DIGEST_LINE}{digest}\n".encode("ascii"))
         part.replace(path)
         spool.unlink()
-        return True
+        return digest
     except OSError as error:
         with suppress(OSError):  # leaves its room to the recording
             part.unlink()
         raise StagectlError(f"{path}: cannot write: {error.strerror}") from error
+
+
+def _pieces(frames: BinaryIO, date: str, host_node: int) -> Iterator[bytes]:
+    """The file's text up to its digest."""
+    yield (
+        f"date {date}\nbase hex  timestamps absolute\ninternal events logged\n"
+        f"Begin Triggerblock {date}\n   0.000000 Start of measurement\n"
+    ).encode("ascii")
+    lines = _Lines(host_node)
+    while block := frames.read(_FRAME.size * _BLOCK):
+        text = "".join(lines.of(block[: len(block) // _FRAME.size * _FRAME.size]))
+        yield text.encode("ascii")
+    yield b"End TriggerBlock\n"
 
 
 class _Lines:
@@ -209,6 +231,9 @@ class _Lines:
                     self._first = t_ns
                 last = t_ns
                 stamp = "%11.6f" % (max(t_ns - self._first, 0) * 1e-9)
+            if can_id == BUS_FAILED:
+                yield f"{stamp} 1  ErrorFrame\n"
+                continue
             identity = self._ids.get(can_id) or self._identity(can_id)
             yield f"{stamp}{identity}{length} {data[:length].hex(' ').upper()}\n"
 

@@ -1,0 +1,99 @@
+"""Reads the bus log of a run (`bus.asc`) back, and checks the digest that it carries."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from stagectl.errors import UnusableInput
+from stagectl.store.bus_log import DIGEST_LINE
+
+MAX_FRAMES = 50_000_000
+
+_LINE = re.compile(
+    r"\s*(\d{1,12})\.(\d{6})\s+1\s+"
+    r"(?:(?P<error>ErrorFrame)|(?P<id>[0-9A-F]{1,8})(?P<extended>x?)\s+(?P<way>Tx|Rx)\s+d\s+"
+    r"(?P<length>[0-8])(?P<data>(?:\s+[0-9A-F]{2})*))\s*"
+)
+_HEADER = ("date ", "base hex ", "internal events ", "Begin Triggerblock", "End TriggerBlock", "//")
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedFrame:
+    """One line of the log.
+
+    Attributes:
+        time_ns: since the first frame [ns], in whole microseconds; never less than the one before.
+        sent: by the host.
+        can_id: arbitration id; -1 where the bus failed the host.
+        data: up to 8 bytes.
+    """
+
+    time_ns: int
+    sent: bool
+    can_id: int
+    data: bytes
+
+    @property
+    def failed(self) -> bool:
+        """Whether this says that the bus refused to send or receive."""
+        return self.can_id < 0
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedBus:
+    """A whole log.
+
+    Attributes:
+        frames: in their order.
+        digest: SHA-256 of the text, in hex.
+        stated: the one that the log carries, None where it carries none.
+    """
+
+    frames: tuple[LoggedFrame, ...]
+    digest: str
+    stated: str | None
+
+
+def read_log(path: Path) -> LoggedBus:
+    """Read a bus log that `bus_log` wrote.
+
+    Raises:
+        UnusableInput: there is none, or a line is none of ours; names the line.
+    """
+    try:
+        text = path.read_text(encoding="ascii")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "is not a text of ours"
+        raise UnusableInput(f"{path}: {reason}") from error
+    body, mark, stated = text.partition(DIGEST_LINE)
+    return LoggedBus(
+        tuple(_frames(body, path)),
+        hashlib.sha256(body.encode("ascii")).hexdigest(),
+        stated.strip() if mark else None,
+    )
+
+
+def _frames(text: str, path: Path) -> Iterator[LoggedFrame]:
+    last = 0
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip() or line.startswith(_HEADER) or line.endswith("Start of measurement"):
+            continue
+        match = _LINE.fullmatch(line)
+        if match is None:
+            raise UnusableInput(f"{path}:{number}: no frame of a bus log: {line.strip()[:60]!r}")
+        time_ns = int(match[1]) * 1_000_000_000 + int(match[2]) * 1000
+        # in real time a frame may be noted with the time at which its cycle began
+        last = time_ns = max(time_ns, last)
+        if match["error"]:
+            yield LoggedFrame(time_ns, False, -1, b"")
+            continue
+        data = bytes.fromhex(match["data"])
+        if len(data) != int(match["length"]):
+            raise UnusableInput(
+                f"{path}:{number}: says {match['length']} bytes, and has {len(data)}"
+            )
+        yield LoggedFrame(time_ns, match["way"] == "Tx", int(match["id"], 16), data)

@@ -1,0 +1,155 @@
+"""`stagectl replay`: the host run again on its own log."""
+
+import json
+import re
+from datetime import UTC, datetime
+
+import h5py
+import pytest
+from click.testing import CliRunner
+
+from hil_sim import faults as f
+from stagectl.cli import cli
+from stagectl.compensation import Mode
+from stagectl.errors import UnusableInput
+from stagectl.recipe.load import parse_recipe
+from stagectl.replay.rerun import replay
+from stagectl.request import RunRequest
+from stagectl.sequencer.events import MoveStarted
+from stagectl.session import Listener, execute
+
+RECIPE = """\
+recipe: short
+macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
+micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
+settle: {window: 5.0e-8, hold: 0.005, timeout: 0.15}
+expose: 0.02
+sites: [[0.004, -0.003], [0.02, 0.01], [0.0, 0.02]]
+fiducial: {source: simulated, range: 80.0e-6, seed: 1}
+"""
+
+
+@pytest.fixture
+def run(machine, tmp_path):
+    def go(*faults, listener=None, retries=0, mode=Mode.ESTIMATED):
+        folder = tmp_path / "run"
+        request = RunRequest(
+            parse_recipe(RECIPE, "short.yaml", machine), machine, machine, None, mode, 0.5, 1,
+            folder, datetime.now(UTC), f.FaultPlan(tuple(faults), 1), retries,
+        )  # fmt: skip
+        return execute(request, listener or Listener()), folder
+
+    return go
+
+
+def edit(path, pattern, replacement, occurrence):
+    """Change one of the lines that match; returns the number of the frame in the log."""
+    lines = path.read_text().splitlines(keepends=True)
+    hits = [n for n, line in enumerate(lines) if re.search(pattern, line)]
+    chosen = hits[occurrence]
+    lines[chosen] = re.sub(pattern, replacement, lines[chosen])
+    path.write_text("".join(lines))
+    return chosen - 4  # five lines come before the first frame
+
+
+@pytest.mark.parametrize(
+    ("faults", "retries", "outcome"),
+    [
+        ((), 0, "completed"),
+        ((f.DriveFault(2, 0x8611, at=3.0),), 1, "completed"),
+        ((f.Delay(f.Frames(frozenset({0x80}), "host"), 0.0, 2e-5),
+          f.Drop(f.Frames(frozenset({0x181}), "drives", probability=0.01)),
+          f.DriveFault(1, 0x2310, at=3.2)), 0, "fault"),
+        ((f.BusOff(None, 2.9, 0.02),), 0, "fault"),
+    ],
+    ids=["plain", "a site begun again", "jitter, loss and a fault", "bus-off"],
+)  # fmt: skip
+def test_the_host_does_the_same_again(run, faults, retries, outcome):
+    result, folder = run(*faults, retries=retries)
+    assert result.summary["outcome"] == outcome
+    again = replay(folder)
+    assert again.difference is None
+    assert again.sealed is True
+    sent = (folder / "bus.asc").read_text().count(" Tx ")
+    assert again.compared == sent > 3000
+
+
+def test_a_stop_by_the_operator_comes_at_the_same_sample(run):
+    begun = []
+
+    def event(happened):
+        begun.append(happened)
+        if sum(isinstance(e, MoveStarted) for e in begun) == 3 and ask:
+            ask.pop()("stopped by the operator")
+
+    ask = []
+    result, folder = run(listener=Listener(event=event, stoppable=ask.append))
+    assert result.summary["outcome"] == "aborted"
+    assert replay(folder).difference is None
+
+
+def test_a_frame_that_the_host_sends_differently_is_the_first_one_told(run):
+    _, folder = run()
+    number = edit(folder / "bus.asc", r"( 201 .* d 8 \w\w \w\w) \w\w", r"\1 7F", 900)
+    edit(folder / "bus.asc", r"( 202 .* d 8 \w\w \w\w) \w\w", r"\1 7F", 950)
+    changed = replay(folder)
+    assert changed.sealed is False
+    assert changed.difference.number == number
+    assert changed.difference.recorded.data[2] == 0x7F
+    assert changed.difference.sent.can_id == 0x201
+    told = CliRunner().invoke(cli, ["replay", str(folder)])
+    assert told.exit_code == 1
+    assert "is not as the run wrote it" in told.output
+    assert f"differs at frame {number}" in told.output
+    assert told.output.count("RPDO 1 of axis x: enable operation") == 2
+
+
+def test_what_the_host_gets_differently_shows_where_it_acts_on_it(run):
+    """A position that was received otherwise changes an offset later on, by the estimate."""
+    _, folder = run()
+    number = edit(folder / "bus.asc", r"( 181 .* d 8) 37 12", r"\1 18 02", 700)  # FAULT
+    told = CliRunner().invoke(cli, ["replay", str(folder), "--json", "-"])
+    difference = json.loads(told.output)["difference"]
+    assert difference["number"] > number
+    assert "quick stop" in difference["sent"]["meaning"]
+    assert "enable operation" in difference["recorded"]["meaning"]
+
+
+def test_a_host_that_sends_less_or_more(run):
+    _, folder = run()
+    log = folder / "bus.asc"
+    whole = log.read_text()
+    log.write_text(
+        whole.replace("End TriggerBlock", " 999.000000 1  80  Tx   d 0\nEnd TriggerBlock")
+    )
+    less = replay(folder).difference
+    assert less.sent is None
+    assert less.recorded.can_id == 0x80
+    lines = whole.splitlines(keepends=True)
+    log.write_text("".join(lines[:3000]))
+    more = replay(folder)
+    assert more.sealed is False  # the recording knows the digest
+    assert more.difference.recorded is None
+
+
+def test_unusable_runs(run, tmp_path):
+    with pytest.raises(UnusableInput, match="no such folder"):
+        replay(tmp_path / "nobody")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(UnusableInput, match="holds no recording"):
+        replay(tmp_path / "empty")
+    _, folder = run()
+    log = folder / "bus.asc"
+    text = log.read_text()
+    log.write_text(text.replace(" d 8 ", " d 7 ", 1))
+    with pytest.raises(UnusableInput, match=r"bus\.asc:\d+: says 7 bytes, and has 8"):
+        replay(folder)
+    log.unlink()
+    with pytest.raises(UnusableInput, match=r"bus\.asc: No such file"):
+        replay(folder)
+    log.write_text(text)
+    with h5py.File(folder / "recording.h5", "r+") as file:
+        event = json.loads(file["events"][0])
+        file["events"][0] = json.dumps({**event, "simulated": False})
+    with pytest.raises(UnusableInput, match="was run in real time"):
+        replay(folder)

@@ -1,0 +1,70 @@
+"""bus.asc read back, and its digest."""
+
+import hashlib
+from datetime import UTC, datetime
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from stagectl.errors import UnusableInput
+from stagectl.store.bus_log import BUS_FAILED, BusLog
+from stagectl.store.log_reader import LoggedFrame, read_log
+
+STARTED = datetime(2026, 11, 2, 8, 5, 6, tzinfo=UTC)
+FRAMES = st.lists(
+    st.tuples(st.integers(0, 10**9), st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=30
+)
+
+
+@given(FRAMES)
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_what_was_logged_comes_back(tmp_path, frames):
+    frames.sort(key=lambda frame: frame[0])
+    path = tmp_path / "bus.asc"
+    with BusLog(path, STARTED) as log:
+        for t_us, can_id, data in frames:
+            log.tap(t_us * 1000, can_id, data)
+    back = read_log(path)
+    assert back.digest == back.stated == log.digest
+    first = frames[0][0] if frames else 0
+    assert [(f.time_ns, f.can_id, f.data) for f in back.frames] == [
+        ((t - first) * 1000, can_id, data) for t, can_id, data in frames
+    ]
+
+
+def test_the_digest_is_that_of_the_text_above_it(tmp_path):
+    with BusLog(tmp_path / "bus.asc", STARTED) as log:
+        log.tap(0, 0x181, b"\x01")
+    *above, last = (tmp_path / "bus.asc").read_bytes().splitlines(keepends=True)
+    assert last.startswith(b"//")
+    assert last.split()[-1].decode() == hashlib.sha256(b"".join(above)).hexdigest()
+
+
+def test_a_bus_that_failed_is_in_the_log(tmp_path):
+    path = tmp_path / "bus.asc"
+    with BusLog(path, STARTED) as log:
+        log.tap(0, 0x201, b"\x01")
+        log.tap(5000, BUS_FAILED, b"")
+    assert read_log(path).frames == (
+        LoggedFrame(0, True, 0x201, b"\x01"),
+        LoggedFrame(5000, False, -1, b""),
+    )
+    assert read_log(path).frames[1].failed
+
+
+@pytest.mark.parametrize("line", ["rubbish", "0.1 1 201 Tx d 1 00", "0.000001 1 201 Tx d 9 00"])
+def test_a_line_that_is_none_of_ours_is_named(tmp_path, line):
+    path = tmp_path / "bus.asc"
+    with BusLog(path, STARTED) as log:
+        log.tap(0, 0x201, b"\x01")
+    path.write_text(path.read_text().replace("End", f"{line}\nEnd"))
+    with pytest.raises(UnusableInput, match=r"bus\.asc:7: no frame of a bus log"):
+        read_log(path)
+
+
+def test_a_log_without_digest_is_read_too(tmp_path):
+    path = tmp_path / "bus.asc"
+    path.write_text("date x\nbase hex  timestamps absolute\n0.000000 1  80  Tx   d 0\n")
+    assert read_log(path).stated is None
+    assert len(read_log(path).frames) == 1
