@@ -20,7 +20,14 @@ class FloorVibration(Effect):
     parameters = (
         Parameter("amplitude", "N", "of the force", (0.25, 0.7), neutral=0.0),
         Parameter(
-            "frequency", "Hz", "", (12.0, 90.0), role="shape", above=0.0, below=2500.0, log=True
+            "frequency",
+            "Hz",
+            "of the force",
+            (12.0, 90.0),
+            role="shape",
+            above=0.0,
+            below=2500.0,
+            log=True,
         ),
         Parameter("phase", "rad", "at t = 0", None, role="phase"),
     )

@@ -5,12 +5,14 @@ import re
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hil_sim.effects.library import EffectError, library
 from hil_sim.effects.ports import EffectPorts
 
-FORMAT = Path(__file__).parents[4] / "docs" / "formats" / "effects.md"
+DOCS = Path(__file__).parents[4] / "docs"
+FORMAT = DOCS / "formats" / "effects.md"
 PACKAGE = '''
 from hil_sim.effects import Effect, Parameter
 
@@ -89,6 +91,17 @@ def test_every_effect_enters_the_ports(effects, nominal):
             k for k, v in vars(ports).items() if v is not plain[k] and str(v) != str(plain[k])
         ]
         assert changed, effect.name
+
+
+def test_the_example_of_the_docs_is_an_effect(nominal):
+    page = (DOCS / "sim-to-real.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", page, re.S)
+    space: dict[str, object] = {}
+    exec(code, space)  # noqa: S102 - our own page
+    ports = EffectPorts(nominal.axes[0], 1e-3, 0.1)
+    space["CoverDrag"]().at(drag=50.0).apply(ports)
+    speed = ports.velocities
+    np.testing.assert_allclose(ports.velocity_force, 50.0 * speed * np.abs(speed))
 
 
 def test_values_are_checked(effects):

@@ -1,0 +1,120 @@
+"""`stagectl effects`: the physical effects that the simulator has."""
+
+from __future__ import annotations
+
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from stagectl.cli.options import FILE, write_json
+
+if TYPE_CHECKING:
+    from hil_sim.effects import Effect, Parameter
+
+WIDTH = 96
+
+
+@click.command(short_help="Physical effects that a machine file can switch on.")
+@click.argument("names", nargs=-1, metavar="[EFFECT]...")
+@click.option("--json", "json_out", type=FILE, help="Write them here; - is stdout.")
+@click.option("--markdown", is_flag=True, help="Print the table of docs/sim-to-real.md.")
+def command(names: tuple[str, ...], json_out: Path | None, markdown: bool) -> None:
+    """List the effects, or say of each EFFECT where it comes from and what is done about it.
+
+    In a machine file: axes.NAME.effects: [{effect: cogging, amplitude: 1.2, pitch: 0.03,
+    phase: 0}]. Those of installed packages are among them.
+    """
+    from hil_sim.effects.library import EffectError, library
+    from stagectl.config.diagnose import suggestion
+    from stagectl.errors import UnusableInput
+
+    try:
+        known = library()
+    except EffectError as error:
+        raise UnusableInput(str(error)) from error
+    for name in names:
+        if name not in known:
+            raise UnusableInput(f"unknown effect '{name}'{suggestion(name, list(known))}")
+    chosen = [known[name] for name in names] if names else list(known.values())
+    if json_out is not None:
+        write_json([_figures(effect) for effect in chosen], json_out)
+        if str(json_out) == "-":
+            return
+    if markdown:
+        click.echo("\n".join(markdown_table(chosen)))
+    elif names:
+        click.echo("\n\n".join(_portrait(effect) for effect in chosen))
+    elif json_out is None:
+        for effect in chosen:
+            click.echo(f"{effect.name:<22}{effect.equation}")
+            for parameter in effect.parameters:
+                click.echo(f"    {parameter.key:<18}{_about(parameter)}")
+
+
+def plausible(parameter: Parameter) -> str:
+    """The range that real stages show, as a text: `0.4…2 N`, `±0.03…0.15 times the mass`."""
+    if parameter.plausible is None:
+        return "on the travel" if parameter.role == "place" else "0…2 pi rad"
+    low, high = parameter.plausible
+    text = f"{'±' if parameter.signed else ''}{low:g}…{high:g}"
+    if parameter.relative_to is not None:
+        return f"{text} times the {parameter.relative_to}"
+    return f"{text} {parameter.unit}".rstrip()
+
+
+def markdown_table(effects: list[Effect]) -> list[str]:
+    """Rows of a table of effects, heading first."""
+    rows = [
+        "| effect | keys: unit, usual range | enters | usual remedy |",
+        "| --- | --- | --- | --- |",
+    ]
+    for effect in effects:
+        keys = "; ".join(
+            f"`{p.key}`{f' [{p.unit}]' if p.unit else ''} {plausible(p)}" for p in effect.parameters
+        )
+        rows.append(f"| `{effect.name}` | {keys} | {effect.enters} | {effect.remedy} |")
+    return rows
+
+
+def _about(parameter: Parameter) -> str:
+    unit = f" [{parameter.unit}]" if parameter.unit else ""
+    meaning = parameter.meaning or parameter.key
+    return f"{meaning}{unit}, usually {plausible(parameter)}"
+
+
+def _portrait(effect: Effect) -> str:
+    lines = [effect.name, f"  {effect.equation}", ""]
+    lines += [f"  {p.key:<14}{_about(p)}" for p in effect.parameters]
+    for title, text in (
+        ("where it comes from", effect.origin()),
+        ("how it enters", effect.enters),
+        ("usual remedy", effect.remedy),
+    ):
+        lines += ["", f"  {title}"]
+        lines += textwrap.wrap(text, WIDTH, initial_indent="    ", subsequent_indent="    ")
+    return "\n".join(lines)
+
+
+def _figures(effect: Effect) -> dict[str, Any]:
+    return {
+        "effect": effect.name,
+        "group": effect.group,
+        "equation": effect.equation,
+        "enters": effect.enters,
+        "origin": effect.origin(),
+        "remedy": effect.remedy,
+        "parameters": [
+            {
+                "key": p.key,
+                "unit": p.unit,
+                "meaning": p.meaning,
+                "role": p.role,
+                "usual": None if p.plausible is None else list(p.plausible),
+                "signed": p.signed,
+                "relative_to": p.relative_to,
+            }
+            for p in effect.parameters
+        ],
+    }
