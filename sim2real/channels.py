@@ -32,8 +32,11 @@ from sim2real.recording import AxisSignals, BoolArray, FloatArray, Recording
 from sim2real.replay import prepare
 from sim2real.report import ChannelFinding
 
-MISLEADING = ("units", "sign", "scale", "offset", "delay", "clock", "controller")
-"""Findings that would pass for physics: without a correction, no diagnosis."""
+MISLEADING = (
+    "units", "sign", "scale", "offset", "delay", "clock", "controller_kp", "controller_ki",
+    "controller_kd",
+)  # fmt: skip
+"""Findings that would pass for physics: they are corrected for, or there is no diagnosis."""
 _SMALLEST = 1e-6
 """Shortest delay that is told [s]; what the law resolves is about a tenth of it."""
 _FACTOR = 2e-3
@@ -49,7 +52,7 @@ class CurrentPath:
     """What lies between the controller's output and the reported force, where not as stated.
 
     Attributes:
-        dead_time: [s], None where there is none.
+        dead_time: [s], None where it is the machine file's.
         bandwidth: of the current loop [Hz], None where it is the machine file's.
     """
 
@@ -210,7 +213,7 @@ def _law_findings(
         if found.bandwidth is None and (found.value < 0 or log_is_late(law, found.value)):
             channel = "force_actual"
         else:
-            current = CurrentPath(found.value, found.bandwidth)
+            current = CurrentPath(law.dead_time + found.value, found.bandwidth)
     elif found.timing == "bandwidth":
         current = CurrentPath(None, found.value)
     if found.timing == "drift":

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
+from hil_sim.port_arrays import opened
 from hil_sim.settings import ControlSettings, StageSettings
 from sim2real.recording import BoolArray, FloatArray
 from sim2real.replay import Replay
@@ -37,7 +38,8 @@ class Timing:
     """How the logged channels lie in time against the law [s]; all zero as the machine file says.
 
     Attributes:
-        lag: from the law's output to the current loop (dead time); negative: force is logged early.
+        lag: from the law's output to the current loop, beyond the dead time that the machine file
+            knows of; negative: the force is logged early.
         position: by how much the logged position is late.
         demand: by how much the setpoints act late.
         drift: the logged position's lateness grows by so much per second.
@@ -69,6 +71,8 @@ class Law:
         force: logged, float64[K] [N].
         usable: bool[K], samples at which the law can be recomputed.
         encoder: spline through the logged positions over time [s].
+        dead_time, bandwidth: between controller and force as the machine file has them, effects
+            included [s, Hz].
         begin: number of the first SYNC period.
     """
 
@@ -80,6 +84,8 @@ class Law:
     force: FloatArray
     usable: BoolArray
     encoder: CubicSpline
+    dead_time: float
+    bandwidth: float
     begin: int = 0
 
     def terms(self, timing: Timing = AS_STATED, bandwidth: float | None = None) -> FloatArray:
@@ -108,8 +114,8 @@ class Law:
         integral = self._integral(error, proportional + damping + offset)
         parts = np.stack((proportional, integral, damping, offset))
         # The current loop, exact for a held input that changes `part` after the tick.
-        shift, part = divmod(timing.lag / tick, 1.0)
-        corner = 2.0 * math.pi * (control.current_bandwidth if bandwidth is None else bandwidth)
+        shift, part = divmod((timing.lag + self.dead_time) / tick, 1.0)
+        corner = 2.0 * math.pi * (self.bandwidth if bandwidth is None else bandwidth)
         new = -math.expm1(-corner * tick * (1.0 - part))
         whole = -math.expm1(-corner * tick)
         out = lfilter([new, whole - new], [1.0, whole - 1.0], parts, axis=1)
@@ -185,6 +191,7 @@ def law_of(replay: Replay, settings: StageSettings, axis: str) -> Law:
     places = replay.place[valid]
     for gap in np.flatnonzero(np.diff(places) > 1):
         usable[max(valid[gap] + 1 - _MARGIN, 0) : valid[gap + 1] + _MARGIN] = False
+    ports = opened(settings, 0.0)[index]
     return Law(
         settings.axes[index].control,
         replay.period,
@@ -194,4 +201,6 @@ def law_of(replay: Replay, settings: StageSettings, axis: str) -> Law:
         signals.force_actual,
         usable,
         CubicSpline(places * replay.period, signals.position_actual[valid]),
+        ports.delay,
+        ports.current_bandwidth,
     )

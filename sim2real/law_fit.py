@@ -114,7 +114,7 @@ def _current_path(law: Law, part: Law, tried: list[Supposition]) -> Supposition:
     """Dead time and current bandwidth together, from the better of both alone."""
     alone = {s.timing: s for s in tried if s.timing in ("lag", "bandwidth")}
     lag, bandwidth = alone["lag"], alone["bandwidth"]
-    stated = law.control.current_bandwidth
+    stated = law.bandwidth
     start = (lag.value, stated) if lag.left < bandwidth.left else (0.0, bandwidth.value)
 
     def at(of: Law, figures: FloatArray) -> Supposition:

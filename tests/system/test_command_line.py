@@ -115,6 +115,7 @@ def test_bad_recipe_is_one_line_and_nothing_moves(stagectl, tmp_path, case):
         (["run", RECIPE, "--simulate", "--friction-scale", "nan"], "--friction-scale"),
         (["gap", "measure", "missing.h5"], "missing.h5"),
         (["gap", "measure", RECIPE], "inspection-20.yaml"),
+        (["gap", "diagnose", RECIPE], "inspection-20.yaml"),
     ],
 )
 def test_bad_arguments_are_one_line(stagectl, tmp_path, arguments, word):
@@ -314,3 +315,16 @@ def test_gap_compare(stagectl, tmp_path):
     report = json.loads(done.stdout)
     assert report["gap_closed"] > 0.95
     assert report["gap"]["x"]["force"]["explained"] < 0.14 < report["gap"]["x"]["force"]["nominal"]
+
+
+def test_gap_diagnose(stagectl, tmp_path):
+    recording = DATA / "null-2.h5"
+    twin = tmp_path / "twin.yaml"
+    done = stagectl("gap", "diagnose", recording, "--json", "-", "--twin", twin)
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    assert (report["format"], report["version"]) == ("stagectl-gap-report", 1)
+    assert report["verdict"] == "no_gap"
+    assert report["recordings"] == [str(recording)]
+    assert (report["channels"], report["causes"]) == ([], [])
+    assert load_machine(twin).axes["x"].plant == load_machine().axes["x"].plant

@@ -1,0 +1,132 @@
+"""`stagectl gap diagnose`: where the gap lies and what causes it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from stagectl.cli.gap_measure import console_for, gap_table, machine_of
+from stagectl.cli.options import FILE, write_json
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from sim2real.examine import Progress
+    from sim2real.report import GapReport
+    from stagectl.config.machine import Machine
+
+_WHERE_SHOWN = 6
+_VERDICTS = {
+    "no_gap": ("No gap", "green"),
+    "explained": ("Explained", "green"),
+    "partly_explained": ("Partly explained", "yellow"),
+    "unexplained": ("Unexplained", "red"),
+    "insufficient": ("Insufficient", "yellow"),
+}
+
+
+@click.command("diagnose", short_help="Where the gap lies, and what causes it.")
+@click.argument("recordings", type=FILE, nargs=-1, required=True, metavar="REC.h5...")
+@click.option("--machine", type=FILE, help="Machine file to compare [the recordings' own].")
+@click.option("--json", "json_out", type=FILE, help="Write the report here; - is stdout.")
+@click.option("--twin", type=FILE, help="Write the machine file with the effects found.")
+@click.option(
+    "--correct/--no-correct",
+    default=False,
+    help="Go on with channels corrected for what is wrong with them [no].",
+)
+def diagnose(
+    recordings: tuple[Path, ...],
+    machine: Path | None,
+    json_out: Path | None,
+    twin: Path | None,
+    correct: bool,
+) -> None:
+    """Channels, gap and floor, where the gap lies, and its causes.
+
+    Several recordings of one stage are diagnosed together. Channels come first: units, signs,
+    delays, clocks and the controller are checked before any physics is suspected.
+    """
+    from sim2real.examine import examine, without_causes
+    from stagectl.config.mapping import stage_settings
+    from stagectl.errors import UnusableInput
+    from stagectl.store.recording import read_recording
+
+    recorded = [read_recording(path) for path in recordings]
+    model = machine_of(machine, *recorded)
+    settings = stage_settings(model)
+    tolerance = {name: axis.plant.tolerance for name, axis in model.axes.items()}
+    quiet = json_out is not None and str(json_out) == "-"
+    console = console_for(quiet)
+    with _diagnosing(console) as progress:
+        try:
+            examined = examine(recorded, settings, tolerance, correct=correct, progress=progress)
+        except ValueError as error:
+            raise UnusableInput(str(error)) from error
+        report = without_causes(examined)
+    if json_out is not None:
+        write_json(report.to_json(), json_out)
+    if twin is not None:
+        _write_twin(twin, model, report)
+    if not quiet:
+        _show(console, report, model.name)
+
+
+def _write_twin(path: Path, machine: Machine, report: GapReport) -> None:
+    from stagectl.config.twin import twin_text
+
+    effects: dict[str, list[tuple[str, dict[str, float]]]] = {}
+    for cause in report.causes:
+        parameters = {key: p.value for key, p in cause.parameters.items()}
+        effects.setdefault(cause.axis, []).append((cause.effect, parameters))
+    path.write_text(twin_text(machine, effects), encoding="utf-8")
+
+
+@contextmanager
+def _diagnosing(console: Console) -> Iterator[Progress]:
+    from rich.progress import Progress, TimeElapsedColumn
+
+    columns = (*Progress.get_default_columns()[:3], TimeElapsedColumn())
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        task = bar.add_task("reading", total=None)
+        yield lambda what, done, total: bar.update(
+            task, description=what, completed=done, total=total
+        )
+
+
+def _show(console: Console, report: GapReport, machine: str) -> None:
+    """The report in a screenful."""
+
+    def say(text: str) -> None:
+        console.print(text, markup=False, highlight=False)
+
+    word, colour = _VERDICTS[report.verdict]
+    console.print(f"[bold {colour}]{word}[/]: ", end="")
+    say(report.reason)
+    for finding in report.channels:
+        say(f"channel  {finding.text}{' (corrected)' if finding.applied else ''}")
+    if report.gap is not None:
+        console.print(gap_table(report.gap, f"Gap of {machine} (rms)"))
+    for cell in report.where[:_WHERE_SHOWN]:
+        say(f"where    {cell.text}")
+    for cause in report.causes:
+        figures = ", ".join(
+            f"{key} {p.value:.4g} ± {p.sigma:.2g} {p.unit}" for key, p in cause.parameters.items()
+        )
+        say(f"cause    {cause.axis}: {cause.effect}, p = {cause.probability:.2f}: {figures}")
+        if cause.remedy:
+            say(f"         {cause.remedy}")
+    for group in report.confusable:
+        say(f"alike    {group.axis}: {', '.join(group.effects)}: {group.why}")
+    if report.gap_closed is not None:
+        interval = report.gap_closed_interval
+        held = "" if interval is None else f" ({interval[0]:.2f} to {interval[1]:.2f})"
+        say(f"closed   {report.gap_closed:.2f}{held} of the gap, on moves that took no part")
+    if report.next_experiment is not None:
+        say(f"next     {report.next_experiment.why}")
