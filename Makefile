@@ -35,6 +35,7 @@ layers: $(STAMP) ## import contracts
 bench: $(STAMP) ## figures of docs/figures.md, and ratios of the hot paths
 	$(BIN)/python benchmarks/run_figures.py
 	$(BIN)/python benchmarks/cycle_rate.py
+	$(BIN)/python benchmarks/cycle_peers.py
 
 clean: ## remove what was built
 	rm -rf $(VENV) runs .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

@@ -35,6 +35,17 @@ _HOST_OPERATIONAL = b"\x05"
 logging.getLogger("canopen").addHandler(logging.NullHandler())
 
 
+class OwnFrame(can.Message):
+    """A data frame of the host's: python-can's `virtual` bus copies it field by field otherwise."""
+
+    __slots__ = ()
+
+    def __deepcopy__(self, memo: dict[int, Any] | None) -> can.Message:
+        return can.Message(
+            arbitration_id=self.arbitration_id, is_extended_id=False, data=bytes(self.data)
+        )
+
+
 def open_bus(settings: BusSettings) -> can.BusABC:
     """Opens the python-can bus of the settings.
 
@@ -106,7 +117,7 @@ class Network(canopen.Network):
             raise BusError(f"bus {self.label}: is closed")
         if self.tap is not None:
             self.tap(self.clock.now_ns(), can_id, payload)
-        message = can.Message(
+        message = (can.Message if remote else OwnFrame)(
             arbitration_id=can_id, is_extended_id=False, is_remote_frame=remote, data=payload
         )
         try:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from drivers import objects as od
 from drivers.axis import Axis
-from drivers.bus import Network
+from drivers.bus import Network, OwnFrame
 from drivers.cia402 import ENABLED_MASK, ENABLED_VALUE, decode
 from drivers.errors import AxisFault
 from drivers.node import Node
@@ -60,7 +60,7 @@ class Channel:
     def adapt(self) -> None:
         """Takes over the axis' mappings."""
         axis = self.axis
-        self.rpdo = can.Message(
+        self.rpdo = OwnFrame(
             arbitration_id=axis.rpdo_id, is_extended_id=False, data=bytes(axis.rpdo.codec.size)
         )
         unpack = axis.tpdo.codec.unpack
@@ -105,7 +105,7 @@ class Cycle:
         self._window = period_ns // 2
         self._max_missed = max_missed
         self._by_id = {c.axis.tpdo_id: c for c in self.channels}
-        self._sync = can.Message(arbitration_id=SYNC_ID, is_extended_id=False, data=b"")
+        self._sync = OwnFrame(arbitration_id=SYNC_ID, is_extended_id=False, data=b"")
         self._overflow, self._count = sync_counter, 0
         self._grid = network.clock.now_ns()
         self._due = self._grid

@@ -79,7 +79,7 @@ class LockstepBus(can.BusABC):
         if get_ident() != self._thread:
             self._refuse()
         queue = self._queue
-        if not queue and timeout == 0 and world.quiet_until(world.now_ns):
+        if not queue and timeout == 0 and world.quiet():
             return None
         deadline = None if timeout is None else world.now_ns + max(0, round(timeout * 1e9))
         while True:

@@ -185,8 +185,7 @@ class Rpdo(_Pdo):
                 if self._acceptable(k, value):
                     values[k] = value
         else:
-            for k, value in zip(self.keys, self.codec.unpack(data), strict=True):
-                values[k] = value
+            values.update(zip(self.keys, self.codec.unpack(data), strict=True))
         for k, hook in self._hooks:
             hook(values[k])  # type: ignore[arg-type]
 
@@ -216,7 +215,7 @@ class Tpdo(_Pdo):
         self._inhibit_key = key(0x1800 + number, 3)
         self._event_key = key(0x1800 + number, 5)
         dictionary.check[self._inhibit_key] = self._check_inhibit
-        self._readers: tuple[Callable[[], Any], ...] = ()
+        self._sample: Callable[[], bytes] = bytes
         self._sync_count = 0
         self._last: bytes | None = None
         self._last_ns = -(1 << 62)
@@ -227,7 +226,10 @@ class Tpdo(_Pdo):
         """Take the parameters from the dictionary."""
         super().compile()
         live, values = self.dictionary.live, self.dictionary.values
-        self._readers = tuple(live.get(k) or partial(values.__getitem__, k) for k in self.keys)
+        self._sample = _sampler(
+            self.codec.pack,
+            [live.get(k) or partial(values.__getitem__, k) for k in self.keys],
+        )
         self._sync_count = 0
 
     def start(self) -> None:
@@ -260,9 +262,6 @@ class Tpdo(_Pdo):
             self._last = data
         self._segment.emit(self.cob_id, data)
 
-    def _sample(self) -> bytes:
-        return self.codec.pack(*[read() for read in self._readers])
-
     def on_event(self) -> None:
         """Something that the device profile counts as an event happened."""
         inhibit_ns = self.dictionary.integer(self._inhibit_key) * 100_000
@@ -282,3 +281,11 @@ class Tpdo(_Pdo):
     def _check_inhibit(self, value: int) -> None:
         if self._exists():
             raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
+
+
+def _sampler(pack: Callable[..., bytes], readers: list[Callable[[], Any]]) -> Callable[[], bytes]:
+    """What reads the mapped objects of a TPDO and packs them; it runs at every SYNC."""
+    if len(readers) == 3:  # as our own host maps it
+        first, second, third = readers
+        return lambda: pack(first(), second(), third())
+    return lambda: pack(*[read() for read in readers])

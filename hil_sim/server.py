@@ -29,6 +29,17 @@ class StopSignal(Protocol):
         """Whether to stop."""
 
 
+class _Frame(can.Message):
+    """A data frame of ours: python-can's `virtual` bus copies it field by field otherwise."""
+
+    __slots__ = ()
+
+    def __deepcopy__(self, memo: dict[int, object] | None) -> can.Message:
+        return can.Message(
+            arbitration_id=self.arbitration_id, is_extended_id=False, data=bytes(self.data)
+        )
+
+
 class RealTimeTimer:
     """An action at a time; made by `RealTimeSegment.at`."""
 
@@ -63,7 +74,7 @@ class RealTimeSegment:
     def emit(self, can_id: int, data: bytes) -> None:
         """Send a data frame."""
         try:
-            self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+            self._bus.send(_Frame(arbitration_id=can_id, data=data, is_extended_id=False))
         except can.CanOperationError:
             self.refused += 1
 

@@ -169,16 +169,19 @@ class World:
             self.now_ns = deadline_ns
         return False
 
-    def quiet_until(self, time_ns: int) -> bool:
-        """Whether no timer is due until then."""
+    def quiet(self) -> bool:
+        """Whether no timer is due now."""
         timers = self._timers
-        return not timers or timers[0][0] > time_ns
+        return not timers or timers[0][0] > self.now_ns
 
     def sleep_until_ns(self, time_ns: int) -> None:
         """Let virtual time pass until `time_ns`, running every timer on the way."""
-        self.check_thread()
-        if self.quiet_until(time_ns):
-            self.now_ns = max(self.now_ns, time_ns)
+        if get_ident() != self._thread:
+            self.check_thread()
+        timers = self._timers
+        if not timers or timers[0][0] > time_ns:
+            if time_ns > self.now_ns:
+                self.now_ns = time_ns
             return
         while self.step(time_ns):
             pass
