@@ -2,8 +2,8 @@
 
 One move, 250 samples, four unknowns, two zones (`peers/problem.py`): the time of a complete
 estimate and what it costs elsewhere, all timed in turn in one run, so that load on the machine
-meets all of them. Everyone's answer is put into the same cost function: what is printed as `excess` is how far
-above the lowest cost found it ends (in units of chi-square; 1 would be a standard deviation).
+meets all of them. Everyone's answer is put into the same cost function: what is printed as `excess`
+is how far above the lowest cost found it ends (in chi-square; 1 would be a standard deviation).
 
     python benchmarks/estimator_peers.py [--rounds 7] [--json OUT]
 

@@ -21,10 +21,10 @@ def drop_stale() -> int:
     dropped = 0
     for name in _FOLDERS:
         folder = _ROOT / name
-        kept = [*folder.glob("__pycache__/*.nbi"), *folder.glob("__pycache__/*.nbc")]
+        kept = [*folder.rglob("__pycache__/*.nbi"), *folder.rglob("__pycache__/*.nbc")]
         if not kept:
             continue
-        newest = max(path.stat().st_mtime for path in folder.glob("*.py"))
+        newest = max(path.stat().st_mtime for path in folder.rglob("*.py"))
         if min(path.stat().st_mtime for path in kept) >= newest:
             continue
         for path in kept:

@@ -25,6 +25,7 @@ COMMANDS = {
     "bus-budget": ("stagectl.cli.bus_budget", "Does the PDO set fit the bus?"),
     "gap": ("stagectl.cli.gap", "Where simulation and recording differ."),
     "effects": ("stagectl.cli.effects", "Physical effects that a machine file can switch on."),
+    "identify": ("stagectl.cli.identify", "Friction figures out of recordings."),
     "paper": ("stagectl.cli.paper", "The source paper's tables and claims, reproduced."),
     "recover": ("stagectl.cli.recover", "Recordings out of what killed runs left."),
     "replay": ("stagectl.cli.replay", "A recorded bus log drives the host again."),

@@ -1,0 +1,251 @@
+"""Friction figures of one axis out of accumulated moves, with sigma, gain and verdict.
+
+First what any move tells (Coulomb force, viscous friction, mass, offset), then all figures without
+the shape of the hysteresis, then everything. What the samples say less of than was believed before
+stays at its prior. An estimate is refused as a whole where the model does not explain the samples.
+
+Sigma is the larger of two: what noise explains (inflated where the residual is above it), and how
+much the blocks of the record disagree. The second one is honest where model errors are alike over
+many neighbouring samples.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.gms import F64, Friction
+from estimation.offline.fit import Fit, Noise, NoSolutionError, Problem
+from estimation.offline.records import Samples, joined, record
+from estimation.offline.unknowns import BASE, FIGURES, RIPPLE, Prior, Unknowns, chosen, unknowns
+
+ESTIMATED, PRIOR, BOUND = "estimated", "stays at its prior", "refused: on its bound"
+TOGETHER = "with its neighbours"
+"""Of one k_i or nu_i of a shape that is told as a whole: by itself it is hardly known better."""
+FOLDS = 3
+"""Parts of the blocks that are left out in turn."""
+KNOWN_AFTER = 4.0
+"""Breakaway travels in one direction after which all elements slip, whatever their state was."""
+
+
+@dataclass(frozen=True, slots=True)
+class OfflineSettings:
+    """How an axis is identified.
+
+    Attributes:
+        mass: moved mass [kg].
+        period: of the samples [s].
+        position_noise: rms of a sampled position, encoder increment included [m].
+        force_noise: rms of a sampled force, its resolution included [N].
+        peak_force: samples at or beyond it are left out [N].
+        wander: rms of the level.  correlation_time: of it [s].
+        model_error: rms of what the model itself misses, relative to the Coulomb force.
+        prior: how far the figures are believed before.
+        misfit: largest rms of the whitened residual that is accepted.
+        least: fewest samples in motion.
+    """
+
+    mass: float
+    period: float
+    position_noise: float
+    force_noise: float
+    peak_force: float = math.inf
+    wander: float = 0.01
+    correlation_time: float = 0.5
+    model_error: float = 0.003
+    prior: Prior = field(default_factory=Prior)
+    misfit: float = 3.0
+    least: int = 300
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """One unknown, before and after.
+
+    Attributes:
+        name, unit: of it; k_i and nu_i add to one each.
+        prior, prior_sigma: before.
+        value, sigma: after.
+        gain: sigma before over sigma after.
+        verdict: `ESTIMATED`, `PRIOR`, `BOUND` or `TOGETHER`.
+    """
+
+    name: str
+    unit: str
+    prior: float
+    prior_sigma: float
+    value: float
+    sigma: float
+    gain: float
+    verdict: str
+
+
+@dataclass(frozen=True, slots=True)
+class Identification:
+    """What all moves of an axis together say.
+
+    Attributes:
+        reason: why nothing was estimated, else None; then all figures are at their prior.
+        figures: every unknown.
+        misfit: rms of the whitened residual; before: with the figures believed before;
+            held_out: on the blocks left out, with the figures of the others. nan where unknown.
+        samples: in motion, that counted.
+        blocks: pieces of the records that counted.
+    """
+
+    reason: str | None
+    figures: tuple[Figure, ...]
+    misfit: float
+    before: float
+    held_out: float
+    samples: int
+    blocks: int
+
+    def __getitem__(self, name: str) -> Figure:
+        """A figure by its name.
+
+        Raises:
+            KeyError: there is none.
+        """
+        for figure in self.figures:
+            if figure.name == name:
+                return figure
+        raise KeyError(name)
+
+
+def identify(
+    moves: Sequence[Samples], friction: Friction, settings: OfflineSettings
+) -> Identification:
+    """Estimate all friction figures of one axis from its moves.
+
+    Args:
+        moves: in order of time; moves that follow one another without a gap (or overlap) are
+            taken as one record, so that the friction state is carried along.
+        friction: what is believed before; its `elements` are those of the answer.
+        settings: of the identification.
+
+    Raises:
+        ValueError: no move.
+    """
+    if not moves:
+        raise ValueError("no moves")
+    u = unknowns(friction, settings.mass, settings.period, settings.prior)
+    travel = KNOWN_AFTER * friction.breakaway_travel
+    records = [
+        record(m, settings.period, settings.position_noise, settings.peak_force, travel)
+        for m in joined(moves, settings.period)
+    ]
+    noise = Noise(
+        settings.period, settings.position_noise, settings.force_noise,
+        settings.model_error * friction.coulomb, settings.wander, settings.correlation_time,
+    )  # fmt: skip
+    problem = Problem(records, u, noise)
+    samples = sum(int(r.used.sum()) for r in records)
+    if samples < settings.least:
+        reason = f"only {samples} samples in motion after all elements have slipped once"
+        return _refused(u, reason, samples, sum(problem.counted))
+    free = np.ones(len(u.mean), dtype=np.bool_)
+    if any(m.demand is None for m in moves):
+        free[[RIPPLE[0], RIPPLE[2]]] = False
+    try:
+        before = problem.solve(u.mean, free & chosen(len(free), ()))
+        fit = problem.solve(u.mean, free & chosen(len(free), BASE), before.levels)
+        figures = chosen(len(free), tuple(range(len(FIGURES))))
+        fit = problem.solve(fit.q, free & figures, fit.levels)
+        fit = problem.solve(fit.q, free, fit.levels)
+        sigma, spread = _sigma(u, fit), _prior_sigma(u)
+        verdicts = _verdicts(u, fit.q, sigma, spread, free)
+        told = np.array([v in (ESTIMATED, TOGETHER) for v in verdicts])
+        if not told.all():
+            start = np.where(told, fit.q, u.mean)
+            fit = problem.solve(start, told, fit.levels)
+            sigma = np.where(told, np.maximum(sigma, _sigma(u, fit)), spread)
+        held_out = _held_out(problem, fit, told)
+    except NoSolutionError as problem_found:
+        return _refused(u, str(problem_found), samples, sum(problem.counted))
+    if not fit.misfit <= settings.misfit:
+        reason = f"residual {fit.misfit:.1f} times what noise and wander explain"
+        return _refused(u, reason, samples, sum(problem.counted), before.misfit, fit.misfit)
+    return Identification(
+        None, _figures(u, fit.q, sigma, verdicts), fit.misfit, before.misfit, held_out, samples,
+        sum(problem.counted),
+    )  # fmt: skip
+
+
+def _sigma(u: Unknowns, fit: Fit) -> F64:
+    """Standard deviations of the values: of the noise, or of the blocks' disagreement."""
+    slopes = u.slopes(fit.q)
+    covariance = slopes @ fit.covariance @ slopes.T
+    noise = np.sqrt(np.maximum(covariance.diagonal(), 0.0)) * max(1.0, fit.misfit)
+    scores = fit.scores[np.abs(fit.scores).max(axis=1) > 0]
+    count = len(scores)
+    if count < 3:
+        return noise
+    each = (scores - scores.mean(axis=0)) @ fit.covariance @ slopes.T
+    spread: F64 = np.sqrt((each**2).sum(axis=0) * count / (count - 1))
+    return np.maximum(noise, spread)
+
+
+def _prior_sigma(u: Unknowns) -> F64:
+    """Standard deviations of the values before; those of k_i and nu_i for a sum of one."""
+    slopes = u.slopes(u.mean)
+    result: F64 = np.sqrt(slopes**2 @ u.spread**2)
+    return result
+
+
+def _held_out(problem: Problem, fit: Fit, told: NDArray[np.bool_]) -> float:
+    """Misfit of each third of the blocks under the figures that the other two thirds give."""
+    numbers = np.flatnonzero(problem.counted)
+    if len(numbers) < 2 * FOLDS:
+        return math.nan
+    chi, samples = 0.0, 0
+    for fold in range(FOLDS):
+        mine = [False] * problem.blocks
+        theirs = [False] * problem.blocks
+        for place, number in enumerate(numbers):
+            (theirs if place % FOLDS == fold else mine)[number] = True
+        learned = problem.solve(fit.q, told, fit.levels, mine)
+        seen = problem.solve(learned.q, chosen(len(fit.q), ()), fit.levels, theirs)
+        chi, samples = chi + seen.chi, samples + seen.samples
+    return math.sqrt(chi / max(samples, 1))
+
+
+def _verdicts(u: Unknowns, q: F64, sigma: F64, spread: F64, free: NDArray[np.bool_]) -> list[str]:
+    """What becomes of every unknown; the shape of the hysteresis is told as a whole or not."""
+    bound = free & ((q <= u.lower) | (q >= u.upper)) & (u.lower < u.mean)
+    weak = (sigma > spread / math.sqrt(2.0)) | ~free
+    verdicts = [BOUND if b else PRIOR if w else ESTIMATED for b, w in zip(bound, weak, strict=True)]
+    first = len(FIGURES)
+    untold = bool(bound[first:].any()) or bool(weak[first:].mean() > 0.5)
+    for i in range(first, len(verdicts)):
+        if verdicts[i] != BOUND and (untold or weak[i]):
+            verdicts[i] = PRIOR if untold else TOGETHER
+    return verdicts
+
+
+def _figures(u: Unknowns, q: F64, sigma: F64, verdicts: Sequence[str]) -> tuple[Figure, ...]:
+    """All unknowns in their units."""
+    values, priors, spread = u.values(q), u.values(u.mean), _prior_sigma(u)
+    result = []
+    for i, name in enumerate(u.names):
+        told = verdicts[i] in (ESTIMATED, TOGETHER)
+        gain = float(spread[i] / sigma[i]) if told and sigma[i] > 0 else 1.0
+        result.append(
+            Figure(
+                name, u.units[i], float(priors[i]), float(spread[i]), float(values[i]),
+                float(min(sigma[i], spread[i])), max(gain, 1.0), verdicts[i],
+            )
+        )  # fmt: skip
+    return tuple(result)
+
+
+def _refused(
+    u: Unknowns, reason: str, samples: int, blocks: int,
+    before: float = math.nan, misfit: float = math.nan,
+) -> Identification:  # fmt: skip
+    figures = _figures(u, u.mean, _prior_sigma(u), [PRIOR] * len(u.mean))
+    return Identification(reason, figures, misfit, before, math.nan, samples, blocks)

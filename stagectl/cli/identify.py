@@ -1,0 +1,155 @@
+"""`stagectl identify`: friction figures, Stribeck curve and hysteresis shape out of recordings."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from stagectl.cli.options import FILE, write_json
+
+if TYPE_CHECKING:
+    from estimation.offline.identify import Figure, Identification
+
+TOLD = ("estimated", "with its neighbours")
+FORMAT, VERSION = "stagectl-friction", 1
+
+
+@click.command(short_help="Friction figures out of recordings.")
+@click.argument("recordings", type=FILE, nargs=-1, required=True)
+@click.option("--machine", type=FILE, help="What is believed before [the first recording's own].")
+@click.option("--axis", "only", multiple=True, help="Only this axis (may be given again).")
+@click.option(
+    "--elements", type=click.IntRange(1, 64), help="Maxwell-slip elements [the machine file's]."
+)
+@click.option("--shape/--no-shape", default=True, help="Print every k_i and nu_i too.")
+@click.option("--json", "json_out", type=FILE, help="Write the figures here; - is stdout.")
+def command(
+    recordings: tuple[Path, ...],
+    machine: Path | None,
+    only: tuple[str, ...],
+    elements: int | None,
+    shape: bool,
+    json_out: Path | None,
+) -> None:
+    """Estimate what single moves do not tell, from all moves of RECORDINGS of one stage.
+
+    Per axis: Coulomb force, viscous friction, presliding stiffness, relaxation rate, Stribeck
+    curve, direction asymmetry and the shape of the hysteresis (k_i, nu_i), with mass, force offset
+    and lag beside them. A figure of which the recordings say less than was believed before stays at
+    its prior, and says so. Recordings with many micro-moves in both directions say most. How to
+    read sigma and gain: docs/estimator.md.
+    """
+    from rich.console import Console
+
+    from stagectl.config.machine import load_machine, parse_machine
+    from stagectl.errors import UnusableInput
+    from stagectl.identify import identify_axis
+    from stagectl.store.recording import read_recording
+
+    read = [read_recording(path) for path in recordings]
+    model = (
+        load_machine(machine)
+        if machine is not None
+        else parse_machine(read[0].machine, f"{recordings[0]}:machine")
+    )
+    for name in only:
+        if name not in model.axes:
+            raise UnusableInput(f"{model.source}: no axis {name!r}, it has {', '.join(model.axes)}")
+    quiet = json_out is not None and str(json_out) == "-"
+    console = Console(stderr=True)
+    found: dict[str, Identification] = {}
+    for name in only or tuple(model.axes):
+        with console.status(f"axis {name}"):
+            found[name] = identify_axis(read, model, name, elements)
+    if json_out is not None:
+        write_json(_report(found, recordings, model.name), json_out)
+    if not quiet:
+        for name, answer in found.items():
+            click.echo("\n".join(_lines(name, answer, shape)))
+
+
+def _report(
+    found: dict[str, Identification], recordings: tuple[Path, ...], machine: str
+) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "machine": machine,
+        "recordings": [str(path) for path in recordings],
+        "axes": {
+            name: {
+                "refused": answer.reason,
+                "misfit": {
+                    "before": _finite(answer.before),
+                    "after": _finite(answer.misfit),
+                    "held_out": _finite(answer.held_out),
+                },
+                "samples": answer.samples,
+                "blocks": answer.blocks,
+                "figures": {
+                    f.name: {
+                        "unit": f.unit, "prior": f.prior, "prior_sigma": f.prior_sigma,
+                        "value": f.value, "sigma": f.sigma, "gain": f.gain, "verdict": f.verdict,
+                    }
+                    for f in answer.figures
+                },
+            }
+            for name, answer in found.items()
+        },
+    }  # fmt: skip
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _lines(name: str, answer: Identification, shape: bool) -> list[str]:
+    """Tables of one axis and what they rest on, 80 columns wide."""
+    lines = [
+        f"Axis {name}",
+        f"  {'figure':23s}{'before':>17s} {'estimate':>21s} {'gain':>6s}  verdict",
+    ]
+    springs = [f for f in answer.figures if f.name.startswith("k_")]
+    shares = [f for f in answer.figures if f.name.startswith("nu_")]
+    for f in answer.figures:
+        if f not in springs and f not in shares:
+            label = f"{f.name} [{f.unit}]" if f.unit else f.name
+            value, gain = _after(f)
+            lines.append(f"  {label:23s}{_before(f):>17s} {value:>21s} {gain:>6s}  {f.verdict}")
+    if shape:
+        head = f"  {'i':>2s} {'k_i before':>15s} {'k_i':>18s} {'nu_i before':>17s} {'nu_i':>18s}"
+        lines += ["", head]
+        for i, (k, nu) in enumerate(zip(springs, shares, strict=True), 1):
+            first, second = _after(k)[0] or "prior", _after(nu)[0] or "prior"
+            lines.append(
+                f"  {i:>2d} {_before(k):>15s} {first:>18s} {_before(nu):>17s} {second:>18s}"
+            )
+    return [*lines, "", *_summary(answer), ""]
+
+
+def _before(figure: Figure) -> str:
+    return f"{figure.prior:.4g} ± {figure.prior_sigma:.2g}"
+
+
+def _after(figure: Figure) -> tuple[str, str]:
+    """Estimate with sigma, and gain; blank where there is no estimate."""
+    if figure.verdict not in TOLD:
+        return "", ""
+    digits = 2
+    if figure.value != 0.0 and figure.sigma > 0.0:
+        digits += max(0, round(math.log10(abs(figure.value) / figure.sigma)))
+    return f"{figure.value:.{digits}g} ± {figure.sigma:.2g}", f"{figure.gain:.3g}"
+
+
+def _summary(answer: Identification) -> list[str]:
+    """What the table rests on."""
+    if answer.reason is not None:
+        return [f"  Nothing estimated: {answer.reason}."]
+    held = f", {answer.held_out:.2f} on moves held out" if math.isfinite(answer.held_out) else ""
+    return [
+        f"  {answer.samples} samples in motion, {answer.blocks} blocks. Residual over its noise:",
+        f"  {answer.before:.2f} before, {answer.misfit:.2f} after{held}; 1 is perfect.",
+    ]

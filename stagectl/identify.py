@@ -1,0 +1,97 @@
+"""Friction figures of an axis out of recordings: joins machine file and `estimation.offline`.
+
+Off the critical path: nothing here is used while a stage moves.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from estimation.noise import encoder_noise, quantisation
+from estimation.offline.identify import Identification, OfflineSettings, identify
+from estimation.offline.records import Samples
+from sim2real.recording import Recording
+from stagectl.compensation import friction_model
+from stagectl.config.machine import Axis, Machine
+from stagectl.errors import UnusableInput
+
+
+def settings_of(axis: Axis, period: float) -> OfflineSettings:
+    """What the machine file says of an axis' sensors and mass; `period` is Ts [s]."""
+    wander = axis.plant.friction.repeatability
+    return OfflineSettings(
+        mass=axis.plant.mass,
+        period=period,
+        position_noise=encoder_noise(axis.encoder.noise, axis.encoder.increment),
+        force_noise=quantisation(axis.drive.rated_force / 1000.0),
+        peak_force=axis.drive.peak_force,
+        wander=wander.coulomb,
+        correlation_time=wander.correlation_time,
+    )
+
+
+def identify_axis(
+    recordings: Sequence[Recording], machine: Machine, name: str, elements: int | None = None
+) -> Identification:
+    """Estimate all friction figures of one axis from recordings.
+
+    Args:
+        recordings: of one stage, in any order.
+        machine: what is believed of it before.
+        name: of the axis.
+        elements: Maxwell-slip elements of the answer; default the machine file's.
+
+    Raises:
+        UnusableInput: a recording without that axis, of another SYNC period, or without samples.
+    """
+    axis, period = machine.axes[name], machine.bus.sync_period
+    friction = friction_model(axis)
+    if elements is not None:
+        friction = replace(friction, elements=elements)
+    pieces: list[Samples] = []
+    offset = 0.0
+    for recording in recordings:
+        where = f"{recording.source}: axis {name}"
+        if name not in recording.axes:
+            raise UnusableInput(f"{where}: the recording has no such axis")
+        try:
+            pieces += _pieces(recording, name, period, offset)
+        except ValueError as error:
+            raise UnusableInput(f"{where}: {error}") from error
+        offset = pieces[-1].time + 2.0 * period * len(pieces[-1].position)  # never joined
+    return identify(pieces, friction, settings_of(axis, period))
+
+
+def _pieces(recording: Recording, name: str, period: float, offset: float) -> list[Samples]:
+    """Samples of one axis, cut where the host passed SYNC periods over.
+
+    Raises:
+        ValueError: SYNCs that are not a period apart, or too few samples.
+    """
+    steps = np.diff(recording.time) / period
+    if len(steps) and abs(float(np.median(steps)) - 1.0) > 0.01:
+        found = float(np.median(steps)) * period
+        raise ValueError(f"SYNC period is {found:.6g} s, the machine file's {period:g} s")
+    signals = recording.axes[name]
+    edges = [0, *(np.flatnonzero(steps > 1.5) + 1).tolist(), len(recording)]
+    pieces = []
+    for begin, end in itertools.pairwise(edges):
+        if end - begin < 3 or signals.valid[begin:end].sum() < 3:
+            continue
+        part = slice(begin, end)
+        pieces.append(
+            Samples(
+                signals.position_actual[part],
+                signals.force_actual[part],
+                signals.valid[part],
+                offset + float(recording.time[begin]),
+                signals.position_demand[part],
+            )
+        )
+    if not pieces:
+        raise ValueError("fewer than three valid samples in a row")
+    return pieces
