@@ -42,8 +42,11 @@ from estimation.offline.unknowns import (
 )
 
 KNOT_SPACING = 0.03
-MAX_ITERATIONS, HALVINGS, TOLERANCE = 25, 8, 0.02
-"""A step below TOLERANCE posterior standard deviations ends it."""
+MAX_ITERATIONS, HALVINGS, TOLERANCE = 25, 6, 0.02
+"""A step below TOLERANCE posterior standard deviations ends it ..."""
+LEAST_GAIN = 0.2, 1e-4
+"""... and so does a fall of the cost below this, absolutely or relatively: breakaways are kinks, on
+whose scale the cost is rough."""
 
 
 _FIGURES = len(FIGURES)
@@ -174,7 +177,7 @@ class Problem:
             if not improved:
                 break
             gained, q, levels, now, cost = cost - lower, trial, shifted, then, lower
-            if size < TOLERANCE or gained < 1e-4:
+            if size < TOLERANCE or gained < max(LEAST_GAIN[0], LEAST_GAIN[1] * cost):
                 break
         covariance = np.zeros((len(q), len(q)))
         if len(index):
