@@ -24,6 +24,7 @@ from hil_sim.coarse import coarse_kick, coarse_move, fine_steps
 from hil_sim.control import (
     CONTROL_DTYPE,
     CONTROL_STATE_DTYPE,
+    HELD_AT_POSITION,
     advance_demand,
     position_loop,
 )
@@ -38,7 +39,7 @@ from hil_sim.port_arrays import (
     fill_coarse,
     opened,
 )
-from hil_sim.settings import AxisSettings, StageSettings
+from hil_sim.settings import AxisSettings, CascadeSettings, ControlSettings, StageSettings
 
 F64 = NDArray[np.float64]
 
@@ -256,6 +257,22 @@ def _plant_record(axis: AxisSettings) -> dict[str, float]:
     }
 
 
+def _control_record(control: ControlSettings) -> tuple[float | bool, ...]:
+    cascade = control.cascade or CascadeSettings(1.0, 1.0)
+    return (
+        control.kp,
+        control.ki,
+        control.kd,
+        control.derivative_time,
+        control.peak_force,
+        control.cascade is not None,
+        cascade.position_gain,
+        cascade.velocity_integral,
+        cascade.feedforward,
+        cascade.span,
+    )
+
+
 class Arrays:
     """The kernel's arguments for a stage at rest at the given positions.
 
@@ -298,10 +315,7 @@ class Arrays:
         couple(self.plant, self.ports, arena)
         self.arena = arena.array()
         self.control = np.array(
-            [
-                (c.kp, c.ki, c.kd, c.derivative_time, c.peak_force)
-                for c in (a.control for a in axes)
-            ],
+            [_control_record(a.control) for a in axes],
             dtype=CONTROL_DTYPE,
         )
         self.state = np.zeros(len(axes), dtype=_STATE)
@@ -314,7 +328,7 @@ class Arrays:
             reading = round(start[a] / axis.increment) * axis.increment
             self.state[a]["position"] = start[a]
             self.state[a]["encoder"] = reading
-            for name in ("demand", "from_position", "to_position"):
+            for name in HELD_AT_POSITION:
                 self.loop[a][name] = reading
 
     def balance(self, a: int, force: float, axis: AxisSettings) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from hil_sim.control import HELD_AT_POSITION
 from hil_sim.mechanics import Arrays, step
 from hil_sim.noise import Noise
 from hil_sim.settings import StageSettings
@@ -76,7 +77,7 @@ class Plant:
         """Close the loop (demand := actual, integrator and offset := 0) or cut the force."""
         loop = self._arrays.loop[axis]
         reading = float(self._arrays.state[axis]["encoder"])
-        for name in ("demand", "from_position", "to_position"):
+        for name in HELD_AT_POSITION:
             loop[name] = reading
         for name in (
             "offset", "from_force", "to_force", "integral", "derivative", "last_error", "output",

@@ -70,16 +70,40 @@ class FrictionSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class CascadeSettings:
+    """A position loop (P) that demands a velocity from a velocity loop (PI).
+
+    Attributes:
+        position_gain: [1/s].  velocity_gain: [N s/m].
+        velocity_integral: [N/m].
+        feedforward: share of the demanded velocity that is added, 0..1.
+        span: ticks over which the encoder is differenced, 1 or 2.
+    """
+
+    position_gain: float
+    velocity_gain: float
+    velocity_integral: float = 0.0
+    feedforward: float = 0.0
+    span: int = 1
+
+    def __post_init__(self) -> None:
+        _positive(self, "position_gain", "velocity_gain")
+        _not_negative(self, "velocity_integral", "feedforward")
+        _require(self.span in (1, 2), "span", f"must be 1 or 2, is {self.span!r}")
+
+
+@dataclass(frozen=True, slots=True)
 class ControlSettings:
     """The drive's position loop, current loop and force scaling.
 
     Attributes:
-        kp: [N/m].  ki: [N/(m s)].  kd: [N s/m].
+        kp: [N/m].  ki: [N/(m s)].  kd: [N s/m]; of a cascade what its gains come to.
         derivative_time: low-pass time constant of the derivative [s].
         current_bandwidth: of the first-order current loop [Hz].
         rated_force: unit of the CiA 402 force values [N].
         peak_force: clamp of the controller's output [N].
         period: control tick Tc [s].
+        cascade: in place of the PID.
     """
 
     kp: float
@@ -90,12 +114,11 @@ class ControlSettings:
     rated_force: float
     peak_force: float
     period: float
+    cascade: CascadeSettings | None = None
 
     def __post_init__(self) -> None:
-        _positive(
-            self,
-            *(f.name for f in fields(self) if f.name not in ("ki", "kd", "derivative_time")),
-        )
+        free = ("ki", "kd", "derivative_time", "cascade")
+        _positive(self, *(f.name for f in fields(self) if f.name not in free))
         _not_negative(self, "ki", "kd", "derivative_time")
 
 

@@ -107,11 +107,9 @@ class Law:
         demand = np.interp(at - timing.demand, reached, self.demand)
         offset = np.interp(at - timing.demand, reached, self.offset)
         error = demand - self.encoder(at + timing.position + timing.drift * at)
-        keep = tick / (control.derivative_time + tick)
-        rate = np.diff(error, prepend=error[:1]) / tick
-        derivative = lfilter([keep], [1.0, keep - 1.0], rate)
-        proportional, damping = control.kp * error, control.kd * derivative
-        integral = self._integral(error, proportional + damping + offset)
+        damping, integrand = self._damping(demand, error)
+        proportional = control.kp * error
+        integral = self._integral(integrand, proportional + damping + offset)
         parts = np.stack((proportional, integral, damping, offset))
         # The current loop, exact for a held input that changes `part` after the tick.
         shift, part = divmod((timing.lag + self.dead_time) / tick, 1.0)
@@ -159,18 +157,35 @@ class Law:
             begin=self.begin + int(first),
         )
 
-    def _integral(self, error: FloatArray, rest: FloatArray) -> FloatArray:
+    def _damping(self, demand: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Force by the rates at each tick [N], and what the integrator takes in there [N/s]."""
+        control, tick = self.control, self.control.period
+        keep = tick / (control.derivative_time + tick)
+        cascade = control.cascade
+        if cascade is None:
+            rate = np.diff(error, prepend=error[:1]) / tick
+            smooth = lfilter([keep], [1.0, keep - 1.0], rate)
+            return control.kd * smooth, control.ki * error
+        reading = demand - error
+        before = np.concatenate((np.repeat(reading[:1], cascade.span), reading[: -cascade.span]))
+        rate = (reading - before) / (cascade.span * tick)
+        missing = -lfilter([keep], [1.0, keep - 1.0], rate)
+        missing += cascade.feedforward * np.diff(demand, prepend=demand[:1]) / tick
+        wanted = cascade.position_gain * error + missing
+        return cascade.velocity_gain * missing, cascade.velocity_integral * wanted
+
+    def _integral(self, taken: FloatArray, rest: FloatArray) -> FloatArray:
         """Output of the integrator before each tick [N], halted where the output is clamped."""
         control = self.control
-        taken = error
+        growing = taken
         for _ in range(_WINDUP_PASSES):
-            total = np.cumsum(taken) * control.ki * control.period
+            total = np.cumsum(growing) * control.period
             integral: FloatArray = np.concatenate(([0.0], total[:-1]))
             raw = integral + rest
-            halted = (np.abs(raw) > control.peak_force) & (raw * error > 0)
+            halted = (np.abs(raw) > control.peak_force) & (raw * taken > 0)
             if not halted.any():
                 break
-            taken = np.where(halted, 0.0, error)
+            growing = np.where(halted, 0.0, taken)
         return integral
 
 

@@ -142,14 +142,38 @@ class Pid(Section):
     derivative_time: NotNegativeTime
 
 
+class Cascade(Section):
+    """Position loop P over velocity loop PI, in place of the PID.
+
+    Attributes:
+        position_gain: [1/s].  velocity_gain: [N s/m].  velocity_integral: [N/m].
+        feedforward: share of the demanded velocity that is added.
+        span: ticks over which the encoder is differenced.
+        derivative_time: low-pass of that [s].
+    """
+
+    position_gain: PositiveNumber
+    velocity_gain: PositiveNumber
+    velocity_integral: NotNegativeNumber = 0.0
+    feedforward: Annotated[NotNegativeNumber, Field(le=1)] = 0.0
+    span: Literal[1, 2] = 1
+    derivative_time: NotNegativeTime = 0.0
+
+
 class Drive(Section):
-    """Force scaling [N], current loop [Hz], control tick Tc [s] and position loop of a drive."""
+    """Force scaling [N], current loop [Hz], control tick Tc [s] and position loop of a drive.
+
+    Attributes:
+        pid: the position loop, or None where there is a cascade.
+        cascade: in place of a PID.
+    """
 
     rated_force: PositiveForce
     peak_force: PositiveForce
     current_bandwidth: PositiveFrequency
     control_period: PositiveTime
-    pid: Pid
+    pid: Pid | None = None
+    cascade: Cascade | None = None
 
 
 class Repeatability(Section):
@@ -331,6 +355,10 @@ def _impossible(machine: Machine, document: Document) -> list[str]:
         if axis.homing.velocity > axis.limits.velocity:
             refuse((*at, "homing", "velocity"), "above the axis' velocity limit")
         drive = axis.drive
+        if drive.pid is None and drive.cascade is None:
+            refuse((*at, "drive"), "pid: missing (or a cascade in its place)")
+        if drive.pid is not None and drive.cascade is not None:
+            refuse((*at, "drive", "cascade"), "stands in place of pid: only one of them")
         if drive.peak_force < drive.rated_force:
             refuse((*at, "drive", "peak_force"), "must be at least rated_force")
         if drive.peak_force > FORCE_RANGE * drive.rated_force:

@@ -9,7 +9,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stagectl.config.machine import Axis, Machine
+from stagectl.config.machine import Axis, Drive, Machine
 from stagectl.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -45,16 +45,7 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
                     wander=friction.repeatability.coulomb,
                     correlation_time=friction.repeatability.correlation_time,
                 ),
-                control=settings.ControlSettings(
-                    kp=drive.pid.kp,
-                    ki=drive.pid.ki,
-                    kd=drive.pid.kd,
-                    derivative_time=drive.pid.derivative_time,
-                    current_bandwidth=drive.current_bandwidth,
-                    rated_force=drive.rated_force,
-                    peak_force=drive.peak_force,
-                    period=drive.control_period,
-                ),
+                control=_control(drive),
                 increment=axis.encoder.increment,
                 noise=axis.encoder.noise,
                 travel=axis.travel,
@@ -69,6 +60,38 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
 
         axes = with_effects(machine, axes)
     return settings.StageSettings(sync_period=machine.bus.sync_period, axes=tuple(axes))
+
+
+def _control(drive: Drive) -> hil_sim.settings.ControlSettings:
+    from hil_sim import settings
+
+    if drive.cascade is not None:
+        cascade = drive.cascade
+        gains = {
+            "kp": cascade.velocity_gain * cascade.position_gain,
+            "ki": cascade.velocity_integral * cascade.position_gain,
+            "kd": cascade.velocity_gain,
+            "derivative_time": cascade.derivative_time,
+        }
+    else:
+        assert drive.pid is not None  # noqa: S101 - the machine file was checked for one of them
+        gains = drive.pid.model_dump()
+    return settings.ControlSettings(
+        **gains,
+        current_bandwidth=drive.current_bandwidth,
+        rated_force=drive.rated_force,
+        peak_force=drive.peak_force,
+        period=drive.control_period,
+        cascade=None
+        if drive.cascade is None
+        else settings.CascadeSettings(
+            position_gain=drive.cascade.position_gain,
+            velocity_gain=drive.cascade.velocity_gain,
+            velocity_integral=drive.cascade.velocity_integral,
+            feedforward=drive.cascade.feedforward,
+            span=drive.cascade.span,
+        ),
+    )
 
 
 def driver_settings(
