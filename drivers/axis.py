@@ -137,6 +137,8 @@ class Axis:
         node = self.node
         self._set_sync_counter(bus.sync_counter)
         node.write_optional(od.CYCLE_PERIOD, bus.period_us)
+        if not node.write_optional(od.SYNC_WINDOW, bus.window_us) and bus.window_us:
+            self.limited(f"{od.SYNC_WINDOW} is not offered: the drive takes late set-points, too")
         value, index = interpolation_period(bus.period_us)
         node.write_optional(od.INTERPOLATION_VALUE, value)
         node.write_optional(od.INTERPOLATION_INDEX, index)

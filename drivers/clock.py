@@ -7,6 +7,7 @@ This is the one module of the package that reads a wall clock.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
 
@@ -35,6 +36,31 @@ class MonotonicClock:
         # No spinning at the end: on few cores it takes the drives' time and worsens the p99.
         while (left := t - time.monotonic_ns()) > 0:
             time.sleep(left * 1e-9)
+
+
+STAMPED = ("socketcan", "udp_multicast", "virtual")
+"""Interfaces of python-can whose time stamps are this computer's clock, taken on arrival."""
+_OLDEST = 1.0
+"""A frame that seems to have waited longer [s] has another clock's stamp."""
+
+
+def stamps_of(bus: object) -> Callable[[float, int], int] | None:
+    """How to tell when a frame of this bus came, however late it is read.
+
+    Returns:
+        A function of python-can's time stamp [s] and the clock's time now [ns] that gives the
+        clock's time of arrival [ns]; None where the bus has its own clock, or stamps of one.
+    """
+    if isinstance(getattr(bus, "clock", None), Clock):
+        return None
+    if not any(f".{name}" in type(bus).__module__ for name in STAMPED):
+        return None
+
+    def arrived(stamp: float, now: int) -> int:
+        age = time.time() - stamp
+        return now - int(age * 1e9) if 0.0 <= age < _OLDEST else now
+
+    return arrived
 
 
 def clock_of(bus: object) -> Clock:

@@ -16,7 +16,7 @@ from drivers.errors import AxisFault, ConfigurationError, DriverError, NodeError
 from drivers.faults import error_text, register_text
 
 if TYPE_CHECKING:
-    from drivers.cycle import Channel
+    from drivers.channel import Channel
 
 HISTORY_LENGTH = 4
 _COMMAND_BITS = 0x8F

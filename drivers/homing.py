@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from enum import Enum, auto
 
 from drivers import objects as od
+from drivers.channel import Channel
 from drivers.cia402 import Command, Control, State, Status
-from drivers.cycle import Channel, Cycle
+from drivers.cycle import Cycle
 from drivers.errors import HomingError
 from drivers.faults import error_text
 from drivers.power import Cycles, state_of

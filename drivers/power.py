@@ -10,8 +10,9 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from drivers import objects as od
+from drivers.channel import Channel
 from drivers.cia402 import Command, Control, Mode, State, decode, next_controlword
-from drivers.cycle import Channel, Cycle
+from drivers.cycle import Cycle
 from drivers.errors import AxisFault, DriverError, NodeError
 
 TIMEOUT = 2.0

@@ -7,8 +7,9 @@ goes down; the drive lowers bit 12; bit 10 must have been low before it is belie
 from __future__ import annotations
 
 from drivers import objects as od
+from drivers.channel import Channel
 from drivers.cia402 import Command, Control, State, Status
-from drivers.cycle import Channel, Cycle
+from drivers.cycle import Cycle
 from drivers.errors import AxisFault
 from drivers.power import Cycles, fault, state_of
 

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 Sample = tuple[int, ...]
 """One SYNC for the sink: (time_ns, late, then per axis: target_counts, offset_permille,
-position_counts, force_permille, statusword, valid, arrival_ns); arrival -1 when missed."""
+position_counts, force_permille, statusword, valid, arrival_ns, extra); arrival -1 when missed.
+`extra` belongs to the SYNC before: its TPDOs that came besides until this SYNC, at most 255."""
 
-FIELDS = 7
-"""Values per axis in a `Sample`."""
+FIELDS, VALID = 8, 5
+"""Values per axis in a `Sample`; place of `valid` among them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +38,9 @@ class Samples:
         statusword: uint16[K, n].
         valid: bool[K, n], False where the TPDO stayed away and the last values stand.
         arrival: float64[K, n], of the TPDO after the SYNC [s], nan where missed.
-        late: bool[K], the SYNC left more than half a period after its instant.
+        late: bool[K], the SYNC left more than half a period after its instant, or (where the kernel
+            sends it) without new setpoints.
+        extra: uint8[K, n], TPDOs that came besides between the SYNC before and this one.
     """
 
     time: NDArray[np.float64]
@@ -49,6 +52,7 @@ class Samples:
     valid: NDArray[np.bool_]
     arrival: NDArray[np.float64]
     late: NDArray[np.bool_]
+    extra: NDArray[np.uint8]
 
     def __len__(self) -> int:
         return len(self.time)
@@ -72,4 +76,5 @@ class Samples:
             valid=valid,
             arrival=np.where(valid, axes[:, :, 6] * 1e-9, np.nan),
             late=raw[:, 1] != 0,
+            extra=axes[:, :, 7].astype(np.uint8),
         )

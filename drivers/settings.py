@@ -22,6 +22,36 @@ def _finite(value: float) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
+class RealTimeSettings:
+    """What the host asks of its operating system, on buses in real time.
+
+    Attributes:
+        priority: of SCHED_FIFO, 1..99; 0: stay with the others.
+        core: to run on alone, None for any.
+        lock_memory: keep all of it in RAM (mlockall).
+        freeze_gc: no garbage collection while setpoints are streamed.
+    """
+
+    priority: int = 0
+    core: int | None = None
+    lock_memory: bool = False
+    freeze_gc: bool = True
+
+    def __post_init__(self) -> None:
+        _require(
+            0 <= self.priority <= 99, None, "realtime priority",
+            f"must be 0..99, is {self.priority!r}",
+        )  # fmt: skip
+        _require(
+            self.core is None or self.core >= 0, None, "realtime core",
+            f"must be >= 0, is {self.core!r}",
+        )  # fmt: skip
+
+
+SYNC_SOURCES = ("auto", "host", "kernel")
+
+
+@dataclass(frozen=True, slots=True)
 class BusSettings:
     """A python-can bus and its SYNC.
 
@@ -31,6 +61,13 @@ class BusSettings:
         bitrate: [bit/s]; ignored by interfaces without one.
         sync_period: Ts [s], a whole number of microseconds.
         sync_counter: SYNC carries a counter 1..this (0x1019), 2..240; 0: it carries none.
+        sync_source: who sends SYNC: "kernel" (SocketCAN's broadcast manager), "host", or "auto":
+            the kernel where it can.
+        sync_window: the drives drop synchronous PDOs later than this after SYNC (0x1007) [s], and
+            so does the host; 0: the drives take them at any time, the host for half a period.
+        max_missed: TPDOs of an axis that may stay away in a row.
+        max_late: SYNCs that may be late in a row.
+        realtime: what the host asks of its operating system.
     """
 
     interface: str
@@ -38,6 +75,11 @@ class BusSettings:
     bitrate: int = 1_000_000
     sync_period: float = 1e-3
     sync_counter: int = 0
+    sync_source: str = "auto"
+    sync_window: float = 0.0
+    max_missed: int = 5
+    max_late: int = 50
+    realtime: RealTimeSettings = RealTimeSettings()
 
     def __post_init__(self) -> None:
         _require(bool(self.interface), None, "bus interface", "is empty")
@@ -47,11 +89,22 @@ class BusSettings:
             counter == 0 or 2 <= counter <= 240,
             None, "sync_counter", f"must be 0 or 2..240, is {counter!r}",
         )  # fmt: skip
+        _require(
+            self.sync_source in SYNC_SOURCES,
+            None, "sync_source", f"must be auto, host or kernel, is {self.sync_source!r}",
+        )  # fmt: skip
+        for name in ("max_missed", "max_late"):
+            _require(getattr(self, name) >= 0, None, name, "must be >= 0")
         period = self.sync_period
         _require(_finite(period) and period > 0, None, "sync_period", f"must be > 0, is {period!r}")
         _require(
             self.period_us >= 1 and abs(period * 1e6 - self.period_us) < 1e-6 * self.period_us,
             None, "sync_period", f"must be a whole number of microseconds, is {period!r} s",
+        )  # fmt: skip
+        window = self.sync_window
+        _require(
+            _finite(window) and (window == 0 or 10e-6 <= window <= period),
+            None, "sync_window", f"must be 0 or 10 us to sync_period, is {window!r}",
         )  # fmt: skip
 
     @property
@@ -63,6 +116,11 @@ class BusSettings:
     def period_ns(self) -> int:
         """Ts [ns]."""
         return self.period_us * 1000
+
+    @property
+    def window_us(self) -> int:
+        """The SYNC window [us], as 0x1007 holds it; 0: none."""
+        return round(self.sync_window * 1e6)
 
     def __str__(self) -> str:
         return f"{self.interface}:{self.channel}"

@@ -24,19 +24,17 @@ from drivers import homing, profile_position
 from drivers import objects as od
 from drivers.axis import Axis
 from drivers.bus import Network, Tap, open_bus
+from drivers.channel import Channel
 from drivers.cia402 import Command, Mode, State
-from drivers.clock import Clock
-from drivers.cycle import Channel, Cycle, Sink, Until
+from drivers.clock import Clock, MonotonicClock
+from drivers.cycle import Cycle, Sink, Until
 from drivers.diagnosis import Evidence, explained
 from drivers.errors import AxisFault, BusError, ConfigurationError, DriverError, LimitError
 from drivers.limits import checked_counts
 from drivers.power import HOLDING_TIMEOUT, RINGING_TIMEOUT, Power
+from drivers.realtime import RealTime
 from drivers.samples import Samples
 from drivers.settings import AxisSettings, BusSettings
-
-MAX_MISSED = 5
-"""TPDOs that may stay away in a row."""
-
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -70,7 +68,6 @@ class Stage:
         axes: Sequence[AxisSettings],
         bus_object: can.BusABC,
         tap: Tap | None = None,
-        max_missed: int = MAX_MISSED,
     ) -> None:
         """Use `open`; this one takes a bus that its caller closes."""
         self.sink: Sink | None = None
@@ -81,7 +78,8 @@ class Stage:
         _check_unique(axes)
         self._network = Network(bus_object, str(bus), tap)
         self.axes = tuple(Axis(self._network, axis) for axis in axes)
-        self._cycle = Cycle(self._network, self.axes, bus.period_ns, max_missed, bus.sync_counter)
+        self._cycle = Cycle(self._network, self.axes, bus)
+        self._real_time = RealTime(bus.realtime)
         self._power = Power(self._cycle, bus.sync_period)
 
     @classmethod
@@ -91,7 +89,6 @@ class Stage:
         axes: Sequence[AxisSettings],
         tap: Tap | None = None,
         bus_object: can.BusABC | None = None,
-        max_missed: int = MAX_MISSED,
     ) -> Stage:
         """Opens the bus and reads the EDS files; nothing is sent yet.
 
@@ -101,7 +98,6 @@ class Stage:
             tap: sees every frame sent or received as (time [ns], CAN-ID, data).
             bus_object: an open python-can bus to use instead of opening one; stays open at the
                 end. Nobody else may read it meanwhile.
-            max_missed: TPDOs of an axis that may stay away in a row.
 
         Raises:
             BusError: the bus cannot be opened.
@@ -109,7 +105,7 @@ class Stage:
         """
         used = open_bus(bus) if bus_object is None else bus_object
         try:
-            stage = cls(bus, axes, used, tap, max_missed)
+            stage = cls(bus, axes, used, tap)
         except BaseException:
             if bus_object is None:
                 used.shutdown()
@@ -174,14 +170,19 @@ class Stage:
         return tuple(f"axis {a.name}: {clause}" for a in self.axes for clause in a.limitations)
 
     @property
+    def notices(self) -> tuple[str, ...]:
+        """What of SYNC and real time is not as asked for, one clause each; known when moving."""
+        return (*self._real_time.refused, *self._cycle.sync.notices)
+
+    @property
     def missed(self) -> int:
         """Process data frames that stayed away, since opening."""
-        return self._cycle.missed
+        return self._cycle.sync.missed
 
     @property
     def late(self) -> int:
         """SYNCs that left more than half a period late, since opening."""
-        return self._cycle.late
+        return self._cycle.sync.late
 
     # -- life cycle -------------------------------------------------------------------------
 
@@ -194,8 +195,11 @@ class Stage:
             ConfigurationError: a drive cannot be set up as needed.
         """
         self.ending = False
+        self._cycle.sync.stop()
         self._cycle.forget()
         self._power.mode = None
+        if isinstance(self.clock, MonotonicClock):
+            self._real_time.begin()
         for axis in self.axes:
             axis.node.boot()
         for axis in self.axes:
@@ -353,6 +357,8 @@ class Stage:
                 except (DriverError, BusError):
                     pass
             axis.node.detach()
+        self._cycle.sync.stop()
+        self._real_time.end()
         self._network.disconnect()
         if self._owned is not None:
             self._owned.shutdown()
@@ -389,7 +395,7 @@ class Stage:
             position, offset, axes, [c.target for c in channels], self.settings.sync_period
         )
         rows = array("q")
-        with self._stopping():
+        with self._stopping(), self._real_time.in_motion():
             self._cycle.stream(targets, offsets, rows, self.sink, until)
         return Samples.from_rows(rows, [c.axis.scale for c in channels])
 

@@ -28,6 +28,7 @@ class PdoEngine:
         self._emergency = emergency
         self._dictionary = dictionary
         self._segment = segment
+        self._late_bus = hasattr(segment, "sync_overtaken")  # one in real time
         self._running = False
         self._sync_ns = 0
         self._window_ns = 0
@@ -62,6 +63,8 @@ class PdoEngine:
 
     def on_sync(self) -> None:
         """Send the synchronous TPDOs that are due; call `latch` afterwards."""
+        if self._late_bus and self._segment.sync_overtaken:  # type: ignore[attr-defined]
+            return  # the host would take them for those of the SYNC that has come meanwhile
         for tpdo in self._sync_tpdos:
             tpdo.on_sync()
 

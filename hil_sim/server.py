@@ -1,15 +1,17 @@
 """The virtual stage in real time on any python-can bus: `stagectl sim`.
 
-One thread: waits for a frame or the next timer, brings the plant to the present (the drives do
-that themselves) and lets the drives handle it. Frames are handled at the time they are read; a
-late loop shows up as late answers, as on a busy drive. Frames that the bus refuses are lost, and
-counted.
+One thread: waits for a frame or the next timer, brings the plant to its time (the drives do that
+themselves) and lets the drives handle it. A real drive samples when SYNC interrupts it; so a frame
+is handled at the time it came where the bus tells that, and a late loop shows up as late answers,
+never as samples of another instant. A SYNC that the next one has overtaken is not answered any
+more. Frames that the bus refuses are lost, and counted.
 """
 
 from __future__ import annotations
 
 import heapq
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Protocol
 
@@ -20,6 +22,9 @@ from hil_sim.stage import VirtualStage
 Handler = Callable[[bytes], None]
 
 _LONGEST_WAIT = 0.05  # s, how soon `stop` is noticed on a silent bus
+_SYNC = 0x080
+_STAMPED = ("socketcan", "udp_multicast", "virtual")  # interfaces with this computer's time stamps
+_OLDEST = 1.0  # s, a frame that seems older has another clock's stamp
 
 
 class StopSignal(Protocol):
@@ -59,12 +64,17 @@ class RealTimeSegment:
     Attributes:
         now_ns: time of the frame or timer being handled [ns], 0 when the segment was made.
         refused: frames that the bus did not take.
+        sync_overtaken: the frame being handled is a SYNC, and the next one has come already.
+        overtaken: how many of those there were.
     """
 
     def __init__(self, bus: can.BusABC, clock: Callable[[], int] = time.monotonic_ns) -> None:
         self.now_ns = 0
-        self.refused = 0
+        self.refused = self.overtaken = 0
         self._bus = bus
+        self._stamped = any(f".{name}" in type(bus).__module__ for name in _STAMPED)
+        self._waiting: deque[tuple[int, int, bytes]] = deque()
+        self.sync_overtaken = False
         self._clock = clock
         self._origin = clock()
         self._timers: list[tuple[int, int, RealTimeTimer]] = []
@@ -95,21 +105,42 @@ class RealTimeSegment:
 
     def handle_next(self) -> None:
         """Wait for one frame or timer (not for ever) and handle what is due."""
-        wait = _LONGEST_WAIT
-        if self._timers:
-            wait = min(wait, max(0.0, (self._timers[0][0] - self._elapsed()) * 1e-9))
-        message = self._bus.recv(wait)
-        self.now_ns = max(self.now_ns, self._elapsed())
-        if message is not None and not (
-            message.is_extended_id or message.is_remote_frame or message.is_error_frame
-        ):
-            data = bytes(message.data)
-            for handler in self._handlers.get(message.arbitration_id, ()):
+        if not self._waiting:
+            wait = _LONGEST_WAIT
+            if self._timers:
+                wait = min(wait, max(0.0, (self._timers[0][0] - self._elapsed()) * 1e-9))
+            message = self._bus.recv(wait)
+            while message is not None:  # what else is there: a SYNC may have been overtaken
+                self._take(message)
+                message = self._bus.recv(0.0)
+        if self._waiting:
+            came, can_id, data = self._waiting.popleft()
+            self._run_timers(came)
+            self.now_ns = max(self.now_ns, came)
+            self.sync_overtaken = can_id == _SYNC and any(i == _SYNC for _, i, _ in self._waiting)
+            self.overtaken += self.sync_overtaken
+            for handler in self._handlers.get(can_id, ()):
                 handler(data)
-        while self._timers and self._timers[0][0] <= self.now_ns:
-            action = heapq.heappop(self._timers)[2].action
-            if action is not None:
-                action()
+            self.sync_overtaken = False
+        else:
+            self._run_timers(self._elapsed())
+
+    def _take(self, message: can.Message) -> None:
+        if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
+            return
+        now = self._elapsed()
+        age = time.time() - message.timestamp if self._stamped else 0.0
+        came = now - int(age * 1e9) if 0.0 <= age < _OLDEST else now
+        self._waiting.append((came, message.arbitration_id, bytes(message.data)))
+
+    def _run_timers(self, until: int) -> None:
+        """All that is due until then, at its own time or now, whichever is later."""
+        while self._timers and self._timers[0][0] <= until:
+            due, _, timer = heapq.heappop(self._timers)
+            self.now_ns = max(self.now_ns, due)
+            if timer.action is not None:
+                timer.action()
+        self.now_ns = max(self.now_ns, until)
 
     def _elapsed(self) -> int:
         return self._clock() - self._origin

@@ -165,9 +165,8 @@ class _Run:
         try:
             listener.stoppable(self._ask_to_stop)
             listener.phase(f"opening {bus}")
-            missed = self._request.machine.bus.max_missed
             given = None if self._rig is None else self._rig.bus
-            with Stage.open(bus, axes, tap=log.tap, bus_object=given, max_missed=missed) as stage:
+            with Stage.open(bus, axes, tap=log.tap, bus_object=given) as stage:
                 self._stage = stage
                 listener.phase("booting the drives")
                 stage.boot()

@@ -123,8 +123,5 @@ class Bench:
         """
         from drivers.stage import Stage
 
-        with (
-            self.on_bus() as settings,
-            Stage.open(settings, self.axes, max_missed=self.machine.bus.max_missed) as stage,
-        ):
+        with self.on_bus() as settings, Stage.open(settings, self.axes) as stage:
             yield stage

@@ -34,7 +34,11 @@ def closing(result: RunResult, folder: Path) -> RenderableType:
     parts += _judged(result.verdicts)
     cycle = summary["cycle"]
     if cycle["missed"] or cycle["late"]:
-        parts.append(Text(f"cycles: {cycle['missed']} TPDOs missed, {cycle['late']} SYNCs late"))
+        text = f"cycles: {cycle['missed']} TPDOs missed, {cycle['late']} SYNCs late"
+        ledger = summary.get("punctuality")
+        if ledger is not None:
+            text += f" (at most {ledger['late_in_a_row']} in a row), {ledger['doubled']} doubled"
+        parts.append(Text(text))
     parts += [Text(notice, style="yellow") for notice in result.notices]
     files = sorted(p.name for p in folder.iterdir()) if folder.is_dir() else []
     if SPOOL_NAME in files:

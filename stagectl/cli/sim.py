@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,11 +33,12 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
     """  # noqa: D301  (\b keeps click from wrapping what follows)
     import can
 
+    from drivers.realtime import RealTime
     from hil_sim.plant import warm_up
     from hil_sim.server import serve
     from hil_sim.stage import VirtualStage
     from stagectl.config.machine import load_machine
-    from stagectl.config.mapping import eds_path, stage_settings
+    from stagectl.config.mapping import driver_settings, eds_path, stage_settings
     from stagectl.errors import RunFault
 
     stage = load_machine(machine)
@@ -46,6 +48,8 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
         opened = can.Bus(interface=interface, channel=channel, bitrate=stage.bus.bitrate)
     except (can.CanError, OSError, ValueError, ImportError) as error:
         raise RunFault(f"bus {interface}:{channel}: cannot open: {error}") from error
+    # the same as the host asks for; but on one core both would wait for each other
+    real_time = RealTime(replace(driver_settings(stage)[0].realtime, core=None))
     stop = threading.Event()
 
     def handler(number: int, frame: Any) -> None:
@@ -59,11 +63,15 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
     first, axis = next(iter(stage.axes.items()))
     click.echo(f"{stage.name} on {interface}:{channel}: {nodes}; Ctrl-C ends it")
     click.echo(f"EDS: {eds_path(stage, first, axis)}")
+    real_time.begin()
+    for refused in real_time.refused:
+        click.echo(refused, err=True)
     try:
         segment = serve(virtual, opened, stop)
     except can.CanError as error:
         raise RunFault(f"bus {interface}:{channel}: {error}") from error
     finally:
         opened.shutdown()
+        real_time.end()
     if segment.refused:
         click.echo(f"the bus refused {segment.refused} frames", err=True)

@@ -12,7 +12,14 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
-from pydantic import BeforeValidator, Field, PrivateAttr, StrictInt, StringConstraints
+from pydantic import (
+    BeforeValidator,
+    Field,
+    PrivateAttr,
+    StrictBool,
+    StrictInt,
+    StringConstraints,
+)
 from pydantic_core import PydanticCustomError
 
 from stagectl.config.diagnose import Section, in_order, validate
@@ -102,12 +109,30 @@ def _pair(value: object) -> object:
 LengthPair = Annotated[tuple[Length, Length], BeforeValidator(_pair)]
 
 
+class RealTime(Section):
+    """What the host asks of its operating system where the bus lives in real time.
+
+    Attributes:
+        priority: of SCHED_FIFO, 0 for none.  core: to run on, None for any.
+        lock_memory: all of it stays in RAM.  freeze_gc: no garbage collection in motion.
+    """
+
+    priority: Annotated[StrictInt, Field(ge=0, le=99)] = 0
+    core: Annotated[StrictInt, Field(ge=0, le=1023)] | None = None
+    lock_memory: StrictBool = False
+    freeze_gc: StrictBool = True
+
+
 class Bus(Section):
     """The CAN bus the drives are on.
 
     Attributes:
         bitrate: [bit/s].  sync_period: the cycle Ts [s].
         max_missed: cycles in a row in which a drive may stay silent before all axes are stopped.
+        max_late: cycles in a row in which SYNC may be late before all axes are stopped.
+        sync: who sends SYNC.  sync_counter: it carries one up to this (0x1019), 0 for none.
+        sync_window: of synchronous PDOs (0x1007) [s], 0 for none.
+        realtime: what the host asks of its operating system.
     """
 
     interface: Name
@@ -115,6 +140,11 @@ class Bus(Section):
     bitrate: Annotated[StrictInt, Field(ge=10_000, le=1_000_000)]
     sync_period: PositiveTime
     max_missed: Annotated[StrictInt, Field(ge=0, le=10_000)] = 5
+    max_late: Annotated[StrictInt, Field(ge=0, le=10_000)] = 50
+    sync: Literal["auto", "host", "kernel"] = "auto"
+    sync_counter: Annotated[StrictInt, Field(ge=0, le=240)] = 0
+    sync_window: NotNegativeTime = 0.0
+    realtime: RealTime = RealTime()
 
 
 class Limits(Section):
@@ -329,6 +359,11 @@ def _impossible(machine: Machine, document: Document) -> list[str]:
     sync = machine.bus.sync_period
     if not _whole(sync / 1e-6):
         refuse(("bus", "sync_period"), f"must be a whole number of us, is {sync:.12g} s")
+    if machine.bus.sync_counter == 1:
+        refuse(("bus", "sync_counter"), "must be 0 or 2 to 240")
+    window = machine.bus.sync_window
+    if window and not 10e-6 <= window <= sync:
+        refuse(("bus", "sync_window"), f"must be 0 or 10 us to sync_period, is {window:.12g} s")
     thermometer = machine.temperature
     if thermometer is not None:
         by_object = thermometer.axis is not None and thermometer.object is not None

@@ -109,6 +109,17 @@ def driver_settings(
         channel=machine.bus.channel,
         bitrate=machine.bus.bitrate,
         sync_period=machine.bus.sync_period,
+        sync_counter=machine.bus.sync_counter,
+        sync_source=machine.bus.sync,
+        sync_window=machine.bus.sync_window,
+        max_missed=machine.bus.max_missed,
+        max_late=machine.bus.max_late,
+        realtime=settings.RealTimeSettings(
+            machine.bus.realtime.priority,
+            machine.bus.realtime.core,
+            machine.bus.realtime.lock_memory,
+            machine.bus.realtime.freeze_gc,
+        ),
     )
     axes = tuple(
         settings.AxisSettings(

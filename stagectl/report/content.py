@@ -134,10 +134,25 @@ def notices(summary: Summary) -> list[Notice]:
         Notice(
             level,
             f"{cycle['missed']} missed process data objects, {cycle['late']} late cycles "
-            f"of {milliseconds(cycle['period'])} ms.",
+            f"of {milliseconds(cycle['period'])} ms{_punctuality(summary)}.",
         )
     )
     return found
+
+
+def _punctuality(summary: Mapping[str, Any]) -> str:
+    """What else the cycle ledger tells, where there is one."""
+    ledger = summary.get("punctuality")
+    if ledger is None:
+        return ""
+    text = f"; {ledger['tardy']} came after their window, {ledger['doubled']} twice"
+    if ledger["late_in_a_row"] > 1:
+        text += f", at most {ledger['late_in_a_row']} late cycles in a row"
+    came = [a for a in ledger["arrival"].values() if a["max"] is not None]
+    if came:
+        latest = max(a["max"] for a in came)
+        text += f"; the latest {milliseconds(latest)} ms after its SYNC"
+    return text
 
 
 def _list_places(moves: Sequence[Mapping[str, Any]]) -> str:

@@ -4,7 +4,7 @@ One unbuffered `write` per SYNC hands the sample to the kernel; from there it su
 (SIGKILL included), though not a power cut. `stagectl.store.recovery` turns a journal, whole or cut
 anywhere, into the HDF5 recording.
 
-Layout, little-endian: one line `stagectl-journal 1 {header as JSON}`, then records that start with
+Layout, little-endian: one line `stagectl-journal 2 {header as JSON}`, then records that start with
 a tag byte: `S` and a fixed-size sample, or `J`, uint32 length, uint32 CRC-32 and that many bytes of
 JSON (a move, an event, the outcome).
 """
@@ -27,7 +27,7 @@ from sim2real.recording import Move
 from stagectl.errors import StagectlError
 
 FILE_NAME = "recording.journal"
-MAGIC = b"stagectl-journal 1 "
+MAGIC = b"stagectl-journal 2 "
 SAMPLE_TAG = ord("S")
 TEXT_TAG = ord("J")
 TEXT_HEAD = struct.Struct("<BII")  # tag, length, CRC-32
@@ -68,9 +68,9 @@ def sample_codec(axes: int) -> struct.Struct:
     """Codec of one sample record: tag, then the drivers' sink tuple.
 
     That is (time_ns, late), then for each axis (target_counts, offset_permille, position_counts,
-    force_permille, statusword, valid, arrival_ns); arrival_ns < 0 where the TPDO was missed.
+    force_permille, statusword, valid, arrival_ns, extra); arrival_ns < 0 where the TPDO was missed.
     """
-    return struct.Struct("<Bq?" + "ihihH?i" * axes)
+    return struct.Struct("<Bq?" + "ihihH?iB" * axes)
 
 
 def sample_dtype(axes: int) -> np.dtype[np.void]:
@@ -85,6 +85,7 @@ def sample_dtype(axes: int) -> np.dtype[np.void]:
             (f"statusword_{i}", "<u2"),
             (f"valid_{i}", "u1"),
             (f"arrival_{i}", "<i4"),
+            (f"extra_{i}", "u1"),
         ]
     return np.dtype(fields)
 

@@ -99,6 +99,10 @@ def read_ledger(path: Path | str) -> CycleLedger | None:
                 for name in group
             },
             late=late.astype(np.bool_),
+            extra={
+                name: _integers(file, f"cycle/extra/{name}", len(late)).astype(np.uint8)
+                for name in (file["cycle/extra"] if "cycle/extra" in file else ())
+            },
         )
 
 
@@ -215,6 +219,11 @@ def _write(file: h5py.File, recording: Recording, ledger: CycleLedger | None) ->
         cycle = file.create_group("cycle")
         _dataset(cycle, "late", ledger.late.astype(np.uint8), "1")
         _dataset(cycle, "missed", ledger.missed_per_cycle, "1")
+        _dataset(cycle, "tardy", ledger.tardy_per_cycle, "1")
+        _dataset(cycle, "doubled", ledger.doubled_per_cycle, "1")
+        extra = cycle.create_group("extra", track_order=True)
+        for name, counts in ledger.extra.items():
+            _dataset(extra, name, counts, "1")
         arrival = cycle.create_group("arrival", track_order=True)
         for name, values in ledger.arrival.items():
             _dataset(arrival, name, values, "s")

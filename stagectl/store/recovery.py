@@ -272,4 +272,9 @@ def _ledger(header: JournalHeader, samples: npt.NDArray[np.void]) -> CycleLedger
     for i, axis in enumerate(header.axes):
         values = samples[f"arrival_{i}"] * 1e-9
         arrival[axis.name] = np.where(values < 0, np.nan, values)
-    return CycleLedger(arrival=arrival, late=samples["late"].astype(np.bool_))
+    # a sample tells what came besides for the SYNC before it; nobody looked after the last one
+    extra = {
+        axis.name: np.append(samples[f"extra_{i}"][1:], 0).astype(np.uint8)
+        for i, axis in enumerate(header.axes)
+    }
+    return CycleLedger(arrival=arrival, late=samples["late"].astype(np.bool_), extra=extra)

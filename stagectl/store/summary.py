@@ -16,6 +16,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from sim2real.recording import Recording
 from stagectl.errors import StagectlError
 from stagectl.sequencer.settling import (
@@ -147,11 +149,30 @@ def build_summary(
             "late": 0 if ledger is None else ledger.late_cycles,
         },
     }
+    if ledger is not None:
+        summary["punctuality"] = _punctuality(ledger)
     if facts.resumed is not None:
         summary["resumed"] = dict(facts.resumed)
     if facts.retries:
         summary["retries"] = [asdict(retry) for retry in facts.retries]
     return summary
+
+
+def _punctuality(ledger: CycleLedger) -> dict[str, Any]:
+    """What the cycle ledger comes to; arrival of the TPDOs after their SYNC [s] per axis."""
+    arrival = {}
+    for axis, values in ledger.arrival.items():
+        came = values[~np.isnan(values)]
+        arrival[axis] = {
+            name: round(float(np.percentile(came, share)), 9) if len(came) else None
+            for name, share in (("median", 50), ("p99", 99), ("max", 100))
+        }
+    return {
+        "tardy": ledger.tardy,
+        "doubled": ledger.doubled,
+        "late_in_a_row": ledger.late_in_a_row,
+        "arrival": arrival,
+    }
 
 
 def write_summary(summary: Mapping[str, Any], path: Path) -> None:

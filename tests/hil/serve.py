@@ -1,6 +1,6 @@
 """The virtual drives as a process of their own on a python-can bus, for the HIL suite.
 
-    python serve.py INTERFACE CHANNEL SYNC_PERIOD START_X START_Y
+    python serve.py INTERFACE CHANNEL SYNC_PERIOD START_X START_Y [PRIORITY]
 
 Says "ready" on stdout when the drives are about to be switched on; ends with its stdin.
 """
@@ -13,6 +13,8 @@ import threading
 
 import can
 
+from drivers.realtime import RealTime
+from drivers.settings import RealTimeSettings
 from hil_sim.server import serve
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import load_machine
@@ -26,9 +28,10 @@ def _wait_for_end(stop: threading.Event) -> None:
 
 def main() -> None:
     """Serve until stdin is closed."""
-    interface, channel, period, *start = sys.argv[1:]
+    interface, channel, period, x, y, *priority = sys.argv[1:]
+    RealTime(RealTimeSettings(priority=int(priority[0]) if priority else 0)).begin()
     settings = dataclasses.replace(stage_settings(load_machine()), sync_period=float(period))
-    stage = VirtualStage(settings, seed=1, start=[float(x) for x in start])
+    stage = VirtualStage(settings, seed=1, start=(float(x), float(y)))
     stage.plant.advance_to(1_000_000)  # compiles now, not at the first SYNC
     stop = threading.Event()
     threading.Thread(target=_wait_for_end, args=(stop,), daemon=True).start()

@@ -13,6 +13,7 @@ import pytest
 
 from drivers.errors import AxisFault, LimitError, NodeError
 from drivers.objects import ObjectRef
+from drivers.samples import Samples
 from drivers.stage import Stage
 
 
@@ -26,9 +27,9 @@ def wait(stage: Stage, rig: Any, duration: float) -> None:
 
 
 def good(samples: Any, rig: Any) -> bool:
-    """All process data came, or most on a bus in real time."""
+    """All process data came, or nearly all on a bus in real time."""
     share = samples.valid.mean()
-    return bool(share == 1.0 if rig.virtual_time else share > 0.6)
+    return bool(share == 1.0 if rig.virtual_time else share >= 0.9)
 
 
 def test_boot_home_at_the_index_enable_stream(rig: Any, travel_to: Any, hold: Any) -> None:
@@ -49,51 +50,41 @@ def test_boot_home_at_the_index_enable_stream(rig: Any, travel_to: Any, hold: An
     np.testing.assert_allclose(times, np.round(times), atol=1e-6)
     if rig.virtual_time:
         np.testing.assert_allclose(np.diff(times), 1.0)
-    assert np.nanmedian(rest.arrival) <= rig.period / (2 if rig.virtual_time else 1)
+    assert np.nanmedian(rest.arrival) <= rig.period / 2
 
 
 def test_samples_are_taken_at_the_sync_that_takes_the_setpoint_over(
     stage: Stage, rig: Any, travel_to: Any
 ) -> None:
     """Position lags its own row by one period, and not by two (reference-stage.md, Timing)."""
-    error: list[float] = []
-    for attempt in range(rig.attempts):
-        start, way = stage.targets, (-1) ** attempt * 5e-3
-        target = (start[0] + way, start[1] + way)
+    for way in (5e-3, -5e-3):
+        target = (stage.targets[0] + way, stage.targets[1] + way)
         samples = stage.stream(*travel_to(stage, target, 0.4, rig.period))
         demand, actual = samples.position_demand[:, 0], samples.position[:, 0]
-        clean = (
-            samples.valid.all(axis=1)
-            & np.r_[False, np.abs(np.diff(samples.time) / rig.period - 1) < 0.1]
-        )
-        inside = slice(len(demand) // 4, 3 * len(demand) // 4)
-        if clean[inside].sum() < 10:
-            continue
-        error = [
-            float(np.median(np.abs(np.roll(demand, lag) - actual)[inside][clean[inside]]))
-            for lag in range(3)
-        ]
-        if error[1] < 0.2 * min(error[0], error[2]):
-            break
-    else:
-        pytest.fail(f"median distance [m] from the demand 0, 1, 2 rows before: {error}")
+        clean = rig.undisturbed(samples)
+        clean &= np.roll(clean, 1) & np.roll(clean, 2)
+        inside = np.flatnonzero(clean[len(demand) // 4 : 3 * len(demand) // 4]) + len(demand) // 4
+        assert len(inside) >= len(demand) // 8
+        error = [float(np.max(np.abs(demand[inside - lag] - actual[inside]))) for lag in range(3)]
+        assert error[1] < 0.5 * min(error[0], error[2])
 
 
 def test_the_force_offset_reaches_the_motor_in_newtons(stage: Stage, rig: Any, hold: Any) -> None:
     force = np.array((2.0, -3.0))
-    for _ in range(rig.attempts):
+
+    def step() -> Samples:
         position, offset = hold(stage, round(0.2 / rig.period))
         offset[:] = 0.0
         stage.stream(position, offset)
         offset[:] = force
-        samples = stage.stream(position[:4], offset[:4])
-        # one period after it was taken over the current loop is through, the integrator not yet
-        step = samples.force[1] - samples.force[0]
-        if samples.valid.all() and np.allclose(step, force, rtol=0.5):
-            break
-    else:
-        pytest.fail(f"steps of force and what came back: {samples.force}, {samples.valid}")
-    np.testing.assert_allclose(samples.force_offset[0], force)
+        return stage.stream(position[:4], offset[:4])
+
+    for samples in rig.attempts(step):
+        # one period after it was taken over the current loop is through; the integrator has begun
+        # to take it back, over 10 ms about two thirds
+        rtol = 0.5 if rig.period <= 4e-3 else 0.75
+        np.testing.assert_allclose(samples.force[1] - samples.force[0], force, rtol=rtol)
+        np.testing.assert_allclose(samples.force_offset[0], force)
 
 
 def test_sent_setpoints_outside_the_limits_reach_no_drive(rig: Any, hold: Any) -> None:

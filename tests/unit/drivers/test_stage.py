@@ -174,12 +174,14 @@ def test_enable_targets_the_actual_position_and_stream_returns_what_was_sent(
         0x227,
         1,
         0,
+        0,
         -7000,
         2,
         -7000,
         -50,
         0x227,
         1,
+        0,
         0,
     )
 

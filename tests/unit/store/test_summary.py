@@ -85,8 +85,15 @@ def test_missed_and_late_cycles(recording: Recording):
     ledger = CycleLedger(
         {"x": np.where(missed.valid, 1e-4, np.nan), "y": np.zeros(length)}, np.arange(length) < 2
     )
-    cycle = build_summary(masked, FACTS, (), **PERIODS, ledger=ledger)["cycle"]
-    assert (cycle["missed"], cycle["late"]) == (1, 2)
+    summary = build_summary(masked, FACTS, (), **PERIODS, ledger=ledger)
+    assert (summary["cycle"]["missed"], summary["cycle"]["late"]) == (1, 2)
+    assert summary["punctuality"] == {
+        "tardy": 0, "doubled": 0, "late_in_a_row": 2,
+        "arrival": {
+            "x": {"median": 1e-4, "p99": 1e-4, "max": 1e-4},
+            "y": {"median": 0.0, "p99": 0.0, "max": 0.0},
+        },
+    }  # fmt: skip
 
 
 def test_what_has_no_value_is_null(recording: Recording, tmp_path: Path):

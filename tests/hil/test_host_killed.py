@@ -1,0 +1,164 @@
+"""The host dies in the middle of a move: the drives stop when they miss its heartbeat.
+
+`stagectl sim` and `stagectl run` as two processes, as users start them; an onlooker on the same bus
+takes the times. What was recorded until then is in the journal.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import can
+import pytest
+import yaml
+
+from stagectl.config.machine import load_machine
+from stagectl.store.recording import read_recording
+from stagectl.store.recovery import recover_left_over
+
+INTERFACE = os.environ.get("STAGECTL_HIL_SOCKETCAN")
+BUSES = [
+    pytest.param("udp_multicast:239.74.163.78", id="udp_multicast"),
+    pytest.param(
+        f"socketcan:{INTERFACE}",
+        id="socketcan",
+        marks=pytest.mark.skipif(not INTERFACE, reason="run by test_vcan.py on a bus of its own"),
+    ),
+]
+HOST_HEARTBEAT, LOST = 0x77F, 0x8130
+CONFIGURED = 0.5
+"""What the host sets in 0x1016 [s]."""
+RECIPE = """
+recipe: slow
+macro: {velocity: 0.02, acceleration: 0.5, jerk: 50.0}
+micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
+settle: {window: 1.0e-6, hold: 0.01, timeout: 0.1}
+moves:
+  - repeat: 500
+    moves:
+      - {to: [0.1, 0.1], kind: macro}
+      - {to: [-0.1, -0.1], kind: macro}
+"""
+
+
+class Onlooker:
+    """Sees all frames with the times they came at, and reads objects of the drives by SDO."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self.bus = bus
+        self.last_host_heartbeat = 0.0
+        self.lost: dict[int, float] = {}
+
+    def receive(self, timeout: float) -> can.Message | None:
+        message = self.bus.recv(timeout)
+        if message is None:
+            return None
+        can_id, data = message.arbitration_id, message.data
+        if can_id == HOST_HEARTBEAT:
+            self.last_host_heartbeat = message.timestamp
+        elif can_id in (0x81, 0x82) and int.from_bytes(data[:2], "little") == LOST:
+            self.lost.setdefault(can_id - 0x80, message.timestamp)
+        return message
+
+    def read(self, node: int, index: int, fmt: str) -> int:
+        request = struct.pack("<BHB4x", 0x40, index, 0)
+        self.bus.send(can.Message(arbitration_id=0x600 + node, data=request, is_extended_id=False))
+        deadline = time.monotonic() + 5
+        while time.monotonic() < deadline:
+            answer = self.receive(0.1)
+            if (
+                answer is not None
+                and answer.arbitration_id == 0x580 + node
+                and answer.data[0] & 0xF0 == 0x40
+                and int.from_bytes(answer.data[1:3], "little") == index
+            ):
+                return int(struct.unpack_from("<" + fmt, answer.data, 4)[0])
+        raise AssertionError(f"node {node} does not answer")
+
+
+def until(condition: Callable[[], bool], onlooker: Onlooker, seconds: float, what: str) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, what
+        onlooker.receive(0.02)
+
+
+@pytest.mark.parametrize("bus", BUSES)
+def test_the_host_is_killed_in_the_middle_of_a_move(
+    bus: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    interface, channel = bus.split(":", 1)
+    if interface == "udp_multicast":  # every group is heard on a port: one of our own
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("", 0))
+            monkeypatch.setenv("CAN_CONFIG", json.dumps({"port": probe.getsockname()[1]}))
+    machine = yaml.safe_load(load_machine().text)
+    machine["bus"] |= {"sync_period": 0.01, "max_missed": 20}
+    (tmp_path / "machine.yaml").write_text(yaml.safe_dump(machine))
+    (tmp_path / "recipe.yaml").write_text(RECIPE)
+    root = str(Path(__file__).parents[2])
+    path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
+    environment = os.environ | {"PYTHONPATH": path}
+    stagectl = [sys.executable, "-m", "stagectl"]
+    common = ["--machine", "machine.yaml", "--bus", bus]
+    out = tmp_path / "out"
+    journal = out / "recording.journal"
+
+    def start(*arguments: str) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            [*stagectl, *arguments, *common], cwd=tmp_path, env=environment, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        )  # fmt: skip
+
+    with start("sim") as drives, can.Bus(interface=interface, channel=channel) as listening:
+        onlooker = Onlooker(listening)
+        try:
+            assert drives.stdout is not None
+            assert "node 1" in drives.stdout.readline()
+            with start("run", "recipe.yaml", "--out", "out") as host:
+                try:
+                    until(
+                        lambda: journal.exists() and journal.stat().st_size > 12_000,
+                        onlooker, 90, "no samples",
+                    )  # fmt: skip
+                finally:
+                    host.send_signal(signal.SIGKILL)
+            kept = journal.stat().st_size
+            until(lambda: len(onlooker.lost) == 2, onlooker, 5, "the drives have not noticed")
+            took = [at - onlooker.last_host_heartbeat for at in onlooker.lost.values()]
+            # they may see the last heartbeat a little later than the onlooker, on a busy machine
+            assert min(took) > CONFIGURED - 0.1
+            assert max(took) < CONFIGURED + 0.2
+            until(
+                lambda: all(onlooker.read(n, 0x6041, "H") & 0x6F != 0x27 for n in (1, 2)),
+                onlooker, 0.5, "the drives have not stopped",
+            )  # fmt: skip
+            time.sleep(0.3)
+            before = [onlooker.read(node, 0x6064, "i") for node in (1, 2)]
+            time.sleep(0.2)
+            after = [onlooker.read(node, 0x6064, "i") for node in (1, 2)]
+            # 4 mm at the speed it had; without power it rings on its presliding stiffness
+            assert max(abs(a - b) for a, b in zip(after, before, strict=True)) < 50_000  # nm
+            assert [onlooker.read(node, 0x603F, "H") for node in (1, 2)] == [LOST] * 2
+        finally:
+            drives.send_signal(signal.SIGINT)
+            drives.communicate(timeout=20)
+    assert journal.stat().st_size == kept
+    recovered = recover_left_over(out)
+    assert recovered is not None
+    assert recovered.content is not None
+    assert recovered.content.outcome == "killed"
+    recording = read_recording(out / "recording.h5")
+    assert len(recording) > 100
+    demand = recording.axes["x"].position_demand
+    assert abs(demand[-1] - demand[-2]) > 1e-6  # in the middle of a move
+    assert not journal.exists()

@@ -1,0 +1,71 @@
+"""SYNC by the kernel's broadcast manager: it goes on without the host, carries a counter, ends.
+
+Runs where STAGECTL_HIL_SOCKETCAN names an interface (tests/system/test_vcan.py).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import can
+import numpy as np
+import pytest
+
+from tests.hil.conftest import RIGS
+
+ON_SOCKETCAN = [
+    pytest.param(
+        "socketcan",
+        marks=pytest.mark.skipif("socketcan" not in RIGS, reason="run by test_vcan.py on a bus"),
+    )
+]
+
+
+@pytest.fixture(scope="module", params=ON_SOCKETCAN)
+def rig(request: pytest.FixtureRequest, stage_machine: Any) -> Iterator[Any]:
+    yield from RIGS[request.param](stage_machine)
+
+
+def syncs(other: can.BusABC, seconds: float) -> list[can.Message]:
+    """The SYNCs of so long."""
+    end, seen = time.monotonic() + seconds, []
+    while (left := end - time.monotonic()) > 0:
+        message = other.recv(left)
+        if message is not None and message.arbitration_id == 0x80:
+            seen.append(message)
+    return seen
+
+
+def test_it_goes_on_while_the_host_computes_and_ends_with_the_session(
+    rig: Any, travel_to: Any
+) -> None:
+    rig = dataclasses.replace(
+        rig, bus=dataclasses.replace(rig.bus, sync_source="kernel", sync_counter=10)
+    )
+    with rig.other() as other:
+        with rig.open() as stage:
+            stage.boot()
+            stage.reset_faults()
+            stage.home()
+            stage.enable()
+            assert stage.notices == ()
+            while other.recv(0) is not None:
+                pass
+            expected = 0.3 / rig.period  # nobody pumps here; the drives wait for 0.5 s
+            seen = syncs(other, 0.3)
+            assert 0.5 * expected < len(seen) < 1.1 * expected
+            counts = np.array([m.data[0] for m in seen])
+            assert set(counts) == set(range(1, 11))
+            assert set(np.diff(counts)) == {1, -9}
+            target = [x + 1e-3 for x in stage.targets]
+            samples = stage.stream(*travel_to(stage, target, 0.3, rig.period))
+            assert samples.valid.mean() > 0.9
+            # on the grid, and after a pause not counted as late
+            places = np.diff(samples.time) / rig.period
+            np.testing.assert_allclose(places, np.round(places), atol=1e-6)
+        while other.recv(0) is not None:
+            pass
+        assert syncs(other, 0.1) == []

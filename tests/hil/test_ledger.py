@@ -1,0 +1,128 @@
+"""The cycle ledger and what it stops, in virtual time: doubled, missed and late."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from drivers.errors import BusError, ConfigurationError
+from drivers.objects import SYNC_WINDOW
+from drivers.stage import Stage
+from hil_sim import faults as f
+from hil_sim.fault_world import FaultyWorld
+from hil_sim.stage import VirtualStage
+from stagectl.config.machine import Machine
+from stagectl.config.mapping import driver_settings, stage_settings
+
+_names = (f"ledger-{n}" for n in itertools.count())
+
+
+@contextmanager
+def enabled(machine: Machine, *faults: object, **bus_settings: object) -> Iterator[Stage]:
+    """A stage on a bus with these faults, held until 1 s."""
+    bus, axes = driver_settings(machine)
+    world = FaultyWorld(next(_names), f.FaultPlan(faults))  # type: ignore[arg-type]
+    world.power_on(VirtualStage(stage_settings(machine), seed=1))
+    bus = dataclasses.replace(bus, interface="lockstep", channel=world.name, **bus_settings)  # type: ignore[arg-type]
+    axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
+    with Stage.open(bus, axes) as stage:
+        stage.boot()
+        stage.home()
+        stage.enable()
+        stage.idle(1.0 - world.now_ns * 1e-9)
+        stage.enable()
+        yield stage
+
+
+def tpdos(*nth: int) -> f.Frames:
+    return f.Frames(frozenset({0x182}), "drives", after=1.0, nth=frozenset(nth))
+
+
+def test_a_doubled_tpdo_counts_for_its_sync_and_changes_nothing(stage_machine: Machine) -> None:
+    with enabled(stage_machine, f.Duplicate(tpdos(10), copies=2)) as stage:
+        samples = stage.hold(0.05)
+    assert samples.valid.all()
+    assert samples.extra[:, 0].sum() == 0
+    (row,) = np.flatnonzero(samples.extra[:, 1])
+    assert samples.extra[row, 1] == 2
+
+
+def test_a_late_tpdo_is_missed_and_told(stage_machine: Machine) -> None:
+    with enabled(stage_machine, f.Delay(tpdos(10), least=0.7e-3, most=0.7e-3)) as stage:
+        samples = stage.hold(0.05)
+    (row,) = np.flatnonzero(~samples.valid[:, 1])
+    assert samples.extra[row + 1, 1] == 1
+    assert samples.extra.sum() == 1
+    assert samples.position[row, 1] == samples.position[row - 1, 1]
+
+
+def away(stage: Stage, periods: float) -> Callable[[tuple[float, ...]], bool]:
+    """The host does something else for so many periods after every SYNC."""
+
+    def until(_: tuple[float, ...]) -> bool:
+        clock = stage.clock
+        clock.sleep_until_ns(clock.now_ns() + round(periods * stage.settings.period_ns))
+        return False
+
+    return until
+
+
+def test_one_late_cycle_is_survived_and_counted(stage_machine: Machine) -> None:
+    with enabled(stage_machine, max_late=1) as stage:
+        rows = np.tile(stage.targets, (20, 1))
+        late = away(stage, 2.6)
+        count = itertools.count()
+
+        def until(position: tuple[float, ...]) -> bool:
+            return late(position) if next(count) == 7 else False
+
+        samples = stage.stream(rows, np.zeros_like(rows), until)
+        assert list(np.flatnonzero(samples.late)) == [8]
+        assert np.diff(samples.time)[7] == pytest.approx(2e-3)  # 8 was passed over
+        assert stage.late == 1
+
+
+def test_too_many_late_cycles_in_a_row_stop_the_stage(stage_machine: Machine) -> None:
+    with enabled(stage_machine, max_late=3) as stage:
+        rows = np.tile(stage.targets, (20, 1))
+        with pytest.raises(BusError, match=r"SYNC was late 4 times in a row \(max_late is 3\)"):
+            stage.stream(rows, np.zeros_like(rows), away(stage, 1.6))
+        assert not stage.enabled
+
+
+def test_the_kernels_sync_where_there_is_none(stage_machine: Machine) -> None:
+    with (
+        pytest.raises(ConfigurationError, match=r"sync_source: kernel, but bus .*not SocketCAN"),
+        enabled(stage_machine, sync_source="kernel"),
+    ):
+        pass
+
+
+def there_and_back(stage: Stage) -> tuple[np.ndarray, np.ndarray]:
+    """Distance [m] from the demand one row before, on the way back after a pause."""
+    phase = np.pi * np.arange(1, 101)[:, None] / 100
+    ramp = np.array(stage.targets) + 1e-3 * (1 - np.cos(phase))
+    out = stage.stream(ramp, np.zeros_like(ramp))
+    stage.hold(0.2)
+    stage.idle(0.3)
+    stage.enable()
+    back = stage.stream(ramp[::-1], np.zeros_like(ramp))
+    assert out.valid.all()
+    assert back.valid.all()
+    return tuple(s.position[1:] - s.position_demand[:-1] for s in (out, back))  # type: ignore[return-value]
+
+
+def test_a_sync_window_is_set_and_no_set_point_is_dropped(stage_machine: Machine) -> None:
+    """After a pause the last SYNC's window is over: the drives would drop the first set-points."""
+    with enabled(stage_machine) as stage:
+        expected = there_and_back(stage)
+        assert stage.axes[0].node.read(SYNC_WINDOW) == 0
+    with enabled(stage_machine, sync_window=0.8e-3) as stage:
+        assert [axis.node.read(SYNC_WINDOW) for axis in stage.axes] == [800, 800]
+        for one, other in zip(there_and_back(stage), expected, strict=True):
+            np.testing.assert_allclose(one, other, atol=2e-7)  # a row is up to 30 um
