@@ -1,10 +1,10 @@
-"""The plant in few steps per control tick, compiled: for many simulations of one recording.
+"""The plant in one step per control tick, compiled: for many simulations of one recording.
 
 The reference integrates in steps of Tc/5 (semi-implicit Euler), which is more than the mechanics
 ask for: only the current loop is that fast, and its answer to a constant input has a closed form.
-A coarse step of length h stands for n fine ones. What the motor does within it enters by the sums
-that the fine steps would make (`motor_weights`); friction and the other forces, which change
-little, enter as a straight line from the step's start to its end:
+The coarse step of length h = Tc stands for n = 5 fine ones. What the motor does within it enters by
+the sums that the fine steps would make (`hil_sim.coarse_weights`); friction and the other forces,
+which change little, enter as a straight line from the step's start to its end:
 
     x1 - x0 = h (v0 + h/m (F_x - R0 (n + 1)/(2n))),   v1 - v0 = h/m (F_v - R0 - c (R1 - R0))
 
@@ -16,114 +16,110 @@ from __future__ import annotations
 import math
 
 import numba
-import numpy as np
-from numpy.typing import NDArray
 
+from hil_sim.control import advance_demand, position_loop
 from hil_sim.disturbances import (
     coulomb_factor,
-    delayed_pair,
     drag,
     drive,
     over_velocity,
+    refresh,
+    solve_jointly,
     swing,
 )
+from hil_sim.encoder import read_encoder
 from hil_sim.friction import slip_step, stribeck
 
-F64 = NDArray[np.float64]
 
+@numba.njit(cache=True, error_model="numpy")
+def advance_coarsely(  # type: ignore[no-untyped-def]
+    plant, control, state, loop, forces, slipping, shares, arena, period, normals, first, ticks
+):  # fmt: skip
+    """Advance every axis by `ticks` control ticks, a step each; arguments as the kernel's.
 
-def fine_steps(substeps: int, reference: int) -> int:
-    """Fine steps that one coarse step stands for."""
-    return max(1, round(reference / substeps))
-
-
-def motor_weights(decay: float, share: F64) -> F64:
-    """How the motor force acts in one coarse step, as weights of what it depends on.
-
-    Args:
-        decay: 2 pi bandwidth times the fine step.
-        share: weight of the output before its step in each fine step, float64[n].
-
-    Returns:
-        float64[3, 2]: rows for the force at the end, its mean for the velocity and its mean for
-        the displacement; columns for the earlier output and the force at the start. What is
-        missing to 1 (displacement: to (n + 1)/(2n)) is the weight of the present output.
+    All in one function: arrays that are handed on have their references counted at every call,
+    which would take longer than the step.
     """
-    count = len(share)
-    gain = 1.0 - math.exp(-decay)
-    end = np.array([0.0, 1.0])
-    velocity, displacement = np.zeros(2), np.zeros(2)
-    for i, before in enumerate(share):
-        end = end + gain * (np.array([before, 0.0]) - end)
-        velocity += end / count
-        displacement += end * (count - i) / count**2
-    return np.array([end, velocity, displacement])
-
-
-@numba.njit(cache=True)
-def coarse_kick(plant, state, loop, arena, a, substep, dt):  # type: ignore[no-untyped-def]
-    """Forces at the step's start: sets `kick`, `lead` and what `drive` sets."""
-    p = plant[a]
-    s = state[a]
-    start = s.motor_force
-    if p.ported:
-        old, new = delayed_pair(s)
-    else:
-        new = loop[a].output
-        old = new
-    at = p.motor_weights + 6 * substep
-    share = p.coarse_share  # (n + 1)/(2n)
-    w = arena
-    mean = w[at + 2] * old + w[at + 3] * start + (1.0 - w[at + 2] - w[at + 3]) * new
-    early = w[at + 4] * old + w[at + 5] * start + (share - w[at + 4] - w[at + 5]) * new
-    s.motor_force = w[at] * old + w[at + 1] * start + (1.0 - w[at] - w[at + 1]) * new
-    resistance = s.friction + p.viscous * s.velocity
-    ahead = (early - share * mean) / p.mass
-    if p.ported:
-        s.kick = dt * drive(p, s, arena, substep * dt, mean, resistance)
-        ahead *= s.response
-    else:
-        s.springs = 0.0
-        s.kick = dt * (mean - resistance) / p.mass
-    s.lead = dt * ahead
-
-
-@numba.njit(cache=True)
-def coarse_move(p, s, forces, slipping, shares, arena, dt):  # type: ignore[no-untyped-def]
-    """Displacement, friction at its end, and the velocity with both."""
-    before = s.velocity
-    share = p.coarse_share
-    dx = dt * (before + share * s.kick + (1.0 - share) * dt * s.springs + s.lead)
-    s.position += dx
-    change = p.viscous * s.kick
-    level = p.coulomb
-    if p.ported:
-        change += drag(p, arena, dx) + s.pull_slope * dx + s.push_rate * dt
-        if p.velocity_force >= 0:
-            change += over_velocity(arena, p, before + s.kick) - over_velocity(arena, p, before)
-        level *= coulomb_factor(p, s, dx)
-    if dx != 0.0:
-        direction = math.copysign(1.0, dx)
-        if direction != s.direction:
-            s.direction = direction
-            for i in range(p.elements):
-                slipping[i] = False
-        curve = stribeck(dx / dt, p.static_ratio, p.stribeck_velocity, p.stribeck_shape)
-        friction = slip_step(
-            forces,
-            slipping,
-            shares,
-            p.elements,
-            direction,
-            dx,
-            p.element_stiffness,
-            level * curve * (1.0 + s.wander),
-            math.exp(-p.relaxation_rate * dt / curve),
-        )
-        change += friction - s.friction
-        s.friction = friction
-    change *= 1.0 - share
-    s.velocity = before + s.kick - dt * p.mobility * change
-    if p.ported:
-        s.net -= change
-        swing(p, s, arena, dt)
+    axes = plant.shape[0]
+    noisy = normals.shape[2] > 0
+    coupled = plant[0].coupled
+    dt = period
+    for tick in range(first, first + ticks):
+        for a in range(axes):
+            p = plant[a]
+            s = state[a]
+            own = loop[a]
+            advance_demand(own)
+            if own.powered:
+                error = position_loop(control[a], own, s.encoder, period)
+                s.worst_error = max(s.worst_error, abs(error))
+            new = own.output
+            old = new
+            if p.ported:
+                refresh(plant[a], state[a], state[axes - 1 - a].position, arena, new, period)
+                new = s.late
+                old = s.later
+            start = s.motor_force
+            share = p.coarse_share  # (n + 1)/(2n)
+            mean = new + p.mean_old * (old - new) + p.mean_start * (start - new)
+            early = share * new + p.early_old * (old - new) + p.early_start * (start - new)
+            s.motor_force = new + p.end_old * (old - new) + p.end_start * (start - new)
+            resistance = s.friction + p.viscous * s.velocity
+            ahead = (early - share * mean) * p.mobility
+            s.springs = 0.0
+            if p.ported:
+                s.kick = dt * drive(p, s, arena, 0.0, mean, resistance)
+                ahead *= s.response
+            else:
+                s.kick = dt * (mean - resistance) * p.mobility
+            s.lead = dt * ahead
+        if coupled:
+            solve_jointly(plant, state, arena, dt)
+        for a in range(axes):
+            p = plant[a]
+            s = state[a]
+            share = p.coarse_share
+            before = s.velocity
+            after = before + s.kick
+            speed = before + share * s.kick + (1.0 - share) * dt * s.springs + s.lead
+            dx = dt * speed
+            s.position += dx
+            change = p.viscous * s.kick
+            level = p.coulomb
+            if p.ported:
+                change += drag(p, arena, dx) + s.pull_slope * dx + s.push_rate * dt
+                if p.velocity_force >= 0:
+                    change += over_velocity(arena, p, after) - over_velocity(arena, p, before)
+                level *= coulomb_factor(p, s, dx)
+            if dx != 0.0:
+                direction = math.copysign(1.0, dx)
+                if direction != s.direction:
+                    s.direction = direction
+                    for i in range(p.first_element, p.first_element + p.elements):
+                        slipping[i] = False
+                curve = stribeck(speed, p.static_ratio, p.stribeck_velocity, p.stribeck_shape)
+                friction = slip_step(
+                    forces,
+                    slipping,
+                    shares,
+                    p.elements,
+                    direction,
+                    dx,
+                    p.element_stiffness,
+                    level * curve * (1.0 + s.wander),
+                    math.exp(-p.relaxation_rate * dt / curve),
+                    p.first_element,
+                )
+                change += friction - s.friction
+                s.friction = friction
+            change *= 1.0 - share
+            s.velocity = after - dt * p.mobility * change
+            if p.ported:
+                s.net -= change
+                swing(p, s, arena, dt)
+            if noisy:
+                s.wander = p.wander_keep * s.wander + p.wander * normals[a, 1, tick]
+                read_encoder(p, s, period, normals[a, 0, tick])
+            else:
+                s.wander *= p.wander_keep
+                read_encoder(p, s, period, 0.0)

@@ -55,7 +55,7 @@ HELD_AT_POSITION = (
 """Fields of the state that are at the encoder's reading when the loop is closed."""
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def advance_demand(loop):  # type: ignore[no-untyped-def]
     """Next point of the linear ramp between the last two commanded pairs."""
     if loop.ramp_done >= loop.ramp_ticks:
@@ -66,7 +66,7 @@ def advance_demand(loop):  # type: ignore[no-untyped-def]
     loop.offset = loop.from_force + (loop.to_force - loop.from_force) * share
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def cascade(control, loop, encoder, period):  # type: ignore[no-untyped-def]
     """One tick of position loop P over velocity loop PI; `kd` is the velocity loop's gain."""
     error = loop.demand - encoder
@@ -86,7 +86,7 @@ def cascade(control, loop, encoder, period):  # type: ignore[no-untyped-def]
     return error
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def position_loop(control, loop, encoder, period):  # type: ignore[no-untyped-def]
     """One tick of the loop; sets the clamped force demand, returns the following error [m]."""
     if control.cascaded:

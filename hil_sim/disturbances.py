@@ -14,7 +14,7 @@ import numba
 from hil_sim.effects.ports import VELOCITY_NODES
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _table(arena, offset, low, inverse, count, x):  # type: ignore[no-untyped-def]
     """Value and slope at x by cubic interpolation (Catmull-Rom); held at the ends."""
     u = (x - low) * inverse
@@ -34,7 +34,7 @@ def _table(arena, offset, low, inverse, count, x):  # type: ignore[no-untyped-de
     return ((a * t + b) * t + c) * t + p1, ((3.0 * a * t + 2.0 * b) * t + c) * inverse
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _over_time(arena, offset, inverse, count, t):  # type: ignore[no-untyped-def]
     """Value and rate of a table over time by straight lines; held at the ends."""
     u = t * inverse
@@ -48,7 +48,7 @@ def _over_time(arena, offset, inverse, count, t):  # type: ignore[no-untyped-def
     return first + change * (u - cell), change * inverse
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _field(arena, offset, x, y):  # type: ignore[no-untyped-def]
     """Factor over two positions, bilinear, held at the edges; and where the next field begins."""
     rows = int(arena[offset])
@@ -66,14 +66,13 @@ def _field(arena, offset, x, y):  # type: ignore[no-untyped-def]
     return value, offset + 6 + rows * columns
 
 
-@numba.njit(cache=True)
-def refresh(plant, state, arena, a, output, period):  # type: ignore[no-untyped-def]
-    """Prepare one control tick of axis a: straight lines over position and time, dead time.
+@numba.njit(cache=True, error_model="numpy")
+def refresh(p, s, across, arena, output, period):  # type: ignore[no-untyped-def]
+    """Prepare one control tick of an axis: straight lines over position and time, dead time.
 
-    `output` is the controller's of this tick [N], `period` Tc [s].
+    `across` is the position of the other axis [m], `output` the controller's of this tick [N],
+    `period` Tc [s].
     """
-    p = plant[a]
-    s = state[a]
     if p.history >= 0:
         depth = p.history_depth
         s.ring = (s.ring + 1) % depth
@@ -102,8 +101,6 @@ def refresh(plant, state, arena, a, output, period):  # type: ignore[no-untyped-
         value, _ = _over_time(arena, p.time_coulomb, p.time_inverse, p.time_count, t + half)
         factor *= value
     if p.field_count > 0:
-        other = state[1 - a] if state.shape[0] == 2 else s
-        across = other.position + half * other.velocity
         offset = p.fields
         for _ in range(p.field_count):
             value, offset = _field(arena, offset, middle, across)
@@ -137,7 +134,7 @@ def refresh(plant, state, arena, a, output, period):  # type: ignore[no-untyped-
     s.push_rate = rate
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def delayed(p, s, arena, substep):  # type: ignore[no-untyped-def]
     """The current loop's input in this substep [N]."""
     if p.history < 0:
@@ -146,20 +143,14 @@ def delayed(p, s, arena, substep):  # type: ignore[no-untyped-def]
     return share * s.later + (1.0 - share) * s.late
 
 
-@numba.njit(cache=True)
-def delayed_pair(s):  # type: ignore[no-untyped-def]
-    """The delayed output before and after its step within this tick [N]."""
-    return s.later, s.late
-
-
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def coulomb_factor(p, s, direction):  # type: ignore[no-untyped-def]
     """What scales Fc at the present position, time and direction."""
     value = s.coulomb + s.coulomb_slope * (s.position - s.place)
     return max(value, 0.0) * (p.coulomb_forward if direction > 0.0 else p.coulomb_backward)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def drive(p, s, arena, since, motor_force, resistance):  # type: ignore[no-untyped-def]
     """Force on the carriage and the acceleration it makes, but for coupling.
 
@@ -203,7 +194,7 @@ def drive(p, s, arena, since, motor_force, resistance):  # type: ignore[no-untyp
     return acceleration
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def over_velocity(arena, p, v):  # type: ignore[no-untyped-def]
     """Force at this velocity; nodes lie at ± (i / scale)^2."""
     half = VELOCITY_NODES
@@ -219,7 +210,7 @@ def over_velocity(arena, p, v):  # type: ignore[no-untyped-def]
     return first + (last - first) * (abs(v) - low) / (high - low)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def solve_jointly(plant, state, arena, dt):  # type: ignore[no-untyped-def]
     """Replace the kicks by those with coupling; takes the coupling forces out of `net`."""
     count = plant.shape[0]
@@ -232,7 +223,7 @@ def solve_jointly(plant, state, arena, dt):  # type: ignore[no-untyped-def]
         state[a].net -= arena[at + 4 + 2 * a + 1 - a] * state[1 - a].kick / dt
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def swing(p, s, arena, dt):  # type: ignore[no-untyped-def]
     """Advance what hangs from the carriage and the bases, after the kick."""
     if p.hanging_count > 0:
@@ -249,7 +240,7 @@ def swing(p, s, arena, dt):  # type: ignore[no-untyped-def]
         arena[at + 3] += dt * arena[at + 4]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def drag(p, arena, dx):  # type: ignore[no-untyped-def]
     """Advance the hysteretic elements by a displacement [m]; the change of their force [N]."""
     change = 0.0

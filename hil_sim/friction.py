@@ -24,7 +24,7 @@ def element_shares(count: int) -> F64:
     return 2.0 * np.arange(1, count + 1) / (count * (count + 1))
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True, error_model="numpy")
 def stribeck(velocity: float, static_ratio: float, stribeck_velocity: float, shape: float) -> float:
     """s(v) = 1 + alpha exp(-|v/vs|^delta): the Stribeck curve over the Coulomb level."""
     ratio = abs(velocity) / stribeck_velocity
@@ -33,7 +33,7 @@ def stribeck(velocity: float, static_ratio: float, stribeck_velocity: float, sha
     return 1.0 + static_ratio * math.exp(-ratio)
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True, error_model="numpy")
 def slip_step(
     forces: F64,
     slipping: NDArray[np.bool_],
@@ -44,6 +44,7 @@ def slip_step(
     element_stiffness: float,
     level: float,
     decay: float,
+    first: int = 0,
 ) -> float:
     """Advance all elements by one step of constant velocity; return their total force.
 
@@ -57,9 +58,11 @@ def slip_step(
         element_stiffness: k_i sigma0 [N/m], the same for all elements.
         level: s(v) Fc [N], what may scale Fc included.
         decay: exp(-C dt/(s(v) Fc)) of this step.
+        first: number of the first element, where several axes share the arrays. (A slice for each
+            axis would count references at every step, which takes longer than the step.)
     """
     total = 0.0
-    for i in range(count):
+    for i in range(first, first + count):
         limit = shares[i] * level
         force = forces[i]
         if not slipping[i]:

@@ -20,7 +20,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.coarse import coarse_kick, coarse_move, fine_steps
+from hil_sim.coarse import advance_coarsely
 from hil_sim.control import (
     CONTROL_DTYPE,
     CONTROL_STATE_DTYPE,
@@ -29,6 +29,7 @@ from hil_sim.control import (
     position_loop,
 )
 from hil_sim.disturbances import coulomb_factor, delayed, drag, drive, refresh, solve_jointly, swing
+from hil_sim.encoder import read_encoder
 from hil_sim.friction import element_shares, slip_step, stribeck
 from hil_sim.port_arrays import (
     PORT_FIELDS,
@@ -44,7 +45,6 @@ from hil_sim.settings import AxisSettings, CascadeSettings, ControlSettings, Sta
 F64 = NDArray[np.float64]
 
 SUBSTEPS = 5  # plant steps per control tick
-_SPEED_TIME = 1e-3  # low-pass of the encoder velocity that 0x606C reports [s]
 
 _PLANT = np.dtype(
     [
@@ -57,6 +57,7 @@ _PLANT = np.dtype(
         ("element_stiffness", "f8"),
         ("relaxation_rate", "f8"),
         ("elements", "i8"),
+        ("first_element", "i8"),
         ("increment", "f8"),
         ("noise", "f8"),
         ("wander", "f8"),
@@ -82,19 +83,7 @@ _STATE = np.dtype(
 )
 
 
-@numba.njit(cache=True)
-def _read_encoder(plant, state, control_period, normal):  # type: ignore[no-untyped-def]
-    """Quantised position with noise; the speed that the drive reports follows it."""
-    reading = round((state.position + plant.noise * normal) / plant.increment) * plant.increment
-    state.speed += (
-        control_period
-        / (_SPEED_TIME + control_period)
-        * ((reading - state.encoder) / control_period - state.speed)
-    )
-    state.encoder = reading
-
-
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def command(loop, position, force, ticks):  # type: ignore[no-untyped-def]
     """Ramp demand and force offset from the last commanded pair to this one within `ticks`."""
     loop.from_position = loop.demand
@@ -105,7 +94,7 @@ def command(loop, position, force, ticks):  # type: ignore[no-untyped-def]
     loop.ramp_done = 0
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def step(  # type: ignore[no-untyped-def]
     plant, control, state, loop, forces, slipping, shares, arena, period, normals, first, ticks,
     orders, report,
@@ -130,17 +119,22 @@ def step(  # type: ignore[no-untyped-def]
         report[a, 4] = state[a].worst_error
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _advance(  # type: ignore[no-untyped-def]
     plant, control, state, loop, forces, slipping, shares, arena, period, substeps, normals, first,
     ticks,
 ):  # fmt: skip
     """Advance every axis by `ticks` control ticks; their noise starts at `normals[..., first]`."""
+    if substeps < SUBSTEPS:
+        advance_coarsely(
+            plant, control, state, loop, forces, slipping, shares, arena, period, normals, first,
+            ticks,
+        )  # fmt: skip
+        return
     axes = plant.shape[0]
     dt = period / substeps
     noisy = normals.shape[2] > 0
     coupled = plant[0].coupled
-    coarse = substeps < SUBSTEPS
     for tick in range(first, first + ticks):
         for a in range(axes):
             advance_demand(loop[a])
@@ -149,15 +143,10 @@ def _advance(  # type: ignore[no-untyped-def]
                 state[a].worst_error = max(state[a].worst_error, abs(error))
         for a in range(axes):
             if plant[a].ported:
-                refresh(plant, state, arena, a, loop[a].output, period)
-        for substep in range(substeps if coarse else 0):
-            for a in range(axes):
-                coarse_kick(plant, state, loop, arena, a, substep, dt)
-            if coupled:
-                solve_jointly(plant, state, arena, dt)
-            for a in range(axes):
-                coarse_move(plant[a], state[a], forces[a], slipping[a], shares[a], arena, dt)
-        for substep in range(0 if coarse else substeps):
+                refresh(
+                    plant[a], state[a], state[axes - 1 - a].position, arena, loop[a].output, period
+                )
+        for substep in range(substeps):
             for a in range(axes):
                 p = plant[a]
                 s = state[a]
@@ -194,32 +183,33 @@ def _advance(  # type: ignore[no-untyped-def]
                     direction = math.copysign(1.0, v)
                     if direction != s.direction:
                         s.direction = direction
-                        for i in range(p.elements):
-                            slipping[a, i] = False
+                        for i in range(p.first_element, p.first_element + p.elements):
+                            slipping[i] = False
                     curve = stribeck(v, p.static_ratio, p.stribeck_velocity, p.stribeck_shape)
                     s.friction = slip_step(
-                        forces[a],
-                        slipping[a],
-                        shares[a],
+                        forces,
+                        slipping,
+                        shares,
                         p.elements,
                         direction,
                         dx,
                         p.element_stiffness,
                         level * curve * (1.0 + s.wander),
                         math.exp(-p.relaxation_rate * dt / curve),
+                        p.first_element,
                     )
         for a in range(axes):
             p = plant[a]
             s = state[a]
             if noisy:
                 s.wander = p.wander_keep * s.wander + p.wander * normals[a, 1, tick]
-                _read_encoder(p, s, period, normals[a, 0, tick])
+                read_encoder(p, s, period, normals[a, 0, tick])
             else:
                 s.wander = p.wander_keep * s.wander
-                _read_encoder(p, s, period, 0.0)
+                read_encoder(p, s, period, 0.0)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def run_demands(  # type: ignore[no-untyped-def]
     plant, control, state, loop, forces, slipping, shares, arena, period, substeps, ticks, normals,
     demand, offset, unit, position_out, force_out,
@@ -299,19 +289,20 @@ class Arrays:
         if substeps != 1 and substeps < SUBSTEPS:
             raise ValueError(f"substeps must be 1 or at least {SUBSTEPS}, is {substeps}")
         axes = settings.axes
-        widest = max(a.friction.elements for a in axes)
         self.ports = opened(settings, duration)
         for a, ports in enumerate(() if level is None else self.ports):
             ports.scale_time_coulomb(np.append(level[:, a], level[-1, a]))  # type: ignore[index]
         self.plant = np.zeros(len(axes), dtype=_PLANT)
         arena = Arena()
+        first = 0
         for record, axis, ports in zip(self.plant, axes, self.ports, strict=True):
             for name, value in _plant_record(axis).items():
                 record[name] = value
+            record["first_element"] = first
+            first += axis.friction.elements
             fill(record, ports, arena, settings, substeps)
             if substeps < SUBSTEPS:
-                fine = fine_steps(substeps, SUBSTEPS)
-                fill_coarse(record, ports, arena, settings.control_period, substeps, fine)
+                fill_coarse(record, ports, settings.control_period, SUBSTEPS)
         couple(self.plant, self.ports, arena)
         self.arena = arena.array()
         self.control = np.array(
@@ -320,11 +311,12 @@ class Arrays:
         )
         self.state = np.zeros(len(axes), dtype=_STATE)
         self.loop = np.zeros(len(axes), dtype=CONTROL_STATE_DTYPE)
-        self.forces = np.zeros((len(axes), widest))
-        self.slipping = np.zeros((len(axes), widest), dtype=np.bool_)
-        self.shares = np.zeros((len(axes), widest))
+        count = sum(a.friction.elements for a in axes)
+        self.forces = np.zeros(count)
+        self.slipping = np.zeros(count, dtype=np.bool_)
+        self.shares = np.zeros(count)
         for a, axis in enumerate(axes):
-            self.shares[a, : axis.friction.elements] = element_shares(axis.friction.elements)
+            self.shares[self._elements(a)] = element_shares(axis.friction.elements)
             reading = round(start[a] / axis.increment) * axis.increment
             self.state[a]["position"] = start[a]
             self.state[a]["encoder"] = reading
@@ -341,7 +333,7 @@ class Arrays:
         """
         friction = axis.friction
         ports, record = self.ports[a], self.plant[a]
-        limits = self.shares[a, : friction.elements] * float(record["coulomb"])
+        limits = self.shares[self._elements(a)] * float(record["coulomb"])
         limits = limits * (1.0 + ports.static_ratio)
         pull = ports.standing_force(float(self.state[a]["position"]))
         asked = ports.force_constant * force - pull
@@ -355,13 +347,18 @@ class Arrays:
             np.clip(elements, -limits, limits, out=elements)
         held = float(elements.sum())
         motor = (held + pull) / ports.force_constant
-        self.forces[a, : friction.elements] = elements
+        self.forces[self._elements(a)] = elements
         self.state[a]["friction"] = held
         self.state[a]["motor_force"] = motor
         self.loop[a]["integral"] = motor - self.loop[a]["offset"]
         if record["history"] >= 0:
             begin = int(record["history"])
             self.arena[begin : begin + int(record["history_depth"])] = motor
+
+    def _elements(self, a: int) -> slice:
+        """Where the friction elements of axis a are in the arrays of all axes."""
+        first = int(self.plant[a]["first_element"])
+        return slice(first, first + int(self.plant[a]["elements"]))
 
     def restart_clock(self) -> None:
         """Make now t = 0 for everything that depends on time."""

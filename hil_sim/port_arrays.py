@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.coarse import motor_weights
+from hil_sim.coarse_weights import motor_weights
 from hil_sim.effects.ports import VELOCITY_NODES, EffectPorts
 from hil_sim.settings import StageSettings
 
@@ -58,7 +58,12 @@ PORT_FIELDS = [
     ("delay_ticks", "i8"),
     ("delay_share", "i8"),
     ("coupling", "i8"),
-    ("motor_weights", "i8"),
+    ("end_old", "f8"),  # of a coarse step: `hil_sim.coarse_weights`
+    ("end_start", "f8"),
+    ("mean_old", "f8"),
+    ("mean_start", "f8"),
+    ("early_old", "f8"),
+    ("early_start", "f8"),
     ("coarse_share", "f8"),
 ]
 """Of the plant's record; offsets are into the arena."""
@@ -276,27 +281,21 @@ def _shares_before(step: float, decay: float, count: int) -> F64:
     return np.asarray(old / (1.0 - math.exp(-decay)))
 
 
-def fill_coarse(
-    record: np.void, ports: EffectPorts, arena: Arena, period: float, substeps: int, fine: int
-) -> None:
-    """What coarse steps need: `hil_sim.coarse.motor_weights` for each of a tick.
+def fill_coarse(record: np.void, ports: EffectPorts, period: float, fine: int) -> None:
+    """What coarse steps need: `hil_sim.coarse_weights`.
 
     Args:
         record: of the axis.
         ports: of the axis.
-        arena: of all axes.
-        period: Tc [s].
-        substeps: coarse steps per control tick.
-        fine: fine steps that each stands for.
+        period: Tc [s], a coarse step.
+        fine: fine steps that it stands for.
     """
-    count = substeps * fine
-    decay = _decay(ports, period, count)
+    decay = _decay(ports, period, fine)
     ticks = ports.delay / period
-    step = max(0.0, ticks - math.floor(ticks + 1e-9)) * count
-    shares = _shares_before(step, decay, count).reshape(substeps, fine)
-    record["motor_weights"] = arena.add(
-        np.concatenate([motor_weights(decay, share).ravel() for share in shares])
-    )
+    step = max(0.0, ticks - math.floor(ticks + 1e-9)) * fine
+    weights = motor_weights(decay, _shares_before(step, decay, fine))
+    for name, (old, start) in zip(("end", "mean", "early"), weights, strict=True):
+        record[f"{name}_old"], record[f"{name}_start"] = old, start
     record["coarse_share"] = (fine + 1.0) / (2.0 * fine)
 
 
