@@ -36,6 +36,8 @@ _RESOLUTION = 0.5e-9
 """Changes of the demand below half of a CiA 402 position unit are none [m]."""
 _REPEAT = 1e-6
 """How far start and demand of two moves may differ for the one to repeat the other [m]."""
+_REPEAT_FORCE = 0.5
+"""And their force offsets [N]."""
 
 Int8 = NDArray[np.int8]
 
@@ -165,7 +167,7 @@ def blocks(recording: Recording, period: float) -> tuple[Block, ...]:
 
 
 def repeats(recording: Recording, found: tuple[Block, ...]) -> tuple[tuple[int, ...], ...]:
-    """Groups of moves that repeat one another: same start, same demand, all axes, within 1 um.
+    """Groups of moves that repeat one another: same start, demand and force offset on all axes.
 
     Args:
         recording: they are of.
@@ -174,11 +176,16 @@ def repeats(recording: Recording, found: tuple[Block, ...]) -> tuple[tuple[int, 
     Returns:
         Numbers of the blocks of each group; groups of one are left out.
     """
-    demands = [signals.position_demand for signals in recording.axes.values()]
+    axes = recording.axes.values()
     groups: list[list[int]] = []
     for block in found:
         for group in groups:
-            if all(_alike(demand, found[group[0]], block) for demand in demands):
+            first = found[group[0]]
+            if all(
+                _alike(axis.position_demand, first, block, _REPEAT)
+                and _alike(axis.force_offset, first, block, _REPEAT_FORCE)
+                for axis in axes
+            ):
                 group.append(block.number)
                 break
         else:
@@ -186,13 +193,13 @@ def repeats(recording: Recording, found: tuple[Block, ...]) -> tuple[tuple[int, 
     return tuple(tuple(group) for group in groups if len(group) > 1)
 
 
-def _alike(demand: FloatArray, one: Block, other: Block) -> bool:
+def _alike(demand: FloatArray, one: Block, other: Block, within: float) -> bool:
     length = min(one.stop - one.moving, other.stop - other.moving)
     if abs((one.end - one.moving) - (other.end - other.moving)) > 1:
         return False
     first = demand[one.moving : one.moving + length]
     second = demand[other.moving : other.moving + length]
-    return bool(np.abs(first - second).max() <= _REPEAT)
+    return bool(np.abs(first - second).max() <= within)
 
 
 def _slope(values: FloatArray, period: float) -> FloatArray:

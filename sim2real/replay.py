@@ -11,13 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.settings import StageSettings
+from hil_sim.settings import AxisSettings, StageSettings
 from hil_sim.simulate import simulate
-from sim2real.recording import BoolArray, FloatArray, Recording
+from sim2real.recording import AxisSignals, BoolArray, FloatArray, Recording
 from sim2real.report import SIGNALS
 
 _REST_UNITS = 4
 """A force at the first sample beyond so many force units is taken as the friction's state there."""
+_STILL = 10
+"""A recording starts at rest where the demand stands for so many samples."""
 _MAX_STRETCH = 10
 """Periods passed over for each sample, at most: beyond that it is no recording of one run."""
 
@@ -96,13 +98,16 @@ def prepare(recording: Recording, settings: StageSettings) -> Replay:
         np.column_stack([s.position_demand for s in signals])[sent],
         np.column_stack([s.force_offset for s in signals])[sent],
         place,
-        tuple(
-            float(s.force_actual[0])
-            if abs(s.force_actual[0]) > _REST_UNITS * axis.control.rated_force / 1000.0
-            else 0.0
-            for s, axis in zip(signals, settings.axes, strict=True)
-        ),
+        tuple(_rest_force(s, axis) for s, axis in zip(signals, settings.axes, strict=True)),
     )
+
+
+def _rest_force(signals: AxisSignals, axis: AxisSettings) -> float:
+    """Force that holds the axis at the start [N]; 0 where it moves, or has no integrator."""
+    force = float(signals.force_actual[0])
+    still = bool(np.all(signals.position_demand[:_STILL] == signals.position_demand[0]))
+    large = abs(force) > _REST_UNITS * axis.control.rated_force / 1000.0
+    return force if still and large and axis.control.ki > 0 else 0.0
 
 
 def residual(measured: Signals, model: Signals) -> Signals:

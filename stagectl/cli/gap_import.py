@@ -1,0 +1,34 @@
+"""`stagectl gap import`: foreign data as a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from stagectl.cli.options import FILE
+
+
+@click.command("import", short_help="Foreign data (.mat, .csv) as a recording.")
+@click.argument("data", type=FILE)
+@click.option("--map", "how", type=FILE, required=True, help="Which column is what, in what unit.")
+@click.option("--out", type=FILE, help="Recording to write [DATA.h5, here].")
+def import_data(data: Path, how: Path, out: Path | None) -> None:
+    """Make a recording out of DATA, a .mat or .csv file, by a map.
+
+    The map names the column, unit, factor and delay of each channel, and the machine file that
+    goes into the recording; its drives may have a PID or a cascade. Example: examples/emps.
+    """
+    from stagectl.config.import_map import load_map
+    from stagectl.store.foreign import import_recording
+    from stagectl.store.recording import write_recording
+
+    columns, machine = load_map(how)
+    recording = import_recording(data, columns, machine)
+    target = Path(f"{data.stem}.h5") if out is None else out
+    write_recording(recording, target)
+    seconds = recording.time[-1]
+    click.echo(
+        f"{target}: {len(recording)} samples, {seconds:.4g} s, {len(recording.moves)} moves, "
+        f"axes {', '.join(recording.axes)}"
+    )
