@@ -185,7 +185,10 @@ def convert(spool: Path, path: Path, zone: object = None) -> str | None:
             if len(head) < _HEAD.size or not head.startswith(_MAGIC):
                 raise UnusableInput(f"{spool}: not the frames of a bus log")
             _, started, host_node = _HEAD.unpack(head)
-            date = _date(datetime.fromtimestamp(started * 1e-6, zone))  # type: ignore[arg-type]
+            try:
+                date = _date(datetime.fromtimestamp(started * 1e-6, zone))  # type: ignore[arg-type]
+            except (ValueError, OverflowError) as damage:
+                raise UnusableInput(f"{spool}: its header is damaged: {damage}") from damage
             with part.open("wb") as text:
                 seal = hashlib.sha256()
                 for piece in _pieces(frames, date, host_node):
