@@ -52,7 +52,7 @@ from stagectl.config.mapping import driver_settings, stage_settings
 from stagectl.errors import ConfigError, StagectlError
 from stagectl.recipe.load import parse_recipe
 from stagectl.store.bus_log import BusLog, recover_log
-from stagectl.store.journal import AxisScaling, Journal, JournalHeader
+from stagectl.store.journal import AxisScaling, Journal, JournalHeader, sample_dtype
 from stagectl.store.ledger import CycleLedger
 from stagectl.store.log_reader import read_log
 from stagectl.store.recording import read_ledger, read_notes, read_recording, write_recording
@@ -364,11 +364,12 @@ def _written(what: str, folder: Path) -> bytes:
     if what == "journal":
         axes = tuple(AxisScaling(name, 1e-9, 0.1) for name in ("x", "y"))
         header = JournalHeader("m", "r", started.isoformat(), axes)
+        fields = len(sample_dtype(len(axes)).names or ())  # the tag is the journal's own
         with Journal(folder, header) as journal:
             journal.event("run", seed=1)
             journal.move(Move("macro", 0, 90, {"x": 0.0, "y": 0.0}, {"x": 1.0, "y": 0.0}, 1))
             for k in range(100):
-                journal.sink((k * 1_000_000, False, *(k, 1, k, 1, 0x1237, True, 1000) * 2))
+                journal.sink((k * 1_000_000, *[k % 2] * (fields - 2)))
             return journal.path.read_bytes()
     count = 200
     signals = AxisSignals(
