@@ -43,6 +43,8 @@ from estimation.window import (
     final_state,
 )
 
+_TELLING = 0.5
+"""A move that leaves more than this of the level's variance does not show the level."""
 _ZONE_A = (COULOMB, VISCOUS, MASS)
 _ZONE_B = (COULOMB, VISCOUS, STIFFNESS, RATE, MASS)
 _ZONE_AB = (COULOMB, VISCOUS, STIFFNESS, MASS)  # a fast move hardly tells C; slow ones do
@@ -131,6 +133,9 @@ class Estimate:
         level: factor on the Coulomb force at the end of the move, 1 + w.
         zones: which zones were used: "A", "B", "AB" or "".
         misfit: rms of the whitened residual over all samples used.
+        shown: sliding level Fc (1 + w) at the move's end as the move alone shows it, what was
+            believed before taken out again, and its standard deviation [N]; whether or not it was
+            accepted. None where the move says nothing of it.
     """
 
     accepted: bool
@@ -143,6 +148,7 @@ class Estimate:
     level: float
     zones: str
     misfit: float
+    shown: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,6 +247,33 @@ class SplitHorizonEstimator:
                 self._belief.covariance[i, i] = (sigma / self._figures[i]) ** 2
         self.friction = self._belief.friction(self._start)
 
+    def expect(
+        self, coulomb: float, sigma: float, level: tuple[float, float] | None = None
+    ) -> None:
+        """The next move ends at another place, whose Coulomb force is known from elsewhere.
+
+        The move's data have to be made level with that place (see `stagectl.compensation`). The
+        element forces are carried over as a change of Coulomb force is: they scale with it.
+
+        Args:
+            coulomb: Fc there [N].
+            sigma: its standard deviation [N].
+            level: w at the end of the last move and its standard deviation, where it is known
+                better than from the moves of this axis.
+        """
+        mean, covariance = self._belief.mean, self._belief.covariance
+        factor = coulomb / self.friction.coulomb
+        figure = float(self._figures[COULOMB])
+        for i, entry in ((COULOMB, (coulomb / figure, sigma / figure)), (LEVEL, level)):
+            if entry is not None:
+                covariance[i, :] = 0.0
+                covariance[:, i] = 0.0
+                mean[i] = entry[0]
+                covariance[i, i] = entry[1] ** 2 + 1e-12
+        self.friction = self._belief.friction(self._start)
+        if self.state is not None:
+            self.state.rescale(factor)
+
     def forget_state(self) -> None:
         """The axis has moved unobserved: its friction state is unknown, as before the first move.
 
@@ -302,6 +335,7 @@ class SplitHorizonEstimator:
             reason = self._doubt(found, misfit)
         else:
             reason = "too little motion to learn from"
+        shown = Belief(found.mean.copy(), found.covariance.copy())
         jumped = None if reason is not None else self._jumped(prior, found)
         reason = reason or jumped
         if reason is None:
@@ -321,8 +355,21 @@ class SplitHorizonEstimator:
         return Estimate(
             reason is None, reason, self.friction, self.sigma, self.covariance,
             dict(zip(FIGURES, narrowed.tolist(), strict=False)), self._mass(), self.level, used,
-            misfit,
+            misfit, self._shown(prior, shown),
         )  # fmt: skip
+
+    def _shown(self, prior: Belief, found: Belief) -> tuple[float, float] | None:
+        """The sliding level that the move alone shows [N]: belief after minus belief before."""
+        if self._report[R_FAILED] or not np.isfinite(found.mean).all():
+            return None
+        before, variance_before = _sliding(prior)
+        after, variance = _sliding(found)
+        if not 0.0 < variance < _TELLING * variance_before:
+            return None
+        figure = float(self._figures[COULOMB])
+        share = variance_before / (variance_before - variance)
+        value = before + (after - before) * share
+        return (value * figure, math.sqrt(variance * share) * figure) if value > 0.0 else None
 
     def preview(self, move: MoveData) -> Preview | None:
         """Solve zone A of a move that is not over; None where it says nothing sound yet.
@@ -405,6 +452,18 @@ class SplitHorizonEstimator:
             if abs(change) > allowed:
                 return f"{name} jumps by {change:+.0%}"
         return None
+
+
+def _sliding(belief: Belief) -> tuple[float, float]:
+    """Fc (1 + w), relative, and its variance."""
+    coulomb, level = float(belief.mean[COULOMB]), 1.0 + float(belief.mean[LEVEL])
+    c = belief.covariance
+    variance = (
+        level**2 * c[COULOMB, COULOMB]
+        + 2.0 * level * coulomb * c[COULOMB, LEVEL]
+        + coulomb**2 * c[LEVEL, LEVEL]
+    )
+    return coulomb * level, float(variance)
 
 
 def _cleaned(move: MoveData) -> tuple[F64, F64, NDArray[np.bool_]]:

@@ -23,8 +23,9 @@ from estimation.feedforward import (
     mass_feedforward,
     remaining_feedforward,
 )
-from estimation.gms import F64, Friction
+from estimation.gms import F64, Friction, FrictionState
 from estimation.noise import encoder_noise, quantisation
+from estimation.relief import level_with_target, relief_feedforward, state_after
 from estimation.split_horizon import Estimate, EstimatorSettings, MoveData, SplitHorizonEstimator
 from estimation.trajectory import Limits, Trajectory, plan
 from stagectl.config.machine import Axis, Machine
@@ -75,6 +76,7 @@ class AxisCompensation:
 
     def __init__(self, axis: Axis, friction: Friction, mode: Mode, period: float) -> None:
         self.mode = mode
+        self._departed: FrictionState | None = None
         self._mass = axis.plant.mass
         self._period = period
         drive = axis.drive
@@ -103,6 +105,7 @@ class AxisCompensation:
         position: float,
         rest_force: float,
         rest_offset: float,
+        relief: F64 | None = None,
     ) -> F64:
         """Force offsets of a move, one per setpoint [N], shape (samples,).
 
@@ -113,15 +116,23 @@ class AxisCompensation:
             position: at rest [m].
             rest_force: force measured at rest [N].
             rest_offset: force offset in force at rest [N].
+            relief: Coulomb force on the way, relative to that at the target, minus 1, when each
+                setpoint is reached; None where it is the same everywhere.
         """
         force = mass_feedforward(self._mass, trajectory, samples, self._period, self._ahead)
         if self.mode is Mode.NONE:
             return rest_offset + force
         state = self.estimator.at_rest(position, rest_force, moment)
         friction = self.estimator.effective(moment + trajectory.duration / 2.0)
-        force += friction_feedforward(
-            friction, state, trajectory, samples, self._period, self._ahead
-        )
+        real = None if relief is None else self._real_state(rest_force)
+        if relief is None or real is None:
+            force += friction_feedforward(
+                friction, state, trajectory, samples, self._period, self._ahead
+            )
+        else:
+            force += relief_feedforward(
+                friction, real, relief, trajectory, self._period, self._ahead
+            )
         if trajectory.duration >= TAKE_OVER:
             share = np.arange(1, samples + 1) * (self._period / trajectory.duration)
             share = np.clip(share, 0.0, 1.0)
@@ -133,7 +144,59 @@ class AxisCompensation:
         asked = self.mode is Mode.ESTIMATED and trajectory.duration >= TAKE_OVER
         return REVISE_AT * trajectory.duration if asked else math.inf
 
-    def revise(self, trajectory: Trajectory, offsets: F64, sent: int, move: MoveData) -> F64 | None:
+    def expect(
+        self, coulomb: float, sigma: float, level: tuple[float, float] | None = None
+    ) -> None:
+        """From now on Fc is `coulomb` +- `sigma` [N], and w is as `level` says: another place."""
+        state = self.estimator.state
+        self._departed = None if state is None else state.copy()
+        self.estimator.expect(coulomb, sigma, level)
+
+    def _real_state(self, rest_force: float) -> FrictionState | None:
+        """The friction state at rest as it is where the move begins, None where it is not known."""
+        if self._departed is not None:
+            # Elements at rest keep their force, whatever the Coulomb force does meanwhile: only
+            # their sum is corrected.
+            self._departed.forces += (rest_force - self._departed.total) / len(
+                self._departed.forces
+            )
+        return self._departed
+
+    def level_with_target(self, move: MoveData, relief: F64) -> MoveData:
+        """A move's data as if the Coulomb force were everywhere what it is at the target.
+
+        Args:
+            move: as sampled.
+            relief: Fc at each sample's place, relative to that at the target, minus 1.
+        """
+        scaled = self.estimator.state
+        if scaled is None or self._departed is None:
+            return move
+        friction = self.estimator.effective(move.time)
+        return level_with_target(friction, self._departed, scaled, relief, move, self._period)
+
+    def arrive(self, move: MoveData, relief: F64) -> None:
+        """After `learn`: the friction state at the end of a move between places.
+
+        Args:
+            move: as sampled.
+            relief: as in `level_with_target`.
+        """
+        departed, self._departed = self._departed, None
+        if departed is None or self.mode is Mode.NONE:
+            return
+        end = move.time + (len(move.position) - 1) * self._period
+        friction = self.estimator.effective(end)
+        self.estimator.state = state_after(friction, departed, relief, move, self._period)
+
+    def revise(
+        self,
+        trajectory: Trajectory,
+        offsets: F64,
+        sent: int,
+        move: MoveData,
+        relief: F64 | None = None,
+    ) -> F64 | None:
         """New offsets for the rest of a move that shows the model to be wrong, else None.
 
         Solves zone A of the move while it goes on (the paper's first aim), so that its own
@@ -143,7 +206,8 @@ class AxisCompensation:
             trajectory: of the demand.
             offsets: of the whole move as they were planned, shape (samples,) [N].
             sent: how many of them are gone.
-            move: samples up to now.
+            move: samples up to now, level with the target.
+            relief: as in `offsets`.
         """
         preview = self.estimator.preview(move)
         if preview is None or abs(preview.change) < REVISE:
@@ -151,9 +215,17 @@ class AxisCompensation:
         samples = len(offsets)
         force = mass_feedforward(self._mass, trajectory, samples, self._period, self._ahead)
         force = force[sent:] - force[sent - 1]
-        force += remaining_feedforward(
-            preview.friction, preview.state, trajectory, sent, samples, self._period, self._ahead
-        )
+        if relief is None:
+            force += remaining_feedforward(
+                preview.friction, preview.state, trajectory, sent, samples, self._period,
+                self._ahead,
+            )  # fmt: skip
+        else:
+            state = preview.state.copy()
+            state.rescale(1.0 + float(relief[sent - 1]))  # it slides, and has followed
+            force += relief_feedforward(
+                preview.friction, state, relief, trajectory, self._period, self._ahead, sent
+            )
         return np.concatenate([offsets[:sent], offsets[sent - 1] + force])
 
     def stop_offsets(

@@ -65,6 +65,7 @@ class RunRequest:
         retries: how often a stretch (a site) is begun again after a fault that can be recovered.
         resumed: the interrupted run that this one goes on with; None: from the start.
         history: file or server that the friction estimates go to; None for none.
+        use_map: go by the history's active friction map, where there is one.
     """
 
     recipe: Recipe
@@ -80,6 +81,7 @@ class RunRequest:
     retries: int = 0
     resumed: Resumed | None = None
     history: str | None = None
+    use_map: bool = True
 
     def as_noted(self) -> dict[str, Any]:
         """What the recording keeps of it, for a run that goes on with this one and for replay."""

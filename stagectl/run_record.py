@@ -7,6 +7,7 @@ replay needs, and knows at each moment how much of the recipe is done.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +15,15 @@ import numpy as np
 from hil_sim.fault_rules import Injected
 from sim2real.recording import AxisSignals, Move, Recording
 from stagectl.errors import Aborted, StagectlError
-from stagectl.history.run_history import RunHistory, start_history
+from stagectl.history.port import History
+from stagectl.history.run_history import RunHistory, run_entry
 from stagectl.history.temperature import LatestTemperature
 from stagectl.report.page import write_report
 from stagectl.request import RunRequest, RunResult
 from stagectl.sequencer.events import (
     Event,
     FrictionUpdated,
+    LevelStepped,
     MarkFound,
     Retrying,
     StopNoticed,
@@ -54,14 +57,23 @@ class RunRecord:
         wall_time: of the moves [s], to be set by who runs them.
 
     Raises:
-        UnusableInput: the history is not one that can be written to; nothing has been written.
         StagectlError: the journal or the history cannot be written.
     """
 
-    def __init__(self, request: RunRequest) -> None:
+    def __init__(
+        self, request: RunRequest, history: History | None = None, map_number: int | None = None
+    ) -> None:
+        """Begin a record.
+
+        Args:
+            request: of the run.
+            history: open for writing, closed at the end; None for none.
+            map_number: of the friction map that the run goes by, None for none.
+        """
         self._request = request
         self.temperature = LatestTemperature(None)
-        self._history: RunHistory | None = start_history(request)
+        self._placed = map_number is not None
+        self._history = None if history is None else RunHistory(history, run_entry(request))
         put_aside(request.folder)
         machine, resumed = request.machine, request.resumed
         self.done = 0 if resumed is None else resumed.done
@@ -82,7 +94,7 @@ class RunRecord:
                 ),
             ),
         )
-        self.journal.event("run", **request.as_noted())
+        self.journal.event("run", **request.as_noted(), map=map_number)
 
     def move(self, move: Move) -> None:
         """A move begins."""
@@ -99,7 +111,12 @@ class RunRecord:
             case FrictionUpdated():
                 self._note_friction(event)
                 if self._history is not None:
-                    self._history.note(event, temperature=self.temperature.at(event.time))
+                    now = self.temperature.at(event.time)
+                    self._history.note(event, self._placed, now)
+            case LevelStepped():
+                self.journal.event("level_stepped", **asdict(event))
+                if self._history is not None:
+                    self._history.note_step(event)
             case StretchDone(number=number, site=site):
                 self.done = number
                 self.journal.event("done", number=number, site=site)

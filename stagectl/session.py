@@ -8,9 +8,10 @@ stage ends disabled and what was recorded becomes the recording.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import can
 
@@ -21,9 +22,12 @@ from hil_sim.fault_rules import Injected
 from hil_sim.fault_world import FaultyWorld
 from hil_sim.stage import VirtualStage
 from hil_sim.world import World
-from stagectl.compensation import AxisCompensation, make_compensation
+from stagectl.compensation import AxisCompensation, Figures, Mode, make_compensation
 from stagectl.config.mapping import driver_settings, stage_settings
 from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError, UnusableInput
+from stagectl.history.opening import open_history
+from stagectl.history.port import History
+from stagectl.history.records import StageKey
 from stagectl.history.temperature import stage_temperature
 from stagectl.recipe.fiducial import Fiducial, make_fiducial
 from stagectl.recipe.model import Pair
@@ -35,6 +39,9 @@ from stagectl.sequencer.events import Event, Retrying
 from stagectl.sequencer.mover import MovingAxis
 from stagectl.store.bus_log import BusLog
 from stagectl.store.recovery import recover_left_over
+
+if TYPE_CHECKING:
+    from stagectl.maps.active import ActiveMap
 
 LASTING = (0x2, 0x3, 0x4, 0x5, 0x7)
 """Classes of error codes (their first digit) after which somebody has to look before power comes
@@ -95,23 +102,60 @@ def execute(request: RunRequest, listener: Listener, rig: Rig | None = None) -> 
     left_over = recover_left_over(request.folder, aside=True)
     if left_over is not None:
         listener.phase(left_over.describe())
+    history = None if request.history is None else open_history(request.history, write=True)
+    try:
+        return _execute(request, listener, fiducial, rig, history)
+    finally:
+        if history is not None:
+            history.close()
+
+
+def _execute(
+    request: RunRequest,
+    listener: Listener,
+    fiducial: Fiducial,
+    rig: Rig | None,
+    history: History | None,
+) -> RunResult:
+    active = _active_map(request, history)
+    if active is not None:
+        listener.phase(f"friction map {active.version.number}")
     listener.phase("preparing the estimator")
     compensation = make_compensation(
         request.machine,
         request.mode,
         request.friction_scale,
         request.truth,
-        None if request.resumed is None else request.resumed.friction,
+        _known(request, active),
     )
     bus, axes = driver_settings(request.machine)
     if request.bus is not None:
         bus = replace(bus, interface=request.bus[0], channel=request.bus[1])
-    run = _Run(request, listener, compensation, fiducial, rig)
+    run = _Run(request, listener, compensation, fiducial, rig, history, active)
     log = BusLog(request.folder / "bus.asc", request.started)
     with _virtual_stage(request, bus, listener, rig) as (used, injected), log:
         run.drive(used, axes, log)
         run.note(injected)
     return run.finish(log.digest)
+
+
+def _active_map(request: RunRequest, history: History | None) -> ActiveMap | None:
+    """The map to go by, where there is one and the run learns."""
+    if history is None or not request.use_map or request.mode is not Mode.ESTIMATED:
+        return None
+    from stagectl.maps.active import load_active
+
+    stage = StageKey(request.machine.name, request.truth is not None)
+    return load_active(
+        history, stage, request.machine, request.recipe.sites, request.started.timestamp()
+    )
+
+
+def _known(request: RunRequest, active: ActiveMap | None) -> Mapping[str, Figures] | None:
+    """Friction figures to begin with: those of the run gone on with, else the map's."""
+    if request.resumed is not None:
+        return request.resumed.friction
+    return None if active is None else active.figures
 
 
 @contextmanager
@@ -150,13 +194,20 @@ class _Run:
         compensation: tuple[AxisCompensation, ...],
         fiducial: Fiducial,
         rig: Rig | None,
+        history: History | None,
+        active: ActiveMap | None,
     ) -> None:
         self._request, self._listener, self._compensation = request, listener, compensation
+        self._places = None if active is None else active.places
+        if self._places is not None:
+            self._places.on_step = self._on_event
         self._fiducial, self._rig = fiducial, rig
         self._stage: Stage | None = None
         self._engine: Engine | None = None
         self._error: StagectlError | None = None
-        self._record = RunRecord(request)
+        self._record = RunRecord(
+            request, history, None if active is None else active.version.number
+        )
         self.note = self._record.note
 
     def drive(self, bus: BusSettings, axes: tuple[AxisSettings, ...], log: BusLog) -> None:
@@ -202,7 +253,13 @@ class _Run:
         record, recipe = self._record, self._request.recipe
         start = _pair(stage.targets)
         engine = self._engine = Engine(
-            stage, self._moving_axes(axes), self._fiducial, period, record.move, self._on_event
+            stage,
+            self._moving_axes(axes),
+            self._fiducial,
+            period,
+            record.move,
+            self._on_event,
+            self._places,
         )
         attempt, attempted = 0, record.done
         while True:

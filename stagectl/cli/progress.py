@@ -18,6 +18,7 @@ from stagectl.sequencer.events import (
     Event,
     Exposed,
     FrictionUpdated,
+    LevelStepped,
     MarkNotFound,
     MoveStarted,
     Retrying,
@@ -105,6 +106,9 @@ class RunProgress:
                     f"{what} {event.stretch}: {event.fault}; trying again "
                     f"({event.attempt} of {event.limit})"
                 )
+            case LevelStepped(axis=axis, place=(x, y), change=change, everywhere=everywhere):
+                where = "everywhere" if everywhere else f"at ({x * 1e3:.3f}, {y * 1e3:.3f}) mm"
+                self._warn(f"friction of axis {axis} has stepped by {change:+.0%} {where}")
             case Stopping():
                 self._draw(f"stopping: {event.reason}")
 

@@ -86,6 +86,14 @@ PACKAGED = "wafer-xy"
     help="Friction history to write to [stage.db beside the run's folder; real runs: the machine "
     "file's, or stage.db in the folder of --out].",
 )
+@click.option(
+    "--map",
+    "use_map",
+    type=click.Choice(["active", "none"]),
+    default="active",
+    show_default=True,
+    help="Go by the history's active friction map, where there is one.",
+)
 @click.option("--json", "json_out", type=FILE, help="Also write the summary here; - is stdout.")
 @click.option("--dry-run", is_flag=True, help="Only say what would be done; nothing moves.")
 def command(
@@ -101,6 +109,7 @@ def command(
     resume: Path | None,
     retries: int,
     history: str | None,
+    use_map: str,
     json_out: Path | None,
     dry_run: bool,
 ) -> None:
@@ -164,6 +173,7 @@ def command(
         retries,
         None if resume is None else load_interrupted(resume, loaded),
         default_history(history, believed, truth is not None, folder, out is not None),
+        use_map == "active",
     )
     _run(request, json_out)
 

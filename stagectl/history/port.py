@@ -5,7 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from stagectl.history.records import EstimateRecord, Pair, RunEntry, StageKey, Trend
+from stagectl.history.records import (
+    Activation,
+    EstimateRecord,
+    Measurement,
+    Pair,
+    RunEntry,
+    StageKey,
+    StepRecord,
+    StoredMap,
+    Trend,
+    Wear,
+)
 
 
 class History(Protocol):
@@ -50,8 +61,38 @@ class History(Protocol):
     def at_date(self, stage: StageKey, when: float) -> list[EstimateRecord]:
         """The last accepted estimate of each place and axis until `when` [s since 1970]."""
 
+    def measurements(
+        self, stage: StageKey, since: float = float("-inf"), until: float = float("inf")
+    ) -> list[Measurement]:
+        """The sliding levels that macro-moves have shown, in the order of time."""
+
     def refused(self, stage: StageKey, last: int = 100) -> list[EstimateRecord]:
         """The last refused estimates, newest first."""
+
+    def wear(self, stage: StageKey, axis: str, since: float) -> Wear:
+        """Moves and distance of an axis since then, as far as they were estimated."""
+
+    def add_step(self, step: StepRecord) -> None:
+        """Note a step of the level."""
+
+    def steps(self, stage: StageKey, since: float = float("-inf")) -> list[StepRecord]:
+        """Steps of the level in the order of time."""
+
+    def save_map(self, stage: StageKey, made: float, comment: str, content: str) -> int:
+        """Keep a new version of the stage's map; returns its number."""
+
+    def maps(self, stage: StageKey) -> list[StoredMap]:
+        """All versions in their order."""
+
+    def activate(self, stage: StageKey, number: int | None, time: float, reason: str) -> None:
+        """Put a version into use from now on; None: no map.
+
+        Raises:
+            ValueError: there is no such version.
+        """
+
+    def activations(self, stage: StageKey) -> list[Activation]:
+        """What was put into use when, in the order of time."""
 
     def counted(self, stage: StageKey) -> tuple[int, int]:
         """How many estimates were accepted and refused in all."""

@@ -70,8 +70,8 @@ class EstimateRecord:
         figures: name -> value of the model in force afterwards (SI).
         covariance: of the figures in the order of `figures`, row by row, n * n entries.
         level: factor on the Coulomb force at the end of the move (its wander).
-        measured: sliding level that this move alone showed near its end, relative to the model
-            before it, and its standard deviation; None where it showed none.
+        measured: sliding level Fc (1 + w) that this move alone showed at its end, and its
+            standard deviation [N]; None where it showed none.
         temperature: [deg C], or None.
     """
 
@@ -100,6 +100,73 @@ class EstimateRecord:
         """Standard deviation of one figure, in its unit."""
         i = list(self.figures).index(figure)
         return math.sqrt(max(self.covariance[i * (len(self.figures) + 1)], 0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """The sliding level that one move has shown, apart from what was believed before.
+
+    Attributes:
+        axis: its name.  place: nominal position [m].  time: [s since 1970].
+        value: Fc (1 + w) at the move's end [N].  sigma: its standard deviation, w not included [N].
+    """
+
+    axis: str
+    place: Pair
+    time: float
+    value: float
+    sigma: float
+
+
+@dataclass(frozen=True, slots=True)
+class StepRecord:
+    """A step of the level that drift does not explain.
+
+    Attributes:
+        run: number of the run in the history.  axis: its name.  place: [m].
+        time: [s since 1970].  change: relative.
+        kind: "site", or "common" where the whole table has stepped.
+    """
+
+    run: int
+    axis: str
+    place: Pair
+    time: float
+    change: float
+    kind: str
+
+
+@dataclass(frozen=True, slots=True)
+class StoredMap:
+    """A version of a friction map as it is kept.
+
+    Attributes:
+        number: from 1, per stage.  made: [s since 1970].  comment: the maker's.
+        active: whether it is in use.  content: JSON of `stagectl.maps.model`.
+    """
+
+    number: int
+    made: float
+    comment: str
+    active: bool
+    content: str
+
+
+@dataclass(frozen=True, slots=True)
+class Activation:
+    """When which map came into use; `number` is None where maps were put out of use."""
+
+    number: int | None
+    time: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Wear:
+    """What one axis has done at all places since a moment: moves and distance travelled [m]."""
+
+    moves: int
+    distance: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,11 +10,13 @@ from importlib import metadata
 
 from estimation.belief import FIGURES, MASS
 from stagectl.errors import StagectlError
-from stagectl.history.opening import open_history
 from stagectl.history.port import History
-from stagectl.history.records import EstimateRecord, RunEntry, StageKey
+from stagectl.history.records import EstimateRecord, RunEntry, StageKey, StepRecord
 from stagectl.request import RunRequest
-from stagectl.sequencer.events import FrictionUpdated
+from stagectl.sequencer.events import FrictionUpdated, LevelStepped
+
+LOCAL = 5e-3
+"""A move within this distance meets the friction of one place [m]."""
 
 
 def software() -> str:
@@ -45,14 +47,15 @@ class RunHistory:
     def note(
         self,
         event: FrictionUpdated,
-        measured: tuple[float, float] | None = None,
+        placed: bool = False,
         temperature: float | None = None,
     ) -> None:
         """Add what the estimator made of a move.
 
         Args:
             event: of the run.
-            measured: the move's own sliding level, relative, and its standard deviation.
+            placed: friction on the way was known from a map, so that the move's level is that of
+                its target; else it is only where the whole move was near it.
             temperature: [deg C], where there is one.
         """
         if self.failure is not None:
@@ -71,11 +74,24 @@ class RunHistory:
             figures={name: float(getattr(estimate.friction, name)) for name in FIGURES[:MASS]},
             covariance=tuple(estimate.covariance.ravel().tolist()),
             level=estimate.level,
-            measured=measured,
+            measured=estimate.shown if placed or event.reach <= LOCAL else None,
             temperature=temperature,
         )
         try:
             self._history.add([record])
+        except StagectlError as error:
+            self.failure = str(error)
+
+    def note_step(self, event: LevelStepped) -> None:
+        """Add a step of the level."""
+        if self.failure is not None:
+            return
+        kind = "common" if event.everywhere else "site"
+        time = self._run.started + event.time
+        try:
+            self._history.add_step(
+                StepRecord(self.number, event.axis, event.place, time, event.change, kind)
+            )
         except StagectlError as error:
             self.failure = str(error)
 
@@ -90,28 +106,18 @@ class RunHistory:
             self._history.close()
 
 
-def start_history(request: RunRequest) -> RunHistory | None:
-    """The history that a run was asked to write to, with the run noted in it.
-
-    Raises:
-        UnusableInput: it is none that can be written to.
-        StagectlError: it cannot be opened.
-    """
-    if request.history is None:
-        return None
+def run_entry(request: RunRequest) -> RunEntry:
+    """A run as the history notes it."""
     simulated = request.truth is not None
     recipe, machine = request.recipe, request.machine
-    return RunHistory(
-        open_history(request.history, write=True),
-        RunEntry(
-            StageKey(machine.name, simulated),
-            tuple(machine.axes),
-            request.started.timestamp(),
-            recipe.name,
-            recipe.lot,
-            recipe.wafer,
-            software(),
-            str(request.folder),
-            seed=request.seed if simulated else None,
-        ),
+    return RunEntry(
+        StageKey(machine.name, simulated),
+        tuple(machine.axes),
+        request.started.timestamp(),
+        recipe.name,
+        recipe.lot,
+        recipe.wafer,
+        software(),
+        str(request.folder),
+        seed=request.seed if simulated else None,
     )

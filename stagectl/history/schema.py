@@ -34,7 +34,23 @@ MIGRATIONS: tuple[tuple[str, ...], ...] = (
         """CREATE INDEX estimate_trend ON estimate (place, axis, time)
             WHERE accepted = 1""",
         "CREATE INDEX estimate_run ON estimate (run)",
-        "CREATE INDEX estimate_wear ON estimate (axis, time)",
+        "CREATE INDEX estimate_time ON estimate (time)",
         "CREATE INDEX run_stage ON run (stage, started)",
+    ),
+    # 2: maps with their versions, steps of the level.
+    (
+        """CREATE TABLE friction_map (
+            id {key}, stage BIGINT NOT NULL REFERENCES stage, number BIGINT NOT NULL,
+            made {real} NOT NULL, comment TEXT NOT NULL, content TEXT NOT NULL,
+            UNIQUE (stage, number))""",
+        # The last row of a stage says which map is in use; number is NULL for none.
+        """CREATE TABLE activation (
+            id {key}, stage BIGINT NOT NULL REFERENCES stage, number BIGINT, time {real} NOT NULL,
+            reason TEXT NOT NULL)""",
+        """CREATE TABLE level_step (
+            id {key}, run BIGINT NOT NULL REFERENCES run, place BIGINT NOT NULL REFERENCES place,
+            axis TEXT NOT NULL, time {real} NOT NULL, change {real} NOT NULL,
+            kind TEXT NOT NULL)""",
+        "CREATE INDEX level_step_time ON level_step (time)",
     ),
 )

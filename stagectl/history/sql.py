@@ -11,7 +11,18 @@ from typing import Any
 import numpy as np
 
 from stagectl.history.database import Database
-from stagectl.history.records import F64, EstimateRecord, Pair, RunEntry, StageKey, Trend
+from stagectl.history.records import (
+    F64,
+    EstimateRecord,
+    Measurement,
+    Pair,
+    RunEntry,
+    StageKey,
+    StepRecord,
+    Trend,
+    Wear,
+)
+from stagectl.history.sql_maps import SqlMaps
 
 _FAR = 1e18  # beyond any time in seconds; databases have no infinity in common
 
@@ -21,7 +32,7 @@ _ESTIMATE = (
 )
 
 
-class SqlHistory:
+class SqlHistory(SqlMaps):
     """`port.History` on a database.
 
     Args:
@@ -29,8 +40,7 @@ class SqlHistory:
     """
 
     def __init__(self, database: Database) -> None:
-        self._database = database
-        self._stages: dict[StageKey, int] = {}
+        super().__init__(database)
         self._places: dict[tuple[int, int, int], int] = {}
         self._stage_of_run: dict[int, int] = {}
 
@@ -141,6 +151,19 @@ class SqlHistory:
         )
         return [_estimate(row) for row in rows]
 
+    def measurements(
+        self, stage: StageKey, since: float = -math.inf, until: float = math.inf
+    ) -> list[Measurement]:
+        """As `port.History`."""
+        rows = self._database.execute(
+            "SELECT e.axis, p.x_um, p.y_um, e.time, e.measured, e.measured_sigma FROM estimate e "
+            "JOIN place p ON p.id = e.place JOIN stage s ON s.id = p.stage WHERE s.machine = ? "
+            "AND s.simulated = ? AND e.measured IS NOT NULL AND e.kind = 'macro' "
+            "AND e.time > ? AND e.time <= ? ORDER BY e.time, e.id",
+            (stage.machine, int(stage.simulated), max(since, -_FAR), min(until, _FAR)),
+        )
+        return [Measurement(row[0], (row[1] / 1e6, row[2] / 1e6), *row[3:]) for row in rows]
+
     def refused(self, stage: StageKey, last: int = 100) -> list[EstimateRecord]:
         """As `port.History`."""
         rows = self._database.execute(
@@ -150,6 +173,39 @@ class SqlHistory:
             (stage.machine, int(stage.simulated), last),
         )
         return [_estimate(row) for row in rows]
+
+    def wear(self, stage: StageKey, axis: str, since: float) -> Wear:
+        """As `port.History`."""
+        rows = self._database.execute(
+            "SELECT count(*), coalesce(sum(e.distance), 0) FROM estimate e "
+            "JOIN place p ON p.id = e.place JOIN stage s ON s.id = p.stage WHERE s.machine = ? "
+            "AND s.simulated = ? AND e.axis = ? AND e.time > ?",
+            (stage.machine, int(stage.simulated), axis, max(since, -_FAR)),
+        )
+        return Wear(int(rows[0][0]), float(rows[0][1]))
+
+    def add_step(self, step: StepRecord) -> None:
+        """As `port.History`."""
+        with self._database.transaction():
+            rows = self._database.execute("SELECT stage FROM run WHERE id = ?", (step.run,))
+            place = self._id(
+                "place", ("stage", "x_um", "y_um"), (rows[0][0], *_micrometres(step.place))
+            )
+            self._database.execute(
+                "INSERT INTO level_step (run, place, axis, time, change, kind) "
+                "VALUES (?, ?, ?, ?, ?, ?)",
+                (step.run, place, step.axis, step.time, step.change, step.kind),
+            )
+
+    def steps(self, stage: StageKey, since: float = -math.inf) -> list[StepRecord]:
+        """As `port.History`."""
+        rows = self._database.execute(
+            "SELECT l.run, l.axis, p.x_um, p.y_um, l.time, l.change, l.kind FROM level_step l "
+            "JOIN place p ON p.id = l.place JOIN stage s ON s.id = p.stage WHERE s.machine = ? "
+            "AND s.simulated = ? AND l.time > ? ORDER BY l.time, l.id",
+            (stage.machine, int(stage.simulated), max(since, -_FAR)),
+        )
+        return [StepRecord(r[0], r[1], (r[2] / 1e6, r[3] / 1e6), *r[4:]) for r in rows]
 
     def counted(self, stage: StageKey) -> tuple[int, int]:
         """As `port.History`."""
@@ -193,23 +249,7 @@ class SqlHistory:
         return tuple(axis for (axis,) in rows)
 
     def _stage_number(self, stage: StageKey) -> int:
-        number = self._stages.get(stage)
-        return number or self._id(
-            "stage", ("machine", "simulated"), (stage.machine, int(stage.simulated))
-        )
-
-    def _id(self, table: str, columns: Sequence[str], values: Sequence[object]) -> int:
-        """Number of the row with these values, made where there is none."""
-        same = " AND ".join(f"{column} = ?" for column in columns)
-        rows = self._database.execute(f"SELECT id FROM {table} WHERE {same}", values)  # noqa: S608
-        if not rows:
-            marks = ", ".join("?" * len(columns))
-            rows = self._database.execute(
-                f"INSERT INTO {table} ({', '.join(columns)}) VALUES ({marks}) "  # noqa: S608
-                f"ON CONFLICT DO NOTHING RETURNING id",
-                values,
-            ) or self._database.execute(f"SELECT id FROM {table} WHERE {same}", values)  # noqa: S608
-        return int(rows[0][0])
+        return self._id("stage", ("machine", "simulated"), (stage.machine, int(stage.simulated)))
 
 
 def _micrometres(place: Pair) -> tuple[int, int]:

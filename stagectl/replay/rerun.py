@@ -89,6 +89,11 @@ def replay(folder: Path) -> Replayed:
                     f"{path}: was run in real time: what the host did then depended on readings of "
                     "the clock that no log has; runs with --simulate can be replayed"
                 )
+            if run.get("map") is not None:
+                raise UnusableInput(
+                    f"{path}: went by friction map {run['map']} of its history and by what that "
+                    "had learned by then, which no log has; runs with --map none can be replayed"
+                )
             noted = [str(e["digest"]) for e in notes.events if e.get("event") == "bus_log"]
             machine = parse_machine(notes.machine, str(run["files"]["machine"]))
             request = _request(notes, run, machine, Path(scratch))

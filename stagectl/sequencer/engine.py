@@ -36,6 +36,7 @@ from stagectl.sequencer.events import (
     StretchDone,
 )
 from stagectl.sequencer.mover import Mover, MovingAxis, StagePort
+from stagectl.sequencer.places import Places
 
 LEAD_IN = 0.1
 """Rest before the first move, in which the force at rest is measured [s]."""
@@ -79,6 +80,7 @@ class Engine:
         period: Ts [s].
         on_move: called with each move before its first sample.
         on_event: called with each event.
+        places: how friction differs over the table; None: not known to.
 
     Attributes:
         stop: call it with a reason to bring the run to a controlled stop.
@@ -92,9 +94,10 @@ class Engine:
         period: float,
         on_move: Callable[[Move], object],
         on_event: Callable[[Event], object],
+        places: Places | None = None,
     ) -> None:
         self.stop = StopRequest(lambda reason: on_event(StopNoticed(reason)))
-        self._mover = Mover(stage, axes, period, self.stop.asked)
+        self._mover = Mover(stage, axes, period, self.stop.asked, places)
         self._fiducial = fiducial
         self._period = period
         self._on_move, self._on_event = on_move, on_event
@@ -244,6 +247,7 @@ class Engine:
                     place,
                     abs(move.distance(axis)),
                     self._mover.time,
+                    max(abs(move.distance(name)) for name in move.target),
                 )
             )
 

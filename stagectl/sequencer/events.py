@@ -46,6 +46,7 @@ class FrictionUpdated:
         place: nominal position of the site, or the move's target [m].
         distance: moved by this axis [m].
         time: of the stage when the move was over, its rest included [s].
+        reach: longest distance of any axis in it [m].
     """
 
     site: int | None
@@ -56,6 +57,7 @@ class FrictionUpdated:
     place: tuple[float, ...] = (0.0, 0.0)
     distance: float = 0.0
     time: float = 0.0
+    reach: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +124,25 @@ class Stopping:
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class LevelStepped:
+    """The friction level has stepped, which drift does not explain.
+
+    Attributes:
+        axis: its name.
+        place: where [m].
+        time: of the stage [s].
+        change: relative.
+        everywhere: the whole table has, not that place alone.
+    """
+
+    axis: str
+    place: tuple[float, float]
+    time: float
+    change: float
+    everywhere: bool
+
+
 Event = (
     MoveStarted
     | Settled
@@ -132,5 +153,6 @@ Event = (
     | MarkFound
     | MarkNotFound
     | StopNoticed
+    | LevelStepped
     | Stopping
 )

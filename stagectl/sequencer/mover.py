@@ -19,6 +19,7 @@ from estimation.trajectory import Limits, Trajectory, plan, plan_stop
 from sim2real.recording import Move
 from stagectl.compensation import AxisCompensation, Learned
 from stagectl.errors import RunFault
+from stagectl.sequencer.places import Places
 from stagectl.sequencer.samples import Block, MoveSamples
 
 F64 = NDArray[np.float64]
@@ -73,6 +74,7 @@ class Mover:
         axes: in the order of all arrays.
         period: Ts [s].
         stop: looked at on every SYNC; True ends what is going on early.
+        places: how friction differs over the table; None: not known to.
 
     Attributes:
         samples: SYNCs streamed so far: the index of the next sample.
@@ -86,10 +88,14 @@ class Mover:
         axes: Sequence[MovingAxis],
         period: float,
         stop: Callable[[], bool],
+        places: Places | None = None,
     ) -> None:
         self.samples = 0
         self.move: Move | None = None
         self._stage, self._axes, self._period, self._stop = stage, tuple(axes), period, stop
+        self._places = places
+        self._relief: F64 | None = None
+        self._behind: list[F64] = []
         self._take_stock()
 
     def _take_stock(self) -> None:
@@ -150,11 +156,13 @@ class Mover:
         # The force at rest is only known where there was one: else the last one stands.
         if len(self._tail):
             self._rest_force = self._tail.mean_force()
+        demand = _demand(motion, rows, self._period)
+        self._relief = self._depart(target, demand)
         offset = np.column_stack(
             [
                 axis.compensation.offsets(
                     m, rows, self.time, float(self.target[a]), float(self._rest_force[a]),
-                    float(self._offset[a]),
+                    float(self._offset[a]), self._relief_of(a),
                 )
                 for a, (axis, m) in enumerate(zip(self._axes, motion, strict=True))
             ]
@@ -171,7 +179,7 @@ class Mover:
         announce(self.move)
         self._before = self._tail.last(BEFORE_MOVE)
         self._blocks = []
-        done = self._stream_and_revise(motion, _demand(motion, rows, self._period), offset)
+        done = self._stream_and_revise(motion, demand, offset)
         self._offset = offset[done - 1]
         if done < rows:
             self._break_off(motion, done)
@@ -195,7 +203,7 @@ class Mover:
             for a in asks[row]:
                 if data[a].valid.sum() >= 3:
                     revised = self._axes[a].compensation.revise(
-                        motion[a], offset[:, a], row, data[a]
+                        motion[a], offset[:, a], row, self._level(a, data[a]), self._relief_of(a)
                     )
                     if revised is not None:
                         offset[:, a] = revised
@@ -205,7 +213,7 @@ class Mover:
         """What has come back of the move so far, axis by axis."""
         parts = [self._before, *map(MoveSamples.of, self._blocks)]
         data = MoveSamples.joined(parts).punctual(self._period).on_grid(self._period)
-        return [
+        moves = [
             MoveData(
                 np.ascontiguousarray(data.position[:, a]),
                 np.ascontiguousarray(data.force[:, a]),
@@ -215,6 +223,34 @@ class Mover:
             )
             for a in range(len(self._axes))
         ]
+        if self._relief is not None and self._places is not None:
+            path = data.bridged()
+            self._behind = [self._places.relief(a, path) for a in range(len(self._axes))]
+        return moves
+
+    def _level(self, a: int, move: MoveData) -> MoveData:
+        """The data of one axis level with the target, where Fc differs on the way."""
+        if self._relief is None:
+            return move
+        return self._axes[a].compensation.level_with_target(move, self._behind[a])
+
+    def _depart(self, target: Sequence[float], demand: F64) -> F64 | None:
+        """Tell every axis what to expect at the target; what differs on the way, shape (K, n).
+
+        None where nothing is known of places, or the move stays at its own.
+        """
+        if self._places is None:
+            return None
+        expected = self._places.depart(target, self.time)
+        if expected is None:
+            return None
+        for axis, there in zip(self._axes, expected, strict=True):
+            if there is not None:
+                axis.compensation.expect(there.coulomb, there.sigma, there.level)
+        return np.column_stack([self._places.relief(a, demand) for a in range(len(self._axes))])
+
+    def _relief_of(self, axis: int) -> F64 | None:
+        return None if self._relief is None else self._relief[:, axis]
 
     def hold(self, duration: float, until: Until | None = None) -> bool:
         """Stay at the target for `duration` [s]; True where `until` ended it or a stop was asked.
@@ -240,13 +276,23 @@ class Mover:
         if move is None or not self._blocks:
             return []
         learned = []
-        for axis, data in zip(self._axes, self._move_data(), strict=True):
-            if abs(move.distance(axis.name)) < axis.increment or data.valid.sum() < 3:
-                continue
-            result = axis.compensation.learn(data)
+        for a, (axis, data) in enumerate(zip(self._axes, self._move_data(), strict=True)):
+            moved = abs(move.distance(axis.name)) >= axis.increment and data.valid.sum() >= 3
+            result = axis.compensation.learn(self._level(a, data)) if moved else None
+            if self._relief is not None:
+                axis.compensation.arrive(data, self._behind[a])
             if result is not None:
                 learned.append((axis.name, result))
+                self._tell(a, move.kind, result)
         return learned
+
+    def _tell(self, axis: int, kind: str, learned: Learned) -> None:
+        """Let the knowledge of places have what a move has shown, and take what it makes of it."""
+        if self._places is None:
+            return
+        now = self._places.arrived(axis, kind, learned.estimate, self.time)
+        if now is not None:
+            self._axes[axis].compensation.expect(now.coulomb, now.sigma, now.level)
 
     def _break_off(self, motion: Sequence[Trajectory], done: int) -> None:
         """From the middle of a motion to rest as fast as the axes' limits allow."""

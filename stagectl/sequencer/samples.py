@@ -104,6 +104,15 @@ class MoveSamples:
         ]
         return np.array(means)
 
+    def bridged(self) -> F64:
+        """Positions with straight lines where samples are invalid [m], shape (K, n)."""
+        index = np.arange(len(self))
+        columns = [
+            np.interp(index, index[ok], values[ok]) if ok.any() else values
+            for values, ok in zip(self.position.T, self.valid.T, strict=True)
+        ]
+        return np.column_stack(columns)
+
     def punctual(self, period: float) -> MoveSamples:
         """With those invalid that came noticeably sooner or later than their axis' median.
 

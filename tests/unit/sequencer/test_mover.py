@@ -64,7 +64,7 @@ class Notes:
         self.moves, self.moments, self.asked = [], [], []
         self.revise_at = revise_at
 
-    def offsets(self, trajectory, samples, moment, position, rest_force, rest_offset):
+    def offsets(self, trajectory, samples, moment, position, rest_force, rest_offset, relief):
         self.moments.append((moment, rest_force))
         return np.zeros(samples)
 
@@ -74,7 +74,7 @@ class Notes:
     def revise_after(self, trajectory):
         return self.revise_at
 
-    def revise(self, trajectory, offsets, sent, move):
+    def revise(self, trajectory, offsets, sent, move, relief):
         self.asked.append((sent, move))
         revised = offsets.copy()
         revised[sent:] = 7.0

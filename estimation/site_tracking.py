@@ -1,0 +1,242 @@
+"""Friction level of many sites, tracked from move to move; tells steps from drift.
+
+The logarithm of an axis' sliding level at site i and time t is
+
+    map_i + d_i + c(t) + w(t)
+
+- d_i: what site i is off the map by; begins with the map's own joint covariance, so that one site
+  tells of its neighbours, and walks at random with a rate per root day (`site_rate`);
+- c: what all sites have in common: warm-up, lubricant. It goes on with a rate of change that is
+  itself an Ornstein-Uhlenbeck process, and is mostly forgotten in a pause;
+- w: the level's own wander, an Ornstein-Uhlenbeck process of known rms and correlation time.
+
+A Kalman filter over (w, c, c', d_1 .. d_n): the arrival cost of the next move, wherever it goes.
+A surprise at one site that neither drift nor wander explains is a step there (`change`); the same
+at the next site as well is one of the whole table, and c takes it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.change import StepDetector
+
+F64 = NDArray[np.float64]
+WANDER, COMMON, TREND, SITES = range(4)
+DAY = 86400.0
+
+
+@dataclass(frozen=True, slots=True)
+class TrackingSettings:
+    """What may change, and how fast. Everything relative: 0.01 is 1 %.
+
+    Attributes:
+        wander, correlation_time: rms and correlation time [s] of the level's own wander.
+        site_rate: of a site on its own [1/sqrt(day)].
+        common_rate: of all sites together, beside the trend [1/sqrt(s)].
+        trend, trend_time: rms [1/s] and correlation time [s] of the common rate of change.
+        pause, pause_time: rms by which the common level may have changed in a long pause, and how
+            long it takes for that [s].
+        model_error: rms of what a measurement misses beside its own sigma.
+        doubt: surprises [standard deviations] are never counted for more than this in the sums
+            of a common step.
+    """
+
+    wander: float = 0.01
+    correlation_time: float = 0.5
+    site_rate: float = 0.01
+    common_rate: float = 3e-4
+    trend: float = 1e-3
+    trend_time: float = 60.0
+    pause: float = 0.2
+    pause_time: float = 600.0
+    model_error: float = 0.003
+    doubt: float = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """What one measurement at a site brought.
+
+    Attributes:
+        surprise: measured minus expected over its standard deviation.
+        change: measured over expected, minus 1.
+        step: "site" or "common" where the level has stepped, else None; a "common" one takes the
+            last "site" one back.
+        revoked: site of the step that is taken back, else None.
+    """
+
+    surprise: float
+    change: float
+    step: Literal["site", "common"] | None = None
+    revoked: int | None = None
+
+
+class SiteTracker:
+    """Levels of one axis.
+
+    Args:
+        mean: logarithm of the map's level at each site, shape (n,).
+        covariance: of it, shape (n, n).
+        settings: what may change.
+        time: from when on [s].
+
+    Attributes:
+        mean: map_i, shape (n,).
+        state: (w, c, c', d_1 .. d_n).  covariance: of it.
+        time: of the state [s].
+        moves: measurements at each site.
+    """
+
+    def __init__(
+        self, mean: F64, covariance: F64, settings: TrackingSettings, time: float = -math.inf
+    ) -> None:
+        n = len(mean)
+        self.settings = settings
+        self.mean = np.array(mean, dtype=np.float64)
+        self.state: F64 = np.zeros(SITES + n)
+        self.covariance: F64 = np.zeros((SITES + n, SITES + n))
+        self.covariance[SITES:, SITES:] = covariance
+        self.covariance[WANDER, WANDER] = settings.wander**2
+        self.covariance[COMMON, COMMON] = settings.pause**2
+        self.covariance[TREND, TREND] = settings.trend**2
+        self.time = time
+        self.moves = np.zeros(n, dtype=np.int64)
+        self._detectors = [StepDetector() for _ in range(n)]
+        self._last_step: tuple[int, int, float] | None = None  # site, sign, size
+
+    def add_site(self, mean: float, variance: float) -> int:
+        """A place that was not among the sites; returns its number."""
+        self.mean = np.append(self.mean, mean)
+        self.state = np.append(self.state, 0.0)
+        size = len(self.state)
+        covariance = np.zeros((size, size))
+        covariance[:-1, :-1] = self.covariance
+        covariance[-1, -1] = variance
+        self.covariance = covariance
+        self.moves = np.append(self.moves, 0)
+        self._detectors.append(StepDetector())
+        return len(self.mean) - 1
+
+    def advance(self, time: float) -> None:
+        """Let time pass until `time` [s]; no effect for the past."""
+        if not math.isfinite(self.time):
+            self.time = time
+            return
+        elapsed = time - self.time
+        if elapsed <= 0.0:
+            return
+        self.time = time
+        s, state, p = self.settings, self.state, self.covariance
+        keep = math.exp(-elapsed / s.correlation_time)
+        hold = math.exp(-elapsed / s.trend_time)
+        grown = s.trend_time * (1.0 - hold)  # the integral of the trend's own decay
+        state[COMMON] += grown * state[TREND]
+        state[TREND] *= hold
+        state[WANDER] *= keep
+        # Rows, then columns, of the transition.
+        p[COMMON, :] += grown * p[TREND, :]
+        p[TREND, :] *= hold
+        p[WANDER, :] *= keep
+        p[:, COMMON] += grown * p[:, TREND]
+        p[:, TREND] *= hold
+        p[:, WANDER] *= keep
+        p[WANDER, WANDER] += (1.0 - keep**2) * s.wander**2
+        gained = s.trend**2 * (1.0 - hold**2)
+        p[TREND, TREND] += gained
+        cross = s.trend**2 * s.trend_time * (1.0 - hold) ** 2
+        p[COMMON, TREND] += cross
+        p[TREND, COMMON] += cross
+        tau, h = s.trend_time, elapsed / s.trend_time
+        integrated = (s.trend * tau) ** 2 * max(2.0 * h - 3.0 + 4.0 * hold - hold**2, 0.0)
+        slow = 1.0 - math.exp(-elapsed / s.pause_time)
+        # In a pause the integrated trend would grow without bound; the pause's own rms is its end.
+        p[COMMON, COMMON] += min(integrated, s.pause**2 * slow) + min(
+            s.common_rate**2 * elapsed, s.pause**2 * slow
+        )
+        p[range(SITES, len(state)), range(SITES, len(state))] += s.site_rate**2 * elapsed / DAY
+
+    def expected(self, site: int, wander: bool = True) -> tuple[float, float]:
+        """Logarithm of the level at a site now, and its standard deviation.
+
+        Args:
+            site: its number.
+            wander: with the level's wander as it is now, else without.
+        """
+        row = self._row(site, wander)
+        mean = self.mean[site] + float(row @ self.state)
+        return mean, math.sqrt(max(float(row @ self.covariance @ row), 0.0))
+
+    def off_map(self, site: int) -> tuple[float, float]:
+        """d_i and its standard deviation: by how much a site is off the map, common part apart."""
+        i = SITES + site
+        return float(self.state[i]), math.sqrt(max(float(self.covariance[i, i]), 0.0))
+
+    @property
+    def common(self) -> tuple[float, float]:
+        """c, what all sites have changed by since the map, and its standard deviation."""
+        return float(self.state[COMMON]), math.sqrt(float(self.covariance[COMMON, COMMON]))
+
+    @property
+    def wander(self) -> tuple[float, float]:
+        """The level's wander w and its standard deviation."""
+        return float(self.state[WANDER]), math.sqrt(float(self.covariance[WANDER, WANDER]))
+
+    def observe(self, site: int, value: float, sigma: float, time: float) -> Observation:
+        """A move has measured the level at a site.
+
+        Args:
+            site: its number.
+            value: logarithm of the level measured.
+            sigma: its standard deviation, the wander not included.
+            time: of it [s].
+        """
+        self.advance(time)
+        self.moves[site] += 1
+        noise = sigma**2 + self.settings.model_error**2
+        expected, spread = self.expected(site)
+        off = value - expected
+        deviation = math.sqrt(spread**2 + noise)
+        surprise = off / deviation
+        sign = self._detectors[site].update(surprise)
+        step: Literal["site", "common"] | None = None
+        revoked: int | None = None
+        if sign:
+            step = "site"
+            last = self._last_step
+            if last is not None and last[0] != site and last[1] == sign:
+                if 0.5 < off / last[2] < 2.0:
+                    step, revoked = "common", last[0]
+            if step == "common":
+                self._open(COMMON, off)
+                self._last_step = None
+            else:
+                self._open(SITES + site, off)
+                self._last_step = (site, sign, off)
+        elif self._last_step is not None and self._last_step[0] != site:
+            self._last_step = None  # elsewhere nothing has stepped: it was that site's own
+        self._correct(self._row(site, True), off, noise)
+        return Observation(surprise, math.expm1(off), step, revoked)
+
+    def _open(self, place: int, size: float) -> None:
+        """Doubt one entry of the state by as much as it may have stepped."""
+        self.covariance[place, place] += size**2
+
+    def _row(self, site: int, wander: bool) -> F64:
+        row = np.zeros(len(self.state))
+        row[WANDER] = 1.0 if wander else 0.0
+        row[COMMON] = 1.0
+        row[SITES + site] = 1.0
+        return row
+
+    def _correct(self, row: F64, off: float, noise: float) -> None:
+        """Joseph-free update with a scalar; symmetric by construction."""
+        cross = self.covariance @ row
+        variance = float(row @ cross) + noise
+        self.state += cross * (off / variance)
+        self.covariance -= np.outer(cross, cross) / variance

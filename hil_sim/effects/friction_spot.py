@@ -1,0 +1,48 @@
+"""More friction around one place of the table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.ports import POSITION_MARGIN, EffectPorts
+
+
+class FrictionSpot(Effect):
+    """A spot of the table, given by the positions of both axes, where friction is higher.
+
+    Dirt or a drop of glue on the granite that one pad of an air bearing or one carriage passes
+    over at this place only; a cable that rubs in one corner.
+    """
+
+    name = "friction_spot"
+    group = "friction"
+    parameters = (
+        Parameter("amplitude", "", "surplus at the center", (0.05, 0.6), neutral=0.0, least=-0.9),
+        Parameter("center", "m", "position of this axis", None, role="place"),
+        Parameter("other", "m", "position of the other axis", None, role="place"),
+        Parameter(
+            "width", "m", "standard deviation of the bell", (5e-3, 25e-3), role="shape",
+            least=2e-3, log=True,
+        ),
+    )  # fmt: skip
+    equation = "Fc * (1 + amplitude exp(-((x - center)² + (y - other)²)/width²/2))"
+    enters = "A factor on Fc over the positions of both axes."
+    remedy = "Clean the place; `stagectl calibrate` afterwards, so that the map follows."
+
+    def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
+        """See `Effect.apply`."""
+        width = parameters["width"]
+        low, high = ports.axis.travel
+        nodes = np.linspace(
+            low - POSITION_MARGIN,
+            high + POSITION_MARGIN,
+            int((high - low + 2.0 * POSITION_MARGIN) / (width / 8.0)) + 2,
+        )
+        own = np.exp(-0.5 * ((nodes - parameters["center"]) / width) ** 2)
+        other = np.exp(-0.5 * ((nodes - parameters["other"]) / width) ** 2)
+        ports.scale_field_coulomb(
+            nodes, nodes, 1.0 + parameters["amplitude"] * own[:, None] * other[None, :]
+        )

@@ -1,0 +1,108 @@
+"""The active map of a stage, brought up to now, as what a run goes by."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from stagectl.compensation import Figures
+from stagectl.config.machine import Machine
+from stagectl.history.port import History
+from stagectl.history.records import Pair, StageKey
+from stagectl.maps.applicable import problems
+from stagectl.maps.learning import tracking_settings
+from stagectl.maps.model import MapVersion, from_json
+from stagectl.maps.places import TrackedPlaces
+
+REPLAYED = 20_000
+"""So many of the last measurements are gone through to bring a map up to now."""
+
+
+@dataclass(frozen=True, slots=True)
+class ActiveMap:
+    """What a run goes by.
+
+    Attributes:
+        version: of the map.
+        places: what it knows, and goes on learning.
+        figures: axis -> friction figures to begin with.
+    """
+
+    version: MapVersion
+    places: TrackedPlaces
+    figures: dict[str, Figures]
+
+
+def map_versions(history: History, stage: StageKey) -> list[MapVersion]:
+    """All versions of a stage's map in their order.
+
+    Raises:
+        UnusableInput: one of them cannot be read.
+    """
+    return [
+        MapVersion(
+            stored.number, stored.made, stored.comment, stored.active,
+            from_json(stored.content, f"{history.name}: map {stored.number}"),
+        )
+        for stored in history.maps(stage)
+    ]  # fmt: skip
+
+
+def load_active(
+    history: History,
+    stage: StageKey,
+    machine: Machine,
+    sites: Sequence[Pair],
+    started: float,
+) -> ActiveMap | None:
+    """The active map, with all that moves have shown since; None where no map is in use.
+
+    Args:
+        history: open.
+        stage: whose.
+        machine: as the host believes it.
+        sites: that the run will go to [m].
+        started: of the run [s since 1970].
+
+    Raises:
+        UnusableInput: the map does not fit the machine any more.
+    """
+    stored = [m for m in history.maps(stage) if m.active]
+    if not stored:
+        return None
+    version = MapVersion(
+        stored[0].number, stored[0].made, stored[0].comment, True,
+        from_json(stored[0].content, f"{history.name}: map {stored[0].number}"),
+    )  # fmt: skip
+    refuse_unless_applicable(version, machine, history.name)
+    friction_map = version.map
+    measured = history.measurements(stage)
+    places = TrackedPlaces(
+        friction_map,
+        tuple(machine.axes),
+        [axis.travel for axis in machine.axes.values()],
+        sites,
+        tracking_settings(machine, measured),
+        started,
+    )
+    since = [m for m in measured if friction_map.date < m.time <= started]
+    places.replay(since[-REPLAYED:])
+    figures: dict[str, Figures] = {}
+    for name, axis in friction_map.axes.items():
+        values = [site.coulomb for site in axis.sites]
+        middle = sum(values) / len(values)
+        figures[name] = {**axis.figures, "coulomb": (middle, 0.2 * middle)}
+    return ActiveMap(version, places, figures)
+
+
+def refuse_unless_applicable(version: MapVersion, machine: Machine, name: str) -> None:
+    """Raise where the map cannot be applied to the machine.
+
+    Raises:
+        UnusableInput: naming map and reason.
+    """
+    from stagectl.errors import UnusableInput
+
+    grave = [p.text for p in problems(version.map, machine) if p.grave]
+    if grave:
+        raise UnusableInput(f"{name}: map {version.number} cannot be applied: {grave[0]}")

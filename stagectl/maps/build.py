@@ -1,0 +1,103 @@
+"""A friction map out of a stage's history.
+
+All that moves have shown of the level at each place goes, in the order of time, through the same
+tracking as in production, begun without any opinion of the sites. So repeated visits are averaged
+with the wander's correlation in mind, old ones count less, and what the whole table has drifted by
+between two sites is not taken for a difference between them, as far as a site was seen again. What
+comes out are the sites' levels at the end; the field between them is fitted to these.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from estimation.friction_field import FrictionField
+from estimation.site_tracking import COMMON, SITES, SiteTracker, TrackingSettings
+from stagectl.errors import UnusableInput
+from stagectl.history.port import History
+from stagectl.history.records import Measurement, Pair, StageKey
+from stagectl.maps.model import FrictionMap, MapAxis, MapSite
+
+LEAST_SITES = 4
+"""A map of fewer places says nothing of the others."""
+_OPEN = 0.5  # relative 1-sigma of a site before anything is known of it
+
+
+def build_map(
+    history: History,
+    stage: StageKey,
+    until: float = math.inf,
+    since: float = -math.inf,
+    settings: Mapping[str, TrackingSettings] | None = None,
+) -> FrictionMap:
+    """The map at a date.
+
+    Args:
+        history: open.
+        stage: whose.
+        until: nothing later goes in [s since 1970].
+        since: nothing earlier goes in.
+        settings: of the tracking, by axis; default: the same for all.
+
+    Raises:
+        UnusableInput: there is too little to make a map of.
+    """
+    measured = history.measurements(stage, since, until)
+    by_axis: dict[str, list[Measurement]] = {}
+    for entry in measured:
+        by_axis.setdefault(entry.axis, []).append(entry)
+    axes: dict[str, MapAxis] = {}
+    for axis, entries in by_axis.items():
+        places = {entry.place for entry in entries}
+        if len(places) < LEAST_SITES:
+            continue
+        used = (settings or {}).get(axis, TrackingSettings())
+        axes[axis] = MapAxis(*_axis(entries, used), _figures(history, stage, axis, until))
+    if not axes:
+        raise UnusableInput(
+            f"{history.name}: {stage}: no axis was measured at {LEAST_SITES} places or more; "
+            "run 'stagectl calibrate' first"
+        )
+    return FrictionMap(stage, max(entry.time for entry in measured), axes)
+
+
+def _axis(
+    entries: Sequence[Measurement], settings: TrackingSettings
+) -> tuple[tuple[MapSite, ...], tuple]:  # type: ignore[type-arg]
+    places = list(dict.fromkeys(entry.place for entry in entries))
+    values = np.log([entry.value for entry in entries])
+    start = np.full(len(places), float(np.median(values)))
+    tracker = SiteTracker(start, _OPEN**2 * np.eye(len(places)), settings, entries[0].time)
+    tracker.covariance[COMMON, COMMON] = 0.0  # the level at the first measurement is the reference
+    last: dict[Pair, float] = {}
+    for entry, value in zip(entries, values.tolist(), strict=True):
+        site = places.index(entry.place)
+        tracker.observe(site, value, entry.sigma / entry.value, entry.time)
+        last[entry.place] = entry.time
+    level = np.exp(tracker.mean + tracker.state[SITES:] + tracker.state[COMMON])
+    covariance = tracker.covariance[SITES:, SITES:]
+    # What is uncertain of all sites alike (the common level) is not uncertain of the map's shape.
+    sigma = np.sqrt(np.maximum(covariance.diagonal() - max(float(covariance.mean()), 0.0), 1e-8))
+    field = FrictionField(np.array(places), level, sigma)
+    sites = tuple(
+        MapSite(place, float(level[i]), float(sigma[i]), last[place], int(tracker.moves[i]))
+        for i, place in enumerate(places)
+    )
+    return sites, field.nodes
+
+
+def _figures(
+    history: History, stage: StageKey, axis: str, until: float
+) -> dict[str, tuple[float, float]]:
+    """The other figures, weighted over the places' last estimates."""
+    rows = [row for row in history.at_date(stage, until) if row.axis == axis]
+    found: dict[str, tuple[float, float]] = {}
+    names = {name for row in rows for name in row.figures} - {"coulomb"}
+    for name in sorted(names):
+        having = [row for row in rows if name in row.figures]
+        newest = max(having, key=lambda row: row.time)
+        found[name] = (float(newest.figures[name]), newest.sigma(name))
+    return found

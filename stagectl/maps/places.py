@@ -1,0 +1,207 @@
+"""The active map in production: what to expect where, and what each move changes of that.
+
+The field of the map (evaluated once, on a grid) gives the level between sites; the sites' own
+tracking (`estimation.site_tracking`) gives what they have become since. A step at a site goes to
+whoever listens.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.friction_field import FrictionField
+from estimation.site_tracking import Observation, SiteTracker, TrackingSettings
+from estimation.split_horizon import Estimate
+from stagectl.history.records import Measurement, Pair
+from stagectl.maps.model import FrictionMap
+from stagectl.sequencer.events import LevelStepped
+from stagectl.sequencer.places import Expectation
+
+F64 = NDArray[np.float64]
+
+NEAR = 2e-3
+"""A move that ends within this distance of a site is a move to that site [m]."""
+GRID = 4e-3
+"""Nodes of the field's grid: a tenth of what a map resolves [m]."""
+
+
+class LevelGrid:
+    """A field on a grid, straight lines in between.
+
+    Args:
+        field: of the map.
+        low, high: corners of the table [m].
+    """
+
+    def __init__(self, field: FrictionField, low: Pair, high: Pair) -> None:
+        self._low = np.array(low)
+        counts = [max(2, math.ceil((b - a) / GRID) + 1) for a, b in zip(low, high, strict=True)]
+        self._step = np.array(
+            [(b - a) / (n - 1) for a, b, n in zip(low, high, counts, strict=True)]
+        )
+        axes = [np.linspace(a, b, n) for a, b, n in zip(low, high, counts, strict=True)]
+        nodes = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 2)
+        self._values = np.log(field.at(nodes).value).reshape(counts)
+
+    def at(self, path: F64) -> F64:
+        """Logarithm of the level at positions [m], shape (K, 2)."""
+        place = (path - self._low) / self._step
+        last = np.array(self._values.shape) - 2
+        corner = np.clip(np.floor(place).astype(np.int64), 0, last)
+        u, v = np.clip(place - corner, 0.0, 1.0).T
+        i, j = corner.T
+        z = self._values
+        result: F64 = (1 - u) * ((1 - v) * z[i, j] + v * z[i, j + 1]) + u * (
+            (1 - v) * z[i + 1, j] + v * z[i + 1, j + 1]
+        )
+        return result
+
+
+class TrackedPlaces:
+    """`sequencer.places.Places` from a map.
+
+    Args:
+        friction_map: active.
+        axes: names in the machine's order; those that the map lacks are left to themselves.
+        travel: lowest and highest position of each axis [m].
+        sites: places that the run will go to [m].
+        settings: of the tracking, by axis.
+        origin: of the stage's time [s since 1970].
+        on_step: called with each step that is found; may be set later.
+    """
+
+    def __init__(
+        self,
+        friction_map: FrictionMap,
+        axes: Sequence[str],
+        travel: Sequence[Pair],
+        sites: Sequence[Pair],
+        settings: Mapping[str, TrackingSettings],
+        origin: float,
+        on_step: Callable[[LevelStepped], object] = lambda _: None,
+    ) -> None:
+        self._names = tuple(axes)
+        self._origin = origin
+        self.on_step = on_step
+        self._settings = {name: settings.get(name, TrackingSettings()) for name in axes}
+        low = (travel[0][0], travel[1][0])
+        high = (travel[0][1], travel[1][1])
+        known = [site.place for axis in friction_map.axes.values() for site in axis.sites]
+        self.sites: list[Pair] = []
+        for place in [*known, *sites]:
+            if self._site(place) is None:
+                self.sites.append((float(place[0]), float(place[1])))
+        self._fields: dict[str, FrictionField] = {}
+        self._grids: dict[str, LevelGrid] = {}
+        self.trackers: dict[str, SiteTracker] = {}
+        for name, axis in friction_map.axes.items():
+            field = self._fields[name] = axis.field()
+            self._grids[name] = LevelGrid(field, low, high)
+            mean, covariance = field.joint(np.array(self.sites))
+            self.trackers[name] = SiteTracker(
+                mean, covariance, self._settings[name], friction_map.date
+            )
+        self._width = self._reach()
+        self._place: Pair | None = None
+        self._target: int | None = None
+
+    def replay(self, measured: Sequence[Measurement]) -> None:
+        """Take in what moves have shown since the map was made, in the order of time."""
+        for entry in measured:
+            if entry.axis in self.trackers:
+                site = self._site_or_new(entry.place)
+                self.trackers[entry.axis].observe(
+                    site, math.log(entry.value), entry.sigma / entry.value, entry.time
+                )
+
+    def depart(self, target: Sequence[float], time: float) -> Sequence[Expectation | None] | None:
+        """As `sequencer.places.Places`."""
+        place = (float(target[0]), float(target[1]))
+        if self._place is not None and math.dist(place, self._place) <= NEAR:
+            return None
+        self._place = place
+        self._target = self._site_or_new(place)
+        return [self._expectation(name, time) for name in self._names]
+
+    def relief(self, axis: int, path: F64) -> F64:
+        """As `sequencer.places.Places`."""
+        name = self._names[axis]
+        if name not in self.trackers or self._place is None:
+            return np.zeros(len(path))
+        level = self._level(name, np.vstack([path, self._place]))
+        result: F64 = np.expm1(level[:-1] - level[-1])
+        return result
+
+    def arrived(self, axis: int, kind: str, estimate: Estimate, time: float) -> Expectation | None:
+        """As `sequencer.places.Places`: a macro-move's level is the site's."""
+        name = self._names[axis]
+        if name not in self.trackers or self._target is None:
+            return None
+        if estimate.shown is None:
+            return None
+        value, sigma = estimate.shown
+        seen = self.trackers[name].observe(
+            self._target, math.log(value), sigma / value, self._origin + time
+        )
+        if seen.step is None:
+            return None
+        self._tell(name, seen, time)
+        return self._expectation(name, time)
+
+    def _tell(self, name: str, seen: Observation, time: float) -> None:
+        assert self._target is not None  # noqa: S101
+        self.on_step(
+            LevelStepped(name, self.sites[self._target], time, seen.change, seen.step == "common")
+        )
+
+    def _expectation(self, name: str, time: float) -> Expectation | None:
+        if name not in self.trackers or self._target is None:
+            return None
+        tracker = self.trackers[name]
+        level = tracker.wander  # as at the last measurement, which is when the estimator's is of
+        tracker.advance(self._origin + time)
+        mean, sigma = tracker.expected(self._target, wander=False)
+        coulomb = math.exp(mean)
+        return Expectation(coulomb, sigma * coulomb, level)
+
+    def _level(self, name: str, path: F64) -> F64:
+        """Logarithm of the level along a path but for the common part, shape (K,).
+
+        What the sites are off the map by fades out around each of them.
+        """
+        tracker = self.trackers[name]
+        away = path[:, None, :] - np.array(self.sites)[None, :, :]
+        near = np.exp(-0.5 * np.einsum("kij,kij->ki", away, away) / self._width**2)
+        off = tracker.state[len(tracker.state) - len(self.sites) :]
+        result: F64 = self._grids[name].at(path) + near @ off / np.maximum(near.sum(axis=1), 1.0)
+        return result
+
+    def _reach(self) -> float:
+        """How far a site's own deviation reaches: a third of the way to the next site [m]."""
+        places = np.array(self.sites)
+        if len(places) < 2:
+            return 0.01
+        apart = np.linalg.norm(places[:, None] - places[None], axis=2)
+        np.fill_diagonal(apart, np.inf)
+        return float(np.median(apart.min(axis=1))) / 3.0
+
+    def _site(self, place: Sequence[float]) -> int | None:
+        """Number of the site at a place."""
+        for i, site in enumerate(self.sites):
+            if math.dist(site, (place[0], place[1])) <= NEAR:
+                return i
+        return None
+
+    def _site_or_new(self, place: Pair) -> int:
+        found = self._site(place)
+        if found is not None:
+            return found
+        self.sites.append(place)
+        for name, tracker in self.trackers.items():
+            there = self._fields[name].at(np.array([place]))
+            tracker.add_site(math.log(float(there.value[0])), float(there.sigma[0]) ** 2)
+        return len(self.sites) - 1
