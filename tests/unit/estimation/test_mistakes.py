@@ -93,8 +93,9 @@ def test_01_a_lag_of_the_force_is_seen_on_an_s_curve():
 
 def test_02_and_03_no_filter_bends_the_onset():
     """V and a filtered but not u: sigma0 +33 %; cut-off too low: C on its bound."""
-    found = knowing(TRUE.scaled(0.5)).update(data(*record())).friction
-    assert found.stiffness == pytest.approx(6e5, rel=0.01)
+    sharp = record(limits=Limits(0.5, 3.0, 200.0))
+    found = knowing(TRUE.scaled(0.5)).update(data(*sharp)).friction
+    assert found.stiffness == pytest.approx(6e5, rel=0.005)
 
 
 def test_04_the_ends_of_the_record_do_not_matter():
