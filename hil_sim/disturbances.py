@@ -18,10 +18,10 @@ from hil_sim.effects.ports import VELOCITY_NODES
 def _table(arena, offset, low, inverse, count, x):  # type: ignore[no-untyped-def]
     """Value and slope at x by cubic interpolation (Catmull-Rom); held at the ends."""
     u = (x - low) * inverse
-    if u <= 0.0:
-        return arena[offset + 1], 0.0
     if u >= count - 1.0:
         return arena[offset + count], 0.0
+    if not u > 0.0:  # a number that is none comes out here, too
+        return arena[offset + 1], 0.0
     cell = int(u)
     t = u - cell
     p0 = arena[offset + cell]
@@ -40,7 +40,7 @@ def _over_time(arena, offset, inverse, count, t):  # type: ignore[no-untyped-def
     u = t * inverse
     if u >= count - 1.0:
         return arena[offset + count - 1], 0.0
-    if u <= 0.0:
+    if not u > 0.0:
         return arena[offset], 0.0
     cell = int(u)
     first = arena[offset + cell]
@@ -53,8 +53,10 @@ def _field(arena, offset, x, y):  # type: ignore[no-untyped-def]
     """Factor over two positions, bilinear, held at the edges; and where the next field begins."""
     rows = int(arena[offset])
     columns = int(arena[offset + 3])
-    u = min(max((x - arena[offset + 1]) * arena[offset + 2], 0.0), rows - 1.0)
-    w = min(max((y - arena[offset + 4]) * arena[offset + 5], 0.0), columns - 1.0)
+    u = (x - arena[offset + 1]) * arena[offset + 2]
+    u = min(u, rows - 1.0) if u > 0.0 else 0.0
+    w = (y - arena[offset + 4]) * arena[offset + 5]
+    w = min(w, columns - 1.0) if w > 0.0 else 0.0
     i = min(int(u), rows - 2)
     j = min(int(w), columns - 2)
     at = offset + 6 + i * columns + j
@@ -199,7 +201,7 @@ def over_velocity(arena, p, v):  # type: ignore[no-untyped-def]
     """Force at this velocity; nodes lie at ± (i / scale)^2."""
     half = VELOCITY_NODES
     u = math.sqrt(abs(v)) * p.velocity_scale
-    if u >= half:
+    if not u < half:
         return arena[p.velocity_force + (2 * half if v > 0.0 else 0)]
     cell = int(u)
     low = (cell / p.velocity_scale) ** 2

@@ -40,11 +40,10 @@ from hil_sim.port_arrays import (
     fill_coarse,
     opened,
 )
-from hil_sim.settings import AxisSettings, CascadeSettings, ControlSettings, StageSettings
+from hil_sim.settings import SUBSTEPS, AxisSettings, CascadeSettings, ControlSettings, StageSettings
 
 F64 = NDArray[np.float64]
 
-SUBSTEPS = 5  # plant steps per control tick
 
 _PLANT = np.dtype(
     [
@@ -107,7 +106,7 @@ def step(  # type: ignore[no-untyped-def]
         if orders[a, 4] != 0.0:
             state[a].worst_error = 0.0
             orders[a, 4] = 0.0
-    _advance(
+    advance(
         plant, control, state, loop, forces, slipping, shares, arena, period, SUBSTEPS, normals,
         first, ticks,
     )  # fmt: skip
@@ -120,7 +119,7 @@ def step(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _advance(  # type: ignore[no-untyped-def]
+def advance(  # type: ignore[no-untyped-def]
     plant, control, state, loop, forces, slipping, shares, arena, period, substeps, normals, first,
     ticks,
 ):  # fmt: skip
@@ -225,7 +224,7 @@ def run_demands(  # type: ignore[no-untyped-def]
             force = state[a].motor_force
             force_out[k, a] = round(force / unit[a]) * unit[a] if unit[a] > 0.0 else force
             command(loop[a], demand[k, a], offset[k, a], ticks)
-        _advance(
+        advance(
             plant, control, state, loop, forces, slipping, shares, arena, period, substeps, normals,
             k * ticks, ticks,
         )  # fmt: skip
@@ -289,7 +288,7 @@ class Arrays:
         if substeps != 1 and substeps < SUBSTEPS:
             raise ValueError(f"substeps must be 1 or at least {SUBSTEPS}, is {substeps}")
         axes = settings.axes
-        self.ports = opened(settings, duration)
+        self.ports = opened(settings, duration, substeps)
         for a, ports in enumerate(() if level is None else self.ports):
             ports.scale_time_coulomb(np.append(level[:, a], level[-1, a]))  # type: ignore[index]
         self.plant = np.zeros(len(axes), dtype=_PLANT)

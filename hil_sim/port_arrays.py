@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hil_sim.coarse_weights import motor_weights
 from hil_sim.effects.ports import VELOCITY_NODES, EffectPorts
-from hil_sim.settings import StageSettings
+from hil_sim.settings import SUBSTEPS, StageSettings
 
 F64 = NDArray[np.float64]
 
@@ -113,8 +113,15 @@ class Arena:
         return np.concatenate([*self._parts, np.zeros(1)])
 
 
-def opened(settings: StageSettings, duration: float | None) -> list[EffectPorts]:
+def opened(
+    settings: StageSettings, duration: float | None, substeps: int = SUBSTEPS
+) -> list[EffectPorts]:
     """The ports of all axes with their effects written in.
+
+    Args:
+        settings: of the stage.
+        duration: of the simulation [s]; None: without end.
+        substeps: plant steps per control tick.
 
     Raises:
         ValueError: naming axis, effect and reason.
@@ -125,7 +132,8 @@ def opened(settings: StageSettings, duration: float | None) -> list[EffectPorts]
         try:
             for effect in axis.effects:
                 effect.apply(own)
-            own.check()
+            if axis.effects:
+                own.check(settings.control_period / substeps)
             if (own.coupled_mass or own.fields) and len(settings.axes) != 2:
                 raise ValueError("an effect that involves the other axis needs a stage of two")
         except ValueError as error:

@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from hil_sim.effects.effect import AppliedEffect
 
+SUBSTEPS = 5
+"""Plant steps per control tick of the reference (docs/reference-stage.md)."""
+
 
 def _require(condition: bool, name: str, reason: str) -> None:
     if not condition:

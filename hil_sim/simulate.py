@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.mechanics import SUBSTEPS, Arrays, run_demands
+from hil_sim.mechanics import Arrays, run_demands
 from hil_sim.noise import Noise
 from hil_sim.port_arrays import opened
-from hil_sim.settings import StageSettings
+from hil_sim.settings import SUBSTEPS, StageSettings
 
 F64 = NDArray[np.float64]
 
@@ -102,4 +102,6 @@ def simulate(
 
 def needs_all_axes(settings: StageSettings) -> bool:
     """Whether an effect ties the axes together, so that none can be simulated on its own."""
-    return any(ports.coupled_mass != 0.0 or ports.fields for ports in opened(settings, 0.0))
+    return any(
+        ports.coupled_mass != 0.0 or ports.fields for ports in opened(settings, 0.0, SUBSTEPS)
+    )

@@ -222,8 +222,11 @@ class EffectPorts:
             force += float(np.interp(position, self.positions, self.position_force))
         return force
 
-    def check(self) -> None:
+    def check(self, step: float) -> None:
         """Raise unless the effects leave a plant that can be simulated.
+
+        Args:
+            step: of the integration [s].
 
         Raises:
             ValueError: saying what is wrong.
@@ -233,6 +236,12 @@ class EffectPorts:
             raise ValueError(f"effects leave a mass of {self.mass:g} kg")
         if hanging >= 1.0:
             raise ValueError(f"effects hang {hanging:g} of the mass from the carriage")
+        carriage = self.mass * (1.0 - hanging)
+        if self.viscous * step / carriage > 0.5:
+            raise ValueError(f"friction of {self.viscous:g} N s/m on {carriage:g} kg is too much")
+        stiffness = self.stiffness + abs(self.spring) + sum(k for _, k in self.hysteresis)
+        if stiffness * step**2 / carriage > 0.5:
+            raise ValueError(f"springs of {stiffness:g} N/m on {carriage:g} kg are too stiff")
         if self.static_ratio <= -1.0:
             raise ValueError(f"effects leave a static_ratio of {self.static_ratio:g}")
         if not 0.0 <= self.delay <= MOST_DELAY:

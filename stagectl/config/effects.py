@@ -8,7 +8,7 @@ from dataclasses import replace
 from hil_sim.effects.effect import Effect, Parameter
 from hil_sim.effects.library import EffectError, library
 from hil_sim.effects.ports import EffectPorts
-from hil_sim.settings import AxisSettings
+from hil_sim.settings import SUBSTEPS, AxisSettings
 from stagectl.config.diagnose import in_order, suggestion
 from stagectl.config.machine import Effect as Wanted
 from stagectl.config.machine import Machine
@@ -93,7 +93,7 @@ def _refused(settings: AxisSettings, machine: Machine) -> str | None:
     try:
         for effect in settings.effects:
             effect.apply(ports)
-        ports.check()
+        ports.check(settings.control.period / SUBSTEPS)
     except ValueError as error:
         return str(error)
     if (ports.coupled_mass or ports.fields) and len(machine.axes) != 2:

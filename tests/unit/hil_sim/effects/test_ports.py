@@ -1,6 +1,7 @@
 """Ports beyond the library's effects, what is refused, and that the plain plant stays as it was."""
 
 import math
+from contextlib import suppress
 from dataclasses import replace
 from threading import Thread
 
@@ -228,6 +229,42 @@ def test_what_does_not_fit_is_refused(nominal, with_effects, effects):
     endless = effect_of(lambda ports: ports.scale_position_gain(ports.positions / 0.0))
     with np.errstate(all="ignore"), pytest.raises(ValueError, match="not finite"):
         simulate(with_effects(nominal, endless), zero, zero, None)
+
+
+@both_steps
+@pytest.mark.parametrize("scale", [0.1, 10.0])
+def test_far_beyond_the_usual_it_stays_finite_or_is_refused(
+    nominal, with_effects, effects, substeps, scale
+):
+    demand = 30.0 * demand_of(9, 300)
+    for effect in effects.values():
+        for axis_range in (0, -1):
+            values = {
+                p.key: scale * p.ranges(nominal.axes[0])[axis_range][1] for p in effect.parameters
+            }
+            with suppress(ValueError):  # refused
+                stage = with_effects(nominal, effect.at(**values))
+                response = simulate(stage, demand, 0.0 * demand, 1, substeps=substeps)
+                assert np.isfinite(response.position).all(), effect.name
+                assert np.isfinite(response.force).all(), effect.name
+
+
+@both_steps
+@pytest.mark.parametrize(
+    ("name", "values", "reason"),
+    [
+        ("payload_mass", {"mass": -7.9999999}, "N s/m on 1e-07 kg is too much"),
+        ("viscous_damping", {"ratio": 1e6}, r"friction of 2e\+07 N s/m on 8 kg is too much"),
+        ("presliding_stiffness", {"ratio": 1e6}, "springs of 6e.11 N/m on 8 kg are too stiff"),
+        ("cable_hysteresis", {"force": 1.0, "stiffness": 1e12}, "are too stiff"),
+    ],
+)
+def test_what_the_steps_cannot_follow_is_refused(
+    nominal, with_effects, effects, substeps, name, values, reason
+):
+    stage = with_effects(nominal, effects[name].at(**values))
+    with pytest.raises(ValueError, match=reason):
+        simulate(stage, np.zeros((5, 2)), np.zeros((5, 2)), None, substeps=substeps)
 
 
 def test_nodes_cover_travel_speed_and_time(nominal):
