@@ -35,7 +35,7 @@ def test_the_page_holds_the_table_that_the_command_prints(stagectl):
     page = PAGE.read_text(encoding="utf-8")
     table = page.partition("<!-- effects -->\n")[2].partition("<!-- /effects -->")[0]
     assert done.stdout == table
-    assert table.count("\n") == 23
+    assert table.count("\n") >= 2 + 21
 
 
 def test_an_effect_is_described(stagectl):
