@@ -33,6 +33,7 @@ _VERDICTS = {
 @click.argument("recordings", type=FILE, nargs=-1, required=True, metavar="REC.h5...")
 @click.option("--machine", type=FILE, help="Machine file to compare [the recordings' own].")
 @click.option("--json", "json_out", type=FILE, help="Write the report here; - is stdout.")
+@click.option("--html", "html_out", type=FILE, help="Write the report as a page to look at.")
 @click.option("--twin", type=FILE, help="Write the machine file with the effects found.")
 @click.option(
     "--correct/--no-correct",
@@ -43,6 +44,7 @@ def diagnose(
     recordings: tuple[Path, ...],
     machine: Path | None,
     json_out: Path | None,
+    html_out: Path | None,
     twin: Path | None,
     correct: bool,
 ) -> None:
@@ -70,6 +72,10 @@ def diagnose(
         report = without_causes(examined)
     if json_out is not None:
         write_json(report.to_json(), json_out)
+    if html_out is not None:
+        from stagectl.report.gap_page import write_gap_page
+
+        write_gap_page(html_out, report, examined, model.name)
     if twin is not None:
         _write_twin(twin, model, report)
     if not quiet:

@@ -1,0 +1,187 @@
+"""What the gap report draws: one telling move, and residuals over phase, position, speed, time.
+
+Values in the units people read: µm, N, mm, mm/s. `before` is the machine file as given, `after`
+the model with the causes, `floor` one noisy draw of the model against its noise-free run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from markupsafe import Markup
+
+from sim2real.gap import Measured
+from sim2real.phases import PHASES, axis_phases, blocks
+from sim2real.recording import aligned_demand
+from sim2real.replay import Signals
+from stagectl.report.gap_charts import Curve, bars, chart, legend
+
+FloatArray = npt.NDArray[np.float64]
+
+SCALES = {"position": (1e6, "µm"), "force": (1.0, "N")}
+_BINS = 40
+_FEWEST = 25
+_SEGMENT = 1024
+_BEFORE, _AFTER = 30, 150
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """A chart with its heading."""
+
+    title: str
+    picture: Markup
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """Charts of one signal of one axis.
+
+    Attributes:
+        axis, signal: of it.
+        share: of the gap's energy above the floor.
+        panels: residual over phase, position, velocity, time, spectrum.
+    """
+
+    axis: str
+    signal: str
+    share: float
+    panels: tuple[Panel, ...]
+
+
+def telling_move(
+    measured: Sequence[Measured],
+    explained: Sequence[Signals] | None,
+    axis: str,
+    ratio: float,
+) -> tuple[str, tuple[Panel, ...]]:
+    """The move with most gap on an axis: force and following error, measured and simulated.
+
+    Args:
+        measured: of each recording.
+        explained: the model's signals with the causes, per recording; None where there are none.
+        axis: to show.
+        ratio: Tc/Ts.
+
+    Returns:
+        A line that says which move, and its charts.
+    """
+    best, energy = (0, 0), -1.0
+    for r, m in enumerate(measured):
+        for block in blocks(m.replay.recording, m.replay.period):
+            cut = slice(block.start, block.stop)
+            left = m.residual[axis]["force"][cut] / (m.gap[axis]["force"].floor or 1.0)
+            if float(np.sum(left**2)) > energy:
+                best, energy = (r, block.number), float(np.sum(left**2))
+    m = measured[best[0]]
+    found = blocks(m.replay.recording, m.replay.period)
+    if not found:
+        return "", ()
+    block = found[best[1]]
+    shown = slice(max(block.moving - _BEFORE, 0), min(block.end + _AFTER, block.stop))
+    signals = m.replay.recording.axes[axis]
+    demand = aligned_demand(signals, ratio)
+    time = 1e3 * (m.replay.recording.time[shown] - m.replay.recording.time[block.moving])
+    panels = []
+    for title, pick, label in (
+        ("Force", lambda s: s["force"], "force [N]"),
+        ("Following error", lambda s: 1e6 * (demand - s["position"]), "error [µm]"),
+    ):
+        curves = [Curve("measured", time, _cut(pick, m.replay.measured()[axis], shown))]
+        curves.append(Curve("before", time, _cut(pick, m.floor.nominal[axis], shown)))
+        if explained is not None:
+            curves.append(Curve("after", time, _cut(pick, explained[best[0]][axis], shown)))
+        panels.append(Panel(title, chart(curves, "time [ms]", label, width=600, height=320)))
+    where = f"axis {axis}, move {best[1]}"
+    if len(measured) > 1:
+        where += f" of {m.replay.recording.source}"
+    return where, tuple(panels)
+
+
+def _cut(
+    pick: Callable[[dict[str, FloatArray]], FloatArray],
+    signals: dict[str, FloatArray],
+    shown: slice,
+) -> FloatArray:
+    return pick(signals)[shown]
+
+
+def section(
+    measured: Sequence[Measured],
+    explained: Sequence[Signals] | None,
+    axis: str,
+    signal: str,
+    share: float,
+    ratio: float,
+) -> Section:
+    """Residual of one signal of one axis over everything that it is cut by; arguments as above."""
+    scale, unit = SCALES[signal]
+    kinds: dict[str, list[FloatArray]] = {"before": [], "after": [], "floor": []}
+    by: dict[str, list[FloatArray]] = {"phase": [], "position": [], "velocity": [], "time": []}
+    valid = []
+    for r, m in enumerate(measured):
+        of_axis = m.replay.recording.axes[axis]
+        phases = axis_phases(of_axis.position_demand, m.replay.period)
+        kinds["before"].append(scale * m.residual[axis][signal])
+        kinds["floor"].append(scale * m.floor.draws[0][axis][signal])
+        if explained is not None:
+            left = m.replay.measured()[axis][signal] - explained[r][axis][signal]
+            kinds["after"].append(np.asarray(scale * left, dtype=np.float64))
+        by["phase"].append(phases.phase.astype(np.float64))
+        by["position"].append(1e3 * aligned_demand(of_axis, ratio))
+        by["velocity"].append(1e3 * phases.velocity)
+        by["time"].append(np.asarray(m.replay.place * m.replay.period, dtype=np.float64))
+        valid.append(of_axis.valid)
+    counted = np.concatenate(valid)
+    residuals = {k: np.concatenate(v)[counted] for k, v in kinds.items() if v}
+    places = {k: np.concatenate(v)[counted] for k, v in by.items()}
+    label = f"rms [{unit}]"
+    panels = [Panel("Phase of motion", _by_phase(places["phase"], residuals, label))]
+    for name, x_label in (
+        ("position", "position [mm]"), ("velocity", "velocity [mm/s]"), ("time", "time [s]"),
+    ):  # fmt: skip
+        curves = [Curve(kind, *_binned(places[name], values)) for kind, values in residuals.items()]
+        panels.append(Panel(f"Over {name}", chart(curves, x_label, label, zero=True)))
+    curves = [
+        Curve(kind, *_spectrum(values, measured[0].replay.period))
+        for kind, values in residuals.items()
+    ]
+    density = f"density [{unit}/√Hz]"
+    panels.append(Panel("Spectrum", chart(curves, "frequency [Hz]", density, logarithmic=True)))
+    return Section(axis, signal, share, tuple(panels))
+
+
+def key(explained: bool) -> Markup:
+    """Legend of the residuals."""
+    return legend(("before", "after", "floor") if explained else ("before", "floor"))
+
+
+def _by_phase(phase: FloatArray, residuals: dict[str, FloatArray], label: str) -> Markup:
+    present = [p for p in range(len(PHASES)) if np.any(phase == p)]
+    groups = {
+        kind: [float(np.sqrt(np.mean(values[phase == p] ** 2))) for p in present]
+        for kind, values in residuals.items()
+    }
+    return bars([PHASES[p] for p in present], groups, label)
+
+
+def _binned(place: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Rms in bins over a range; bins that hardly hold a sample are left out."""
+    edges = np.linspace(float(place.min()), float(place.max()) + 1e-12, _BINS + 1)
+    at = np.clip(np.searchsorted(edges, place, side="right") - 1, 0, _BINS - 1)
+    number = np.bincount(at, minlength=_BINS)
+    energy = np.bincount(at, weights=values**2, minlength=_BINS)
+    good = number >= _FEWEST
+    centres = (edges[1:] + edges[:-1]) / 2
+    return centres[good], np.sqrt(energy[good] / number[good])
+
+
+def _spectrum(values: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
+    """Amplitude density by Welch's method."""
+    from scipy.signal import welch
+
+    frequency, power = welch(values, 1.0 / period, nperseg=min(_SEGMENT, len(values)))
+    return frequency[1:], np.sqrt(power[1:])

@@ -1,0 +1,140 @@
+"""The page of a gap diagnosis: one file, everything on it, nothing from outside."""
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim2real.examine import examine, without_causes
+from sim2real.report import (
+    Candidate,
+    Cause,
+    ChannelFinding,
+    Confusable,
+    GapReport,
+    NextExperiment,
+    Parameter,
+)
+from stagectl.config import load_machine, stage_settings
+from stagectl.report.gap_charts import Curve, bars, chart, matrix
+from stagectl.report.gap_page import headline, render_gap_page, write_gap_page
+from stagectl.store.recording import read_recording
+
+DATA = Path(__file__).parents[2] / "data"
+VOID = {"meta", "br", "link", "img"}
+
+
+class Balanced(HTMLParser):
+    """Every element that is opened is closed."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: object) -> None:
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: object) -> None:
+        pass
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def examined():
+    recorded = read_recording(DATA / "null-2.h5")
+    return examine([recorded], stage_settings(load_machine()), {"x": 0.003, "y": 0.003})
+
+
+@pytest.fixture(scope="module")
+def explained(examined):
+    """A report with everything in it that a report may have."""
+    gap = {
+        axis: {signal: replace(f, explained=f.nominal / 2) for signal, f in of.items()}
+        for axis, of in examined.gap.items()
+    }
+    return replace(
+        without_causes(examined),
+        verdict="explained",
+        reason="nothing <else> is left",
+        gap=gap,
+        gap_closed=0.93,
+        gap_closed_interval=(0.9, 0.95),
+        channels=(ChannelFinding("x", "force_actual", "delay", 1e-3, "s", True, "x: late"),),
+        causes=(
+            Cause(
+                "y", "force_ripple", 0.98, {"ratio": Parameter(0.05, 0.002, "1")}, 0.9, (0.8, 1.0),
+                "Correct the commutation.",
+            ),
+        ),
+        candidates=(
+            Candidate("y", "force_ripple", 0.98, 0.9), Candidate("x", "cogging", 0.01, None),
+        ),
+        confusable=(
+            Confusable(
+                "y", ("force_ripple", "cogging"), "both waves", {("force_ripple", "cogging"): 0.8}
+            ),
+        ),
+        next_experiment=NextExperiment("move slowly", ({"kind": "macro", "to": [0.0, 0.1]},)),
+    )  # fmt: skip
+
+
+def test_the_page_says_all_of_it_and_loads_nothing(examined, explained):
+    model = [m.floor.nominal for m in examined.measured]
+    page = render_gap_page(explained, examined, "wafer <xy>", explained=model, left=["no <more>"])
+    Balanced().feed(page)
+    assert "The gap is force ripple on y: closes 93 % of it." in page
+    for text in (
+        "nothing &lt;else&gt; is left.", "wafer &lt;xy&gt;", "Correct the commutation.", "x: late",
+        "90–95 %", "both waves", "move slowly", "to: [0.0, 0.1]", "no &lt;more&gt;", "0.80",  # noqa: RUF001
+    ):  # fmt: skip
+        assert text in page
+    assert not re.search(r"(src|href|@import|url\()\s*=?\s*[\"']?(https?:)?//", page)
+    assert page.count("<svg") == 2 + 4 * 5 + 1
+    assert page.count('class="line after"') >= 2 + 4 * 4
+    assert "nan" not in page
+
+
+def test_verdict_comes_first(examined, explained):
+    page = render_gap_page(explained, examined, "m")
+    assert page.index("The gap is") < page.index("Gap and floor") < page.index("Where it lies")
+
+
+def test_without_causes_there_is_no_after(examined):
+    page = render_gap_page(without_causes(examined), examined, "m")
+    Balanced().feed(page)
+    assert 'class="line after"' not in page
+    assert "describes this stage" in page
+
+
+def test_a_recording_that_supports_nothing_is_a_page_all_the_same(examined, tmp_path):
+    none = replace(examined, insufficient="no motion", measured=(), gap=None, located=None)
+    report = without_causes(none)
+    write_gap_page(tmp_path / "a.html", report, none, "m")
+    page = (tmp_path / "a.html").read_text()
+    Balanced().feed(page)
+    assert "no motion." in page
+    assert "<svg" not in page
+
+
+def test_every_verdict_has_a_headline():
+    for verdict in ("no_gap", "explained", "partly_explained", "unexplained", "insufficient"):
+        assert headline(GapReport((), verdict, "")).endswith(".")
+
+
+def test_charts_take_what_there_is():
+    assert "Nothing to draw" in chart([], "x", "y")
+    flat = chart([Curve("before", np.arange(3.0), np.zeros(3))], "x", "y <z>")
+    assert "y &lt;z&gt;" in flat
+    assert "nan" not in flat
+    gone = np.array([np.nan, -1.0, 0.0, 1.0, 10.0])
+    assert "nan" not in chart([Curve("after", gone, gone)], "x", "y", logarithmic=True)
+    long = chart([Curve("measured", np.arange(1e5), np.sin(np.arange(1e5)))], "x", "y")
+    assert len(long) < 40_000
+    assert "nan" not in bars(["rest", "micro"], {"before": [1.0, np.nan], "after": [0.0, 0.0]}, "y")
+    assert matrix(["a", "b"], {("a", "b"): 0.25}).count("0.25") >= 2
