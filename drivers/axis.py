@@ -22,7 +22,11 @@ from drivers.settings import AxisSettings, BusSettings
 ACCELERATION_UNIT = 1e-6
 """Accelerations on the bus [m/s^2]: 10 m/s^2 in units of 1 nm/s^2 would not fit UNSIGNED32."""
 
-RPDO_OBJECTS = (od.CONTROLWORD, od.TARGET_POSITION, od.FORCE_OFFSET)
+TARGETS = {
+    Mode.CYCLIC_SYNC_VELOCITY: od.TARGET_VELOCITY,
+    Mode.CYCLIC_SYNC_TORQUE: od.TARGET_FORCE,
+}
+"""What the cyclic target is in these modes; in all others the target position."""
 TPDO_OBJECTS = (od.STATUSWORD, od.POSITION_ACTUAL, od.FORCE_ACTUAL)
 
 FOLLOWING_ERROR_TIMEOUT_MS = 10
@@ -46,6 +50,9 @@ _MISSED = {
 }
 """Objects that are written where offered, and what is missing without them."""
 
+_NAMES = {
+    mode: mode.name.lower().replace("_sync_", " synchronous ").replace("_", " ") for mode in Mode
+}
 _QUICK_STOP_RAMP_THEN_DISABLED = 2
 _ABORT_CONNECTION_QUICK_STOP = 3
 _RAMP = 1
@@ -61,6 +68,7 @@ class Axis:
         rpdo, tpdo: the cyclic mappings, made from the EDS's data types; without force offset or
             force where the drive has none.
         mode: of operation set last, None before the first.
+        target: what the cyclic target is: position, velocity or force.
         limitations: what the drive does not offer and what follows from that, one clause each.
     """
 
@@ -71,12 +79,18 @@ class Axis:
         self.scale = Scale(settings.increment, settings.rated_force / 1000)
         self.mode: Mode | None = None
         self.limitations: list[str] = []
-        self.rpdo = self._mapping([r for r in RPDO_OBJECTS if self._usable(r, self.node.offers)])
+        self.target = od.TARGET_POSITION
+        self.rpdo = self._mapping([r for r in self._outward if self._usable(r, self.node.offers)])
         self.tpdo = self._mapping([r for r in TPDO_OBJECTS if self._usable(r, self.node.offers)])
         self.rpdo_id = 0x200 + settings.node
         self.tpdo_id = 0x180 + settings.node
         self._network = network
         self._homed_at_boot: int | None = None
+
+    @property
+    def _outward(self) -> tuple[ObjectRef, ...]:
+        """Objects of the RPDO: controlword, target, force offset."""
+        return od.CONTROLWORD, self.target, od.FORCE_OFFSET
 
     def _mapping(self, refs: Sequence[ObjectRef]) -> PdoMapping:
         return PdoMapping(tuple(MappedObject(r, self.node.data_type(r)) for r in refs))
@@ -108,7 +122,8 @@ class Axis:
         for ref, consequence in _WITHOUT.items():
             if not has[ref]:
                 self.limited(f"{ref} is not offered: {consequence}")
-        self.rpdo = self._mapping([r for r in RPDO_OBJECTS if has.get(r, True)])
+        self.target = od.TARGET_POSITION
+        self.rpdo = self._mapping([r for r in self._outward if has.get(r, True)])
         self.tpdo = self._mapping([r for r in TPDO_OBJECTS if has.get(r, True)])
 
     @property
@@ -133,7 +148,7 @@ class Axis:
         """
         self._find_limitations()
         self._check_units()
-        self._check_modes()
+        self.check_mode(Mode.CYCLIC_SYNC_POSITION)
         node = self.node
         self._set_sync_counter(bus.sync_counter)
         node.write_optional(od.CYCLE_PERIOD, bus.period_us)
@@ -234,14 +249,43 @@ class Axis:
                 axis=self.name, obj=od.SYNC_OVERFLOW,
             )  # fmt: skip
 
-    def _check_modes(self) -> None:
+    def aim(self, mode: Mode) -> bool:
+        """Maps the cyclic target that the mode takes, 0 to begin with where it is no position.
+
+        Returns:
+            Whether the mapping has changed.
+
+        Raises:
+            NodeError, ConfigurationError: the drive does not take it.
+        """
+        target = TARGETS.get(mode, od.TARGET_POSITION)
+        if target == self.target:
+            return False
+        if target != od.TARGET_POSITION:
+            self.node.write(target, 0)
+        with_offset = self.takes_force_offset
+        self.target = target
+        self.rpdo = self._mapping([r for r in self._outward if r != od.FORCE_OFFSET or with_offset])
+        PdoRecord.receive(1).configure(self.node, self.rpdo_id, self.rpdo)
+        return True
+
+    def check_mode(self, mode: Mode) -> None:
+        """Whether the drive has the mode at all.
+
+        Raises:
+            ConfigurationError: 0x6502 or the EDS say that it has not.
+        """
+        target = TARGETS.get(mode, od.TARGET_POSITION)
+        if not self.node.offers(target):
+            raise ConfigurationError(
+                f"is not in the EDS: no {_NAMES[mode]}", axis=self.name, obj=target
+            )
         if not self.node.offers(od.SUPPORTED_MODES):
             return
         modes = self.node.read(od.SUPPORTED_MODES)
-        mode = Mode.CYCLIC_SYNC_POSITION
         if not modes >> (mode - 1) & 1:
             raise ConfigurationError(
-                f"0x{modes:08X}: the drive does not offer cyclic synchronous position mode",
+                f"0x{modes:08X}: the drive does not offer {_NAMES[mode]} mode",
                 axis=self.name, obj=od.SUPPORTED_MODES,
             )  # fmt: skip
 

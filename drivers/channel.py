@@ -10,13 +10,15 @@ from collections.abc import Callable
 
 from drivers.axis import Axis
 from drivers.bus import OwnFrame
+from drivers.objects import TARGET_POSITION
 
 
 class Channel:
     """Cyclic state of one axis: raw integers, as last sent and last received.
 
     Attributes:
-        controlword, target, offset: of the next RPDO (outside streams) or the last one.
+        controlword, target, offset: of the next RPDO (outside streams) or the last one; the target
+            is a position, in csv a velocity, in cst a force.
         statusword, position, force: of the last TPDO; `seen` is False before the first.
         valid: whether the last cycle brought a TPDO.  arrival: its time after the SYNC [ns].
         missed: TPDOs missed in a row.  told: last controlwords, each once, oldest first.
@@ -56,6 +58,11 @@ class Channel:
         self.unpack: Callable[[bytes | bytearray], tuple[int, ...]] = (
             unpack if axis.tells_force else lambda data: (*unpack(data), 0)
         )
+
+    def rest(self) -> None:
+        """The target that moves nothing: where the axis is; 0 where the target is no position."""
+        self.target = self.position if self.axis.target == TARGET_POSITION else 0
+        self.offset = 0
 
     def frame(self) -> bytes:
         """The RPDO of the present command."""

@@ -44,6 +44,8 @@ class Mode(IntEnum):
     PROFILE_POSITION = 1
     HOMING = 6
     CYCLIC_SYNC_POSITION = 8
+    CYCLIC_SYNC_VELOCITY = 9
+    CYCLIC_SYNC_TORQUE = 10
 
 
 class Control(IntFlag):

@@ -37,14 +37,14 @@ class Evidence:
         emergencies: codes since alarms were last cleared, oldest first.
         controlwords: last ones, each once, oldest first.
         mode: of operation, None before the first.
-        target: last set-point [m].  offset: last force offset [N].
+        target: last set-point in words, with its unit.  offset: last force offset [N].
     """
 
     statusword: int | None
     emergencies: tuple[int, ...]
     controlwords: tuple[int, ...]
     mode: int | None
-    target: float
+    target: str
     offset: float
 
     @classmethod
@@ -56,7 +56,7 @@ class Evidence:
             tuple(axis.node.emergencies),
             tuple(channel.told),
             None if axis.mode is None else int(axis.mode),
-            channel.target * axis.scale.increment,
+            _target_text(channel),
             channel.offset * axis.scale.force,
         )
 
@@ -69,7 +69,7 @@ class Evidence:
         """The last commands in words."""
         words = " > ".join(command_text(w) for w in self.controlwords) or "none"
         mode = "" if self.mode is None else f", mode {self.mode}"
-        return f"{words}{mode}, target {self.target:.9g} m, force offset {self.offset:.4g} N"
+        return f"{words}{mode}, target {self.target}, force offset {self.offset:.4g} N"
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +92,14 @@ class FaultReport:
         """The code that names the cause: the first emergency, else 0x603F, else the history's."""
         first = next((e for e in self.evidence.emergencies if e & 0xFF00), None)
         return first or self.error_code or next(iter(self.history), None)
+
+
+def _target_text(channel: Channel) -> str:
+    axis = channel.axis
+    if axis.target == od.TARGET_FORCE:
+        return f"{channel.target * axis.scale.force:.4g} N"
+    unit = "m/s" if axis.target == od.TARGET_VELOCITY else "m"
+    return f"{channel.target * axis.scale.increment:.9g} {unit}"
 
 
 def command_text(controlword: int) -> str:

@@ -48,9 +48,126 @@ def checked_counts(
     for j, axis in enumerate(axes):
         _check_axis(position[:, j], offset[:, j], axis, last[j], period)
     targets = np.rint(position / increment).astype(np.int64)
+    return targets, _force_counts(offset, axes)
+
+
+def checked_velocities(
+    velocity: NDArray[np.float64],
+    offset: NDArray[np.float64],
+    axes: Sequence[AxisSettings],
+    start: Sequence[float],
+    period: float,
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rounds velocities (csv) to CAN integers after checking all of them.
+
+    Args:
+        velocity: float64[K, n] [m/s], from rest to rest: the last row is 0, nothing follows it.
+        offset: float64[K, n] force offsets [N].
+        axes: settings of the n axes.
+        start: where the axes stand [m].
+        period: Ts [s].
+
+    Returns:
+        int64[K, n] target velocities [increments/s], int64[K, n] force offsets [1/1000 rated].
+
+    Raises:
+        LimitError: wrong shape, not finite, faster than velocity or acceleration limit, out of the
+            travel on the way, or a last row that is not 0; names axis, limit and row.
+    """
+    velocity, offset = _checked_shape(velocity, offset, len(axes))
+    for j, axis in enumerate(axes):
+        v = velocity[:, j]
+        for values, ref, unit in (
+            (v, od.TARGET_VELOCITY, "m/s"),
+            (offset[:, j], od.FORCE_OFFSET, "N"),
+        ):
+            _check_finite(values, axis, ref, unit)
+        _within(np.abs(v), axis.velocity, "velocity", "m/s", axis, od.TARGET_VELOCITY)
+        change = np.abs(np.diff(v, prepend=0.0)) / period
+        _within(change, axis.acceleration, "acceleration", "m/s^2", axis, od.TARGET_VELOCITY)
+        _ends_at_zero(v, axis, od.TARGET_VELOCITY)
+        low, high = axis.travel
+        path = start[j] + np.cumsum(v) * period
+        outside = (path < low - axis.increment) | (path > high + axis.increment)
+        if outside.any():
+            row = int(outside.argmax())
+            below = path[row] < low
+            raise LimitError(
+                f"row {row}: leads to {path[row]:.9g} m, {'below' if below else 'above'} the limit "
+                f"{low if below else high:g} m",
+                axis=axis.name, obj=od.SOFT_LIMIT_LOW if below else od.SOFT_LIMIT_HIGH,
+            )  # fmt: skip
+    increment = np.array([a.increment for a in axes])
+    return np.rint(velocity / increment).astype(np.int64), _force_counts(offset, axes)
+
+
+def checked_forces(force: NDArray[np.float64], axes: Sequence[AxisSettings]) -> NDArray[np.int64]:
+    """Rounds forces (cst) to CAN integers after checking all of them.
+
+    Args:
+        force: float64[K, n] [N]; the last row is 0, nothing follows it.
+        axes: settings of the n axes.
+
+    Returns:
+        int64[K, n] target forces [1/1000 rated].
+
+    Raises:
+        LimitError: wrong shape, not finite, above the peak force, or a last row that is not 0.
+    """
+    force, _ = _checked_shape(force, force, len(axes))
+    for j, axis in enumerate(axes):
+        _check_finite(force[:, j], axis, od.TARGET_FORCE, "N")
+        _within(np.abs(force[:, j]), axis.peak_force, "force", "N", axis, od.MAX_FORCE)
+        _ends_at_zero(force[:, j], axis, od.TARGET_FORCE)
+    return _force_counts(force, axes)
+
+
+def _checked_shape(
+    values: NDArray[np.float64], offset: NDArray[np.float64], n: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    values = np.asarray(values, dtype=np.float64)
+    offset = np.asarray(offset, dtype=np.float64)
+    if values.ndim != 2 or values.shape[1] != n or offset.shape != values.shape:
+        raise LimitError(
+            f"setpoints must be [K, {n}], also their offsets, "
+            f"are {list(values.shape)} and {list(offset.shape)}"
+        )
+    return values, offset
+
+
+def _force_counts(force: NDArray[np.float64], axes: Sequence[AxisSettings]) -> NDArray[np.int64]:
     unit = np.array([a.rated_force / 1000 for a in axes])
-    offsets = np.clip(np.rint(offset / unit), -32768, 32767).astype(np.int64)
-    return targets, offsets
+    return np.clip(np.rint(force / unit), -32768, 32767).astype(np.int64)
+
+
+def _check_finite(
+    values: NDArray[np.float64], axis: AxisSettings, ref: od.ObjectRef, unit: str
+) -> None:
+    bad = ~np.isfinite(values)
+    if bad.any():
+        row = int(bad.argmax())
+        raise LimitError(f"row {row}: {values[row]} {unit} is no setpoint", axis=axis.name, obj=ref)
+
+
+def _within(
+    values: NDArray[np.float64], limit: float, what: str, unit: str, axis: AxisSettings,
+    ref: od.ObjectRef,
+) -> None:  # fmt: skip
+    above = values > limit * (1 + 1e-9)
+    if above.any():
+        row = int(above.argmax())
+        raise LimitError(
+            f"row {row}: {values[row]:.6g} {unit} exceeds the {what} limit {limit:g} {unit}",
+            axis=axis.name, obj=ref,
+        )  # fmt: skip
+
+
+def _ends_at_zero(values: NDArray[np.float64], axis: AxisSettings, ref: od.ObjectRef) -> None:
+    if len(values) and values[-1] != 0:
+        raise LimitError(
+            f"row {len(values) - 1}: the last one must be 0, since nothing follows it",
+            axis=axis.name, obj=ref,
+        )  # fmt: skip
 
 
 def _check_axis(
@@ -64,12 +181,7 @@ def _check_axis(
         (position, od.TARGET_POSITION, "m"),
         (offset, od.FORCE_OFFSET, "N"),
     ):
-        bad = ~np.isfinite(values)
-        if bad.any():
-            row = int(bad.argmax())
-            raise LimitError(
-                f"row {row}: {values[row]} {unit} is no setpoint", axis=axis.name, obj=ref
-            )
+        _check_finite(values, axis, ref, unit)
     low, high = axis.travel
     margin = axis.increment / 2  # rounding alone leaves no travel
     outside = (position < low - margin) | (position > high + margin)

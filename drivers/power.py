@@ -78,9 +78,17 @@ class Power:
 
     def set_mode(self, mode: Mode) -> None:
         """Sets the mode of operation on all axes by SDO, and waits for it."""
+        self._aim(mode)
         for channel in self.channels:
             channel.axis.set_mode(mode)
         self.mode = mode
+
+    def _aim(self, mode: Mode) -> None:
+        """Maps the targets that the mode takes."""
+        for channel in self.channels:
+            if channel.axis.aim(mode):
+                channel.adapt()
+                channel.rest()
 
     def change_over(self, mode: Mode, channels: Sequence[Channel]) -> bool:
         """Changes the mode of operation under power, without a jump, where that is possible.
@@ -95,10 +103,13 @@ class Power:
         if self.mode is None or not all(c.seen and state_of(c) is ready for c in channels):
             return False
         self.ramp_offsets_out()
+        if self.mode is Mode.CYCLIC_SYNC_TORQUE:
+            self.wait_for_rest(HOLDING_TIMEOUT)  # nothing has held the axes
         for channel in self.channels:
             channel.controlword &= ~_MODE_BITS
             if self.mode is Mode.HOMING:  # its targets were in other coordinates
                 channel.target = channel.position
+        self._aim(mode)
         self._cycle.resume()
         for _ in range(2):  # 0x607A is right in the drive before the mode that obeys it begins
             self._cycle.exchange()
@@ -139,7 +150,7 @@ class Power:
                         raise fault(channel, "is in fault, to be reset first")
                     channel.controlword = next_controlword(state, target, channel.controlword)
                     if state is not State.OPERATION_ENABLED:
-                        channel.target, channel.offset = channel.position, 0
+                        channel.rest()
                     waiting |= state is not target
                 else:
                     waiting = True
@@ -175,7 +186,7 @@ class Power:
                     channel.controlword = next_controlword(
                         state, State.SWITCH_ON_DISABLED, channel.controlword
                     )
-                    channel.target, channel.offset = channel.position, 0
+                    channel.rest()
                 elif channel.controlword & Command.FAULT_RESET:
                     channel.controlword = int(Command.DISABLE_VOLTAGE)
                     waiting = True
@@ -263,7 +274,7 @@ class Power:
         else:
             raise fault(self.channels[0], f"still moves {timeout:g} s after halt")
         for channel in self.channels:
-            channel.target = channel.position
+            channel.rest()
             channel.controlword &= ~int(Control.HALT)
         self._cycle.resume()
         self._cycle.exchange()

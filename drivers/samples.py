@@ -32,7 +32,8 @@ class Samples:
 
     Attributes:
         time: float64[K], of the SYNC, since the first SYNC streamed after boot [s].
-        position_demand: float64[K, n], r_k [m].  force_offset: float64[K, n], f_k [N].
+        position_demand: float64[K, n], r_k [m] (csv: the velocity [m/s], cst: the force [N]).
+        force_offset: float64[K, n], f_k [N].
         position: float64[K, n], 0x6064 sampled at the SYNC [m].
         force: float64[K, n], 0x6077 sampled at the SYNC [N].
         statusword: uint16[K, n].
@@ -58,8 +59,16 @@ class Samples:
         return len(self.time)
 
     @classmethod
-    def from_rows(cls, rows: array[int], scales: Sequence[Scale]) -> Samples:
-        """Samples from the concatenated `Sample` tuples of any number of SYNCs."""
+    def from_rows(
+        cls, rows: array[int], scales: Sequence[Scale], targets: Sequence[float] | None = None
+    ) -> Samples:
+        """Samples from the concatenated `Sample` tuples of any number of SYNCs.
+
+        Args:
+            rows: the tuples.
+            scales: of the axes.
+            targets: unit of each axis' targets; None: they are positions.
+        """
         n = len(scales)
         raw = np.frombuffer(rows, dtype=np.int64).reshape(-1, 2 + FIELDS * n)
         axes = raw[:, 2:].reshape(-1, n, FIELDS)
@@ -68,7 +77,7 @@ class Samples:
         valid = axes[:, :, 5] != 0
         return cls(
             time=np.asarray(raw[:, 0] * 1e-9, dtype=np.float64),
-            position_demand=axes[:, :, 0] * increment,
+            position_demand=axes[:, :, 0] * (increment if targets is None else np.array(targets)),
             force_offset=axes[:, :, 1] * force,
             position=axes[:, :, 2] * increment,
             force=axes[:, :, 3] * force,

@@ -20,7 +20,7 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers import homing, profile_position
+from drivers import direct, homing, profile_position
 from drivers import objects as od
 from drivers.axis import Axis
 from drivers.bus import Network, Tap, open_bus
@@ -30,7 +30,7 @@ from drivers.clock import Clock, MonotonicClock
 from drivers.cycle import Cycle, Sink, Until
 from drivers.diagnosis import Evidence, explained
 from drivers.errors import AxisFault, BusError, ConfigurationError, DriverError, LimitError
-from drivers.limits import checked_counts
+from drivers.limits import checked_counts, checked_forces, checked_velocities
 from drivers.power import HOLDING_TIMEOUT, RINGING_TIMEOUT, Power
 from drivers.realtime import RealTime
 from drivers.samples import Samples
@@ -389,8 +389,10 @@ class Stage:
         """
         channels = self._cycle.channels
         axes = [c.axis.settings for c in channels]
-        if not self.enabled or self._power.mode is not Mode.CYCLIC_SYNC_POSITION:
+        if not self.enabled:
             raise AxisFault("the stage is not enabled", axis=self._not_enabled())
+        if self._power.mode is not Mode.CYCLIC_SYNC_POSITION:
+            raise AxisFault("the stage is not in csp: enable it first", axis=self.axes[0].name)
         targets, offsets = checked_counts(
             position, offset, axes, [c.target for c in channels], self.settings.sync_period
         )
@@ -398,6 +400,72 @@ class Stage:
         with self._stopping(), self._real_time.in_motion():
             self._cycle.stream(targets, offsets, rows, self.sink, until)
         return Samples.from_rows(rows, [c.axis.scale for c in channels])
+
+    @_exclusive
+    def stream_velocity(
+        self,
+        velocity: NDArray[np.float64],
+        offset: NDArray[np.float64] | None = None,
+        until: Until | None = None,
+    ) -> Samples:
+        """Streams velocities in csv, from rest to rest; the axes stay enabled in that mode.
+
+        `enable` takes them back to csp. Nothing of it goes to the sink.
+
+        Args:
+            velocity: float64[K, n] [m/s]; the last row is 0.
+            offset: float64[K, n] force offsets [N], 0 by default.
+            until: as for `stream`; what it ends brakes at the acceleration limit.
+
+        Raises:
+            LimitError: outside velocity, acceleration or travel; nothing was sent.
+            ConfigurationError: a drive without csv.
+            AxisFault, BusError: as `stream`.
+        """
+        velocity = np.asarray(velocity, dtype=np.float64)
+        targets, offsets = checked_velocities(
+            velocity, np.zeros_like(velocity) if offset is None else offset,
+            [a.settings for a in self.axes], self.positions, self.settings.sync_period,
+        )  # fmt: skip
+        return self._stream_directly(Mode.CYCLIC_SYNC_VELOCITY, targets, offsets, until)
+
+    @_exclusive
+    def stream_force(self, force: NDArray[np.float64], until: Until | None = None) -> Samples:
+        """Streams forces in cst; the axes stay enabled in that mode, without force.
+
+        `enable` waits for rest and takes them back to csp. Nothing of it goes to the sink.
+
+        Args:
+            force: float64[K, n] [N]; the last row is 0.
+            until: as for `stream`; what it ends lets go of the axes.
+
+        Raises:
+            LimitError: above the peak force; nothing was sent.
+            ConfigurationError: a drive without cst.
+            AxisFault: besides, an axis got too fast, or near the end of its travel.
+            BusError: as `stream`.
+        """
+        targets = checked_forces(force, [a.settings for a in self.axes])
+        guard = direct.Guard(self._cycle.channels, self.clock, until)
+        return self._stream_directly(
+            Mode.CYCLIC_SYNC_TORQUE, targets, np.zeros_like(targets), guard
+        )
+
+    def _stream_directly(
+        self,
+        mode: Mode,
+        targets: NDArray[np.int64],
+        offsets: NDArray[np.int64],
+        until: Until | None,
+    ) -> Samples:
+        if not self.enabled:
+            raise AxisFault("the stage is not enabled", axis=self._not_enabled())
+        for axis in self.axes:
+            axis.check_mode(mode)
+        with self._stopping(), self._real_time.in_motion():
+            if self._power.mode is not mode:
+                self._enter(mode, self._cycle.channels)
+            return direct.stream(self._cycle, targets, offsets, until, self.settings.sync_period)
 
     def hold(self, duration: float) -> Samples:
         """Streams the present targets and offsets for `duration` [s]; raises as `stream`."""

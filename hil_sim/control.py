@@ -30,6 +30,7 @@ CONTROL_DTYPE = np.dtype(
 CONTROL_STATE_DTYPE = np.dtype(
     [
         ("powered", "?"),
+        ("open", "?"),
         ("demand", "f8"),
         ("offset", "f8"),
         ("from_position", "f8"),
@@ -89,6 +90,10 @@ def cascade(control, loop, encoder, period):  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, error_model="numpy")
 def position_loop(control, loop, encoder, period):  # type: ignore[no-untyped-def]
     """One tick of the loop; sets the clamped force demand, returns the following error [m]."""
+    if loop.open:  # force as commanded; the demand stays where the axis is
+        loop.demand = encoder
+        loop.output = min(max(loop.offset, -control.peak_force), control.peak_force)
+        return 0.0
     if control.cascaded:
         return cascade(control, loop, encoder, period)
     error = loop.demand - encoder

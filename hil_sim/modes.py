@@ -35,6 +35,7 @@ class ModeCode(IntEnum):
     HOMING = 6
     CYCLIC_POSITION = 8
     CYCLIC_VELOCITY = 9
+    CYCLIC_TORQUE = 10
 
 
 @dataclass(frozen=True, slots=True)

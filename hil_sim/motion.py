@@ -45,6 +45,7 @@ from hil_sim.ports import CanSegment, Timer
 from hil_sim.profile import ProfileGenerator
 from hil_sim.profile_position import ProfilePosition
 from hil_sim.state_machine import FAULT_RESET, HALT, Command, State, commanded, decode
+from hil_sim.torque import CyclicTorque
 from hil_sim.velocity import CyclicVelocity, ProfileVelocity
 
 SWITCH_DISTANCE = 5e-3
@@ -118,6 +119,7 @@ class MotionControl:
             ModeCode.HOMING: Homing(context),
             ModeCode.CYCLIC_POSITION: CyclicPosition(context),
             ModeCode.CYCLIC_VELOCITY: CyclicVelocity(context),
+            ModeCode.CYCLIC_TORQUE: CyclicTorque(context),
         }
         self._mode = self._modes[ModeCode.NONE]
         dictionary.on_write[o.CONTROLWORD] = self._on_controlword

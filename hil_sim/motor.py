@@ -23,6 +23,7 @@ class Motor:
     Attributes:
         settings: of the axis.
         tick_ns: control period [ns].
+        open: the force alone is commanded.
         origin: true counter value at position 0 [increments].
     """
 
@@ -35,6 +36,7 @@ class Motor:
         self._whole = round(self._scale) if abs(self._scale - round(self._scale)) < 1e-9 else None
         self._permille = self.settings.control.rated_force / 1000.0
         self.origin = plant.encoder(axis)
+        self.open = False
         self._streamed = False
 
     def counter(self) -> int:
@@ -77,16 +79,28 @@ class Motor:
     def power(self, on: bool) -> None:
         """Close the loop at the present position, or take the force off."""
         self._plant.power(self._axis, on)
+        self.open = False
 
     def command(self, position: int, permille: int, ticks: int) -> None:
         """Ramp to a target [nm] and force offset [1/1000 rated] within `ticks` control ticks."""
         if not self._streamed:
             self._streamed = True
             self._plant.start_clock()
+        if self.open:
+            self.power(True)
         whole = self._whole
         true = (position + self.origin * whole) * UNIT if whole else self.to_true(position)
         self._plant.command(self._axis, true, permille * self._permille, ticks)
 
     def command_true(self, position: float, ticks: int) -> None:
         """Ramp to a true coordinate [m] within `ticks` control ticks, force offset 0."""
+        if self.open:
+            self.power(True)
         self._plant.command(self._axis, position, 0.0, ticks)
+
+    def command_force(self, permille: int) -> None:
+        """This force from the next control tick on [1/1000 rated], whatever the position."""
+        if not self.open:
+            self.open = True
+            self._plant.open_loop(self._axis)
+        self._plant.command(self._axis, self.demand(), permille * self._permille, 1)

@@ -84,7 +84,7 @@ class Plant:
             "ramp_ticks", "ramp_done",
         ):  # fmt: skip
             loop[name] = 0
-        loop["powered"] = on
+        loop["powered"], loop["open"] = on, False
         self._orders[axis] = (0.0, 0.0, 0.0, 0.0, 1.0)
         self._values[axis][2] = reading
         self._values[axis][4] = 0.0
@@ -93,6 +93,10 @@ class Plant:
         """Ramp demand [m] and force offset [N] linearly to this pair, reached after `ticks`."""
         order = self._order_rows[axis]
         order[0], order[1], order[2], order[3] = 1.0, position, force, ticks
+
+    def open_loop(self, axis: int) -> None:
+        """Let the force alone be commanded, until `power` closes the loop again."""
+        self._arrays.loop[axis]["open"] = True
 
     def start_clock(self) -> None:
         """Make now t = 0 for whatever depends on time; once after power-on, for all axes."""

@@ -55,6 +55,9 @@ class PlantPort(Protocol):
     def power(self, axis: int, on: bool) -> None:
         """Close the loop (demand := actual, integrator := 0) or take all force off."""
 
+    def open_loop(self, axis: int) -> None:
+        """Let the force alone be commanded, until `power` closes the loop again."""
+
     def command(self, axis: int, position: float, force: float, ticks: int) -> None:
         """Ramp demand [m] and force offset [N] linearly to this pair within `ticks` ticks."""
 

@@ -136,4 +136,4 @@ def test_csv_stops_at_the_soft_limit(csv, plant):
 
 
 def test_modes_offered(host):
-    assert host.read_object(1, 0x6502, 0, "I") == sum(1 << m - 1 for m in (1, 3, 6, 8, 9))
+    assert host.read_object(1, 0x6502, 0, "I") == sum(1 << m - 1 for m in (1, 3, 6, 8, 9, 10))

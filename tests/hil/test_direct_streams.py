@@ -1,0 +1,186 @@
+"""csv and cst from the host, against the virtual drives in virtual time."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from drivers.cia402 import Mode
+from drivers.errors import AxisFault, ConfigurationError, LimitError
+from drivers.objects import MODE_DISPLAY
+from drivers.stage import Stage
+from hil_sim.dictionary import key
+from hil_sim.stage import VirtualStage
+from hil_sim.world import World
+from stagectl.config.machine import Machine
+from stagectl.config.mapping import driver_settings, stage_settings
+
+_names = itertools.count()
+PERIOD = 1e-3
+
+
+@pytest.fixture
+def drives(stage_machine: Machine) -> VirtualStage:
+    return VirtualStage(stage_settings(stage_machine), seed=1)
+
+
+@pytest.fixture
+def seen() -> list[int]:
+    return []
+
+
+@pytest.fixture
+def stage(stage_machine: Machine, drives: VirtualStage, seen: list[int]) -> Iterator[Stage]:
+    bus, axes = driver_settings(stage_machine)
+    world = World(f"direct-{next(_names)}")
+    drives.attach(world)
+    bus = dataclasses.replace(bus, interface="lockstep", channel=world.name)
+    axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
+    with Stage.open(bus, axes, tap=lambda t, i, d: seen.append(i)) as stage:
+        stage.boot()
+        stage.home()
+        stage.enable()
+        yield stage
+
+
+def modes(stage: Stage) -> list[int]:
+    return [axis.node.read(MODE_DISPLAY) for axis in stage.axes]
+
+
+def bell(peak: tuple[float, float], rows: int) -> np.ndarray:
+    """From 0 to `peak` and back, shape (rows, 2)."""
+    shape = np.sin(np.pi * np.arange(1, rows + 1) / rows) ** 2
+    shape[-1] = 0.0
+    return shape[:, None] * np.array(peak)
+
+
+def test_velocities_add_up_to_the_way(stage: Stage) -> None:
+    start = np.array(stage.positions)
+    velocity = np.vstack(
+        [bell((0.1, -0.05), 400), np.zeros((300, 2))]
+    )  # and the loop comes to rest
+    samples = stage.stream_velocity(velocity)
+    assert modes(stage) == [Mode.CYCLIC_SYNC_VELOCITY] * 2
+    assert samples.valid.all()
+    np.testing.assert_allclose(samples.position_demand, velocity, atol=1e-9)
+    stage.enable()
+    assert modes(stage) == [Mode.CYCLIC_SYNC_POSITION] * 2
+    rest = stage.hold(0.2)
+    np.testing.assert_allclose(rest.position[-1] - start, velocity.sum(axis=0) * PERIOD, atol=1e-6)
+    assert np.ptp(rest.position[50:], axis=0).max() < 1e-6
+
+
+def test_forces_move_the_masses(stage: Stage) -> None:
+    """More than friction for 60 ms: what is over accelerates 8 kg; then friction stops it."""
+    force = np.zeros((400, 2))
+    force[:60] = (12.0, -12.0)
+    samples = stage.stream_force(force)
+    assert modes(stage) == [Mode.CYCLIC_SYNC_TORQUE] * 2
+    np.testing.assert_allclose(samples.force[10:58], force[10:58], atol=0.05)
+    np.testing.assert_allclose(samples.position_demand, force, atol=0.05)
+    way = samples.position[-1] - samples.position[0]
+    assert way[0] > 5e-4
+    assert way[1] < -5e-4
+    stage.enable()
+    rest = stage.hold(0.1)
+    np.testing.assert_allclose(rest.position[-1], samples.position[-1], atol=5e-6)
+    stage.stream(np.tile(stage.targets, (5, 1)), np.zeros((5, 2)))
+
+
+def test_a_stream_that_is_ended_early_comes_to_rest(stage: Stage) -> None:
+    velocity = np.full((300, 2), 0.1)
+    velocity[:50] = np.linspace(0.01, 0.1, 50)[:, None]
+    velocity[-50:] = np.linspace(0.1, 0.0, 50)[:, None]
+    count = itertools.count()
+    samples = stage.stream_velocity(velocity, until=lambda _: next(count) == 100)
+    assert 101 < len(samples) < 130
+    assert (samples.position_demand[-1] == 0).all()
+    stage.enable()
+    assert np.ptp(stage.hold(0.2).position[150:], axis=0).max() < 1e-6
+    count = itertools.count()
+    samples = stage.stream_force(np.vstack([np.full((50, 2), 10.0), np.zeros((1, 2))]),
+                                 until=lambda _: next(count) == 10)  # fmt: skip
+    assert (samples.position_demand[-1] == 0).all()
+    assert len(samples) == 12
+
+
+def velocities(*values: float) -> np.ndarray:
+    return np.column_stack([np.zeros(len(values)), values])
+
+
+@pytest.mark.parametrize(
+    ("velocity", "message"),
+    [
+        (np.linspace(0, 2, 300), r"row 15\d: 1\.0\d* m/s exceeds the velocity limit 1 m/s"),
+        ([0.02, 0.0], r"0x60FF:00 .*row 0: 20 m/s\^2 exceeds the acceleration limit 10"),
+        ([0.005, 0.005], r"row 1: the last one must be 0"),
+        ([0.0, np.nan], r"row 1: nan m/s is no setpoint"),
+        (
+            np.r_[np.linspace(0, 1, 150), np.ones(100), np.linspace(1, 0, 150)],
+            r"0x607D:02 .*row \d+: leads to 0\.15\d* m, above the limit 0\.15 m",
+        ),
+    ],
+)
+def test_velocities_outside_the_limits_reach_no_drive(
+    stage: Stage, seen: list[int], velocity: object, message: str
+) -> None:
+    before = len(seen)
+    with pytest.raises(LimitError, match=r"^axis y: .*" + message):
+        stage.stream_velocity(velocities(*np.array(velocity)))
+    assert len(seen) == before
+
+
+@pytest.mark.parametrize(
+    ("force", "message"),
+    [
+        ([120.5, 0.0], r"0x6072:00 .*row 0: 120\.5 N exceeds the force limit 120 N"),
+        ([1.0, 2.0], r"0x6071:00 .*row 1: the last one must be 0"),
+    ],
+)
+def test_forces_outside_the_limits_reach_no_drive(
+    stage: Stage, seen: list[int], force: list[float], message: str
+) -> None:
+    before = len(seen)
+    with pytest.raises(LimitError, match=r"^axis x: .*" + message):
+        stage.stream_force(velocities(*force)[:, ::-1])
+    assert len(seen) == before
+
+
+def test_forces_that_make_an_axis_too_fast_end_the_stream(stage: Stage) -> None:
+    force = np.zeros((2000, 2))
+    force[:-1, 0] = 60.0
+    with pytest.raises(AxisFault, match=r"^axis x: .*could hardly stop before the limit 0\.15 m"):
+        stage.stream_force(force)
+    assert not stage.enabled
+    assert abs(stage.positions[0]) < 0.15
+
+
+def test_csp_asks_for_csp(stage: Stage) -> None:
+    stage.stream_velocity(np.zeros((3, 2)))
+    with pytest.raises(AxisFault, match="not in csp: enable it first"):
+        stage.stream(np.zeros((2, 2)), np.zeros((2, 2)))
+    stage.disable()
+    with pytest.raises(AxisFault, match="the stage is not enabled"):
+        stage.stream_force(np.zeros((2, 2)))
+
+
+def test_a_drive_without_the_mode_is_named(stage: Stage, drives: VirtualStage) -> None:
+    variable = drives.drives[1].dictionary
+    variable.values[key(0x6502)] = 0xA5
+    with pytest.raises(ConfigurationError, match=r"^axis y: 0x6502:00 .*cyclic synchronous torque"):
+        stage.stream_force(np.zeros((2, 2)))
+    assert stage.enabled
+
+
+def test_a_mode_that_is_not_confirmed_has_a_deadline(stage: Stage, drives: VirtualStage) -> None:
+    dictionary = drives.drives[0].dictionary
+    dictionary.live[key(0x6061)] = lambda: 8
+    with pytest.raises(
+        AxisFault, match=r"^axis x: 0x6061:00 .*asked for mode 9, .*shows 8 after 1"
+    ):
+        stage.stream_velocity(np.zeros((2, 2)))
+    assert not stage.enabled
