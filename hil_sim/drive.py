@@ -127,6 +127,8 @@ class Drive:
         if new is NmtState.STOPPED:
             self.motion.connection_lost(CONNECTION_ABORTED)
         self.motion.set_remote(new in _TALKING)
+        if old is NmtState.BOOTING:
+            self.motion.notice_causes()
 
     def _on_reset(self, application: bool) -> None:
         self._advance_to(self._segment.now_ns)

@@ -20,11 +20,14 @@ HEARTBEAT_LOST = 0x8130
 FOLLOWING_ERROR = 0x8611
 SYNC_LENGTH = 0x8240
 OVER_CURRENT = 0x2310  # of the drive's output
+OVER_VOLTAGE = 0x3210  # of the DC link, as by braking into it
 UNDER_VOLTAGE = 0x3220  # of the DC link
+OVER_TEMPERATURE = 0x4310  # of the drive
+HARDWARE = 0x5000  # of the device
 ENCODER_LOST = 0x7305
 OVER_TRAVEL = 0x8612  # beyond the reference limits
 
-WITHOUT_CONTROL = frozenset({OVER_CURRENT, UNDER_VOLTAGE, ENCODER_LOST})
+WITHOUT_CONTROL = frozenset({OVER_CURRENT, OVER_VOLTAGE, UNDER_VOLTAGE, HARDWARE, ENCODER_LOST})
 """Faults that leave the drive nothing to brake with: the force goes off at once."""
 
 _REGISTER, _COB_ID, _ERROR_CODE = key(0x1001), key(0x1014), key(0x603F)

@@ -118,12 +118,10 @@ class FaultyWorld(World):
         elif isinstance(fault, f.DriveFault):
             drive = drives[fault.node]
             if fault.at is not None:
-                self.at(
-                    nanoseconds(fault.at), lambda: self._fault_of_drive(entry, drive, fault.code)
-                )
+                self.at(nanoseconds(fault.at), lambda: self._fault_of_drive(entry, drive, fault))
             elif fault.position is not None:
                 watch = _Crossing(self, stage, drive, fault.position)
-                watch.then = lambda: self._fault_of_drive(entry, drive, fault.code)
+                watch.then = lambda: self._fault_of_drive(entry, drive, fault)
                 watch.look()
 
     def _bus_off(self, entry: Injected, node: int | None) -> None:
@@ -144,9 +142,13 @@ class FaultyWorld(World):
         entry.note(self.now_ns)
         self._transceivers[node].hand_over(0x000, bytes((_RESET_NODE, node)))
 
-    def _fault_of_drive(self, entry: Injected, drive: Drive, code: int) -> None:
+    def _fault_of_drive(self, entry: Injected, drive: Drive, fault: f.DriveFault) -> None:
         entry.note(self.now_ns)
-        drive.inject_fault(code)
+        until_ns = None if fault.until is None else nanoseconds(fault.until)
+        lasting = until_ns is not None and until_ns > self.now_ns
+        drive.inject_fault(fault.code, lasting)
+        if lasting and until_ns is not None:
+            self.at(until_ns, lambda: drive.end_fault(fault.code))
 
 
 class Transceiver:

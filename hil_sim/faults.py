@@ -14,8 +14,11 @@ from typing import Literal
 from hil_sim.emergency import (
     ENCODER_LOST,
     FOLLOWING_ERROR,
+    HARDWARE,
     OVER_CURRENT,
+    OVER_TEMPERATURE,
     OVER_TRAVEL,
+    OVER_VOLTAGE,
     UNDER_VOLTAGE,
 )
 
@@ -25,6 +28,9 @@ DRIVE_FAULTS: dict[str, int] = {
     "under_voltage": UNDER_VOLTAGE,
     "over_travel": OVER_TRAVEL,
     "following_error": FOLLOWING_ERROR,
+    "over_voltage": OVER_VOLTAGE,
+    "over_temperature": OVER_TEMPERATURE,
+    "hardware": HARDWARE,
 }
 """Names of drive faults and their error codes (CiA 402, 0x603F)."""
 
@@ -202,18 +208,23 @@ class DriveFault:
         at: time [s].
         position: 0x6064 crosses this [m] while the drive follows setpoints in csp; looked at
             every millisecond, happens once.
+        until: its cause stays until then [s], and no reset is taken before; None: it has passed
+            when it is announced.
     """
 
     node: int
     code: int
     at: float | None = None
     position: float | None = None
+    until: float | None = None
 
     def __post_init__(self) -> None:
         _check(0 < self.code <= 0xFFFF, "code", f"must be 0x0001..0xFFFF, is {self.code:#x}")
         _check((self.at is None) != (self.position is None), "at", "either a time or a position")
         if self.at is not None:
             _check_time(self.at, "at")
+        if self.until is not None:
+            _check(self.until > (self.at or 0.0), "until", f"must be > at, is {self.until!r}")
 
 
 FrameFault = Drop | Duplicate | Delay | Reorder | Resize | Freeze

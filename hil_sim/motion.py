@@ -294,6 +294,11 @@ class MotionControl:
         self._causes = set() if code is None else self._causes - {code}
         self._publish()
 
+    def notice_causes(self) -> None:
+        """After a boot: causes that are still there are faults again."""
+        for code in sorted(self._causes):
+            self.fault(code)
+
     def fault(self, code: int) -> None:
         """A fault of the drive: EMCY and error code, then the reaction; nothing in FAULT."""
         if self.state in (State.FAULT_REACTION, State.FAULT):

@@ -188,10 +188,12 @@ class DriveFault(Section):
     fault: Literal["drive"]
     axis: str
     error: Literal[
-        "over_current", "encoder_loss", "under_voltage", "over_travel", "following_error"
-    ]
+        "over_current", "encoder_loss", "under_voltage", "over_travel", "following_error",
+        "over_voltage", "over_temperature", "hardware",
+    ]  # fmt: skip
     at: NotNegativeTime | None = None
     position: Length | None = None
+    until: NotNegativeTime | None = None
 
 
 FaultSection = Annotated[
@@ -309,8 +311,13 @@ class _Mapping:
         if (section.at is None) == (section.position is None):
             self._refuse("at", "needs either at or position")
             return None
+        if section.until is not None and section.until <= (section.at or 0.0):
+            self._refuse("until", "must be later than at")
+            return None
         code = sim.DRIVE_FAULTS[section.error]
-        return sim.DriveFault(self._node(section.axis), code, section.at, section.position)
+        return sim.DriveFault(
+            self._node(section.axis), code, section.at, section.position, section.until
+        )
 
     def _frames(self, section: Window, frame: str, axis: str | None) -> sim.Frames:
         from hil_sim import faults as sim

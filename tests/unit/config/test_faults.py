@@ -96,6 +96,9 @@ def test_every_kind(parse):
         "fault: heartbeat_silence, of: host, after: 3": f.Drop(
             f.Frames(frozenset({0x77F}), after=3.0)
         ),
+        "fault: drive, axis: y, error: under_voltage, at: 1, until: 2": f.DriveFault(
+            2, 0x3220, at=1.0, until=2.0
+        ),
         "fault: heartbeat_silence, of: y, after: 3, until: 4": f.Drop(
             f.Frames(frozenset({0x702}), after=3.0, until=4.0)
         ),
@@ -134,6 +137,11 @@ def test_no_end_is_no_end(parse):
         ("fault: resize, frame: sync, length: 9", "2:42", "must be <= 8"),
         ("fault: drive, axis: x, error: bang, at: 1", "2:36", "over_current"),
         ("fault: drive, axis: x, error: over_current", "2:5", "either at or position"),
+        (
+            "fault: drive, axis: x, error: hardware, at: 2, until: 1",
+            "2:60",
+            "must be later than at",
+        ),
         ("fault: bus_off, of: hosts, at: 1, duration: 1", "2:26", "did you mean 'host'"),
         ("fault: sdo_abort, axis: x, code: 1234", "2:39", "'0x08000000'"),
     ],

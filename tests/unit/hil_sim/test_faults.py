@@ -323,6 +323,29 @@ def test_drive_faults_at_a_time(bench, error):
     assert [x.data[:2] for x in b.host.take(0x081)] == [struct.pack("<H", code)]
 
 
+def test_a_cause_that_stays_refuses_resets_and_outlives_a_reboot(bench):
+    b = bench(f.DriveFault(1, 0x3220, at=0.5, until=0.8), f.Reboot(1, 0.7))
+    b.enable()
+    b.host.wait(520 - b.world.now_ns / MS)
+
+    def reset():
+        for word in (0x00, 0x80):
+            b.host.write(1, 0x6040, 0, "H", word)
+        return b.stage.drives[0].motion.state
+
+    assert reset() is State.FAULT
+    assert not b.host.read_object(1, 0x6041, 0, "H") & 0x0010  # no supply
+    b.host.take(0x081)
+    b.host.wait(740 - b.world.now_ns / MS)  # booted anew
+    assert [x.data[:2] for x in b.host.take(0x081)] == [b"\x20\x32"]
+    assert reset() is State.FAULT
+    b.host.wait(801 - b.world.now_ns / MS)
+    assert b.stage.drives[0].motion.state is State.FAULT  # the fault stays, its cause is gone
+    assert reset() is State.SWITCH_ON_DISABLED
+    assert b.host.read_object(1, 0x603F, 0, "H") == 0
+    assert b.host.read_object(1, 0x6041, 0, "H") & 0x0010
+
+
 def test_a_drive_fault_in_place_strikes_once_where_the_axis_passes(bench):
     b = bench(f.DriveFault(1, 0x8612, position=50e-6))
     b.enable()
