@@ -13,7 +13,13 @@ from canopen.sdo import constants as abort
 
 from hil_sim import objects as o
 from hil_sim.dictionary import Dictionary
-from hil_sim.emergency import CONNECTION_ABORTED, HEARTBEAT_LOST, SYNC_LENGTH, Emergency
+from hil_sim.emergency import (
+    CONNECTION_ABORTED,
+    HEARTBEAT_LOST,
+    RPDO_TIMEOUT,
+    SYNC_LENGTH,
+    Emergency,
+)
 from hil_sim.motion import MotionControl
 from hil_sim.motor import Motor
 from hil_sim.nmt import NmtSlave, NmtState
@@ -45,7 +51,9 @@ class Drive:
             self.node_id, self.dictionary, segment, self._on_nmt, self._on_reset, self._on_heartbeat
         )
         self.emergency = Emergency(self.dictionary, segment, lambda: self.nmt.state in _TALKING)
-        self.pdo = PdoEngine(self.dictionary, segment, self.emergency.announce)
+        self.pdo = PdoEngine(
+            self.dictionary, segment, self.emergency.announce, self._on_setpoints_lost
+        )
         self.sdo = DriveSdoServer(self.node_id, self.dictionary, segment)
         self.motion = MotionControl(
             self.dictionary,
@@ -170,6 +178,13 @@ class Drive:
         motion = self.motion
         if motion.following:
             motion.on_sync()
+
+    def _on_setpoints_lost(self) -> None:
+        """By 0x6007, as when the host itself is lost; the EMCY says which."""
+        faults = self.dictionary.integer(o.ABORT_CONNECTION) == 1
+        if not (faults and self.motion.state is State.ENABLED):  # else the fault announces it
+            self.emergency.announce(RPDO_TIMEOUT)
+        self.motion.connection_lost(RPDO_TIMEOUT)
 
     def _on_heartbeat(self, _: int, alive: bool) -> None:
         if alive:

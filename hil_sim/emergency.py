@@ -19,6 +19,7 @@ CONNECTION_ABORTED = 0x8100  # NMT stopped or reset while enabled
 HEARTBEAT_LOST = 0x8130
 FOLLOWING_ERROR = 0x8611
 SYNC_LENGTH = 0x8240
+RPDO_TIMEOUT = 0x8250  # setpoints stayed away
 OVER_CURRENT = 0x2310  # of the drive's output
 OVER_VOLTAGE = 0x3210  # of the DC link, as by braking into it
 UNDER_VOLTAGE = 0x3220  # of the DC link

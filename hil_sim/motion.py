@@ -166,7 +166,7 @@ class MotionControl:
         self._mode.configure()
 
     def connection_lost(self, code: int) -> None:
-        """0x6007: heartbeat lost, NMT stopped or reset."""
+        """0x6007: heartbeat or setpoints lost, NMT stopped or reset."""
         if self.state is not State.ENABLED:
             return
         self._advance_to(self._segment.now_ns)

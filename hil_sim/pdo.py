@@ -3,9 +3,10 @@
 Synchronous TPDOs (type 1..240) sample at their SYNC and type 0 when the data changed; synchronous
 RPDOs (0..240) are kept and act at the next SYNC; 254 and 255 act at once and send on an event of
 the device profile (the statusword or the mode display changed) or on the event timer, not more
-often than the inhibit time. The mapping is changed by the book: PDO invalid (bit 31), count 0,
-entries, count, PDO valid. Not offered: RTR (252, 253), dummy entries, multiplexed PDOs, RPDO
-deadlines; a PDO may be made valid with nothing mapped and does nothing then.
+often than the inhibit time. An RPDO whose event timer is set has to come again within it. The
+mapping is changed by the book: PDO invalid (bit 31), count 0, entries, count, PDO valid. Not
+offered: RTR (252, 253), dummy entries, multiplexed PDOs; a PDO may be made valid with nothing
+mapped and does nothing then.
 """
 
 from __future__ import annotations
@@ -136,16 +137,26 @@ class RpdoOwner(Protocol):
     def in_window(self) -> bool:
         """Whether a synchronous RPDO arriving now counts."""
 
+    def stayed_away(self) -> None:
+        """An RPDO has not come again within its event timer."""
+
 
 class Rpdo(_Pdo):
     """A PDO that the drive receives."""
 
     receive = True
 
-    def __init__(self, dictionary: Dictionary, number: int, engine: RpdoOwner) -> None:
+    def __init__(
+        self, dictionary: Dictionary, number: int, engine: RpdoOwner, segment: CanSegment
+    ) -> None:
         super().__init__(dictionary, 0x1400 + number, 0x1600 + number)
+        self.deadline_key = key(0x1400 + number, 5)
         self.pending: bytes | None = None
         self._engine = engine
+        self._segment = segment
+        self._deadline_ns = 0
+        self._due_ns = 0
+        self._timer: Timer | None = None
         self._reported = False
         self._guarded = False
         self._hooks: tuple[tuple[int, Callable[[int], None]], ...] = ()
@@ -153,14 +164,22 @@ class Rpdo(_Pdo):
     def compile(self) -> None:
         """Take the parameters from the dictionary."""
         super().compile()
-        self.pending = None
+        self.stop()
         self._reported = False
         d = self.dictionary
+        self._deadline_ns = d.integer(self.deadline_key) * 1_000_000
         self._hooks = tuple((k, d.on_write[k]) for k in self.keys if k in d.on_write)
         self._guarded = any(
             k in d.check or d.variables[k].min is not None or d.variables[k].max is not None
             for k in self.keys
         )
+
+    def stop(self) -> None:
+        """Nothing is kept or waited for any more."""
+        self.pending = None
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
 
     def on_frame(self, data: bytes) -> None:
         """Keep for the SYNC, or act at once for type 254 and 255."""
@@ -172,6 +191,10 @@ class Rpdo(_Pdo):
             if short:
                 return
             data = data[: self.codec.size]
+        if self._deadline_ns:
+            self._due_ns = self._segment.now_ns + self._deadline_ns
+            if self._timer is None:
+                self._timer = self._segment.at(self._due_ns, self._on_deadline)
         if self.transmission > 240:
             self.apply(data)
         elif self._engine.in_window():
@@ -188,6 +211,13 @@ class Rpdo(_Pdo):
             values.update(zip(self.keys, self.codec.unpack(data), strict=True))
         for k, hook in self._hooks:
             hook(values[k])  # type: ignore[arg-type]
+
+    def _on_deadline(self) -> None:
+        if self._segment.now_ns < self._due_ns:  # came meanwhile
+            self._timer = self._segment.at(self._due_ns, self._on_deadline)
+            return
+        self._timer = None  # until the next one comes
+        self._engine.stayed_away()
 
     def _acceptable(self, k: int, value: int) -> bool:
         variable = self.dictionary.variables[k]

@@ -20,12 +20,18 @@ class PdoEngine:
 
     Args:
         emergency: called with an EMCY code when an RPDO has the wrong length.
+        stayed_away: called when an RPDO has not come again within its event timer.
     """
 
     def __init__(
-        self, dictionary: Dictionary, segment: CanSegment, emergency: Callable[[int], None]
+        self,
+        dictionary: Dictionary,
+        segment: CanSegment,
+        emergency: Callable[[int], None],
+        stayed_away: Callable[[], None],
     ) -> None:
         self._emergency = emergency
+        self._stayed_away = stayed_away
         self._dictionary = dictionary
         self._segment = segment
         self._late_bus = hasattr(segment, "sync_overtaken")  # one in real time
@@ -33,14 +39,17 @@ class PdoEngine:
         self._sync_ns = 0
         self._window_ns = 0
         self._subscribed: list[tuple[int, Rpdo]] = []
-        self._rpdos = [Rpdo(dictionary, n, self) for n in range(COUNT)]
+        self._rpdos = [Rpdo(dictionary, n, self, segment) for n in range(COUNT)]
         self._tpdos = [Tpdo(dictionary, n, segment) for n in range(COUNT)]
         self._sync_rpdos: tuple[Rpdo, ...] = ()
         self._sync_tpdos: tuple[Tpdo, ...] = ()
         self._event_tpdos: tuple[Tpdo, ...] = ()
         dictionary.on_write[_SYNC_WINDOW] = lambda _: self._arrange()
         for pdo in (*self._rpdos, *self._tpdos):
-            for k in (pdo.cob_key, pdo.type_key):
+            keys = [pdo.cob_key, pdo.type_key]
+            if isinstance(pdo, Rpdo):
+                keys.append(pdo.deadline_key)
+            for k in keys:
                 dictionary.on_write[k] = lambda _, pdo=pdo: self._changed(pdo)  # type: ignore[misc]
 
     def start(self) -> None:
@@ -58,7 +67,7 @@ class PdoEngine:
         for tpdo in self._tpdos:
             tpdo.stop()
         for rpdo in self._rpdos:
-            rpdo.pending = None
+            rpdo.stop()
         self._arrange()
 
     def on_sync(self) -> None:
@@ -81,6 +90,10 @@ class PdoEngine:
     def emergency(self, code: int) -> None:
         """An EMCY for something that passes by itself."""
         self._emergency(code)
+
+    def stayed_away(self) -> None:
+        """An RPDO has not come again in time."""
+        self._stayed_away()
 
     def on_event(self) -> None:
         """Statusword or mode display changed."""

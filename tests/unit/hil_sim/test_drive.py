@@ -276,6 +276,31 @@ def test_lost_heartbeat_of_the_host(host, option, state):
     assert emcy.time_ns == sent + 50_000_000
 
 
+@pytest.mark.parametrize(
+    ("option", "state", "emcys"),
+    [(0, 0x27, [0x8250]), (1, 0x08, [0x8250]), (2, 0x40, [0x8250]), (3, 0x40, [0x8250])],
+)
+def test_setpoints_that_stay_away(host, option, state, emcys):
+    """RPDO event timer (0x1400:05), with the reaction of 0x6007; another RPDO does not count."""
+    host.nmt(1)
+    host.write(1, 0x6007, 0, "h", option)
+    host.write(1, 0x1400, 5, "H", 20)
+    host.enable(8)
+    host.wait(100)  # not before the first one
+    assert host.statusword() & 0x6F == 0x27
+    for _ in range(50):
+        host.cycle(0)
+    assert host.take(0x081) == []
+    for _ in range(18):
+        host.send(0x080)
+        host.send(0x301, bytes(8))
+        host.wait(1)
+    assert host.take(0x081) == []
+    host.wait(60)
+    assert [int.from_bytes(f.data[:2], "little") for f in host.take(0x081)] == emcys
+    assert host.statusword() & 0x6F == state
+
+
 def test_lost_heartbeat_leaves_operational(streaming):
     streaming.write(1, 0x1016, 1, "I", 127 << 16 | 50)
     streaming.write(1, 0x1017, 0, "H", 10)
