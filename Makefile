@@ -35,6 +35,7 @@ layers: $(STAMP) ## import contracts
 bench: $(STAMP) ## figures of docs/figures.md, and ratios of the hot paths
 	$(BIN)/python benchmarks/run_figures.py
 	$(BIN)/python benchmarks/cycle_rate.py
+	$(BIN)/python benchmarks/simulation_rate.py
 	$(BIN)/python benchmarks/cycle_peers.py
 
 clean: ## remove what was built

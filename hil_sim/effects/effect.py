@@ -107,6 +107,8 @@ class Effect(ABC):
         equation: as in docs/formats/effects.md.
         enters: how it enters the plant, in a sentence.
         remedy: what is usually done about it, in a sentence.
+        searched: whether a diagnosis looks for it in recordings. False for what an ordinary
+            recording cannot show: a seed in place of a figure, a place off the path.
     """
 
     name: ClassVar[str]
@@ -115,6 +117,7 @@ class Effect(ABC):
     equation: ClassVar[str]
     enters: ClassVar[str]
     remedy: ClassVar[str]
+    searched: ClassVar[bool] = True
 
     @abstractmethod
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -66,6 +66,7 @@ class FrictionMap(Effect):
     equation = "Fc * (1 + amplitude g(x, y)), g smooth over both axes, within +-1, drawn from seed"
     enters = "A factor on Fc over the positions of both axes."
     remedy = "Calibrate a few dozen sites and use the friction map in the feedforward."
+    searched = False
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
         """See `Effect.apply`. Nodes cover the axis' own travel, on both axes alike."""

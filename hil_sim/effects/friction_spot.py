@@ -31,6 +31,7 @@ class FrictionSpot(Effect):
     equation = "Fc * (1 + amplitude exp(-((x - center)² + (y - other)²)/width²/2))"
     enters = "A factor on Fc over the positions of both axes."
     remedy = "Clean the place; `stagectl calibrate` afterwards, so that the map follows."
+    searched = False  # along a path it is a `friction_position`
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
         """See `Effect.apply`."""
