@@ -110,7 +110,7 @@ def _lines(name: str, answer: Identification, shape: bool) -> list[str]:
     """Tables of one axis and what they rest on, 80 columns wide."""
     lines = [
         f"Axis {name}",
-        f"  {'figure':23s}{'before':>17s} {'estimate':>21s} {'gain':>6s}  verdict",
+        f"  {'figure':23s} {'before':>15s} {'estimate':>20s} {'gain':>6s}  verdict",
     ]
     springs = [f for f in answer.figures if f.name.startswith("k_")]
     shares = [f for f in answer.figures if f.name.startswith("nu_")]
@@ -118,7 +118,7 @@ def _lines(name: str, answer: Identification, shape: bool) -> list[str]:
         if f not in springs and f not in shares:
             label = f"{f.name} [{f.unit}]" if f.unit else f.name
             value, gain = _after(f)
-            lines.append(f"  {label:23s}{_before(f):>17s} {value:>21s} {gain:>6s}  {f.verdict}")
+            lines.append(f"  {label:23s} {_before(f):>15s} {value:>20s} {gain:>6s}  {f.verdict}")
     if shape:
         head = f"  {'i':>2s} {'k_i before':>15s} {'k_i':>18s} {'nu_i before':>17s} {'nu_i':>18s}"
         lines += ["", head]
