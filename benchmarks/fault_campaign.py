@@ -1,6 +1,7 @@
 """Seeded runs of a short recipe with faults of bus and drives, each one held to what it must do.
 
     python benchmarks/fault_campaign.py [--runs 2000] [--first 1] [--friction-scale 1.0]
+        [--retries 0]
 
 Every scenario is made from its number alone: one to three faults (hil_sim/faults.py) somewhere
 between power-on and the end of the run. Asked of each one:
@@ -245,7 +246,12 @@ class Watch:
 
 
 def run(
-    scenario: Scenario, machine: Machine, recipe: Recipe, folder: Path, scale: float = 1.0
+    scenario: Scenario,
+    machine: Machine,
+    recipe: Recipe,
+    folder: Path,
+    scale: float = 1.0,
+    retries: int = 0,
 ) -> Outcome:
     """One run, and what there is to say against it.
 
@@ -255,11 +261,12 @@ def run(
         recipe: to be run.
         folder: for its files.
         scale: of the friction figures that the host starts from.
+        retries: how often it begins a site again after a fault.
     """
     outcome, watch = Outcome(scenario), Watch(scenario.stop)
     request = RunRequest(
         recipe, machine, machine, None, Mode.ESTIMATED, scale, scenario.number, folder,
-        datetime.now(UTC), scenario.plan,
+        datetime.now(UTC), scenario.plan, retries,
     )  # fmt: skip
     try:
         with _bound_of_wall_time():
@@ -398,6 +405,9 @@ def main() -> None:
     parser.add_argument(
         "--friction-scale", type=float, default=1.0, help="of what the host starts from [1.0]"
     )
+    parser.add_argument(
+        "--retries", type=int, default=0, help="how often a site is begun again [0]"
+    )
     arguments = parser.parse_args()
     from machine_facts import machine_facts
     from rich.console import Console
@@ -412,8 +422,11 @@ def main() -> None:
     for number in track(numbers, "fault campaign", console=console):
         with tempfile.TemporaryDirectory() as folder:
             outcomes.append(
-                run(make_scenario(number), machine, recipe, Path(folder), arguments.friction_scale)
-            )
+                run(
+                    make_scenario(number), machine, recipe, Path(folder),
+                    arguments.friction_scale, arguments.retries,
+                )
+            )  # fmt: skip
     print(table(outcomes))
     took = time.perf_counter() - begin
     struck = sum(o.struck for o in outcomes)
