@@ -18,7 +18,8 @@ from hil_sim.drive import Drive
 from hil_sim.fault_rules import Injected, Line, Rule, SdoAborts, nanoseconds
 from hil_sim.motor import UNIT
 from hil_sim.stage import VirtualStage
-from hil_sim.world import DATA_FRAME, Handler, World, WorldTimer
+from hil_sim.subscriptions import Handler, PendingAction, Subscriptions
+from hil_sim.world import DATA_FRAME, World
 
 BUS_OFF_RECOVERED = 0x8140
 LOOK_NS = 1_000_000  # how often positions are looked at
@@ -163,7 +164,8 @@ class Transceiver:
         self._world = world
         self._node = node
         self._line = line
-        self._handlers: dict[int, tuple[Handler, ...]] = {}
+        self._handlers = Subscriptions()
+        self._heard: set[int] = set()
 
     @property
     def now_ns(self) -> int:
@@ -175,21 +177,20 @@ class Transceiver:
         if not self.off:
             self._world.emit_from(self._node, can_id, data)
 
-    def at(self, time_ns: int, action: Callable[[], None]) -> WorldTimer:
+    def at(self, time_ns: int, action: Callable[[], None]) -> PendingAction:
         """Call `action` at `time_ns`."""
         return self._world.at(time_ns, action)
 
     def subscribe(self, can_id: int, handler: Handler) -> None:
         """Call `handler` with the payload of every data frame with this id."""
-        if can_id not in self._handlers:
+        if can_id not in self._heard:
+            self._heard.add(can_id)
             self._world.subscribe(can_id, partial(self._receive, can_id))
-        self._handlers[can_id] = (*self._handlers.get(can_id, ()), handler)
+        self._handlers.subscribe(can_id, handler)
 
     def unsubscribe(self, can_id: int, handler: Handler) -> None:
         """Undo `subscribe`."""
-        if can_id in self._handlers:
-            rest = tuple(h for h in self._handlers[can_id] if h != handler)
-            self._handlers[can_id] = rest
+        self._handlers.unsubscribe(can_id, handler)
 
     def hand_over(self, can_id: int, data: bytes) -> None:
         """Let the node have a frame, past all faults."""

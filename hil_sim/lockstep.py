@@ -20,7 +20,8 @@ from can.broadcastmanager import (
     RestartableCyclicTaskABC,
 )
 
-from hil_sim.world import Frame, LockstepClock, World, WorldTimer
+from hil_sim.subscriptions import PendingAction
+from hil_sim.world import Frame, LockstepClock, World
 
 __all__ = ["LockstepBus", "LockstepClock", "LockstepPeriodicTask", "World"]
 
@@ -141,7 +142,7 @@ class LockstepPeriodicTask(
         super().__init__(messages, period, duration)
         self._bus = bus
         self._modifier = modifier
-        self._timer: WorldTimer | None = None
+        self._timer: PendingAction | None = None
         self._running = False
         self._count = 0
         if autostart:

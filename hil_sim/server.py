@@ -18,8 +18,7 @@ from typing import Protocol
 import can
 
 from hil_sim.stage import VirtualStage
-
-Handler = Callable[[bytes], None]
+from hil_sim.subscriptions import Handler, PendingAction, Subscriptions
 
 _LONGEST_WAIT = 0.05  # s, how soon `stop` is noticed on a silent bus
 _SYNC = 0x080
@@ -45,19 +44,6 @@ class _Frame(can.Message):
         )
 
 
-class RealTimeTimer:
-    """An action at a time; made by `RealTimeSegment.at`."""
-
-    __slots__ = ("action",)
-
-    def __init__(self, action: Callable[[], None]) -> None:
-        self.action: Callable[[], None] | None = action
-
-    def cancel(self) -> None:
-        """Forget the action."""
-        self.action = None
-
-
 class RealTimeSegment:
     """A python-can bus as the drives see it.
 
@@ -77,9 +63,9 @@ class RealTimeSegment:
         self.sync_overtaken = False
         self._clock = clock
         self._origin = clock()
-        self._timers: list[tuple[int, int, RealTimeTimer]] = []
+        self._timers: list[tuple[int, int, PendingAction]] = []
         self._timer_count = 0
-        self._handlers: dict[int, tuple[Handler, ...]] = {}
+        self._handlers = Subscriptions()
 
     def emit(self, can_id: int, data: bytes) -> None:
         """Send a data frame."""
@@ -88,20 +74,20 @@ class RealTimeSegment:
         except can.CanOperationError:
             self.refused += 1
 
-    def at(self, time_ns: int, action: Callable[[], None]) -> RealTimeTimer:
+    def at(self, time_ns: int, action: Callable[[], None]) -> PendingAction:
         """Call `action` at `time_ns`, or as soon as possible after."""
-        timer = RealTimeTimer(action)
+        timer = PendingAction(action)
         self._timer_count += 1
         heapq.heappush(self._timers, (time_ns, self._timer_count, timer))
         return timer
 
     def subscribe(self, can_id: int, handler: Handler) -> None:
         """Call `handler` with the payload of every data frame with this 11-bit id."""
-        self._handlers[can_id] = (*self._handlers.get(can_id, ()), handler)
+        self._handlers.subscribe(can_id, handler)
 
     def unsubscribe(self, can_id: int, handler: Handler) -> None:
         """Undo `subscribe`."""
-        self._handlers[can_id] = tuple(h for h in self._handlers.get(can_id, ()) if h != handler)
+        self._handlers.unsubscribe(can_id, handler)
 
     def handle_next(self) -> None:
         """Wait for one frame or timer (not for ever) and handle what is due."""

@@ -18,26 +18,14 @@ from threading import get_ident
 
 import can
 
-Handler = Callable[[bytes], None]
+from hil_sim.subscriptions import Handler, PendingAction, Subscriptions
+
 Frame = tuple[int, int, bytes, tuple[bool, bool, bool], object]
 """Time [ns], id, data, (extended id, remote, error), sender: None for the nodes."""
 
 DATA_FRAME = (False, False, False)  # extended id, remote, error: what nodes listen to
 
 _worlds: weakref.WeakValueDictionary[str, World] = weakref.WeakValueDictionary()
-
-
-class WorldTimer:
-    """An action at a time; made by `World.at`."""
-
-    __slots__ = ("action",)
-
-    def __init__(self, action: Callable[[], None]) -> None:
-        self.action: Callable[[], None] | None = action
-
-    def cancel(self) -> None:
-        """Forget the action."""
-        self.action = None
 
 
 class World:
@@ -56,9 +44,9 @@ class World:
         self.name = name
         self.now_ns = 0
         self._thread = get_ident()
-        self._timers: list[tuple[int, int, WorldTimer]] = []
+        self._timers: list[tuple[int, int, PendingAction]] = []
         self._timer_count = 0
-        self._handlers: dict[int, tuple[Handler, ...]] = {}
+        self._handlers = Subscriptions()
         self._frames: deque[Frame] = deque()
         self._queues: tuple[tuple[object, deque[Frame]], ...] = ()
         self._delivering = False
@@ -75,15 +63,11 @@ class World:
 
     def subscribe(self, can_id: int, handler: Handler) -> None:
         """Call `handler` with the payload of every data frame with this 11-bit id."""
-        self._handlers[can_id] = (*self._handlers.get(can_id, ()), handler)
+        self._handlers.subscribe(can_id, handler)
 
     def unsubscribe(self, can_id: int, handler: Handler) -> None:
         """Undo `subscribe`."""
-        rest = tuple(h for h in self._handlers.get(can_id, ()) if h != handler)
-        if rest:
-            self._handlers[can_id] = rest
-        else:
-            self._handlers.pop(can_id, None)
+        self._handlers.unsubscribe(can_id, handler)
 
     def emit(self, can_id: int, data: bytes) -> None:
         """Send a data frame from a node. A node that listens to its own id hears itself."""
@@ -93,9 +77,9 @@ class World:
         else:
             self._deliver(frame)
 
-    def at(self, time_ns: int, action: Callable[[], None]) -> WorldTimer:
+    def at(self, time_ns: int, action: Callable[[], None]) -> PendingAction:
         """Call `action` when virtual time reaches `time_ns` (at the next wait if it has)."""
-        timer = WorldTimer(action)
+        timer = PendingAction(action)
         self._timer_count += 1  # equal times run in the order they were asked for
         heapq.heappush(self._timers, (max(time_ns, self.now_ns), self._timer_count, timer))
         return timer

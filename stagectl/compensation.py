@@ -88,7 +88,7 @@ class AxisCompensation:
                 mass=self._mass,
                 period=period,
                 position_noise=encoder_noise(axis.encoder.noise, axis.encoder.increment),
-                force_noise=quantisation(drive.rated_force / 1000.0),
+                force_noise=quantisation(drive.force_unit),
                 peak_force=drive.peak_force,
                 belief=BeliefSettings(
                     wander=wander.coulomb, correlation_time=wander.correlation_time

@@ -27,7 +27,7 @@ def settings_of(axis: Axis, period: float) -> OfflineSettings:
         mass=axis.plant.mass,
         period=period,
         position_noise=encoder_noise(axis.encoder.noise, axis.encoder.increment),
-        force_noise=quantisation(axis.drive.rated_force / 1000.0),
+        force_noise=quantisation(axis.drive.force_unit),
         peak_force=axis.drive.peak_force,
         wander=wander.coulomb,
         correlation_time=wander.correlation_time,

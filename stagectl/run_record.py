@@ -89,7 +89,7 @@ class RunRecord:
                 request.recipe.text,
                 request.started.isoformat(),
                 tuple(
-                    AxisScaling(name, 1e-9, axis.drive.rated_force / 1000.0)
+                    AxisScaling(name, 1e-9, axis.drive.force_unit)
                     for name, axis in machine.axes.items()
                 ),
             ),

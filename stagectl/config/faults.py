@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import BeforeValidator, Field, StrictInt
 from pydantic_core import PydanticCustomError
 
+from drivers.settings import HOST_NODE
 from stagectl.config.diagnose import Section, in_order, suggestion, validate
-from stagectl.config.machine import HOST_NODE, Machine
+from stagectl.config.machine import Machine
 from stagectl.config.units import Length, NotNegativeTime, Number, PositiveTime
 from stagectl.config.yaml_nodes import Document, load_document, parse_document, shown
 from stagectl.errors import ConfigError

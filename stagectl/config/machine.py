@@ -22,6 +22,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from drivers.settings import HOST_NODE
 from stagectl.config.diagnose import Section, in_order, validate
 from stagectl.config.units import (
     Length,
@@ -51,8 +52,6 @@ from stagectl.config.yaml_nodes import (
 )
 from stagectl.errors import ConfigError
 
-HOST_NODE = 127
-"""Node id under which the host sends its heartbeat."""
 POSITION_RANGE = 2**31 * 1e-9
 """CiA 402 positions and velocities are INTEGER32 in 1 nm and 1 nm/s: less than this [m, m/s]."""
 FORCE_RANGE = 32.767
@@ -204,6 +203,11 @@ class Drive(Section):
     control_period: PositiveTime
     pid: Pid | None = None
     cascade: Cascade | None = None
+
+    @property
+    def force_unit(self) -> float:
+        """One count of force on the bus, 1/1000 of the rated force [N]."""
+        return self.rated_force / 1000.0
 
 
 class Repeatability(Section):

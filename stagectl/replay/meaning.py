@@ -7,6 +7,7 @@ import struct
 from drivers.cia402 import decode
 from drivers.diagnosis import command_text
 from drivers.faults import error_text
+from drivers.settings import HOST_NODE
 from stagectl.config.machine import Machine
 
 _NMT = {1: "start", 2: "stop", 128: "to pre-operational", 129: "reset", 130: "reset communication"}
@@ -25,7 +26,8 @@ def meaning(can_id: int, data: bytes, machine: Machine) -> str:
     """
     function, node = can_id & 0x780, can_id & 0x7F
     axis = next((name for name, a in machine.axes.items() if a.node == node), None)
-    of = f"axis {axis}" if axis is not None else f"node {node}"
+    host = "the host" if node == HOST_NODE else f"node {node}"
+    of = f"axis {axis}" if axis is not None else host
     if can_id == 0x000 and len(data) == 2:
         whom = "all nodes" if data[1] == 0 else f"node {data[1]}"
         return f"NMT {_NMT.get(data[0], f'command {data[0]}')}, {whom}"
@@ -35,14 +37,14 @@ def meaning(can_id: int, data: bytes, machine: Machine) -> str:
         return f"emergency of {of}: {error_text(int.from_bytes(data[:2], 'little'))}"
     if function == 0x200 and len(data) == _RPDO.size and axis is not None:
         word, target, offset = _RPDO.unpack(data)
-        unit = machine.axes[axis].drive.rated_force / 1000.0
+        unit = machine.axes[axis].drive.force_unit
         return (
             f"RPDO 1 of {of}: {command_text(word)} (0x{word:04X}), target {target * 1e-9:.9f} m, "
             f"force offset {offset * unit:.4g} N"
         )
     if function == 0x180 and len(data) == _TPDO.size and axis is not None:
         word, position, force = _TPDO.unpack(data)
-        unit = machine.axes[axis].drive.rated_force / 1000.0
+        unit = machine.axes[axis].drive.force_unit
         return (
             f"TPDO 1 of {of}: {decode(word)} (0x{word:04X}), position {position * 1e-9:.9f} m, "
             f"force {force * unit:.4g} N"

@@ -108,6 +108,14 @@ def notices(summary: Summary) -> list[Notice]:
     found: list[Notice] = []
     if summary["fault"]:
         found.append(Notice("bad", str(summary["fault"])))
+    resumed = summary.get("resumed")
+    if resumed:
+        text = f"Went on behind {resumed['done']} finished, which are in {resumed['run']}."
+        found.append(Notice("good", text))
+    for retry in summary.get("retries", ()):
+        place = "A move" if retry["site"] is None else f"Site {retry['site']}"
+        text = f"{place} was begun again (attempt {retry['attempt']}): {retry['fault']}"
+        found.append(Notice("warning", text))
     unsettled = [move for move in summary["moves"] if not move["settled"]]
     if unsettled:
         names = _list_places(unsettled)

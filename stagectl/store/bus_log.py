@@ -23,6 +23,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO
 
+from drivers.settings import HOST_NODE
 from stagectl.errors import StagectlError, UnusableInput
 
 LOG_NAME = "bus.asc"
@@ -57,7 +58,7 @@ class BusLog:
         digest: SHA-256 of the ASC file's text, after `close`; None where there is none.
     """
 
-    def __init__(self, path: Path, started: datetime, host_node: int = 127) -> None:
+    def __init__(self, path: Path, started: datetime, host_node: int = HOST_NODE) -> None:
         """Create the spool file; one that a killed run left becomes `bus-recovered.asc` before.
 
         Args:

@@ -94,6 +94,8 @@ def test_a_run_goes_on_at_the_site_that_it_was_at(go, sites, tmp_path):
     assert second.summary["resumed"] == {
         "run": str(tmp_path / "first"), "started": first.recording.started, "done": 2,
     }  # fmt: skip
+    page = (tmp_path / "second" / "report.html").read_text()
+    assert "Went on behind 2 finished" in page
     noted = read_notes(tmp_path / "second" / "recording.h5").events[0]
     assert noted["event"] == "run"
     assert noted["resumed"]["run"] == str(tmp_path / "first")
@@ -171,6 +173,7 @@ def test_a_site_is_begun_again_after_a_fault(go, sites, tmp_path):
     (retry,) = result.summary["retries"]
     assert (retry["site"], retry["attempt"]) == (3, 1)
     assert "0x8611" in retry["fault"]
+    assert "Site 3 was begun again" in (tmp_path / "run" / "report.html").read_text()
     # the move that was broken off ends where its samples do
     broken, after = result.recording.moves[5], result.recording.moves[6]
     assert broken.end <= after.start

@@ -17,7 +17,7 @@ from stagectl.replay.meaning import meaning
         (0x080, "07", ["SYNC 7"]),
         (0x082, "1186210000000000", ["emergency of axis y", "following error"]),
         (0x701, "05", ["heartbeat of axis x", "operational"]),
-        (0x77F, "05", ["heartbeat of node 127"]),
+        (0x77F, "05", ["heartbeat of the host"]),
         (0x601, "4041600000000000", ["request to axis x", "read 0x6041:00"]),
         (0x601, "2b40600006000000", ["write 0x6040:00 = 6"]),
         (0x582, "6040600000000000", ["answer of axis y", "0x6040:00 written"]),
