@@ -133,7 +133,7 @@ def render_gap_page(
         taken={(cause.axis, cause.effect) for cause in report.causes},
         matrices=_matrices(report),
         next_moves=_yaml(moves),
-        digits=_digits,
+        with_sigma=_with_sigma,
     )
 
 
@@ -252,6 +252,16 @@ def _digits(value: float) -> str:
         decimals = max(0, 2 - math.floor(math.log10(abs(value))))
         return f"{value:.{decimals}f}"
     return f"{value:.2e}"
+
+
+def _with_sigma(value: float, sigma: float) -> tuple[str, str]:
+    """Value and sigma with the decimals that sigma's two digits ask for."""
+    if not (math.isfinite(sigma) and sigma > 0):
+        return _digits(value), "–"  # noqa: RUF001
+    decimals = 1 - math.floor(math.log10(sigma))
+    if 0 <= decimals <= 7:
+        return f"{value:.{decimals}f}", f"{sigma:.{decimals}f}"
+    return f"{value:.4g}", f"{sigma:.2g}"
 
 
 def _inline(name: str) -> Markup:

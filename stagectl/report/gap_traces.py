@@ -6,7 +6,7 @@ the model with the causes, `floor` one noisy draw of the model against its noise
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,7 +72,7 @@ def telling_move(
     best, energy = (0, 0), -1.0
     for r, m in enumerate(measured):
         for block in blocks(m.replay.recording, m.replay.period):
-            cut = slice(block.start, block.stop)
+            cut = slice(block.moving, block.end)
             left = m.residual[axis]["force"][cut] / (m.gap[axis]["force"].floor or 1.0)
             if float(np.sum(left**2)) > energy:
                 best, energy = (r, block.number), float(np.sum(left**2))
@@ -86,27 +86,32 @@ def telling_move(
     demand = aligned_demand(signals, ratio)
     time = 1e3 * (m.replay.recording.time[shown] - m.replay.recording.time[block.moving])
     panels = []
-    for title, pick, label in (
-        ("Force", lambda s: s["force"], "force [N]"),
-        ("Following error", lambda s: 1e6 * (demand - s["position"]), "error [µm]"),
-    ):
-        curves = [Curve("measured", time, _cut(pick, m.replay.measured()[axis], shown))]
-        curves.append(Curve("before", time, _cut(pick, m.floor.nominal[axis], shown)))
+
+    def force(of: dict[str, FloatArray]) -> FloatArray:
+        return of["force"][shown]
+
+    def error(of: dict[str, FloatArray]) -> FloatArray:
+        return np.asarray(1e6 * (demand - of["position"])[shown], dtype=np.float64)
+
+    for title, pick, label in (("Force", force, "N"), ("Following error", error, "µm")):
+        measured_curve = pick(m.replay.measured()[axis])
+        models = {"before": pick(m.floor.nominal[axis])}
         if explained is not None:
-            curves.append(Curve("after", time, _cut(pick, explained[best[0]][axis], shown)))
-        panels.append(Panel(title, chart(curves, "time [ms]", label, width=600, height=320)))
+            models["after"] = pick(explained[best[0]][axis])
+        curves = [Curve("measured", time, measured_curve)]
+        curves += [Curve(kind, time, values) for kind, values in models.items()]
+        missed = [Curve(kind, time, measured_curve - values) for kind, values in models.items()]
+        panels += [
+            Panel(title, chart(curves, "time [ms]", f"{title.lower()} [{label}]", height=300)),
+            Panel(
+                f"{title}: what the simulation misses",
+                chart(missed, "time [ms]", f"measured - simulated [{label}]", height=300),
+            ),
+        ]
     where = f"axis {axis}, move {best[1]}"
     if len(measured) > 1:
         where += f" of {m.replay.recording.source}"
     return where, tuple(panels)
-
-
-def _cut(
-    pick: Callable[[dict[str, FloatArray]], FloatArray],
-    signals: dict[str, FloatArray],
-    shown: slice,
-) -> FloatArray:
-    return pick(signals)[shown]
 
 
 def section(

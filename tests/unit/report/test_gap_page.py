@@ -91,12 +91,13 @@ def test_the_page_says_all_of_it_and_loads_nothing(examined, explained):
     assert "The gap is force ripple on y: closes 93 % of it." in page
     for text in (
         "nothing &lt;else&gt; is left.", "wafer &lt;xy&gt;", "Correct the commutation.", "x: late",
-        "90–95 %", "both waves", "move slowly", "to: [0.0, 0.1]", "no &lt;more&gt;", "0.80",  # noqa: RUF001
+        "90–95 %", "both waves", "move slowly", "to: [0.0, 0.1]", "± 0.0020",  # noqa: RUF001
+        "no &lt;more&gt;", "0.80",
     ):  # fmt: skip
         assert text in page
     assert not re.search(r"(src|href|@import|url\()\s*=?\s*[\"']?(https?:)?//", page)
-    assert page.count("<svg") == 2 + 4 * 5 + 1
-    assert page.count('class="line after"') >= 2 + 4 * 4
+    assert page.count("<svg") == 4 + 4 * 5 + 1
+    assert page.count('class="line after"') >= 4 + 4 * 4
     assert "nan" not in page
 
 
