@@ -20,6 +20,7 @@ from hil_sim.settings import StageSettings
 from sim2real.law import TERMS, law_of
 from sim2real.law_fit import ACCEPTED, Supposition, explain, log_is_late, suppose
 from sim2real.plain_checks import (
+    constant,
     demand_units,
     grid_of,
     grids,
@@ -34,14 +35,18 @@ from sim2real.report import ChannelFinding
 
 MISLEADING = (
     "units", "sign", "scale", "offset", "delay", "clock", "controller_kp", "controller_ki",
-    "controller_kd",
+    "controller_kd", "constant",
 )  # fmt: skip
 """Findings that would pass for physics: they are corrected for, or there is no diagnosis."""
+BEYOND = ("constant",)
+"""Findings that nothing can be done about."""
 _SMALLEST = 1e-6
 """Shortest delay that is told [s]; what the law resolves is about a tenth of it."""
 _FACTOR = 2e-3
 """A gain this near to 1 is as the machine file says."""
 _SEED = 1
+_FEWEST = 200
+"""Samples at which the law must be known to be held against the log."""
 _REMAINDER = 3.0
 _GROSS = np.log(5.0)
 """A force larger or smaller than the model's by this factor may be in another unit."""
@@ -104,6 +109,7 @@ def audit(recording: Recording, settings: StageSettings) -> Audit:
     for axis in settings.axes:
         if axis.name not in recording.axes:
             continue
+        findings += constant(recording.axes[axis.name], axis)
         found = demand_units(recording.axes[axis.name], axis)
         findings += found
         recording = _rescaled(recording, found)
@@ -117,8 +123,11 @@ def audit(recording: Recording, settings: StageSettings) -> Audit:
     for axis in settings.axes:
         findings += grids(recording.axes[axis.name], axis)
     path: dict[str, CurrentPath] = {}
+    dead = {f.axis for f in findings if f.finding == "constant"}
     expected = _expected(recording, settings)
     for axis in settings.axes:
+        if axis.name in dead:
+            continue
         found, recording, settings, current = _law_findings(
             recording, settings, axis.name, expected[axis.name]
         )
@@ -134,7 +143,7 @@ def audit(recording: Recording, settings: StageSettings) -> Audit:
 def applied(findings: tuple[ChannelFinding, ...]) -> tuple[ChannelFinding, ...]:
     """The same findings, those that can be corrected marked as corrected."""
     return tuple(
-        replace(f, applied=f.finding in (*MISLEADING, "jitter")) if f.value is not None else f
+        replace(f, applied=f.finding in (*MISLEADING, "jitter") and f.finding not in BEYOND)
         for f in findings
     )
 
@@ -202,6 +211,8 @@ def _law_findings(
 ) -> tuple[list[ChannelFinding], Recording, StageSettings, CurrentPath | None]:
     """Findings of one axis from its controller's law; recording and settings put right."""
     law = law_of(prepare(recording, settings), settings, axis)
+    if law.usable.sum() < _FEWEST:
+        return [], recording, settings, None
     found = explain(law, expected)
     findings: list[ChannelFinding] = []
     current: CurrentPath | None = None

@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from hil_sim.settings import AxisSettings, StageSettings
-from sim2real.channels import Audit, applied, audit
+from sim2real.channels import BEYOND, Audit, applied, audit
 from sim2real.gap import Gap, Measured, combined, compare_with, pooled
 from sim2real.phases import blocks
 from sim2real.recording import Recording
@@ -104,8 +104,13 @@ def examine(
         audits.append(_of(recording, lambda r: audit(r, settings)))
     findings = _merged(audits)
     misleading = [f for a in audits for f in a.misleading]
-    if misleading and not correct:
-        reason = f"{misleading[0].text}; until that is put right (--correct) physics can't be told"
+    beyond = [f for f in misleading if f.finding in BEYOND]
+    if beyond or (misleading and not correct):
+        worst = (beyond or misleading)[0]
+        way = "no physics can be told from that"
+        if worst.finding not in BEYOND:
+            way = "until that is put right (--correct) physics can't be told"
+        reason = f"{worst.text}; {way}"
         return Examination(names, findings, reason, settings, audits=tuple(audits))
     if correct:
         findings = applied(findings)

@@ -26,7 +26,8 @@ from sim2real.replay import Replay
 
 TERMS = ("kp", "ki", "kd", "force_offset")
 """Parts of the commanded force, in the order of `Law.terms`."""
-_WINDUP_PASSES = 8
+_NEAR_PEAK = 0.9
+"""Share of the peak force from which the output may have been clamped beside a sample."""
 _WARM_UP = 20
 """Samples within which the derivative's filter forgets that the law was begun in mid-motion."""
 _MARGIN = 4
@@ -74,6 +75,8 @@ class Law:
         dead_time, bandwidth: between controller and force as the machine file has them, effects
             included [s, Hz].
         begin: number of the first SYNC period.
+        halted: bool[ticks], where the output was clamped and the integrator stood still; None
+            where it never was.
     """
 
     control: ControlSettings
@@ -87,6 +90,7 @@ class Law:
     dead_time: float
     bandwidth: float
     begin: int = 0
+    halted: BoolArray | None = None
 
     def terms(self, timing: Timing = AS_STATED, bandwidth: float | None = None) -> FloatArray:
         """Parts of the reported force, float64[4, K] [N], in the order of `TERMS`.
@@ -97,20 +101,10 @@ class Law:
             timing: of the channels.
             bandwidth: of the current loop [Hz]; None for the machine file's.
         """
-        control = self.control
-        tick = control.period
+        tick = self.control.period
         ticks = round(self.period / tick)
-        count = len(self.demand) * ticks
-        at = (np.arange(count) + self.begin * ticks) * tick
-        # The ramp to setpoint k ends with the last tick before SYNC k + 1.
-        reached = (np.arange(len(self.demand)) + self.begin + 1) * self.period - tick
-        demand = np.interp(at - timing.demand, reached, self.demand)
-        offset = np.interp(at - timing.demand, reached, self.offset)
-        error = demand - self.encoder(at + timing.position + timing.drift * at)
-        damping, integrand = self._damping(demand, error)
-        proportional = control.kp * error
-        integral = self._integral(integrand, proportional + damping + offset)
-        parts = np.stack((proportional, integral, damping, offset))
+        parts = self._parts(timing)
+        count = parts.shape[1]
         # The current loop, exact for a held input that changes `part` after the tick.
         shift, part = divmod((timing.lag + self.dead_time) / tick, 1.0)
         corner = 2.0 * math.pi * (self.bandwidth if bandwidth is None else bandwidth)
@@ -125,6 +119,24 @@ class Law:
             late = times - timing.resampled
             reported = np.array([np.interp(late, times, part) for part in reported])
         return reported
+
+    def _parts(self, timing: Timing) -> FloatArray:
+        """Parts of the law's output at each tick, float64[4, ticks] [N]."""
+        tick = self.control.period
+        ticks = round(self.period / tick)
+        count = len(self.demand) * ticks
+        at = (np.arange(count) + self.begin * ticks) * tick
+        # The ramp to setpoint k ends with the last tick before SYNC k + 1.
+        reached = (np.arange(len(self.demand)) + self.begin + 1) * self.period - tick
+        demand = np.interp(at - timing.demand, reached, self.demand)
+        offset = np.interp(at - timing.demand, reached, self.offset)
+        error = demand - self.encoder(at + timing.position + timing.drift * at)
+        damping, integrand = self._damping(demand, error)
+        if self.halted is not None:
+            integrand = np.where(self.halted, 0.0, integrand)
+        integral = np.concatenate(([0.0], np.cumsum(integrand)[:-1])) * tick
+        parts: FloatArray = np.stack((self.control.kp * error, integral, damping, offset))
+        return parts
 
     def slip(self) -> FloatArray:
         """What the law makes of a position log that is off, float64[2, K] [N]: by 1 m, by 1 m/m."""
@@ -144,7 +156,8 @@ class Law:
         gone = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(self.demand)))))
         travelled = gone[self.place[samples - 1 :]] - gone[self.place[: count - samples + 1]]
         start = int(np.argmax(travelled))
-        first, last = self.place[start], self.place[start + samples - 1]
+        first, last = int(self.place[start]), int(self.place[start + samples - 1])
+        ticks = round(self.period / self.control.period)
         usable = self.usable[start : start + samples].copy()
         usable[:_WARM_UP] = False
         return replace(
@@ -154,7 +167,8 @@ class Law:
             place=self.place[start : start + samples],
             force=self.force[start : start + samples],
             usable=usable,
-            begin=self.begin + int(first),
+            begin=self.begin + first,
+            halted=None if self.halted is None else self.halted[first * ticks : (last + 1) * ticks],
         )
 
     def _damping(self, demand: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -174,19 +188,32 @@ class Law:
         wanted = cascade.position_gain * error + missing
         return cascade.velocity_gain * missing, cascade.velocity_integral * wanted
 
-    def _integral(self, taken: FloatArray, rest: FloatArray) -> FloatArray:
-        """Output of the integrator before each tick [N], halted where the output is clamped."""
-        control = self.control
-        growing = taken
-        for _ in range(_WINDUP_PASSES):
-            total = np.cumsum(growing) * control.period
-            integral: FloatArray = np.concatenate(([0.0], total[:-1]))
-            raw = integral + rest
-            halted = (np.abs(raw) > control.peak_force) & (raw * taken > 0)
-            if not halted.any():
-                break
-            growing = np.where(halted, 0.0, taken)
-        return integral
+    def with_halts(self) -> Law:
+        """The law with the ticks at which a clamped output halts the integrator.
+
+        Only where the logged force is near its peak: a log that is late or in other units would
+        make the law ask for more than that all the time.
+        """
+        peak = self.control.peak_force
+        ticks = round(self.period / self.control.period)
+        full = np.zeros(len(self.demand), dtype=bool)
+        full[self.place[np.abs(self.force) >= _NEAR_PEAK * peak]] = True
+        full = np.convolve(full, np.ones(2 * _MARGIN + 1), mode="same") > 0.5
+        if not full.any():
+            return self
+        parts = self._parts(AS_STATED)
+        rest = (parts[0] + parts[2] + parts[3]).tolist()
+        growing = np.diff(parts[1], append=parts[1][-1:]).tolist()
+        near = np.repeat(full, ticks).tolist()
+        halted = np.zeros(len(rest), dtype=bool)
+        integral = 0.0
+        for j, (other, more) in enumerate(zip(rest, growing, strict=True)):
+            raw = integral + other
+            if near[j] and abs(raw) > peak and (raw > 0.0) == (more > 0.0):
+                halted[j] = True
+            else:
+                integral += more
+        return replace(self, halted=halted, usable=self.usable & ~full[self.place])
 
 
 def law_of(replay: Replay, settings: StageSettings, axis: str) -> Law:
@@ -218,4 +245,4 @@ def law_of(replay: Replay, settings: StageSettings, axis: str) -> Law:
         CubicSpline(places * replay.period, signals.position_actual[valid]),
         ports.delay,
         ports.current_bandwidth,
-    )
+    ).with_halts()

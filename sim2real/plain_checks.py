@@ -77,6 +77,20 @@ def _periods(time: FloatArray, period: float) -> FloatArray:
     return place
 
 
+def constant(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFinding]:
+    """A channel that stands still while the axis is told to move."""
+    if np.ptp(signals.position_demand[signals.valid]) < _SPREAD:
+        return []
+    found = []
+    for channel, unit in (("position_actual", "m"), ("force_actual", "N")):
+        values = getattr(signals, channel)[signals.valid]
+        if np.ptp(values) == 0.0:
+            value = float(values[0])
+            text = f"{axis.name}: {channel} stands still at {value:.4g} {unit}"
+            found.append(ChannelFinding(axis.name, channel, "constant", value, unit, text=text))
+    return found
+
+
 def demand_units(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFinding]:
     """A demand that leaves the travel by powers of ten is in another unit."""
     reach = max(abs(end) for end in axis.travel)

@@ -205,3 +205,23 @@ def test_the_corrected_recording_has_the_gap_of_the_sound_one(stage, recorded, c
     assert combined(measure(bad, stage, draws=1)) > 10 * sound
     found = audit(bad, stage)
     assert combined(measure(found.recording, found.settings, draws=1)) < 1.5 * sound
+
+
+def test_a_drive_that_runs_into_its_peak_force_is_no_other_controller(stage, recorded):
+    """The clamp and the integrator's halt belong to the law: only saturation is told."""
+    x = stage.axes[0]
+    weak = replace(x, control=replace(x.control, peak_force=45.0))
+    weak = replace(stage, axes=(weak, stage.axes[1]))
+    demand = np.column_stack([a.position_demand for a in recorded.axes.values()])
+    offset = np.column_stack([a.force_offset for a in recorded.axes.values()])
+    heavy = replace(weak, axes=(replace(weak.axes[0], mass=13.0), weak.axes[1]))
+    response = simulate(heavy, demand, offset, 3)
+    made = spoilt(
+        recorded,
+        position_actual=lambda _: response.position[:, 0],
+        force_actual=lambda _: response.force[:, 0],
+    )
+    assert np.abs(response.force[:, 0]).max() > 44.9
+    named, finding = single(audit(made, weak))
+    assert named == ("x", "force_actual", "saturation")
+    assert finding.value == pytest.approx(np.mean(np.abs(response.force[:, 0]) > 44.7), rel=0.3)

@@ -1,0 +1,147 @@
+"""Bad input of `gap diagnose`: one line, exit 2, or a report that says insufficient."""
+
+import json
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from stagectl.cli.gap_diagnose import diagnose
+from stagectl.config import load_machine
+from stagectl.errors import StagectlError
+
+DATA = Path(__file__).parents[2] / "data"
+KEPT = 1200
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """The first 1.2 s of a recording."""
+    path = tmp_path_factory.mktemp("gap") / "small.h5"
+    with h5py.File(DATA / "null-2.h5") as whole, h5py.File(path, "w") as cut:
+        for name, value in whole.attrs.items():
+            cut.attrs[name] = value
+        cut["time"] = whole["time"][:KEPT]
+        for axis in whole["axes"]:
+            for channel, dataset in whole["axes"][axis].items():
+                cut[f"axes/{axis}/{channel}"] = dataset[:KEPT]
+        moves = whole["moves"][()]
+        cut["moves"] = moves[moves["end"] <= KEPT]
+    return path
+
+
+def run(*arguments):
+    """What the command answers: (report, "") or (None, one line)."""
+    done = CliRunner().invoke(diagnose, [*map(str, arguments), "--json", "-"])
+    if done.exception is not None:
+        assert isinstance(done.exception, StagectlError), repr(done.exception)
+        assert done.exception.exit_code == 2
+        return None, str(done.exception)
+    return json.loads(done.stdout), ""
+
+
+def spoilt(small, tmp_path, spoil):
+    path = tmp_path / "spoilt.h5"
+    shutil.copy(small, path)
+    with h5py.File(path, "r+") as file:
+        spoil(file)
+    return path
+
+
+def replaced(file, name, values):
+    if name in file:
+        del file[name]
+    file[name] = values
+
+
+def test_the_recording_itself_is_fine(small):
+    report, _ = run(small)
+    assert report["verdict"] == "no_gap"
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda f: f.__delitem__("axes/x/force_actual"), "/axes/x/force_actual: missing"),
+        (lambda f: f.__delitem__("axes/y"), "the model has axes x, y, the recording x"),
+        (lambda f: replaced(f, "axes/x/position_actual", np.zeros(7)), "7 samples"),
+        (lambda f: replaced(f, "axes/x/force_actual", np.full(KEPT, np.nan)), "sample 0: is nan"),
+        (lambda f: replaced(f, "axes/x/force_actual", np.zeros(KEPT, "S3")), "wrong kind"),
+        (lambda f: replaced(f, "axes/x/force_actual", np.zeros((KEPT, 2))), "one dimension"),
+        (lambda f: replaced(f, "time", np.zeros(KEPT)), "not later"),
+        (lambda f: replaced(f, "time", np.arange(KEPT) * 1.4e-3), "0.0014 s apart"),
+        (lambda f: f.attrs.__setitem__("version", 2), "newer"),
+        (lambda f: f.attrs.__setitem__("machine", "machine: 3"), "machine"),
+        (lambda f: f.attrs.__delitem__("machine"), "attribute machine: missing"),
+    ],
+)
+def test_unusable_recordings_are_one_line(small, tmp_path, spoil, words):
+    path = spoilt(small, tmp_path, spoil)
+    report, line = run(path)
+    assert report is None
+    assert words in line
+    assert "spoilt.h5" in line
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda f: replaced(f, "time", np.arange(KEPT) * 0.1), "10 Hz"),
+        (lambda f: replaced(f, "axes/x/valid", np.zeros(KEPT, "u1")), "0 % of the samples"),
+        (
+            lambda f: [replaced(f, f"axes/{a}/position_demand", np.zeros(KEPT)) for a in "xy"],
+            "no motion",
+        ),
+    ],
+)
+def test_recordings_that_say_too_little_get_a_report(small, tmp_path, spoil, words):
+    report, _ = run(spoilt(small, tmp_path, spoil))
+    assert report["verdict"] == "insufficient"
+    assert words in report["reason"]
+    assert report["causes"] == []
+
+
+@pytest.mark.parametrize("value", [0.0, 1e6, -1e-9])
+@pytest.mark.parametrize("channel", ["position_actual", "force_actual", "force_offset"])
+def test_a_dead_or_absurd_channel_is_never_a_traceback(small, tmp_path, channel, value):
+    name = f"axes/x/{channel}"
+    report, line = run(spoilt(small, tmp_path, lambda f: replaced(f, name, np.full(KEPT, value))))
+    if report is None:
+        assert len(line.splitlines()) == 1
+    else:
+        assert report["causes"] == []
+        told = {(c["axis"], c["channel"], c["finding"]) for c in report["channels"]}
+        if channel != "force_offset":
+            assert ("x", channel, "constant") in told
+            assert report["verdict"] == "insufficient"
+
+
+def test_machine_files_that_do_not_fit(small, tmp_path):
+    text = load_machine().text
+    (tmp_path / "other.yaml").write_text(text.replace("  y:", "  z:"))
+    assert "the model has axes x, z" in run(small, "--machine", tmp_path / "other.yaml")[1]
+    (tmp_path / "slow.yaml").write_text(text.replace("sync_period: 0.001", "sync_period: 0.002"))
+    assert "0.001 s apart" in run(small, "--machine", tmp_path / "slow.yaml")[1]
+    assert "missing.yaml" in run(small, "--machine", tmp_path / "missing.yaml")[1]
+
+
+def test_recordings_of_different_machines_need_to_be_told_which(small, tmp_path):
+    text = load_machine().text.replace("mass: 8.0", "mass: 8.1")
+    other = spoilt(small, tmp_path, lambda f: f.attrs.__setitem__("machine", text))
+    assert "--machine" in run(small, other)[1]
+
+
+def test_damaged_bytes_are_one_line_or_a_report(small, tmp_path):
+    whole = small.read_bytes()
+    rng = np.random.default_rng(11)
+    path = tmp_path / "damaged.h5"
+    for _ in range(40):
+        damaged = bytearray(whole)
+        for place in rng.integers(0, min(len(whole), 6000), 12):
+            damaged[place] = int(rng.integers(256))
+        path.write_bytes(damaged[: int(rng.integers(100, len(damaged)))])
+        report, line = run(path)
+        assert report is not None or ("damaged.h5" in line and len(line.splitlines()) >= 1)
