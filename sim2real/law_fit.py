@@ -21,16 +21,16 @@ ACCEPTED = 1.5
 """A supposition holds where it leaves at most so many times what is left on the model's own run."""
 _NEARLY = 2.5
 """As `ACCEPTED`, for one freed figure against two: interpolated logs are a little off the law."""
-_SEARCHED = 1500
+_SEARCHED = 1200
 _SLIP = 1e-6
 """Brings the columns for a position log that is off to the size of forces."""
 _BETTER = 0.98
 """A less simple supposition must leave less than this share of a simpler one's."""
-_SHIFTS = np.arange(-5e-3, 5.01e-3, 2.5e-4)
+_SHIFTS = np.arange(-5e-3, 5.01e-3, 5e-4)
 _DRIFTS = np.concatenate((-np.geomspace(3e-6, 3e-3, 12)[::-1], np.geomspace(3e-6, 3e-3, 12)))
 _GRIDS = {
     "lag": _SHIFTS,
-    "bandwidth": np.geomspace(20.0, 5000.0, 24),
+    "bandwidth": np.geomspace(20.0, 5000.0, 16),
     "resampled": _SHIFTS,
     "position": _SHIFTS,
     "demand": _SHIFTS,

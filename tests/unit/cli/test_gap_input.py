@@ -104,8 +104,10 @@ def test_recordings_that_say_too_little_get_a_report(small, tmp_path, spoil, wor
     assert report["causes"] == []
 
 
-@pytest.mark.parametrize("value", [0.0, 1e6, -1e-9])
-@pytest.mark.parametrize("channel", ["position_actual", "force_actual", "force_offset"])
+@pytest.mark.parametrize(
+    ("channel", "value"),
+    [("position_actual", 0.0), ("force_actual", 0.0), ("force_actual", 1e6), ("force_offset", 1e6)],
+)
 def test_a_dead_or_absurd_channel_is_never_a_traceback(small, tmp_path, channel, value):
     name = f"axes/x/{channel}"
     report, line = run(spoilt(small, tmp_path, lambda f: replaced(f, name, np.full(KEPT, value))))
@@ -138,7 +140,7 @@ def test_damaged_bytes_are_one_line_or_a_report(small, tmp_path):
     whole = small.read_bytes()
     rng = np.random.default_rng(11)
     path = tmp_path / "damaged.h5"
-    for _ in range(40):
+    for _ in range(30):
         damaged = bytearray(whole)
         for place in rng.integers(0, min(len(whole), 6000), 12):
             damaged[place] = int(rng.integers(256))

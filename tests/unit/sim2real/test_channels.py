@@ -14,7 +14,7 @@ from stagectl.config import load_machine, stage_settings
 from stagectl.store.recording import read_recording
 
 DATA = Path(__file__).parents[2] / "data"
-SAMPLES = 1100
+SAMPLES = 1000
 
 
 def first(recorded, samples=SAMPLES):
@@ -71,7 +71,7 @@ def single(found):
 
 @pytest.mark.parametrize("name", ["null-1.h5", "null-1-other-moves.h5", "null-3.h5"])
 def test_sound_recordings_have_no_findings(stage, name):
-    found = audit(first(read_recording(DATA / name), 1500), stage)
+    found = audit(first(read_recording(DATA / name), 1200), stage)
     assert found.findings == ()
     assert found.path == {}
 
