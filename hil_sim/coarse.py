@@ -87,7 +87,7 @@ def advance_coarsely(  # type: ignore[no-untyped-def]
             change = p.viscous * s.kick
             level = p.coulomb
             if p.ported:
-                change += drag(p, arena, dx) + s.pull_slope * dx + s.push_rate * dt
+                change += drag(p, arena, dx) + (s.pull_slope - s.rise) * dx + s.push_rate * dt
                 if p.velocity_force >= 0:
                     change += over_velocity(arena, p, after) - over_velocity(arena, p, before)
                 level *= coulomb_factor(p, s, dx)

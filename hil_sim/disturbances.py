@@ -11,8 +11,6 @@ import math
 
 import numba
 
-from hil_sim.effects.ports import VELOCITY_NODES
-
 
 @numba.njit(cache=True, error_model="numpy")
 def _table(arena, offset, low, inverse, count, x):  # type: ignore[no-untyped-def]
@@ -156,14 +154,15 @@ def coulomb_factor(p, s, direction):  # type: ignore[no-untyped-def]
 def drive(p, s, arena, since, motor_force, resistance):  # type: ignore[no-untyped-def]
     """Force on the carriage and the acceleration it makes, but for coupling.
 
-    Sets `net`, `sprung`, `springs` and `response`; returns the acceleration relative to the base
-    [m/s^2].
+    Sets `net`, `sprung`, `springs`, `response` and `rise`; returns the acceleration relative to
+    the base [m/s^2].
 
     Args: `since` the tick's start [s], measured motor force [N], friction [N].
     """
     away = s.position - s.place
     force = motor_force
     response = 1.0
+    s.rise = 0.0
     if p.position_gain >= 0 or p.saturation > 0.0 or p.gain != 1.0:
         force *= p.gain
         response = p.gain
@@ -173,6 +172,7 @@ def drive(p, s, arena, since, motor_force, resistance):  # type: ignore[no-untyp
             response *= 1.0 - bent * bent
         if p.position_gain >= 0:
             gain = s.gain + s.gain_slope * away
+            s.rise = force * s.gain_slope
             force *= gain
             response *= gain
     s.response = response
@@ -199,7 +199,7 @@ def drive(p, s, arena, since, motor_force, resistance):  # type: ignore[no-untyp
 @numba.njit(cache=True, error_model="numpy")
 def over_velocity(arena, p, v):  # type: ignore[no-untyped-def]
     """Force at this velocity; nodes lie at ± (i / scale)^2."""
-    half = VELOCITY_NODES
+    half = p.velocity_nodes
     u = math.sqrt(abs(v)) * p.velocity_scale
     if not u < half:
         return arena[p.velocity_force + (2 * half if v > 0.0 else 0)]

@@ -36,6 +36,7 @@ PORT_FIELDS = [
     ("position_coulomb", "i8"),
     ("position_gain", "i8"),
     ("velocity_scale", "f8"),
+    ("velocity_nodes", "i8"),
     ("velocity_force", "i8"),
     ("time_inverse", "f8"),
     ("time_count", "i8"),
@@ -86,6 +87,7 @@ PORT_STATE_FIELDS = [
     ("sprung", "f8"),  # force of what hangs from it [N]
     ("springs", "f8"),  # acceleration by all springs and dampers [m/s^2]
     ("response", "f8"),  # change of motor force per change of measured force
+    ("rise", "f8"),  # of the motor force along the travel [N/m]
     ("kick", "f8"),  # change of velocity in this substep [m/s]
     ("lead", "f8"),  # what a coarse step adds to the velocity that makes the displacement [m/s]
 ]
@@ -176,6 +178,7 @@ def fill(
         table = getattr(ports, name)
         record[name] = arena.add(None if table is None else np.pad(table, 1, "edge"))
     record["velocity_scale"] = VELOCITY_NODES / math.sqrt(1.5 * ports.axis.velocity)
+    record["velocity_nodes"] = VELOCITY_NODES
     record["velocity_force"] = arena.add(ports.velocity_force)
     record["time_inverse"] = 1.0 / settings.sync_period
     for name in ("time_force", "time_coulomb"):
