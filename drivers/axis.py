@@ -7,7 +7,6 @@ written is read back. Gains and the drive's own tuning are not touched.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from fractions import Fraction
 
 from drivers import objects as od
 from drivers.bus import Network
@@ -18,9 +17,7 @@ from drivers.objects import ObjectRef
 from drivers.pdo import MappedObject, PdoMapping, PdoRecord
 from drivers.samples import Scale
 from drivers.settings import AxisSettings, BusSettings
-
-ACCELERATION_UNIT = 1e-6
-"""Accelerations on the bus [m/s^2]: 10 m/s^2 in units of 1 nm/s^2 would not fit UNSIGNED32."""
+from drivers.units import check_units
 
 TARGETS = {
     Mode.CYCLIC_SYNC_VELOCITY: od.TARGET_VELOCITY,
@@ -136,8 +133,12 @@ class Axis:
         self._homed_at_boot = self.node.booted if value else None
 
     def counts(self, position: float) -> int:
-        """Position or velocity [m, m/s] in units of the bus."""
+        """Position [m] in units of the bus."""
         return round(position / self.scale.increment)
+
+    def speed_counts(self, velocity: float) -> int:
+        """Velocity [m/s] in units of the bus."""
+        return round(velocity / self.settings.velocity_unit_si)
 
     def configure(self, bus: BusSettings) -> None:
         """Checks the drive's units and writes limits, windows, options, PDOs and heartbeats.
@@ -146,10 +147,11 @@ class Axis:
             ConfigurationError: other units than ours, or a value that does not stay written.
             NodeError: the drive refuses or does not answer.
         """
-        self._find_limitations()
-        self._check_units()
-        self.check_mode(Mode.CYCLIC_SYNC_POSITION)
         node = self.node
+        self._find_limitations()
+        for clause in check_units(node, self.settings):
+            self.limited(clause)
+        self.check_mode(Mode.CYCLIC_SYNC_POSITION)
         self._set_sync_counter(bus.sync_counter)
         node.write_optional(od.CYCLE_PERIOD, bus.period_us)
         if not node.write_optional(od.SYNC_WINDOW, bus.window_us) and bus.window_us:
@@ -169,9 +171,9 @@ class Axis:
 
     def _limits(self) -> dict[ObjectRef, int]:
         s = self.settings
-        acceleration = round(s.acceleration / ACCELERATION_UNIT)
+        acceleration = round(s.acceleration / s.acceleration_unit)
         homing = min(HOMING_ACCELERATION, s.acceleration)
-        search, index = (self.counts(v) for v in s.homing_velocity)
+        search, index = (self.speed_counts(v) for v in s.homing_velocity)
         return {
             od.ABORT_CONNECTION_OPTION: _ABORT_CONNECTION_QUICK_STOP,
             od.QUICK_STOP_OPTION: _QUICK_STOP_RAMP_THEN_DISABLED,
@@ -191,50 +193,8 @@ class Axis:
             od.HOMING_METHOD: s.homing_method,
             od.HOMING_SEARCH_SPEED: search,
             od.HOMING_INDEX_SPEED: index,
-            od.HOMING_ACCELERATION: round(homing / ACCELERATION_UNIT),
+            od.HOMING_ACCELERATION: round(homing / s.acceleration_unit),
         }  # fmt: skip
-
-    def _check_units(self) -> None:
-        """Position units must be encoder increments, force units 1/1000 of our rated force."""
-        node = self.node
-        factor = Fraction(1)
-        for numerator, denominator, power in (
-            (od.ENCODER_INCREMENTS, od.ENCODER_REVOLUTIONS, 1),
-            (od.GEAR_MOTOR, od.GEAR_SHAFT, 1),
-            (od.FEED, od.FEED_REVOLUTIONS, -1),
-        ):
-            if not (node.has(numerator) and node.has(denominator)):
-                self.limited(
-                    f"{numerator} is not offered: one position unit is taken to be "
-                    f"{self.settings.increment:g} m"
-                )
-                continue
-            top, bottom = node.read(numerator), node.read(denominator)
-            if top <= 0 or bottom <= 0:
-                raise ConfigurationError(
-                    f"factor group holds {top} / {bottom}", axis=self.name, obj=numerator
-                )
-            factor *= Fraction(top, bottom) ** power
-        if factor != 1:
-            raise ConfigurationError(
-                f"factor group: one position unit is {float(factor):g} encoder increments; set it "
-                f"to 1 ({self.settings.increment:g} m)",
-                axis=self.name, obj=od.FEED,
-            )  # fmt: skip
-        rated = round(self.settings.rated_force * 1000)
-        if not node.has(od.RATED_FORCE):
-            self.limited(
-                f"{od.RATED_FORCE} is not offered: the rated force is taken to be "
-                f"{self.settings.rated_force:g} N"
-            )
-            return
-        held = node.read(od.RATED_FORCE)
-        if held != rated:
-            raise ConfigurationError(
-                f"the drive says {held / 1000:g} N, the settings {rated / 1000:g} N: "
-                "every force would be scaled wrongly",
-                axis=self.name, obj=od.RATED_FORCE,
-            )  # fmt: skip
 
     def _set_sync_counter(self, overflow: int) -> None:
         """0x1019, which may change only while 0x1006 is 0."""
@@ -309,8 +269,8 @@ class Axis:
 
     def set_profile(self, velocity: float, acceleration: float) -> None:
         """Velocity [m/s] and acceleration [m/s^2] of the drive's own profiles (pp)."""
-        rate = round(acceleration / ACCELERATION_UNIT)
-        self.node.write_checked(od.PROFILE_VELOCITY, self.counts(velocity))
+        rate = round(acceleration / self.settings.acceleration_unit)
+        self.node.write_checked(od.PROFILE_VELOCITY, self.speed_counts(velocity))
         self.node.write_checked(od.PROFILE_ACCELERATION, rate)
         self.node.write_checked(od.PROFILE_DECELERATION, rate)
 

@@ -98,8 +98,9 @@ def _target_text(channel: Channel) -> str:
     axis = channel.axis
     if axis.target == od.TARGET_FORCE:
         return f"{channel.target * axis.scale.force:.4g} N"
-    unit = "m/s" if axis.target == od.TARGET_VELOCITY else "m"
-    return f"{channel.target * axis.scale.increment:.9g} {unit}"
+    if axis.target == od.TARGET_VELOCITY:
+        return f"{channel.target * axis.settings.velocity_unit_si:.6g} m/s"
+    return f"{channel.target * axis.scale.increment:.9g} m"
 
 
 def command_text(controlword: int) -> str:

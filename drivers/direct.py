@@ -101,7 +101,8 @@ def stream(
         steps = 1
         if channels[0].axis.target == od.TARGET_VELOCITY:
             slope = [
-                c.axis.settings.acceleration / c.axis.scale.increment * period for c in channels
+                c.axis.settings.acceleration / c.axis.settings.velocity_unit_si * period
+                for c in channels
             ]
             steps = max(1, math.ceil(max(abs(v) / a for v, a in zip(left, slope, strict=True))))
         shape = 1 - np.arange(1, steps + 1)[:, None] / steps
@@ -111,5 +112,5 @@ def stream(
     return Samples.from_rows(
         rows,
         [c.axis.scale for c in channels],
-        [c.axis.scale.force if forces else c.axis.scale.increment for c in channels],
+        [c.axis.scale.force if forces else c.axis.settings.velocity_unit_si for c in channels],
     )

@@ -21,6 +21,11 @@ from drivers.settings import AxisSettings
 
 START_TIMEOUT = 0.5
 """How long a drive may take to begin [s]."""
+STANDSTILL = 2.0
+"""An axis whose position has been the very same for so long while it homes does not move [s]."""
+STILL_BAND = 10e-6
+HOME_BAND = 100e-6
+"""So far the drive's own word may be from its process data, which are a little older [m]."""
 SETTLE = 0.05
 """An old "attained" may stand this long after the start before it is believed [s]."""
 
@@ -63,13 +68,17 @@ def judge(statusword: int, before: Progress, elapsed: float) -> Progress:
 def home(cycle: Cycle, channels: Sequence[Channel], period: float) -> None:
     """Homes the channels, which are enabled in mode hm; they end at rest, start bit cleared.
 
+    Process data that do not change any more would show an old homing, or one that never ends: what
+    they say at the end is asked for once more by SDO.
+
     Raises:
-        HomingError: an axis reports an error, stops on the way, does not begin, or is not done
-            within its timeout.
+        HomingError: an axis reports an error, stops on the way, does not begin, stands still, or is
+            not done within its timeout; or its process data are not what the drive says by SDO.
         AxisFault: an alarm or missing process data.
     """
     progress = dict.fromkeys(channels, Progress.WAITING)
     limits = {c: timeout_for(c.axis.settings) for c in channels}
+    stands = {c: (c.position, 0.0) for c in channels}
     for channel in channels:
         channel.controlword = int(Command.ENABLE_OPERATION | Control.START_HOMING)
     for count, _ in enumerate(Cycles(cycle, max(limits.values()) + 1, period, blind=False)):
@@ -90,11 +99,47 @@ def home(cycle: Cycle, channels: Sequence[Channel], period: float) -> None:
                 raise _error(channel, f"homing did not begin within {START_TIMEOUT:g} s")
             elif elapsed > limits[channel]:
                 raise _error(channel, f"homing not done within {limits[channel]:g} s")
+            if channel.position != stands[channel][0]:
+                stands[channel] = (channel.position, elapsed)
+            elif now is not Progress.DONE and elapsed - stands[channel][1] > STANDSTILL:
+                raise _error(channel, _why_still(channel))
         if all(p is Progress.DONE for p in progress.values()):
+            for channel in channels:
+                _check_by_sdo(channel)
+            cycle.resume()
             cycle.exchange()  # start bits off
             for channel in channels:
                 channel.axis.homed = True
             return
+
+
+def _why_still(channel: Channel) -> str:
+    """Whether the axis stands still, or what is heard of it does."""
+    node = channel.axis.node
+    position = node.read(od.POSITION_ACTUAL)
+    if abs(position - channel.position) * channel.axis.scale.increment > STILL_BAND:
+        return (
+            f"its process data (TPDO 0x{channel.axis.tpdo_id:03X}) have stood still for "
+            f"{STANDSTILL:g} s, and by SDO it is elsewhere: the TPDO is frozen"
+        )
+    return f"the axis has not moved at all for {STANDSTILL:g} s"
+
+
+def _check_by_sdo(channel: Channel) -> None:
+    """What the process data said of the end of homing, once more.
+
+    Raises:
+        HomingError: the drive says something else.
+    """
+    node = channel.axis.node
+    word, position = node.read(od.STATUSWORD), node.read(od.POSITION_ACTUAL)
+    apart = abs(position - channel.position) * channel.axis.scale.increment
+    if not word & Status.HOMING_ATTAINED or apart > HOME_BAND:
+        raise _error(
+            channel,
+            f"done by its process data (TPDO 0x{channel.axis.tpdo_id:03X}), but by SDO it is "
+            f"{apart:.3g} m elsewhere, statusword 0x{word:04X}: the TPDO is frozen",
+        )
 
 
 def _error(channel: Channel, what: str) -> HomingError:

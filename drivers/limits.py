@@ -97,8 +97,8 @@ def checked_velocities(
                 f"{low if below else high:g} m",
                 axis=axis.name, obj=od.SOFT_LIMIT_LOW if below else od.SOFT_LIMIT_HIGH,
             )  # fmt: skip
-    increment = np.array([a.increment for a in axes])
-    return np.rint(velocity / increment).astype(np.int64), _force_counts(offset, axes)
+    units = np.array([a.velocity_unit_si for a in axes])
+    return np.rint(velocity / units).astype(np.int64), _force_counts(offset, axes)
 
 
 def checked_forces(force: NDArray[np.float64], axes: Sequence[AxisSettings]) -> NDArray[np.int64]:

@@ -31,6 +31,8 @@ GIVEN_UP = 0.6
 OFFSET_RAMP = 0.05
 """Time in which a force offset is taken back before an axis is disabled [s]."""
 
+IN_FAULT = "is in fault, to be reset first (stagectl enable --reset)"
+
 _MODE_BITS = int(
     Control.NEW_SETPOINT | Control.CHANGE_IMMEDIATELY | Control.RELATIVE | Control.HALT
 )
@@ -147,7 +149,9 @@ class Power:
                 if channel.seen:
                     state = state_of(channel)
                     if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
-                        raise fault(channel, "is in fault, to be reset first")
+                        raise fault(
+                            channel, "is in fault, to be reset first (stagectl enable --reset)"
+                        )
                     channel.controlword = next_controlword(state, target, channel.controlword)
                     if state is not State.OPERATION_ENABLED:
                         channel.rest()

@@ -134,7 +134,10 @@ class AxisSettings:
         name: as in the machine file.  node: CANopen node id, 1..126 (127 is the host).
         eds: the drive's EDS file.
         rated_force: unit of the CiA 402 force values [N].  peak_force: drive's force limit [N].
-        increment: length of one position unit [m].
+        increment: length of one position unit on the bus [m].
+        encoder: length of one encoder increment [m]; 0: it is the position unit.
+        velocity_unit: of velocities on the bus [m/s]; 0: one position unit per second.
+        acceleration_unit: of accelerations on the bus [m/s^2].
         travel: (lowest, highest) position [m].
         velocity, acceleration, jerk: limits [m/s, m/s^2, m/s^3].
         following_error: window [m].
@@ -153,6 +156,9 @@ class AxisSettings:
     jerk: float
     following_error: float
     increment: float = 1e-9
+    encoder: float = 0.0
+    velocity_unit: float = 0.0
+    acceleration_unit: float = 1e-6
     homing_method: int = 34
     homing_velocity: tuple[float, float] = (0.01, 0.002)
 
@@ -162,10 +168,13 @@ class AxisSettings:
         _require(1 <= self.node < HOST_NODE, axis, "node", f"must be 1..126, is {self.node!r}")
         for name in (
             "rated_force", "peak_force", "velocity", "acceleration", "jerk",
-            "following_error", "increment",
+            "following_error", "increment", "acceleration_unit",
         ):  # fmt: skip
             value = getattr(self, name)
             _require(_finite(value) and value > 0, axis, name, f"must be > 0, is {value!r}")
+        for name in ("encoder", "velocity_unit"):
+            value = getattr(self, name)
+            _require(_finite(value) and value >= 0, axis, name, f"must be >= 0, is {value!r}")
         low, high = self.travel
         _require(
             _finite(low) and _finite(high) and low < high, axis, "travel", "must be low < high"
@@ -183,3 +192,13 @@ class AxisSettings:
             and all(_finite(v) and v > 0 for v in self.homing_velocity),
             axis, "homing_velocity", f"must be two speeds > 0, is {self.homing_velocity!r}",
         )  # fmt: skip
+
+    @property
+    def encoder_increment(self) -> float:
+        """Length of one encoder increment [m]."""
+        return self.encoder or self.increment
+
+    @property
+    def velocity_unit_si(self) -> float:
+        """Unit of velocities on the bus [m/s]."""
+        return self.velocity_unit or self.increment

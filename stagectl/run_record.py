@@ -79,6 +79,7 @@ class RunRecord:
         self.done = 0 if resumed is None else resumed.done
         self.wall_time = 0.0
         self._friction: list[FrictionEntry] = []
+        self._notices: list[str] = []
         self._retries: list[Retry] = []
         self._first_update: dict[str, int] = {}
         self._moves = 0
@@ -89,7 +90,7 @@ class RunRecord:
                 request.recipe.text,
                 request.started.isoformat(),
                 tuple(
-                    AxisScaling(name, 1e-9, axis.drive.force_unit)
+                    AxisScaling(name, axis.drive.position_unit, axis.drive.force_unit)
                     for name, axis in machine.axes.items()
                 ),
             ),
@@ -151,6 +152,13 @@ class RunRecord:
             self._history.end("fault", "internal error")
         recover(self.journal.path, overwrite=True)
 
+    def stage_says(self, notices: Sequence[str]) -> None:
+        """What drives and computer do without, for the operator and the recording."""
+        for notice in notices:
+            if notice not in self._notices:
+                self._notices.append(notice)
+                self.journal.event("limitation", text=notice)
+
     def finish(self, error: StagectlError | None) -> RunResult:
         """Journal to recording, summary and report.
 
@@ -163,7 +171,7 @@ class RunRecord:
         )
         fault = str(error) if outcome == "fault" else None
         self.journal.finish(outcome, fault)
-        notices = []
+        notices = self._notices
         if self._history is not None:
             self._history.end(outcome, fault)
             if self._history.failure is not None:

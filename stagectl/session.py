@@ -221,9 +221,11 @@ class _Run:
                 self._stage = stage
                 listener.phase("booting the drives")
                 stage.boot()
+                self._record.stage_says(stage.limitations)
                 listener.phase("homing")
                 stage.home()
                 stage.enable()
+                self._record.stage_says((*stage.limitations, *stage.notices))
                 self._record.temperature = stage_temperature(self._request.machine, stage)
                 self._record.temperature.at(0.0)
                 begin = time.perf_counter()

@@ -137,8 +137,8 @@ def jog(
 def _boot(stage: Stage, reset: bool) -> None:
     """Boots the drives; says what they do without."""
     stage.boot()
-    for limitation in stage.limitations:
-        click.echo(limitation, err=True)
+    for clause in (*stage.limitations, *stage.notices):
+        click.echo(clause, err=True)
     if reset:
         stage.reset_faults()
 

@@ -52,8 +52,8 @@ from stagectl.config.yaml_nodes import (
 )
 from stagectl.errors import ConfigError
 
-POSITION_RANGE = 2**31 * 1e-9
-"""CiA 402 positions and velocities are INTEGER32 in 1 nm and 1 nm/s: less than this [m, m/s]."""
+POSITION_RANGE = 2**31
+"""CiA 402 positions and velocities are INTEGER32: less than so many units."""
 FORCE_RANGE = 32.767
 """CiA 402 force values are INTEGER16 in 1/1000 of the rated force: at most this multiple."""
 
@@ -193,6 +193,8 @@ class Drive(Section):
     """Force scaling [N], current loop [Hz], control tick Tc [s] and position loop of a drive.
 
     Attributes:
+        position_unit, velocity_unit, acceleration_unit: of its integers on the bus [m, m/s,
+            m/s^2]; velocity_unit None: one position unit per second.
         pid: the position loop, or None where there is a cascade.
         cascade: in place of a PID.
     """
@@ -201,6 +203,9 @@ class Drive(Section):
     peak_force: PositiveForce
     current_bandwidth: PositiveFrequency
     control_period: PositiveTime
+    position_unit: PositiveLength = 1e-9
+    velocity_unit: PositiveVelocity | None = None
+    acceleration_unit: PositiveAcceleration = 1e-6
     pid: Pid | None = None
     cascade: Cascade | None = None
 
@@ -387,10 +392,19 @@ def _impossible(machine: Machine, document: Document) -> list[str]:
         low, high = axis.travel
         if low >= high:
             refuse((*at, "travel"), f"must be [lowest, highest], is [{low:g}, {high:g}]")
-        if max(abs(low), abs(high)) >= POSITION_RANGE:
-            refuse((*at, "travel"), "beyond +-2.147 m, the range of a position in 1 nm")
-        if axis.limits.velocity >= POSITION_RANGE:
-            refuse((*at, "limits", "velocity"), "beyond 2.147 m/s, the range of 1 nm/s steps")
+        unit = axis.drive.position_unit
+        reach = POSITION_RANGE * unit
+        if max(abs(low), abs(high)) >= reach:
+            refuse(
+                (*at, "travel"),
+                f"beyond +-{reach:.4g} m, the range of a position in {_short(unit)}m",
+            )
+        speed = axis.drive.velocity_unit or unit
+        if axis.limits.velocity >= POSITION_RANGE * speed:
+            refuse(
+                (*at, "limits", "velocity"),
+                f"beyond {POSITION_RANGE * speed:.4g} m/s, the range of {_short(speed)}m/s steps",
+            )
         if axis.homing.velocity > axis.limits.velocity:
             refuse((*at, "homing", "velocity"), "above the axis' velocity limit")
         drive = axis.drive
@@ -411,6 +425,14 @@ def _impossible(machine: Machine, document: Document) -> list[str]:
         elif not math.isclose(period, first := first or period, rel_tol=1e-9):
             refuse((*at, "drive", "control_period"), "must be the same on all axes")
     return problems
+
+
+def _short(value: float) -> str:
+    """A small length with its prefix: 1e-9 is "1 n"."""
+    for scale, prefix in ((1e-9, "n"), (1e-6, "u"), (1e-3, "m")):
+        if value < 1000 * scale:
+            return f"{value / scale:g} {prefix}"
+    return f"{value:g} "
 
 
 def _whole(ratio: float) -> bool:

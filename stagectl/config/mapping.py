@@ -133,6 +133,10 @@ def driver_settings(
             acceleration=axis.limits.acceleration,
             jerk=axis.limits.jerk,
             following_error=axis.limits.following_error,
+            increment=axis.drive.position_unit,
+            encoder=axis.encoder.increment,
+            velocity_unit=axis.drive.velocity_unit or 0.0,
+            acceleration_unit=axis.drive.acceleration_unit,
             homing_method=axis.homing.method,
             homing_velocity=(axis.homing.velocity, axis.homing.index_velocity),
         )

@@ -122,6 +122,10 @@ class ScriptedDrive:
             value = self.objects.get(key, 0)
             if index == 0x6061:
                 value = self.objects.get((0x6060, 0), 0)
+            if index == 0x6041:
+                value = STATUS[self.state] | self.bits
+            if index == 0x6064:
+                value = self.position
             payload = struct.pack("<q", value)[:4]
             size = self.sizes.get(key, 4)
             self.emit(

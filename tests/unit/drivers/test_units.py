@@ -1,0 +1,102 @@
+"""A drive's factor group and SI units against the settings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from drivers.errors import ConfigurationError
+from drivers.settings import AxisSettings
+from drivers.units import check_units
+
+PITCH = 0.032
+
+
+class Drive:
+    """Objects of a drive, by (index, sub)."""
+
+    def __init__(self, **objects: int) -> None:
+        self.objects = {
+            (int(name[1:5], 16), int(name[6:], 16)): value for name, value in objects.items()
+        }
+
+    def has(self, ref):
+        return (ref.index, ref.sub) in self.objects
+
+    def read(self, ref):
+        return self.objects[ref.index, ref.sub]
+
+
+def settings(**changes):
+    values = {
+        "rated_force": 40.0, "peak_force": 120.0, "travel": (-0.1, 0.1), "velocity": 1.0,
+        "acceleration": 10.0, "jerk": 2000.0, "following_error": 1e-3,
+    }  # fmt: skip
+    return AxisSettings(name="x", node=1, eds=Path("x.eds"), **(values | changes))
+
+
+def factor_group(increment, unit, **others):
+    return Drive(
+        x608F_1=round(PITCH / increment), x608F_2=1, x6091_1=1, x6091_2=1,
+        x6092_1=round(PITCH / unit), x6092_2=1, x6076_0=40_000, **others,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("increment", "unit"),
+    [(1e-9, 1e-9), (5e-9, 1e-9), (1e-9, 1e-8), (20e-6 / 4096, 1e-9), (0.5e-9, 0.5e-9)],
+)
+def test_position_units_other_than_increments(increment, unit):
+    assert (
+        check_units(factor_group(increment, unit), settings(encoder=increment, increment=unit))
+        == []
+    )
+
+
+def test_a_gear_counts():
+    drive = factor_group(1e-9, 1e-9)
+    drive.objects[0x6091, 1] = 5
+    assert check_units(drive, settings(encoder=1e-9, increment=5e-9, travel=(-0.1, 0.1))) == []
+
+
+def test_a_mismatch_names_both():
+    with pytest.raises(
+        ConfigurationError,
+        match=r"^axis x: 0x6092:01 feed: factor group: one position unit is 0\.2 encoder "
+        r"increments of 5e-09 m, which is 1e-09 m; the settings say 5e-09 m$",
+    ):
+        check_units(factor_group(5e-9, 1e-9), settings(encoder=5e-9, increment=5e-9))
+
+
+@pytest.mark.parametrize(
+    ("others", "message"),
+    [
+        ({"x6096_1": 10, "x6096_2": 1}, r"0x6096:01 .*velocity unit is 1e-08 m/s, .* 1e-09 m/s"),
+        ({"x60A9_0": 0xFA010300}, r"0x60A9:00 .*velocity unit is 1e-06 m/s, .* 1e-09 m/s"),
+        ({"x60AA_0": 0xF7015700}, r"0x60AA:00 .*acceleration unit is 1e-09 m/s\^2, .* 1e-06"),
+        ({"x6097_1": 1, "x6097_2": 0}, r"0x6097:01 .*factor group holds 1 / 0"),
+        ({"x6076_0": 41_000}, r"0x6076:00 .*the drive says 41 N, the settings 40 N"),
+    ],
+)
+def test_other_units_than_the_settings_say(others, message):
+    drive = factor_group(1e-9, 1e-9)
+    drive.objects |= Drive(**others).objects
+    with pytest.raises(ConfigurationError, match=message):
+        check_units(drive, settings())
+
+
+def test_units_that_agree_and_notations_of_something_else():
+    assert check_units(
+        factor_group(1e-9, 1e-9, x6096_1=1, x6096_2=1, x6097_1=1000, x6097_2=1), settings()
+    ) == []  # fmt: skip
+    drive = factor_group(1e-9, 1e-9, x60A9_0=0xFA010300, x60AA_0=0x00B44700)  # revolutions
+    assert check_units(drive, settings(velocity_unit=1e-6)) == []
+
+
+def test_what_is_not_offered_is_said():
+    clauses = check_units(Drive(), settings())
+    assert len(clauses) == 4
+    assert clauses[-1] == (
+        "0x6076:00 motor rated torque is not offered: the rated force is taken to be 40 N"
+    )
