@@ -32,6 +32,14 @@ from hil_sim.friction import slip_step, stribeck
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _decay(y):  # type: ignore[no-untyped-def]
+    """exp(-y) of a small y, to 1e-9."""
+    if y > 0.05:
+        return math.exp(-y)
+    return 1.0 - y * (1.0 - y * (0.5 - y * (1.0 / 6.0 - y / 24.0)))
+
+
+@numba.njit(cache=True, error_model="numpy")
 def advance_coarsely(  # type: ignore[no-untyped-def]
     plant, control, state, loop, forces, slipping, shares, arena, period, normals, first, ticks
 ):  # fmt: skip
@@ -97,7 +105,10 @@ def advance_coarsely(  # type: ignore[no-untyped-def]
                     s.direction = direction
                     for i in range(p.first_element, p.first_element + p.elements):
                         slipping[i] = False
-                curve = stribeck(speed, p.static_ratio, p.stribeck_velocity, p.stribeck_shape)
+                curve = 1.0
+                if abs(speed) < p.stribeck_end:
+                    curve = stribeck(speed, p.static_ratio, p.stribeck_velocity, p.stribeck_shape)
+                decay = _decay(p.relaxation_rate * dt / curve)
                 friction = slip_step(
                     forces,
                     slipping,
@@ -107,7 +118,7 @@ def advance_coarsely(  # type: ignore[no-untyped-def]
                     dx,
                     p.element_stiffness,
                     level * curve * (1.0 + s.wander),
-                    math.exp(-p.relaxation_rate * dt / curve),
+                    decay,
                     p.first_element,
                 )
                 change += friction - s.friction

@@ -53,6 +53,7 @@ _PLANT = np.dtype(
         ("static_ratio", "f8"),
         ("stribeck_velocity", "f8"),
         ("stribeck_shape", "f8"),
+        ("stribeck_end", "f8"),
         ("element_stiffness", "f8"),
         ("relaxation_rate", "f8"),
         ("elements", "i8"),
@@ -237,6 +238,8 @@ def _plant_record(axis: AxisSettings) -> dict[str, float]:
     return {
         "stribeck_velocity": friction.stribeck_velocity,
         "stribeck_shape": friction.stribeck_shape,
+        "stribeck_end": friction.stribeck_velocity
+        * 36.0 ** min(1.0 / friction.stribeck_shape, 99.0),
         "relaxation_rate": friction.attraction / friction.coulomb,
         "elements": friction.elements,
         "increment": axis.increment,

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.effects.ports import EffectPorts
 from hil_sim.mechanics import Arrays, run_demands
 from hil_sim.noise import Noise
-from hil_sim.port_arrays import opened
-from hil_sim.settings import SUBSTEPS, StageSettings
+from hil_sim.settings import SUBSTEPS, AxisSettings, StageSettings
 
 F64 = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ def simulate(
 
     The simulation itself releases the interpreter lock: threads run side by side. An axis that
     does not depend on another one (`needs_all_axes`) may be simulated on its own: settings and
-    columns of that axis only.
+    columns of that axis only; several variants of it: `simulate_variants`.
 
     Args:
         settings: of the stage.
@@ -102,6 +102,60 @@ def simulate(
 
 def needs_all_axes(settings: StageSettings) -> bool:
     """Whether an effect ties the axes together, so that none can be simulated on its own."""
-    return any(
-        ports.coupled_mass != 0.0 or ports.fields for ports in opened(settings, 0.0, SUBSTEPS)
+    for axis in settings.axes:
+        ports = EffectPorts(axis, settings.sync_period, 0.0)
+        for effect in axis.effects:
+            effect.apply(ports)
+        if ports.coupled_mass != 0.0 or ports.fields:
+            return True
+    return False
+
+
+def simulate_variants(
+    sync_period: float,
+    variants: Sequence[AxisSettings],
+    demand: F64,
+    offset: F64,
+    rest_force: float = 0.0,
+    *,
+    level: F64 | None = None,
+    substeps: int = 1,
+    rounded: bool = True,
+) -> Response:
+    """Noise-free responses of several variants of one axis to one demand, side by side.
+
+    Nearly twice as fast for each as one after the other: steps of one variant fill the time in
+    which another's waits for its own results. Four at a time are enough.
+
+    Args:
+        sync_period: Ts [s].
+        variants: settings of the axis, effects included; none may need another axis.
+        demand: target position sent for SYNC k [m], float64[K].
+        offset: force offset sent for SYNC k [N], float64[K].
+        rest_force: motor force in the initial rest [N], as in `simulate`.
+        level: factor on Fc at each SYNC, float64[K] or float64[K, variants]; default 1.
+        substeps: as in `simulate`, but coarse by default.
+        rounded: as in `simulate`.
+
+    Returns:
+        One column per variant.
+
+    Raises:
+        ValueError: shapes that do not fit, effects that cannot be or that need another axis.
+    """
+    settings = StageSettings(sync_period, tuple(variants))
+    if any(needs_all_axes(StageSettings(sync_period, (v,))) for v in variants if v.effects):
+        raise ValueError("variants of one axis cannot have effects that involve another one")
+    shape = (len(demand), len(variants))
+    if level is not None:
+        level = np.broadcast_to(level.reshape(len(level), -1), shape)
+    return simulate(
+        settings,
+        np.broadcast_to(np.asarray(demand)[:, None], shape),
+        np.broadcast_to(np.asarray(offset)[:, None], shape),
+        None,
+        [rest_force] * len(variants),
+        level=level,
+        substeps=substeps,
+        rounded=rounded,
     )

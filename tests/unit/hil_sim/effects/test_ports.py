@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from hil_sim.effects import Effect
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.plant import Plant
-from hil_sim.simulate import needs_all_axes, simulate
+from hil_sim.simulate import needs_all_axes, simulate, simulate_variants
 
 MASS = 8.0
 
@@ -180,6 +180,31 @@ def test_stepping_with_effects_is_the_batch(nominal, with_effects, effects):
         for a in range(2):
             plant.command(a, demand[k, a], 0.0, stage.ticks)
     np.testing.assert_array_equal(np.array(seen), np.round(batch.position / 1e-9))
+
+
+def test_variants_side_by_side_are_those_alone(nominal, effects):
+    demand, offset = demand_of(12, 400)[:, 0], 3.0 * demand_of(13, 400)[:, 0] * 1e5
+    x = nominal.axes[0]
+    variants = [
+        x,
+        replace(x, mass=8.4),
+        replace(x, effects=(effects["force_offset"].at(force=1.0),)),
+        replace(x, friction=replace(x.friction, elements=4)),
+    ]
+    level = 1.0 + 0.1 * np.cos(np.arange(400) / 30.0)
+    together = simulate_variants(
+        nominal.sync_period, variants, demand, offset, 2.0, level=level, rounded=False
+    )
+    for i, axis in enumerate(variants):
+        alone = simulate(
+            replace(nominal, axes=(axis,)), demand[:, None], offset[:, None], None, [2.0],
+            level=level[:, None], substeps=1, rounded=False,
+        )  # fmt: skip
+        np.testing.assert_array_equal(together.position[:, i], alone.position[:, 0])
+        np.testing.assert_array_equal(together.force[:, i], alone.force[:, 0])
+    tied = [x, replace(x, effects=(effects["cross_coupling"].at(mass=0.3),))]
+    with pytest.raises(ValueError, match="that involve another one"):
+        simulate_variants(nominal.sync_period, tied, demand, offset)
 
 
 def test_threads_do_not_disturb_one_another(nominal, with_effects, effects):
