@@ -233,7 +233,10 @@ class _Outlet:
             self._hand_on(self._completed(self.waiting, [c.previous for c in self._channels]))
             self.waiting = None
         if complete or not self._waits:
-            self._hand_on(values)
+            sample = tuple(values)  # as `_hand_on`, for every SYNC
+            self._extend(sample)
+            if self._sink is not None:
+                self._sink(sample)
         else:
             self.waiting = values
 

@@ -281,6 +281,8 @@ class Exchange:
                         channel.valid = channel.seen = True
                         channel.missed = 0
                         left -= 1
+                        if not left:
+                            return
             elif now >= deadline:
                 break
             # past the deadline what waits in the queue still counts: it was us who were late

@@ -80,20 +80,26 @@ class LockstepBus(can.BusABC):
         if get_ident() != self._thread:
             self._refuse()
         queue = self._queue
-        if not queue and timeout == 0 and world.quiet():
+        if queue:
+            if self._filters is None:
+                return self._message(queue.popleft())
+        elif timeout == 0 and world.quiet():
             return None
         deadline = None if timeout is None else world.now_ns + max(0, round(timeout * 1e9))
         while True:
             while queue:
-                time_ns, can_id, data, (extended, remote, error), sender = queue.popleft()
-                message = can.Message(
-                    time_ns * 1e-9, can_id, extended, remote, error, None, None, data,
-                    False, sender is not self,
-                )  # fmt: skip
+                message = self._message(queue.popleft())
                 if self._filters is None or self._matches_filters(message):
                     return message
             if not world.step(deadline) and not queue:
                 return None
+
+    def _message(self, frame: Frame) -> can.Message:
+        time_ns, can_id, data, (extended, remote, error), sender = frame
+        return can.Message(
+            time_ns * 1e-9, can_id, extended, remote, error, None, None, data,
+            False, sender is not self,
+        )  # fmt: skip
 
     def _refuse(self) -> None:
         self.world.check_thread()
