@@ -98,7 +98,6 @@ class Problem:
         """Inner samples that count where these unknowns are solved for; a single run."""
         code = SLIDE if free == ZONE_A else STICK
         chosen = np.flatnonzero(self.zone >= code)
-        assert (np.diff(chosen) == 1).all()
         return slice(int(chosen[0]), int(chosen[-1]) + 1)
 
     def factor(self, count: int) -> F64:
@@ -144,11 +143,12 @@ class Problem:
         valid = np.ones(len(self.position), dtype=np.bool_)
         return estimator, MoveData(self.position, self.force, valid, 0.0, 0.0)
 
-    def relative(self, estimate: Estimate) -> F64:
-        """The estimator's answer in the peers' unknowns."""
-        model = estimate.friction
+    def relative(self, estimate: Estimate) -> tuple[F64, F64]:
+        """The estimator's answer in the peers' unknowns, and its sigma."""
+        model, sigma = estimate.friction, estimate.sigma
         found = np.array([model.coulomb, model.viscous, model.stiffness, estimate.mass[0]])
-        return found / self.scale
+        spread = np.array([*(sigma[name] for name in NAMES[:3]), estimate.mass[1]])
+        return found / self.scale, spread / self.scale
 
 
 @numba.njit(cache=True)

@@ -77,7 +77,7 @@ def cost(data: MoveData, model: Friction, mass: float, start: Friction) -> float
     belief = SETTINGS.belief
     away = [
         (a / b - 1.0) / s if b else 0.0
-        for a, b, s in zip(now, then, belief.start_spread, strict=True)
+        for a, b, s in zip(now, then, belief.start_spread, strict=False)
     ]
     return float(chi + np.square(away).sum())
 
