@@ -32,12 +32,8 @@ class Constants(ctypes.Structure):
     """As in pass.c."""
 
     _fields_ = [
-        (name, ctypes.c_double)
-        for name in (
-            "stiffness", "coulomb", "alpha", "vs", "rate", "period", "band", "fast_speed",
-            "noise", "white",
-        )
-    ]  # fmt: skip
+        (name, ctypes.c_double) for name in ("alpha", "vs", "rate", "period", "band", "fast_speed")
+    ]
 
 
 def ratio(problem: Problem, rounds: int) -> dict[str, float]:
@@ -79,24 +75,23 @@ def _c(problem: Problem, p: F64, folder: Path) -> Callable[[int], float]:
         raise OSError(f"{compiler}: {built.stderr.strip().splitlines()[0]}")
     library = ctypes.CDLL(str(target))
     library.repeat.restype = ctypes.c_double
-    settings, rows = problem.settings, problem.rows(ZONE_AB)
+    rows = problem.rows(ZONE_AB)
+    factor = problem.factor(rows.stop - rows.start)
+    factor[:, 2] = 1.0 / factor[:, 2]
     constants = Constants(
         alpha=START.static_ratio, vs=START.stribeck_velocity, rate=START.relaxation_rate,
         period=TS, band=REST_BAND, fast_speed=12.0 * START.stribeck_velocity,
-        noise=(settings.mass * settings.position_noise / TS**2) ** 2,
-        white=settings.force_noise**2,
     )  # fmt: skip
     arrays = [
-        problem.position, problem.velocity, problem.acceleration, problem.force, p, problem.scale,
-        np.empty((4, 4)), np.empty(4),
+        problem.position, problem.velocity, problem.acceleration, problem.force, factor, p,
+        problem.scale, np.empty((4, 4)), np.empty(4),
     ]  # fmt: skip
     at = [array.ctypes.data_as(ctypes.c_void_p) for array in arrays]
 
     def call(times: int, _keep: object = arrays) -> float:
         return float(
             library.repeat(
-                *at[:4], rows.stop, rows.start, at[4], at[5], ctypes.byref(constants), at[6], at[7],
-                times,
+                *at[:4], rows.stop, rows.start, *at[4:7], ctypes.byref(constants), *at[7:], times
             )
         )  # fmt: skip
 

@@ -1,7 +1,8 @@
 /* One residual-and-sensitivity evaluation of a move, as one would write it in C: the elements led
  * through the samples, derivatives by Fc and sigma0 carried along, the residual whitened by the
- * banded Cholesky factor, J'J and J'r summed up. The same horizon, unknowns and shortcut (far above
- * the Stribeck velocity all elements relax together) as the estimator's. */
+ * banded Cholesky factor (made before, like the estimator's), J'J and J'r summed up. The same
+ * horizon, unknowns and shortcut (far above the Stribeck velocity all elements relax together) as
+ * the estimator's. */
 #include <math.h>
 #include <string.h>
 
@@ -10,13 +11,12 @@
 #define SUBSTEPS 4
 
 typedef struct {
-    double stiffness, coulomb, alpha, vs, rate, period, band, fast_speed;
-    double noise, white; /* c0 = 6 noise + white, c1 = -4 noise, c2 = noise */
+    double alpha, vs, rate, period, band, fast_speed;
 } Constants;
 
 static void evaluate(const double *x, const double *v, const double *a, const double *u, int count,
-                     int begin, const double *p, const double *scale, const Constants *c,
-                     double *normal, double *slope, double *chi)
+                     int begin, const double *factor, const double *p, const double *scale,
+                     const Constants *c, double *normal, double *slope, double *chi)
 {
     const double fc = p[0] * scale[0], sv = p[1] * scale[1], s0 = p[2] * scale[2] / N,
                  mass = p[3] * scale[3], share = 1.0 / N;
@@ -25,8 +25,6 @@ static void evaluate(const double *x, const double *v, const double *a, const do
     int slips[N] = {0}, all = 0;
     double owed = 1.0, heading = 0.0, reference = x[0], total = 0.0, t_fc = 0.0, t_s0 = 0.0;
     double w1[UNKNOWNS + 1] = {0}, w2[UNKNOWNS + 1] = {0};
-    double pivot = 1.0, before = 1.0, off = 0.0;
-    const double c0 = 6.0 * c->noise + c->white, c1 = -4.0 * c->noise, c2 = c->noise;
     memset(normal, 0, UNKNOWNS * UNKNOWNS * sizeof(double));
     memset(slope, 0, UNKNOWNS * sizeof(double));
     *chi = 0.0;
@@ -99,13 +97,8 @@ static void evaluate(const double *x, const double *v, const double *a, const do
         }
         if (k < begin)
             continue;
-        const int run = k - begin;
-        const double second = run > 1 ? c2 / before : 0.0;
-        const double first = run > 0 ? (c1 - second * off) / pivot : 0.0;
-        before = pivot;
-        pivot = sqrt(c0 - first * first - second * second);
-        off = first;
-        const double inverse = 1.0 / pivot;
+        const double *row = factor + 3 * (k - begin);
+        const double second = row[0], first = row[1], inverse = row[2];
         double w[UNKNOWNS + 1] = {t_fc * scale[0], v[k] * scale[1], t_s0 * scale[2],
                                   a[k] * scale[3], total + sv * v[k] + mass * a[k] - u[k + 1]};
         for (int i = 0; i <= UNKNOWNS; i++) {
@@ -124,14 +117,14 @@ static void evaluate(const double *x, const double *v, const double *a, const do
 
 /* So many evaluations in a row, each at slightly other figures, so that none is left out. */
 double repeat(const double *x, const double *v, const double *a, const double *u, int count,
-              int begin, const double *p, const double *scale, const Constants *c, double *normal,
-              double *slope, int times)
+              int begin, const double *factor, const double *p, const double *scale,
+              const Constants *c, double *normal, double *slope, int times)
 {
     double chi = 0.0, at[UNKNOWNS];
     memcpy(at, p, sizeof at);
     for (int i = 0; i < times; i++) {
         at[0] = p[0] * (1.0 + 1e-12 * i);
-        evaluate(x, v, a, u, count, begin, at, scale, c, normal, slope, &chi);
+        evaluate(x, v, a, u, count, begin, factor, at, scale, c, normal, slope, &chi);
     }
     return chi;
 }

@@ -1,6 +1,6 @@
 """One move as a least-squares problem, written down once for all peers.
 
-250 samples at 1 kHz out of rest, over 25 mm, and a settling that reverses; N = 4 elements; unknown
+250 samples at 1 kHz out of rest, over 25 mm, with an overshoot and back; N = 4 elements; unknown
 are Coulomb force, viscous coefficient, presliding stiffness and mass, relative to the start model
 (half the truth). The residual is whitened: encoder noise through the second difference, force
 resolution white. First zone A for (Fc, sigma_v, mass), then all that moved for all four, from zone
@@ -186,9 +186,9 @@ def build(samples: int = 250) -> Problem:
     motion = plan(0.0, 25e-3, Limits(0.5, 3.0, 200.0))
     time = np.arange(-3, samples - 3) * TS
     clean = motion.sample(time)[0]
-    after = np.clip(time - motion.duration, 0.0, None)
-    # A settling of 1 um that reverses, smooth where it begins.
-    clean = clean + 1e-6 * np.sin(2 * np.pi * 40 * after) ** 2 * np.exp(-after / 8e-3)
+    # It overshoots by 1 um and comes back once, as a damped loop does: zone B.
+    after = np.clip(time - motion.duration, 0.0, None) / 6e-3
+    clean = clean + 1e-6 * after**2 * np.exp(2.0 * (1.0 - after))
     model, mass = TRUE, TRUE_MASS
     velocity, acceleration = differences(clean)
     elements, _ = follow(
