@@ -22,6 +22,7 @@ from hil_sim.fault_rules import Injected
 from hil_sim.fault_world import FaultyWorld
 from hil_sim.stage import VirtualStage
 from hil_sim.world import World
+from stagectl.calibration.fresh import FreshPlaces
 from stagectl.compensation import AxisCompensation, Figures, Mode, make_compensation
 from stagectl.config.mapping import driver_settings, stage_settings
 from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError, UnusableInput
@@ -37,6 +38,7 @@ from stagectl.run_record import RunRecord
 from stagectl.sequencer.engine import Engine
 from stagectl.sequencer.events import Event, Retrying
 from stagectl.sequencer.mover import MovingAxis
+from stagectl.sequencer.places import Places
 from stagectl.store.bus_log import BusLog
 from stagectl.store.recovery import recover_left_over
 
@@ -198,9 +200,17 @@ class _Run:
         active: ActiveMap | None,
     ) -> None:
         self._request, self._listener, self._compensation = request, listener, compensation
-        self._places = None if active is None else active.places
-        if self._places is not None:
-            self._places.on_step = self._on_event
+        self._places: Places | None = None
+        if active is not None:
+            self._places = active.places
+            active.places.on_step = self._on_event
+        elif request.recipe.excursions:
+            self._places = FreshPlaces(
+                {
+                    name: axis.estimator.friction.coulomb
+                    for name, axis in zip(request.machine.axes, compensation, strict=True)
+                }
+            )
         self._fiducial, self._rig = fiducial, rig
         self._stage: Stage | None = None
         self._engine: Engine | None = None

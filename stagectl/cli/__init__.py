@@ -26,6 +26,8 @@ COMMANDS = {
     "gap": ("stagectl.cli.gap", "Where simulation and recording differ."),
     "effects": ("stagectl.cli.effects", "Physical effects that a machine file can switch on."),
     "identify": ("stagectl.cli.identify", "Friction figures out of recordings."),
+    "map": ("stagectl.cli.map", "Friction over the table, in versions."),
+    "calibrate": ("stagectl.cli.calibrate", "Friction measured at fixed sites."),
     "paper": ("stagectl.cli.paper", "The source paper's tables and claims, reproduced."),
     "recover": ("stagectl.cli.recover", "Recordings out of what killed runs left."),
     "replay": ("stagectl.cli.replay", "A recorded bus log drives the host again."),

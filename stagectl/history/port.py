@@ -64,7 +64,10 @@ class History(Protocol):
     def measurements(
         self, stage: StageKey, since: float = float("-inf"), until: float = float("inf")
     ) -> list[Measurement]:
-        """The sliding levels that macro-moves have shown, in the order of time."""
+        """The sliding levels that moves have shown, in the order of time."""
+
+    def calibrated(self, stage: StageKey) -> list[tuple[Pair, float]]:
+        """Places with the time of their last calibration that an estimate came of."""
 
     def refused(self, stage: StageKey, last: int = 100) -> list[EstimateRecord]:
         """The last refused estimates, newest first."""

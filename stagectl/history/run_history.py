@@ -119,5 +119,6 @@ def run_entry(request: RunRequest) -> RunEntry:
         recipe.wafer,
         software(),
         str(request.folder),
+        purpose="calibration" if recipe.excursions else "production",
         seed=request.seed if simulated else None,
     )

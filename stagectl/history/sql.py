@@ -158,11 +158,23 @@ class SqlHistory(SqlMaps):
         rows = self._database.execute(
             "SELECT e.axis, p.x_um, p.y_um, e.time, e.measured, e.measured_sigma FROM estimate e "
             "JOIN place p ON p.id = e.place JOIN stage s ON s.id = p.stage WHERE s.machine = ? "
-            "AND s.simulated = ? AND e.measured IS NOT NULL AND e.kind = 'macro' "
+            "AND s.simulated = ? AND e.measured IS NOT NULL "
             "AND e.time > ? AND e.time <= ? ORDER BY e.time, e.id",
             (stage.machine, int(stage.simulated), max(since, -_FAR), min(until, _FAR)),
         )
         return [Measurement(row[0], (row[1] / 1e6, row[2] / 1e6), *row[3:]) for row in rows]
+
+    def calibrated(self, stage: StageKey) -> list[tuple[Pair, float]]:
+        """As `port.History`."""
+        rows = self._database.execute(
+            "SELECT p.x_um, p.y_um, max(e.time) FROM run r JOIN stage s ON s.id = r.stage "
+            "JOIN estimate e ON e.run = r.id JOIN place p ON p.id = e.place WHERE s.machine = ? "
+            "AND s.simulated = ? AND e.accepted = 1 AND e.measured IS NOT NULL "
+            "AND (r.purpose = 'calibration' OR (e.kind = 'other' AND e.site IS NULL)) "
+            "GROUP BY p.x_um, p.y_um",
+            (stage.machine, int(stage.simulated)),
+        )
+        return [((x / 1e6, y / 1e6), time) for x, y, time in rows]
 
     def refused(self, stage: StageKey, last: int = 100) -> list[EstimateRecord]:
         """As `port.History`."""

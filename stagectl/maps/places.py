@@ -93,7 +93,7 @@ class TrackedPlaces:
         known = [site.place for axis in friction_map.axes.values() for site in axis.sites]
         self.sites: list[Pair] = []
         for place in [*known, *sites]:
-            if self._site(place) is None:
+            if self.number_of(place) is None:
                 self.sites.append((float(place[0]), float(place[1])))
         self._fields: dict[str, FrictionField] = {}
         self._grids: dict[str, LevelGrid] = {}
@@ -189,15 +189,15 @@ class TrackedPlaces:
         np.fill_diagonal(apart, np.inf)
         return float(np.median(apart.min(axis=1))) / 3.0
 
-    def _site(self, place: Sequence[float]) -> int | None:
-        """Number of the site at a place."""
+    def number_of(self, place: Sequence[float]) -> int | None:
+        """Number of the site at a place [m], None where there is none."""
         for i, site in enumerate(self.sites):
             if math.dist(site, (place[0], place[1])) <= NEAR:
                 return i
         return None
 
     def _site_or_new(self, place: Pair) -> int:
-        found = self._site(place)
+        found = self.number_of(place)
         if found is not None:
             return found
         self.sites.append(place)

@@ -145,6 +145,21 @@ class SiteLimits:
 
 
 @dataclass(frozen=True, slots=True)
+class Excursion:
+    """A move of a calibration, near its site.
+
+    Attributes:
+        offset: of its target from the site [m].
+        kind: of the move.
+        profile: of it.
+    """
+
+    offset: Pair
+    kind: Kind
+    profile: Profile
+
+
+@dataclass(frozen=True, slots=True)
 class Recipe:
     """A validated recipe: either `sites` (visited one by one) or `moves`, the other is empty.
 
@@ -156,6 +171,9 @@ class Recipe:
         sites: positions [m] in the order of the visit; sites count from 1.
         text: the file's text as read.  source: how the file was named.
         notes: what in the file has no effect, for the operator.
+        excursions: moves made at every site: a calibration.
+        slipped: calibrations slipped into a production run: (behind which site, place [m]).
+        slipped_excursions: the moves made there.
     """
 
     name: str
@@ -173,6 +191,9 @@ class Recipe:
     text: str
     source: str
     notes: tuple[str, ...] = ()
+    excursions: tuple[Excursion, ...] = ()
+    slipped: tuple[tuple[int, Pair], ...] = ()
+    slipped_excursions: tuple[Excursion, ...] = ()
 
     @property
     def folder(self) -> Path:

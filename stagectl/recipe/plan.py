@@ -7,11 +7,12 @@ that are done as a whole or again from their first step: a site, or one entry of
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from stagectl.recipe.model import (
     Dwell,
+    Excursion,
     Kind,
     Move,
     NoMark,
@@ -141,8 +142,24 @@ def _stretches(recipe: Recipe, start: Pair) -> Iterator[tuple[Pair, tuple[Step, 
             steps += [FiducialStep(site), MoveStep(site, "micro", None, recipe.micro), settle]
         if recipe.expose > 0:
             steps.append(ExposeStep(recipe.expose))
+        steps += _excursions(recipe.excursions, site, position, settle)
+        for behind, place in recipe.slipped:
+            if behind == site:
+                steps += [MoveStep(None, "macro", place, recipe.macro), settle]
+                steps += _excursions(recipe.slipped_excursions, None, place, settle)
         yield origin, tuple(steps)
         origin = position
+
+
+def _excursions(
+    excursions: Sequence[Excursion], site: int | None, place: Pair, settle: SettleStep
+) -> Iterator[Step]:
+    """The moves of a calibration at a place, each with the wait for rest."""
+    for excursion in excursions:
+        (x, y), (dx, dy) = place, excursion.offset
+        target = (round(x + dx, 12), round(y + dy, 12))
+        yield MoveStep(site, excursion.kind, target, excursion.profile)
+        yield settle
 
 
 def walk(

@@ -1,0 +1,1 @@
+"""Friction measured at fixed sites: which sites are due, what is done there, what came of it."""

@@ -1,0 +1,89 @@
+"""Which sites are due: by time, moves, distance, what production has found, or doubt."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from stagectl.calibration.sites import DAY, DueSection
+from stagectl.history.port import History
+from stagectl.history.records import Pair, StageKey
+from stagectl.maps.places import NEAR, TrackedPlaces
+
+
+@dataclass(frozen=True, slots=True)
+class DueSite:
+    """A site that should be calibrated.
+
+    Attributes:
+        place: [m].
+        reasons: why, the worst first.
+        urgency: how far the worst limit is passed; 1 is at the limit.
+    """
+
+    place: Pair
+    reasons: tuple[str, ...]
+    urgency: float
+
+
+def due_sites(
+    sites: Sequence[Pair],
+    limits: DueSection,
+    history: History,
+    stage: StageKey,
+    axes: Sequence[str],
+    now: float,
+    places: TrackedPlaces | None,
+) -> list[DueSite]:
+    """Those of `sites` that are due, the most urgent first.
+
+    Args:
+        sites: of the calibration [m].
+        limits: when a site is due.
+        history: open.
+        stage: whose.
+        axes: names.
+        now: [s since 1970].
+        places: the active map brought up to now, or None.
+    """
+    calibrated = history.calibrated(stage)
+    found = [_due(site, limits, history, stage, axes, now, places, calibrated) for site in sites]
+    return sorted((d for d in found if d.reasons), key=lambda d: -d.urgency)
+
+
+def _due(
+    site: Pair, limits: DueSection, history: History, stage: StageKey, axes: Sequence[str],
+    now: float, places: TrackedPlaces | None, calibrated: Sequence[tuple[Pair, float]],
+) -> DueSite:  # fmt: skip
+    when = max((t for p, t in calibrated if math.dist(p, site) <= NEAR), default=None)
+    if when is None:
+        return DueSite(site, ("never calibrated",), math.inf)
+    passed: list[tuple[float, str]] = []
+
+    def check(value: float, limit: float, text: str) -> None:
+        if value >= limit:
+            passed.append((value / limit, text))
+
+    days = (now - when) / DAY
+    check(days, limits.days, f"calibrated {days:.1f} days ago")
+    for axis in axes:
+        worn = history.wear(stage, axis, when)
+        check(worn.moves, limits.moves, f"{axis}: {worn.moves} moves since")
+        check(worn.distance, limits.distance, f"{axis}: {worn.distance:.0f} m travelled since")
+    for step in history.steps(stage, when):
+        if step.kind == "common" or math.dist(step.place, site) <= NEAR:
+            urgency = 1.0 + abs(step.change) / limits.change
+            passed.append((urgency, f"{step.axis}: stepped by {step.change:+.0%} since"))
+    if places is not None:
+        for axis, tracker in places.trackers.items():
+            number = places.number_of(site)
+            if number is None:
+                continue
+            tracker.advance(now)
+            change, sigma = tracker.off_map(number)
+            if abs(change) > 2.0 * sigma:
+                check(abs(math.expm1(change)), limits.change, f"{axis}: {change:+.1%} off the map")
+            check(sigma, limits.uncertainty, f"{axis}: known to {sigma:.1%} only")
+    passed.sort(reverse=True)
+    return DueSite(site, tuple(text for _, text in passed), passed[0][0] if passed else 0.0)

@@ -1,0 +1,152 @@
+"""What a calibration found, site by site: level, change, what was learnt, and what to do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from stagectl.calibration.sequence import Gain, SiteSequence
+from stagectl.history.records import Pair
+from stagectl.maps.compare import AxisChange
+from stagectl.maps.model import FrictionMap
+
+WATCH, ACT = 0.03, 0.10
+"""Relative change of a site beside the common one from which it is to be watched, or seen to."""
+COMMON_ACT = 0.25
+BEFORE = 0.3
+"""What a site's figures are taken to be known to before, as in the prediction."""
+
+
+@dataclass(frozen=True, slots=True)
+class SiteOutcome:
+    """One axis at one site.
+
+    Attributes:
+        site: number in the calibration.  place: [m].  axis: its name.
+        coulomb: [N], None where nothing was accepted.  sigma: relative.
+        change: beside the common one since the map before, relative; None without one.
+        gains: figure -> what was reached.
+        refused: reasons of refused estimates.
+        severity: "good", "watch", "act" or "failed".
+        suggestion: one sentence.
+    """
+
+    site: int
+    place: Pair
+    axis: str
+    coulomb: float | None
+    sigma: float | None
+    change: float | None
+    gains: Mapping[str, Gain]
+    refused: tuple[str, ...]
+    severity: str
+    suggestion: str
+
+
+def outcomes(
+    sites: Sequence[Pair],
+    friction: Sequence[Mapping[str, Any]],
+    axes: Sequence[str],
+    built: FrictionMap | None,
+    changes: Sequence[AxisChange],
+) -> list[SiteOutcome]:
+    """One outcome per site and axis.
+
+    Args:
+        sites: visited [m], in their order.
+        friction: entries of the run's summary.
+        axes: names.
+        built: the new map, None where none could be made.
+        changes: from the version before to it; empty without one.
+    """
+    found = []
+    seen: set[Pair] = set()
+    for number, place in enumerate(sites, 1):
+        if place in seen:
+            continue  # the first one again, for the drift
+        seen.add(place)
+        for axis in axes:
+            mine = [e for e in friction if e["site"] == number and e["axis"] == axis]
+            found.append(_outcome(number, place, axis, mine, built, changes))
+    return found
+
+
+def _outcome(
+    number: int,
+    place: Pair,
+    axis: str,
+    entries: Sequence[Mapping[str, Any]],
+    built: FrictionMap | None,
+    changes: Sequence[AxisChange],
+) -> SiteOutcome:
+    accepted = [e for e in entries if e["accepted"]]
+    refused = tuple(str(e["reason"]) for e in entries if not e["accepted"])
+    gains: dict[str, Gain] = {}
+    if accepted:
+        figures = accepted[-1]["parameters"]
+        gains = {
+            name: Gain(BEFORE, figure["sigma"] / figure["value"])
+            for name, figure in figures.items()
+            if figure["value"] and figure["sigma"] and name != "attraction"
+        }
+    level = sigma = None
+    if built is not None and axis in built.axes:
+        for site in built.axes[axis].sites:
+            if math.dist(site.place, place) < 1e-6:
+                level, sigma = site.coulomb, site.sigma
+    change = significant = None
+    for entry in changes:
+        if entry.axis == axis:
+            for moved in entry.sites:
+                if math.dist(moved.place, place) < 1e-6:
+                    change, significant = moved.change, moved.significant
+    severity, suggestion = _judged(accepted, refused, change, significant)
+    return SiteOutcome(
+        number, place, axis, level, sigma, change, gains, refused, severity, suggestion
+    )
+
+
+def _judged(
+    accepted: Sequence[object],
+    refused: tuple[str, ...],
+    change: float | None,
+    significant: bool | None,
+) -> tuple[str, str]:
+    if not accepted:
+        reason = refused[-1] if refused else "no estimate"
+        return "failed", f"calibrate again; {reason}"
+    if len(refused) > len(accepted):
+        return "watch", f"more moves refused than accepted ({refused[-1]}): calibrate again"
+    if change is None:
+        return "good", "first calibration: nothing to compare with"
+    if abs(change) >= ACT and significant:
+        what = "dirt, a rubbing cable or a damaged rail there" if change > 0 else "grease there"
+        return "act", f"look for {what}; then calibrate the site again"
+    if abs(change) >= WATCH and significant:
+        return "watch", "activate the new map; calibrate the site again soon"
+    return "good", "nothing to do"
+
+
+def overall(changes: Sequence[AxisChange]) -> list[str]:
+    """What the whole table says, one line per axis that has something to say."""
+    lines = []
+    for entry in changes:
+        text = f"axis {entry.axis}: all sites {entry.common:+.1%} since the last map"
+        if abs(entry.common) >= COMMON_ACT:
+            text += ": look at lubrication, wipers and temperature"
+        elif abs(entry.common) >= WATCH:
+            text += ": warm-up or ageing; the tracking follows it"
+        lines.append(text)
+    return lines
+
+
+def predicted_line(sequence: SiteSequence) -> list[str]:
+    """What the sequence is expected to teach at a site, one line per axis."""
+    return [
+        f"axis {axis}: " + ", ".join(
+            f"{name} {gain.after:.1%} ({gain.bits:.1f} bit)" for name, gain in gains.items()
+        )
+        for axis, gains in sequence.gains.items()
+    ]  # fmt: skip

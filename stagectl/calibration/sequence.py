@@ -1,0 +1,175 @@
+"""The short sequence of moves at a calibration site, chosen for what it teaches.
+
+Sliding both ways (Coulomb and viscous), reversals past presliding and the onset (stiffness), a
+creep (relaxation). What a sequence will teach is predicted before anything moves: the estimator is
+run on its own model's answer to the moves, and the covariance it ends with is what it will know,
+for that depends on the moves and the noise, hardly on the answer. The shortest sequence that
+reaches the goals is taken.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimation.gms import FrictionState, follow
+from estimation.split_horizon import MoveData, SplitHorizonEstimator
+from estimation.trajectory import Limits, plan
+from stagectl.compensation import AxisCompensation, Mode, friction_model
+from stagectl.config.machine import Axis, Machine
+from stagectl.recipe.model import Excursion, Profile
+
+GOALS = {"coulomb": 0.01, "viscous": 0.03, "stiffness": 0.01, "relaxation_rate": 0.035}
+"""Relative standard deviations that a calibration is to reach."""
+REST = 0.06
+"""Rest after every move, at least [s]."""
+REACH = 1.5e-3
+"""How far from the site the sliding moves go [m]."""
+_START = {"coulomb": 0.3, "viscous": 0.3, "stiffness": 0.3, "relaxation_rate": 0.2}
+"""What is known of a site before, for the prediction: relative standard deviations."""
+
+
+@dataclass(frozen=True, slots=True)
+class Gain:
+    """What a sequence teaches of one figure of one axis.
+
+    Attributes:
+        before, after: relative standard deviation.
+    """
+
+    before: float
+    after: float
+
+    @property
+    def bits(self) -> float:
+        """Information gained: log2 of the ratio."""
+        return math.log2(self.before / self.after) if self.after > 0 else math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class SiteSequence:
+    """A sequence with what is expected of it.
+
+    Attributes:
+        excursions: moves at the site, the last one back onto it.
+        duration: of the moves and their rests [s].
+        gains: axis -> figure -> predicted gain.
+    """
+
+    excursions: tuple[Excursion, ...]
+    duration: float
+    gains: Mapping[str, Mapping[str, Gain]]
+
+    def reaches(self, goals: Mapping[str, float] = GOALS) -> bool:
+        """Whether every figure of every axis will be known well enough."""
+        return all(
+            gains[name].after <= goal
+            for gains in self.gains.values()
+            for name, goal in goals.items()
+        )
+
+
+def choose(machine: Machine, reach: float = REACH) -> SiteSequence:
+    """The shortest sequence that reaches `GOALS`; where none does, the most telling one.
+
+    Args:
+        machine: as the host believes it.
+        reach: of the sliding moves [m].
+    """
+    best: SiteSequence | None = None
+    for rounds in (1, 2, 3):
+        for creep in (0.0, 0.2e-3, 0.4e-3):
+            made = _predicted(machine, _moves(machine, rounds, reach, creep))
+            if made.reaches():
+                return made
+            if best is None or _bits(made) > _bits(best):
+                best = made
+    assert best is not None  # noqa: S101  the loops run
+    return best
+
+
+def _bits(sequence: SiteSequence) -> float:
+    return sum(gain.bits for gains in sequence.gains.values() for gain in gains.values())
+
+
+def _moves(machine: Machine, rounds: int, reach: float, creep: float) -> tuple[Excursion, ...]:
+    """Offsets from the site, both axes at once."""
+    slide = _profile(machine, 0.5, 3.0, 200.0)
+    fine = _profile(machine, 0.01, 0.2, 20.0)
+    slow = _profile(machine, 0.001, 0.1, 10.0)
+    # Twice the breakaway travel is past presliding for certain.
+    turn = 2.0 * max(friction_model(axis).breakaway_travel for axis in machine.axes.values())
+    steps: list[tuple[float, str, Profile]] = []
+    for _ in range(rounds):
+        steps += [(reach, "other", slide), (0.0, "other", slide)]
+        steps += [(-reach, "other", slide), (0.0, "other", slide)]
+    steps += [(turn, "micro", fine), (-turn, "micro", fine)]
+    if creep:
+        steps.append((creep, "creep", slow))
+    steps.append((0.0, "micro", fine))
+    return tuple(Excursion((offset, offset), kind, profile) for offset, kind, profile in steps)  # type: ignore[arg-type]
+
+
+def _profile(machine: Machine, velocity: float, acceleration: float, jerk: float) -> Profile:
+    """Within what every axis allows."""
+    limits = [axis.limits for axis in machine.axes.values()]
+    return Profile(
+        min(velocity, *(limit.velocity for limit in limits)),
+        min(acceleration, *(limit.acceleration for limit in limits)),
+        min(jerk, *(limit.jerk for limit in limits)),
+    )
+
+
+def _predicted(machine: Machine, excursions: Sequence[Excursion]) -> SiteSequence:
+    gains: dict[str, dict[str, Gain]] = {}
+    duration = 0.0
+    for index, (name, axis) in enumerate(machine.axes.items()):
+        gains[name], spent = _gain(axis, machine.bus.sync_period, excursions, index)
+        duration = max(duration, spent)
+    return SiteSequence(tuple(excursions), duration, gains)
+
+
+def _gain(
+    axis: Axis, period: float, excursions: Sequence[Excursion], index: int
+) -> tuple[dict[str, Gain], float]:
+    """The estimator on its own model's answer to the moves of one axis."""
+    friction = friction_model(axis)
+    estimator = AxisCompensation(axis, friction, Mode.ESTIMATED, period).estimator
+    values = {name: float(getattr(friction, name)) for name in _START}
+    estimator.believe({name: (value, _START[name] * value) for name, value in values.items()})
+    state = FrictionState.relaxed(friction.elements, 0.0)
+    state.forces[:] = 0.0
+    at, time = 0.0, 0.0
+    # The arrival at the site: its onset says nothing, but the elements end as sliding leaves them.
+    for target, profile in [(-0.02, excursions[0].profile), (0.0, excursions[0].profile)]:
+        at, time = _move(estimator, axis, state, at, target, profile, time, period)
+    estimator.believe({name: (value, _START[name] * value) for name, value in values.items()})
+    begin = time
+    for excursion in excursions:
+        at, time = _move(
+            estimator, axis, state, at, excursion.offset[index], excursion.profile, time, period
+        )
+    after = estimator.sigma
+    return {
+        name: Gain(_START[name], after[name] / value) for name, value in values.items()
+    }, time - begin
+
+
+def _move(
+    estimator: SplitHorizonEstimator, axis: Axis, state: FrictionState, at: float, target: float,
+    profile: Profile, time: float, period: float,
+) -> tuple[float, float]:  # fmt: skip
+    motion = plan(at, target, Limits(profile.velocity, profile.acceleration, profile.jerk))
+    samples = math.ceil((motion.duration + REST) / period)
+    moments = np.asarray(np.arange(samples) * period, np.float64)
+    position, velocity, acceleration = motion.sample(moments)
+    friction = friction_model(axis)
+    rest = state.total
+    state.settle_at(float(position[0]))
+    force, _ = follow(friction, state, position, velocity, period)
+    force = force + friction.viscous * velocity + axis.plant.mass * acceleration
+    estimator.update(MoveData(position, force, np.ones(samples, dtype=np.bool_), time, rest))
+    return target, time + samples * period

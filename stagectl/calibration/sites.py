@@ -1,0 +1,131 @@
+"""The file of a calibration: where its sites are, and when they are due. docs/friction-map.md."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, StrictInt
+
+from stagectl.calibration.sequence import REACH, SiteSequence, choose
+from stagectl.config.diagnose import Section, validate
+from stagectl.config.machine import Label, Machine
+from stagectl.config.units import PositiveLength, PositiveNumber, PositiveTime
+from stagectl.config.yaml_nodes import load_document
+from stagectl.errors import ConfigError
+from stagectl.recipe import schema
+from stagectl.recipe.load import grid_positions, parse_recipe
+from stagectl.recipe.model import NoMark, Pair, Recipe
+from stagectl.recipe.tables import read_sites
+
+DAY = 86400.0
+
+
+class DueSection(Section):
+    """`due`: a site is due when any of these is passed.
+
+    Attributes:
+        days: since it was calibrated last.
+        moves, distance: of an axis since then, all over the table [m].
+        uncertainty: of its level now, relative, 1 sigma.
+        change: by which production has found it changed since, relative.
+    """
+
+    days: PositiveNumber = 7.0
+    moves: Annotated[StrictInt, Field(ge=1)] = 50_000
+    distance: PositiveLength = 2000.0
+    uncertainty: PositiveNumber = 0.03
+    change: PositiveNumber = 0.04
+
+
+class CalibrationFile(Section):
+    """A calibration file from its top."""
+
+    calibrate: schema.RecipeName
+    sites: schema.Sites
+    reach: PositiveLength = REACH
+    budget: PositiveTime | None = None
+    due: DueSection = DueSection()
+    lot: Label | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """What is to be calibrated.
+
+    Attributes:
+        recipe: the sites with the moves made at each.
+        sequence: of the moves, with what they are expected to teach.
+        due: when a site is due.
+        budget: of time for sites that are slipped into a production run [s], None: not given.
+    """
+
+    recipe: Recipe
+    sequence: SiteSequence
+    due: DueSection
+    budget: float | None
+
+    def at(self, sites: tuple[Pair, ...], revisit: bool = True) -> Recipe:
+        """The recipe at some of the sites only.
+
+        Args:
+            sites: [m].
+            revisit: the first one again at the end, so that drift meanwhile is not taken for a
+                difference between the sites.
+        """
+        again = sites[:1] if revisit and len(sites) > 3 else ()
+        return replace(self.recipe, sites=(*sites, *again))
+
+
+_RECIPE = """recipe: {name}
+macro: {{velocity: {v}, acceleration: {a}, jerk: {j}}}
+micro: {{velocity: 0.01, acceleration: 0.2, jerk: 20.0}}
+settle: {{window: 2.0e-7, hold: 0.005, timeout: 0.15}}
+expose: 0
+sites: [{sites}]
+fiducial: {{source: simulated, range: {reach!r}}}
+"""
+
+
+def load_calibration(path: Path, machine: Machine) -> Calibration:
+    """The calibration of a file, checked against the machine as a recipe is.
+
+    Raises:
+        ConfigError: it cannot be used; one line per problem.
+    """
+    document = load_document(path)
+    file = validate(document, CalibrationFile)
+    sites = _sites(file, path)
+    sequence = choose(machine, file.reach)
+    profile = sequence.excursions[0].profile
+    problems = [
+        document.problem(
+            ("sites",),
+            f"site {number}: ({place[0]:g}, {place[1]:g}) m with its moves of {file.reach:g} m is "
+            f"outside the travel of axis {name}",
+        )
+        for number, place in enumerate(sites, 1)
+        for coordinate, (name, axis) in zip(place, machine.axes.items(), strict=True)
+        if not (axis.travel[0] + file.reach <= coordinate <= axis.travel[1] - file.reach)
+    ]
+    if problems:
+        raise ConfigError(problems[:20])
+    text = _RECIPE.format(
+        name=file.calibrate, v=profile.velocity, a=profile.acceleration, j=profile.jerk,
+        sites=", ".join(f"[{x!r}, {y!r}]" for x, y in sites), reach=file.reach,
+    )  # fmt: skip
+    recipe = parse_recipe(text, str(path), machine)
+    recipe = replace(
+        recipe, text=document.text, lot=file.lot, fiducial=NoMark(),
+        excursions=sequence.excursions,
+    )  # fmt: skip
+    return Calibration(recipe, sequence, file.due, file.budget)
+
+
+def _sites(file: CalibrationFile, path: Path) -> tuple[Pair, ...]:
+    if isinstance(file.sites, schema.GridSites):
+        return grid_positions(file.sites.grid)
+    if isinstance(file.sites, schema.FileSites):
+        return tuple(row.pair for row in read_sites(path.parent / file.sites.file))
+    return tuple(file.sites)

@@ -1,0 +1,259 @@
+"""`stagectl calibrate`: friction measured at fixed sites, and a new version of the map."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from stagectl.cli.options import FILE, BusType, write_json
+from stagectl.cli.run import PACKAGED, _check_truth, _machine, _stop_on_signal
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from stagectl.calibration.outcome import SiteOutcome
+    from stagectl.calibration.sequence import SiteSequence
+    from stagectl.calibration.sites import Calibration
+    from stagectl.history.records import Pair
+    from stagectl.maps.compare import AxisChange
+    from stagectl.request import RunRequest
+
+_STYLES = {"good": "green", "watch": "yellow", "act": "red", "failed": "red"}
+
+
+@click.command(short_help="Friction measured at fixed sites.")
+@click.argument("sites", type=FILE)
+@click.option("--due", is_flag=True, help="Only sites that are due (the file's limits).")
+@click.option("--machine", type=FILE, help="What the host believes of the stage [wafer-xy].")
+@click.option(
+    "--simulate",
+    type=FILE,
+    is_flag=False,
+    flag_value=Path(PACKAGED),
+    metavar="[TRUTH]",
+    help="Run on virtual drives whose plant is this machine file [the packaged wafer-xy].",
+)
+@click.option("--bus", type=BusType(), help="Instead of the machine file's, e.g. socketcan:can0.")
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True,
+              help="Of the simulation's noise and repeatability.")  # fmt: skip
+@click.option("--history", metavar="FILE|URL", help="As of 'stagectl run'.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for recording, summary, report and bus log [runs/NAME-TIME].",
+)
+@click.option(
+    "--resume",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="RUN",
+    help="Go on with the interrupted calibration in this folder.",
+)
+@click.option("--comment", default="", help="Kept with the new map.")
+@click.option("--json", "json_out", type=FILE, help="Also write the outcome here; - is stdout.")
+@click.option("--dry-run", is_flag=True, help="Only say what would be done; nothing moves.")
+def command(
+    sites: Path, due: bool, machine: Path | None, simulate: Path | None,
+    bus: tuple[str, str] | None, seed: int, history: str | None, out: Path | None,
+    resume: Path | None, comment: str, json_out: Path | None, dry_run: bool,
+) -> None:  # fmt: skip
+    """Visit the sites of SITES.yaml, measure the friction of every axis, make a new map of it.
+
+    \b
+    On the virtual stage:
+      stagectl calibrate SITES.yaml --simulate TRUTH.yaml
+    Only what is due, by time, use, or what production has found:
+      stagectl calibrate SITES.yaml --due
+
+    The new map is kept in the history; 'stagectl map activate' puts it into use. Nothing of the
+    drives is changed, and the stage ends at the first site.
+    """  # noqa: D301
+    from stagectl.calibration.outcome import predicted_line
+    from stagectl.calibration.sites import load_calibration
+    from stagectl.history.opening import default_history
+    from stagectl.resume import load_interrupted
+
+    if simulate is not None and bus is not None:
+        raise click.UsageError("--bus: --simulate brings its own bus, in virtual time")
+    believed = _machine(machine)
+    truth = None if simulate is None else _machine(simulate)
+    _check_truth(believed, truth)
+    calibration = load_calibration(sites, believed)
+    started = datetime.now(UTC).astimezone()
+    folder = out or Path("runs") / f"{calibration.recipe.name}-{started:%Y%m%d-%H%M%S}"
+    where = default_history(history, believed, truth is not None, folder, out is not None)
+    if where is None:  # a calibration without a history would be for nothing
+        where = str(folder / "stage.db")
+    quiet = json_out is not None and str(json_out) == "-"
+    if not quiet:
+        click.echo(
+            f"{len(calibration.sequence.excursions)} moves at each site, "
+            f"{calibration.sequence.duration:.2f} s; expected to know afterwards, 1 sigma:"
+        )
+        for line in predicted_line(calibration.sequence):
+            click.echo(f"  {line}")
+    from stagectl.compensation import Mode
+    from stagectl.request import RunRequest
+
+    request = RunRequest(
+        calibration.recipe, believed, truth, bus, Mode.ESTIMATED, 1.0, seed, folder, started,
+        resumed=None, history=where,
+    )  # fmt: skip
+    chosen = _chosen(calibration, request, due, quiet)
+    if not chosen:
+        click.echo("no site is due", err=quiet)
+        return
+    recipe = calibration.at(chosen)
+    if dry_run:
+        for x, y in recipe.sites:
+            click.echo(f"  would visit ({x * 1e3:g}, {y * 1e3:g}) mm")
+        return
+    from dataclasses import replace
+
+    request = replace(
+        request,
+        recipe=recipe,
+        resumed=None if resume is None else load_interrupted(resume, recipe),
+    )
+    error = _measure(request, calibration, comment, json_out, quiet)
+    if error is not None:
+        raise error
+
+
+def _chosen(
+    calibration: Calibration, request: RunRequest, due: bool, quiet: bool
+) -> tuple[Pair, ...]:
+    """All sites, or those that are due."""
+    from stagectl.calibration.due import due_sites
+    from stagectl.history.opening import open_history
+    from stagectl.history.records import StageKey
+    from stagectl.maps.active import load_active
+
+    sites = calibration.recipe.sites
+    if not due:
+        return sites
+    machine = request.machine
+    Path(str(request.history)).parent.mkdir(parents=True, exist_ok=True)
+    history = open_history(str(request.history), write=True)
+    try:
+        stage = StageKey(machine.name, request.truth is not None)
+        now = request.started.timestamp()
+        active = load_active(history, stage, machine, sites, now)
+        found = due_sites(
+            sites, calibration.due, history, stage, tuple(machine.axes), now,
+            None if active is None else active.places,
+        )  # fmt: skip
+    finally:
+        history.close()
+    for site in found if not quiet else ():
+        x, y = site.place
+        click.echo(f"due: ({x * 1e3:g}, {y * 1e3:g}) mm: {'; '.join(site.reasons)}")
+    places = {site.place for site in found}
+    return tuple(site for site in sites if site in places)
+
+
+def _measure(
+    request: RunRequest, calibration: Calibration, comment: str, json_out: Path | None, quiet: bool
+) -> Exception | None:
+    """Run the calibration, keep the map, say what came of it; returns what ended it early."""
+    from rich.console import Console
+
+    from stagectl.calibration.outcome import outcomes, overall
+    from stagectl.cli.progress import RunProgress
+    from stagectl.errors import StagectlError
+    from stagectl.history.opening import open_history
+    from stagectl.history.records import StageKey
+    from stagectl.maps.active import map_versions
+    from stagectl.maps.build import build_map
+    from stagectl.maps.compare import compare
+    from stagectl.maps.learning import tracking_settings
+    from stagectl.maps.model import to_json
+    from stagectl.session import Listener, execute
+
+    console = Console(stderr=quiet)
+    machine = request.machine
+    with RunProgress(console, request.recipe, tuple(machine.axes)) as progress:
+        result = execute(request, Listener(progress.phase, progress.event, _stop_on_signal))
+    stage = StageKey(machine.name, request.truth is not None)
+    history = open_history(str(request.history), write=True)
+    changes: list[AxisChange] = []
+    built, number = None, None
+    try:
+        before = map_versions(history, stage)
+        if result.error is None:
+            try:
+                settings = tracking_settings(machine, history.measurements(stage))
+                built = build_map(history, stage, settings=settings)
+                now = datetime.now(UTC).timestamp()
+                number = history.save_map(stage, now, comment, to_json(built))
+                changes = compare(before[-1].map, built) if before else []
+            except StagectlError as error:
+                console.print(f"no new map: {error}", style="yellow", markup=False)
+    finally:
+        history.close()
+    found = outcomes(
+        request.recipe.sites, result.summary["friction"], tuple(machine.axes), built, changes
+    )
+    console.print(_table(found, calibration.sequence), crop=False, soft_wrap=True)
+    for line in overall(changes):
+        console.print(line, markup=False)
+    if number is not None:
+        console.print(
+            f"map {number} kept in {request.history}; 'stagectl map activate {number} --history "
+            f"{request.history}' puts it into use",
+            markup=False, soft_wrap=True,
+        )  # fmt: skip
+    elif result.error is not None:
+        console.print(
+            f"interrupted; 'stagectl calibrate ... --resume {request.folder}' goes on",
+            markup=False, soft_wrap=True,
+        )  # fmt: skip
+    if json_out is not None:
+        write_json(_as_dict(request, number, found), json_out)
+    return result.error
+
+
+def _table(found: list[SiteOutcome], sequence: SiteSequence) -> RenderableType:
+    """A line per site and axis; what should be done, below it."""
+    from rich import box
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
+    for title in ("site", "x, mm", "y, mm", "axis", "Fc, N", "±1σ", "change", "learnt (exp.)", ""):
+        table.add_column(title, justify="left" if title == "" else "right", no_wrap=True)
+    lines: list[RenderableType] = []
+    for entry in found:
+        bits = sum(gain.bits for gain in entry.gains.values())
+        expected = sum(gain.bits for gain in sequence.gains[entry.axis].values())
+        table.add_row(
+            str(entry.site), *(f"{p * 1e3:.1f}" for p in entry.place), entry.axis,
+            "" if entry.coulomb is None else f"{entry.coulomb:.3f}",
+            "" if entry.sigma is None else f"{entry.sigma:.1%}",
+            "" if entry.change is None else f"{entry.change:+.1%}",
+            f"{bits:.1f} ({expected:.1f}) bit", Text(entry.severity, _STYLES[entry.severity]),
+        )  # fmt: skip
+        if entry.severity != "good":
+            lines.append(Text(f"site {entry.site}, axis {entry.axis}: {entry.suggestion}"))
+    return Group(table, *lines)
+
+
+def _as_dict(
+    request: RunRequest, number: int | None, found: list[SiteOutcome]
+) -> dict[str, object]:
+    return {
+        "format": "stagectl-calibration", "version": 1, "machine": request.machine.name,
+        "simulated": request.truth is not None, "map": number,
+        "sites": [
+            {
+                "site": e.site, "place": list(e.place), "axis": e.axis, "coulomb": e.coulomb,
+                "sigma": e.sigma, "change": e.change,
+                "bits": {name: gain.bits for name, gain in e.gains.items()},
+                "refused": list(e.refused), "severity": e.severity, "suggestion": e.suggestion,
+            }
+            for e in found
+        ],
+    }  # fmt: skip

@@ -1,0 +1,145 @@
+"""Maps and estimates as tables for other programs: CSV, or Parquet (extra `export`: pyarrow)."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from stagectl.errors import StagectlError, UnusableInput
+from stagectl.history.port import History
+from stagectl.history.records import StageKey
+from stagectl.maps.model import MapVersion
+
+Cell = str | float | int | bool | None
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Columns by name, units in the names, and rows."""
+
+    columns: tuple[str, ...]
+    rows: Sequence[Sequence[Cell]]
+
+
+def sites_table(version: MapVersion) -> Table:
+    """One row per axis and site of a map."""
+    return Table(
+        ("map", "axis", "x_m", "y_m", "coulomb_N", "sigma_N", "measured", "measurements"),
+        [
+            (
+                version.number, name, *site.place, site.coulomb, site.coulomb * site.sigma,
+                iso(site.measured), site.count,
+            )
+            for name, axis in version.map.axes.items() for site in axis.sites
+        ],
+    )  # fmt: skip
+
+
+def grid_table(version: MapVersion, step: float) -> Table:
+    """The field of every axis on a grid over its sites, with its 95 % band.
+
+    Args:
+        version: of the map.
+        step: distance of the nodes [m].
+    """
+    rows: list[Sequence[Cell]] = []
+    for name, axis in version.map.axes.items():
+        field = axis.field()
+        low, high = field.places.min(axis=0) - field.edge, field.places.max(axis=0) + field.edge
+        nodes = [np.arange(a, b + step / 2, step) for a, b in zip(low, high, strict=True)]
+        if len(nodes[0]) * len(nodes[1]) > 1_000_000:
+            raise UnusableInput(f"a grid of {step:g} m has more than a million nodes")
+        places = np.stack(np.meshgrid(*nodes, indexing="ij"), -1).reshape(-1, 2)
+        found = field.at(places)
+        lower, upper = found.band()
+        rows += [
+            (version.number, name, float(x), float(y), float(v), float(s), float(a), float(b),
+             bool(i))
+            for (x, y), v, s, a, b, i in zip(
+                places, found.value, found.value * found.sigma, lower, upper, found.inside,
+                strict=True,
+            )
+        ]  # fmt: skip
+    return Table(
+        ("map", "axis", "x_m", "y_m", "coulomb_N", "sigma_N", "low_N", "high_N", "inside"), rows
+    )
+
+
+def trend_table(history: History, stage: StageKey) -> Table:
+    """Every accepted estimate of every place and axis."""
+    runs = history.runs(stage, last=1)
+    axes = runs[0][1].axes if runs else ()
+    rows: list[dict[str, Cell]] = []
+    for place in history.places(stage):
+        for axis in axes:
+            trend = history.trend(stage, axis, place)
+            for k in range(len(trend)):
+                row: dict[str, Cell] = {
+                    "axis": axis, "x_m": place[0], "y_m": place[1],
+                    "time": iso(float(trend.time[k])), "kind": trend.kind[k],
+                    "run": trend.run[k],
+                }  # fmt: skip
+                for name, values in trend.values.items():
+                    row[name] = _number(float(values[k]))
+                    row[f"{name}_sigma"] = _number(float(trend.sigma[name][k]))
+                row["level"] = float(trend.level[k])
+                row["temperature_C"] = _number(float(trend.temperature[k]))
+                rows.append(row)
+    columns = tuple(dict.fromkeys(name for row in rows for name in row))
+    return Table(columns, [[row.get(name) for name in columns] for row in rows])
+
+
+def write_table(table: Table, path: Path) -> None:
+    """Write a table; the ending of the file says how.
+
+    Raises:
+        UnusableInput: an ending other than .csv and .parquet, or pyarrow is missing.
+        StagectlError: it cannot be written.
+    """
+    if path.suffix == ".csv":
+        text = io.StringIO()
+        writer = csv.writer(text)
+        writer.writerow(table.columns)
+        writer.writerows(table.rows)
+        data = text.getvalue().encode()
+    elif path.suffix == ".parquet":
+        data = _parquet(table)
+    else:
+        raise UnusableInput(f"{path}: write .csv or .parquet")
+    try:
+        path.write_bytes(data)
+    except OSError as error:
+        raise StagectlError(f"{path}: cannot write: {error.strerror}") from error
+
+
+def iso(time: float) -> str:
+    """Seconds since 1970 as ISO 8601 in UTC."""
+    return datetime.fromtimestamp(time, UTC).isoformat(timespec="milliseconds")
+
+
+def _parquet(table: Table) -> bytes:
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        raise UnusableInput(
+            "Parquet needs pyarrow, which is not installed: pip install 'stagectl[export]', "
+            "or write .csv"
+        ) from None
+    columns = list(zip(*table.rows, strict=True)) or [()] * len(table.columns)
+    sink = pyarrow.BufferOutputStream()
+    pyarrow.parquet.write_table(
+        pyarrow.table({n: list(c) for n, c in zip(table.columns, columns, strict=True)}), sink
+    )
+    data: bytes = sink.getvalue().to_pybytes()
+    return data
+
+
+def _number(value: float) -> float | None:
+    return None if np.isnan(value) else value

@@ -1,0 +1,107 @@
+"""Maps on a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+
+import numpy as np
+from rich import box
+from rich.console import Group, RenderableType
+from rich.table import Table
+
+from stagectl.history.records import Activation, StageKey
+from stagectl.maps.compare import AxisChange
+from stagectl.maps.model import MapVersion
+
+_LISTED = 8
+
+
+def day(time: float) -> str:
+    """Seconds since 1970 as people write them, UTC."""
+    return f"{datetime.fromtimestamp(time, UTC):%Y-%m-%d %H:%M}"
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1))
+    for i, column in enumerate(columns):
+        table.add_column(column, justify="left" if i == 0 else "right")
+    return table
+
+
+def summary(version: MapVersion) -> RenderableType:
+    """The axes of a map in figures."""
+    use = ", in use" if version.active else ""
+    title = f"map {version.number} of {version.map.stage}, as of {day(version.map.date)} UTC{use}"
+    table = _table(
+        title + (f": {version.comment}" if version.comment else ""),
+        "axis", "sites", "Fc, N", "lowest", "highest", "known to", "correlation length",
+        "other figures",
+    )  # fmt: skip
+    for name, axis in version.map.axes.items():
+        values = np.array([site.coulomb for site in axis.sites])
+        field = axis.field()
+        others = ", ".join(f"{key} {value:.4g}" for key, (value, _) in axis.figures.items())
+        table.add_row(
+            name,
+            str(len(axis.sites)),
+            f"{values.mean():.3f}",
+            f"{values.min() / values.mean() - 1:+.1%}",
+            f"{values.max() / values.mean() - 1:+.1%}",
+            f"{np.median([site.sigma for site in axis.sites]):.1%}",
+            f"{field.length * 1e3:.0f} mm",
+            others,
+        )
+    return table
+
+
+def at_place(version: MapVersion, place: tuple[float, float]) -> RenderableType:
+    """The value of every axis at one place."""
+    lines = []
+    for name, axis in version.map.axes.items():
+        found = axis.field().at(np.array([place]))
+        low, high = (float(v[0]) for v in found.band())
+        beyond = "" if found.inside[0] else " (outside of the map: the value at its edge)"
+        lines.append(
+            f"{name} at ({place[0] * 1e3:g}, {place[1] * 1e3:g}) mm: "
+            f"Fc {float(found.value[0]):.3f} N, 95 % {low:.3f} to {high:.3f}{beyond}"
+        )
+    return Group(*lines)
+
+
+def versions_table(
+    stage: StageKey, versions: Sequence[MapVersion], used: Sequence[Activation]
+) -> RenderableType:
+    """All versions, and what was put into use when."""
+    table = _table(f"maps of {stage}", "map", "made (UTC)", "as of", "sites", "in use", "comment")
+    for version in versions:
+        sites = "/".join(str(len(axis.sites)) for axis in version.map.axes.values())
+        table.add_row(
+            str(version.number), day(version.made), day(version.map.date), sites,
+            "yes" if version.active else "", version.comment,
+        )  # fmt: skip
+    uses = _table("put into use", "time (UTC)", "map", "how")
+    for entry in used:
+        uses.add_row(day(entry.time), "none" if entry.number is None else str(entry.number),
+                     entry.reason)  # fmt: skip
+    return Group(table, uses) if used else Group(table, "no map has been in use yet")
+
+
+def changes_table(old: int, new: int, changes: Sequence[AxisChange]) -> RenderableType:
+    """What has changed between two versions."""
+    parts: list[RenderableType] = []
+    for axis in changes:
+        table = _table(
+            f"{axis.axis}, map {old} to {new}: all sites {axis.common:+.1%}, beside that "
+            f"{axis.own:.1%} rms",
+            "site, mm", "change", "± 1 sigma", "",
+        )  # fmt: skip
+        for site in axis.sites[:_LISTED]:
+            table.add_row(
+                f"({site.place[0] * 1e3:.1f}, {site.place[1] * 1e3:.1f})",
+                f"{site.change:+.1%}",
+                f"{site.sigma:.1%}",
+                "changed" if site.significant else "",
+            )
+        parts.append(table)
+    return Group(*parts) if parts else Group("the two maps have no axis in common")

@@ -1,0 +1,79 @@
+"""The trend of one axis at one site as SVG text: points with their 95 % intervals over time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stagectl.history.records import Trend
+from stagectl.maps.tables import day
+from stagectl.paper.svg import ticks
+
+_LEFT, _RIGHT, _TOP, _BOTTOM = 44, 8, 22, 22
+MOST = 200
+"""Points drawn; of more, the last ones."""
+
+
+def draw_trend(
+    trend: Trend, figure: str, title: str, at_map: float | None, width: int = 380, height: int = 150
+) -> str:
+    """The trend as an SVG element.
+
+    Args:
+        trend: of the site.
+        figure: which.
+        title: above.
+        at_map: the map's value, drawn as a line; None for none.
+        width: [px].
+        height: [px].
+    """
+    value, sigma, time = (
+        trend.values[figure][-MOST:],
+        trend.sigma[figure][-MOST:],
+        trend.time[-MOST:],
+    )
+    ok = np.isfinite(value) & np.isfinite(sigma)
+    value, sigma, time = value[ok], sigma[ok], time[ok]
+    low, high = value - 1.96 * sigma, value + 1.96 * sigma
+    # One vague first estimate must not press all others flat.
+    bottom_value = min(float(np.percentile(low, 5)), float(value.min()), at_map or np.inf)
+    top_value = max(float(np.percentile(high, 95)), float(value.max()), at_map or -np.inf)
+    pad = 0.05 * (top_value - bottom_value) or 1.0
+    y0, y1 = bottom_value - pad, top_value + pad
+    t0, t1 = float(time[0]), float(time[-1])
+    if t1 <= t0:
+        t0, t1 = t0 - 1.0, t1 + 1.0
+    left, right, top, bottom = _LEFT, width - _RIGHT, _TOP, height - _BOTTOM
+
+    def px(t: float) -> float:
+        return left + 4 + (t - t0) / (t1 - t0) * (right - left - 8)
+
+    def py(v: float) -> float:
+        return bottom - (min(max(v, y0), y1) - y0) / (y1 - y0) * (bottom - top)
+
+    parts = [
+        f'<svg viewBox="0 0 {width} {height}" width="{width}" height="{height}" role="img" '
+        f'aria-label="{title}" font-size="12" fill="currentColor">',
+        f'<text x="{left}" y="14" font-weight="600">{title}</text>',
+    ]
+    for y in ticks(y0, y1, 4):
+        parts.append(
+            f'<line x1="{left}" x2="{right}" y1="{py(y):.1f}" y2="{py(y):.1f}" '
+            'stroke="currentColor" stroke-opacity="0.15"/>'
+            f'<text x="{left - 5}" y="{py(y) + 4:.1f}" text-anchor="end">{y:.4g}</text>'
+        )
+    if at_map is not None:
+        parts.append(
+            f'<line x1="{left}" x2="{right}" y1="{py(at_map):.1f}" y2="{py(at_map):.1f}" '
+            'stroke="#c0392b" stroke-dasharray="5 3"/>'
+        )
+    for t, v, a, b in zip(time.tolist(), value.tolist(), low.tolist(), high.tolist(), strict=True):
+        parts.append(
+            f'<line x1="{px(t):.1f}" x2="{px(t):.1f}" y1="{py(a):.1f}" y2="{py(b):.1f}" '
+            'stroke="#2a6fb0" stroke-opacity="0.5"/>'
+            f'<circle cx="{px(t):.1f}" cy="{py(v):.1f}" r="2" fill="#2a6fb0"/>'
+        )
+    parts.append(
+        f'<text x="{left}" y="{height - 5}">{day(float(time[0]))}</text>'
+        f'<text x="{right}" y="{height - 5}" text-anchor="end">{day(float(time[-1]))}</text>'
+    )
+    return "".join([*parts, "</svg>"])
