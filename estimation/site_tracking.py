@@ -108,7 +108,8 @@ class SiteTracker:
         self.time = time
         self.moves = np.zeros(n, dtype=np.int64)
         self._detectors = [StepDetector() for _ in range(n)]
-        self._last_step: tuple[int, int, float] | None = None  # site, sign, size
+        # Site, sign, size of the last step, and what the site has taken of it.
+        self._last_step: tuple[int, int, float, float] | None = None
 
     def add_site(self, mean: float, variance: float) -> int:
         """A place that was not among the sites; returns its number."""
@@ -212,15 +213,21 @@ class SiteTracker:
             if last is not None and last[0] != site and last[1] == sign:
                 if 0.5 < off / last[2] < 2.0:
                     step, revoked = "common", last[0]
-            if step == "common":
+            if step == "common" and last is not None:
+                # What the other site has taken for its own was everybody's.
+                self.state[SITES + last[0]] -= last[3]
+                self._open(SITES + last[0], 0.3 * last[2])
                 self._open(COMMON, off)
                 self._last_step = None
             else:
                 self._open(SITES + site, off)
-                self._last_step = (site, sign, off)
+                self._last_step = (site, sign, off, float(self.state[SITES + site]))
         elif self._last_step is not None and self._last_step[0] != site:
             self._last_step = None  # elsewhere nothing has stepped: it was that site's own
         self._correct(self._row(site, True), off, noise)
+        if step == "site" and self._last_step is not None:
+            taken = float(self.state[SITES + site]) - self._last_step[3]
+            self._last_step = (site, sign, off, taken)
         return Observation(surprise, math.expm1(off), step, revoked)
 
     def _open(self, place: int, size: float) -> None:

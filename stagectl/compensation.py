@@ -149,7 +149,11 @@ class AxisCompensation:
     ) -> None:
         """From now on Fc is `coulomb` +- `sigma` [N], and w is as `level` says: another place."""
         state = self.estimator.state
-        self._departed = None if state is None else state.copy()
+        self._departed = (
+            FrictionState.relaxed(self.estimator.friction.elements)
+            if state is None
+            else state.copy()
+        )
         self.estimator.expect(coulomb, sigma, level)
 
     def _real_state(self, rest_force: float) -> FrictionState | None:

@@ -15,6 +15,8 @@ F64 = NDArray[np.float64]
 
 NEAR = 5e-3
 """Moves within this distance stay at their site [m]."""
+OPEN_LEVEL = (0.0, 0.01)
+"""The wander after a move over unknown friction, which the estimator may have taken for it."""
 SPREAD = 0.3
 """How far the Coulomb force of another site may be from the last one's, relative, 1 sigma."""
 
@@ -41,6 +43,8 @@ class FreshPlaces:
         """As `Places`: nothing is known of the way."""
         return np.zeros(len(path))
 
-    def arrived(self, axis: int, kind: str, estimate: Estimate, time: float) -> None:
-        """As `Places`."""
-        self._coulomb[axis] = estimate.friction.coulomb
+    def arrived(self, axis: int, kind: str, estimate: Estimate, time: float) -> Expectation | None:
+        """As `Places`: what the way there has shown is that of the way; the site is open again."""
+        level = estimate.friction.coulomb * estimate.level
+        self._coulomb[axis] = level
+        return Expectation(level, SPREAD * level / 2.0, OPEN_LEVEL) if kind == "macro" else None

@@ -223,7 +223,17 @@ def _table(found: list[SiteOutcome], sequence: SiteSequence) -> RenderableType:
     from rich.text import Text
 
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
-    for title in ("site", "x, mm", "y, mm", "axis", "Fc, N", "±1σ", "change", "learnt (exp.)", ""):
+    for title in (
+        "site",
+        "x, mm",
+        "y, mm",
+        "axis",
+        "Fc, N",
+        "±1 sigma",
+        "change",
+        "learnt (exp.)",
+        "",
+    ):
         table.add_column(title, justify="left" if title == "" else "right", no_wrap=True)
     lines: list[RenderableType] = []
     for entry in found:

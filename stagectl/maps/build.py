@@ -14,16 +14,19 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from estimation.friction_field import FrictionField
+from estimation.friction_field import KERNELS, FrictionField
 from estimation.site_tracking import COMMON, SITES, SiteTracker, TrackingSettings
 from stagectl.errors import UnusableInput
 from stagectl.history.port import History
-from stagectl.history.records import Measurement, Pair, StageKey
+from stagectl.history.records import F64, Measurement, Pair, StageKey
 from stagectl.maps.model import FrictionMap, MapAxis, MapSite
 
 LEAST_SITES = 4
 """A map of fewer places says nothing of the others."""
-_OPEN = 0.5  # relative 1-sigma of a site before anything is known of it
+_OPEN = 0.5  # relative 1-sigma of the common level before anything is known of it
+AMPLITUDE, LENGTH, SCATTER = 0.15, 0.45, 0.05
+"""Before the sites are looked at: rms over the table, correlation length relative to the sites'
+extent, and rms from a site to a smooth table."""
 
 
 def build_map(
@@ -70,7 +73,7 @@ def _axis(
     places = list(dict.fromkeys(entry.place for entry in entries))
     values = np.log([entry.value for entry in entries])
     start = np.full(len(places), float(np.median(values)))
-    tracker = SiteTracker(start, _OPEN**2 * np.eye(len(places)), settings, entries[0].time)
+    tracker = SiteTracker(start, prior_covariance(places), settings, entries[0].time)
     tracker.covariance[COMMON, COMMON] = 0.0  # the level at the first measurement is the reference
     last: dict[Pair, float] = {}
     for entry, value in zip(entries, values.tolist(), strict=True):
@@ -87,6 +90,20 @@ def _axis(
         for i, place in enumerate(places)
     )
     return sites, field.nodes
+
+
+def prior_covariance(places: Sequence[Pair]) -> F64:
+    """What is believed of the sites before they are looked at, for the logarithm of their level.
+
+    Any level, varying smoothly over the table, and a little from site to site. Without the
+    smoothness, a drift while the sites are visited could not be told from a difference between
+    them but by a site that is seen twice.
+    """
+    at = np.array(places)
+    apart = np.linalg.norm(at[:, None] - at[None], axis=2)
+    length = LENGTH * max(float(np.ptp(at, axis=0).max()), 1e-3)
+    smooth: F64 = KERNELS["matern 5/2"][0](apart / length)
+    return _OPEN**2 + AMPLITUDE**2 * smooth + SCATTER**2 * np.eye(len(places))
 
 
 def _figures(

@@ -10,7 +10,7 @@ import numpy as np
 from stagectl.history.records import Pair
 from stagectl.maps.model import FrictionMap, MapAxis
 
-MEANS_SOMETHING = 3.0
+MEANS_SOMETHING = 3.5
 """A change beyond so many standard deviations is none by chance."""
 
 

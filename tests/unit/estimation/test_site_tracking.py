@@ -1,0 +1,109 @@
+"""Tracking of many sites: honest surprises, steps told from drift, neighbours that learn."""
+
+import math
+
+import numpy as np
+import pytest
+
+from estimation.change import StepDetector, false_alarm_rate
+from estimation.site_tracking import SiteTracker, TrackingSettings
+
+SITES, EVERY = 20, 0.35
+MAP, SHOWN = 0.01, 0.004  # what the map is off by, and a move's own error
+
+
+def shift(seed, wafers, step=None, restart=0, everywhere=False):
+    """Wafer after wafer: 1 % wander, warm-up of 30 %; what was flagged, surprises, errors."""
+    generator = np.random.default_rng(seed)
+    off = generator.normal(0.0, MAP, SITES)
+    tracker = SiteTracker(np.zeros(SITES), MAP**2 * np.eye(SITES), TrackingSettings())
+    time = cold = wander = 0.0
+    flagged, surprises, errors = [], [], []
+    for wafer in range(wafers):
+        if restart and wafer and wafer % restart == 0:
+            time += 3600.0
+            cold = time
+        for site in range(SITES):
+            time += EVERY
+            keep = math.exp(-EVERY / 0.5)
+            wander = keep * wander + math.sqrt(1 - keep**2) * generator.normal(0.0, 0.01)
+            level = off[site] + math.log1p(0.3 * math.exp(-(time - cold) / 120.0))
+            if step and wafer >= step[0] and (everywhere or site == 7):
+                level += math.log1p(step[1])
+            tracker.advance(time)
+            errors.append(tracker.expected(site, wander=False)[0] - level)
+            shown = level + wander + generator.normal(0.0, SHOWN)
+            seen = tracker.observe(site, shown, SHOWN, time)
+            surprises.append(seen.surprise)
+            if seen.step:
+                flagged.append((wafer, site, seen.step, seen.change))
+        time += 2.0
+    return flagged, np.array(surprises), np.array(errors)
+
+
+def test_quiet_moves_raise_no_alarm_and_warm_up_is_no_step():
+    flagged, surprises, errors = [], [], []
+    for seed in range(2):
+        more, z, error = shift(seed, 60, restart=20)
+        flagged += more
+        surprises.append(z)
+        errors.append(error[400:])
+    z = np.concatenate(surprises)
+    # 2400 moves: at the 5 in 10,000 that are allowed, one would be expected.
+    assert flagged == []
+    assert 0.8 <= z.std() <= 1.15
+    assert abs(np.mean(z)) < 0.15
+    assert np.abs(z).max() < 5.0
+    assert np.concatenate(errors).std() < 0.02
+
+
+@pytest.mark.parametrize(("size", "moves"), [(0.2, 1), (-0.2, 1), (0.05, 4), (-0.05, 4)])
+def test_a_step_at_a_site_is_flagged_in_time_and_nowhere_else(size, moves):
+    for seed in range(3):
+        flagged, _, errors = shift(seed, 16, step=(8, size))
+        assert {site for _, site, _, _ in flagged} == {7}
+        wafer, _, kind, change = flagged[0]
+        assert wafer - 8 + 1 <= moves
+        assert kind == "site"
+        assert change == pytest.approx(size, abs=0.045)
+        # From the next visit on the new level is expected there.
+        assert np.abs(errors[-3 * SITES + 7 :: SITES]).max() < 0.025
+
+
+def test_a_step_of_the_whole_table_is_told_apart():
+    flagged, _, errors = shift(4, 12, step=(6, 0.2), everywhere=True)
+    assert [(kind, site) for _, site, kind, _ in flagged] == [("site", 0), ("common", 1)]
+    assert np.abs(errors[-SITES:]).max() < 0.03
+
+
+def test_what_one_site_shows_its_neighbour_learns():
+    covariance = 0.05**2 * np.array([[1.0, 0.9], [0.9, 1.0]])
+    tracker = SiteTracker(np.log([6.0, 6.0]), covariance, TrackingSettings(pause=0.001), 0.0)
+    before = tracker.expected(1, wander=False)[1]
+    for k in range(5):
+        tracker.observe(0, math.log(6.6), 0.005, 10.0 * (k + 1))
+    value, sigma = tracker.expected(1, wander=False)
+    assert 6.3 < math.exp(value) < 6.7
+    assert sigma < 0.7 * before
+
+
+def test_a_new_site_and_time_that_stands_still():
+    tracker = SiteTracker(np.zeros(2), 1e-4 * np.eye(2), TrackingSettings(), 100.0)
+    state = tracker.state.copy()
+    tracker.advance(90.0)
+    assert tracker.time == 100.0
+    assert (tracker.state == state).all()
+    number = tracker.add_site(math.log(1.2), 0.03**2)
+    assert math.exp(tracker.expected(number)[0]) == pytest.approx(1.2)
+    # Half a year of silence: nothing is forgotten but how sure it was.
+    before = tracker.expected(0, wander=False)[1]
+    tracker.advance(100.0 + 180 * 86400.0)
+    assert before < tracker.expected(0, wander=False)[1] < 1.0
+
+
+def test_the_detector_sums_small_surprises_and_begins_anew():
+    detector = StepDetector(allowance=1.0, threshold=4.0)
+    assert [detector.update(z) for z in (2.5, 2.5, 2.5)] == [0, 0, 1]
+    assert (detector.up, detector.down) == (0.0, 0.0)
+    assert detector.update(-8.0) == -1
+    assert 1e-8 < false_alarm_rate() < 1e-6

@@ -1,0 +1,221 @@
+"""Friction maps: built from what moves have shown, versions, checks, comparison, tables, page."""
+
+import csv
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimation.split_horizon import Estimate
+from stagectl.config.machine import load_machine
+from stagectl.errors import UnusableInput
+from stagectl.history.opening import open_history
+from stagectl.history.records import EstimateRecord, RunEntry, StageKey
+from stagectl.maps.active import load_active, map_versions
+from stagectl.maps.applicable import problems
+from stagectl.maps.build import build_map
+from stagectl.maps.compare import compare
+from stagectl.maps.export import grid_table, sites_table, trend_table, write_table
+from stagectl.maps.model import MapVersion, from_json, to_json
+from stagectl.maps.places import TrackedPlaces
+from stagectl.maps.report import render
+
+STAGE = StageKey("wafer-xy", True)
+BEGIN = 1.7e9
+GRID = [(x * 0.02 - 0.04, y * 0.02 - 0.04) for y in range(5) for x in range(5)]
+
+
+def level(axis, place):
+    """The table: +-15 % over some 60 mm."""
+    x, y = place
+    wave = math.sin(25 * x + 1.0) * math.cos(20 * y) if axis == "x" else math.cos(22 * x - 15 * y)
+    return (6.0 if axis == "x" else 9.0) * (1.0 + 0.15 * wave)
+
+
+@pytest.fixture
+def history(tmp_path):
+    opened = open_history(str(tmp_path / "stage.db"), write=True)
+    yield opened
+    opened.close()
+
+
+def calibrate(history, at=BEGIN, spot=None, everywhere=1.0, sites=GRID, seed=1):
+    """A calibration as the history has it: four moves a site, 1 % wander."""
+    generator = np.random.default_rng(seed)
+    number = history.start_run(
+        RunEntry(STAGE, ("x", "y"), at, "cal", None, None, "stagectl", "runs/c", "calibration")
+    )
+    rows = []
+    for i, place in enumerate([*sites, sites[0]]):
+        for k in range(4):
+            for axis in "xy":
+                value = level(axis, place) * everywhere * (1.2 if place == spot else 1.0)
+                shown = value * (1.0 + 0.01 * generator.standard_normal())
+                rows.append(
+                    EstimateRecord(
+                        number, axis, "other", i + 1, place, at + 3 * i + 0.6 * k, 1e-3, True,
+                        None, {"coulomb": value, "viscous": 20.0}, (0.01, 0, 0, 0.1), 1.0,
+                        (shown, 0.003 * value),
+                    )
+                )  # fmt: skip
+    history.add(rows)
+    return number
+
+
+def keep(history, at):
+    built = build_map(history, STAGE, until=at + 1000)
+    return history.save_map(STAGE, at, "weekly", to_json(built)), built
+
+
+def test_a_map_knows_its_sites_and_places_between_them(history):
+    calibrate(history)
+    _, built = keep(history, BEGIN)
+    for name, axis in built.axes.items():
+        assert len(axis.sites) == 25
+        assert {site.count for site in axis.sites} == {4, 8}
+        errors = np.array([s.coulomb / level(name, s.place) - 1 for s in axis.sites])
+        assert errors.std() < 0.008
+        assert abs(errors.mean()) < 0.02  # the common level is the tracking's business
+        assert np.median([site.sigma for site in axis.sites]) < 0.012
+        places = np.random.default_rng(2).uniform(-0.04, 0.04, (100, 2))
+        found = axis.field().at(places)
+        truth = np.array([level(name, p) for p in places])
+        assert np.sqrt(np.mean((found.value / truth - 1) ** 2)) < 0.02
+        assert axis.figures["viscous"][0] == 20.0
+
+
+def test_too_little_makes_no_map(history):
+    calibrate(history, sites=GRID[:3])
+    with pytest.raises(UnusableInput, match="stagectl calibrate"):
+        build_map(history, STAGE)
+
+
+def test_a_map_survives_its_own_format_and_damage_is_told(history):
+    calibrate(history)
+    _, built = keep(history, BEGIN)
+    assert from_json(to_json(built), "m") == built
+    for text in ("", "[]", "{}", to_json(built)[:-40], to_json(built).replace("gaussian", "x")):
+        with pytest.raises(UnusableInput, match="m: not a usable friction map"):
+            from_json(text, "m")
+    newer = to_json(built).replace('"version": 1', '"version": 9')
+    with pytest.raises(UnusableInput, match="newer"):
+        from_json(newer, "m")
+
+
+def test_versions_activation_and_rollback(history):
+    calibrate(history)
+    first, _ = keep(history, BEGIN)
+    second, _ = keep(history, BEGIN + 1)
+    assert (first, second) == (1, 2)
+    with pytest.raises(ValueError, match="no map 7"):
+        history.activate(STAGE, 7, BEGIN, "activated")
+    for number in (1, 2, None, 1):
+        history.activate(STAGE, number, BEGIN, "activated")
+        assert [v.number for v in map_versions(history, STAGE) if v.active] == [
+            n for n in (number,) if n
+        ]
+    assert [a.number for a in history.activations(STAGE)] == [1, 2, None, 1]
+
+
+def test_what_speaks_against_a_map(history):
+    machine = load_machine()
+    calibrate(history, spot=GRID[12])
+    _, built = keep(history, BEGIN)
+    found = problems(built, machine)
+    assert not any(p.grave for p in found)
+    assert any("neighbours" in p.text and "axis x: site (0, 0) mm" in p.text for p in found)
+    x = built.axes["x"]
+    far = replace(x.sites[0], place=(0.4, 0.0))
+    wild = tuple(replace(site, coulomb=site.coulomb * 9) for site in x.sites)
+    vague = tuple(replace(site, sigma=0.4) for site in x.sites)
+    cases = {
+        "outside the travel": {"x": replace(x, sites=(far, *x.sites[1:]))},
+        "times the machine file's": {"x": replace(x, sites=wild)},
+        "not known to": {"x": replace(x, sites=vague)},
+        "the machine has none": {"z": x},
+        "only 2 sites": {"x": replace(x, sites=x.sites[:2])},
+    }
+    for reason, axes in cases.items():
+        grave = [p.text for p in problems(replace(built, axes=axes), machine) if p.grave]
+        assert any(reason in text for text in grave), reason
+    other = replace(built, stage=StageKey("another", True))
+    assert any("the machine is wafer-xy" in p.text for p in problems(other, machine) if p.grave)
+
+
+def test_comparison_tells_a_spot_from_the_whole_table(history):
+    calibrate(history)
+    _, before = keep(history, BEGIN)
+    calibrate(history, BEGIN + 7 * 86400, GRID[7], 1.08, seed=2)
+    _, after = keep(history, BEGIN + 7 * 86400)
+    for axis in compare(before, after):
+        assert axis.common == pytest.approx(0.08, abs=0.02)
+        assert axis.sites[0].place == GRID[7]
+        assert axis.sites[0].change == pytest.approx(0.2, abs=0.05)
+        assert [s.place for s in axis.sites if s.significant] == [GRID[7]]
+
+
+def estimate(value):
+    return Estimate(
+        True, None, None, {}, np.zeros((4, 4)), {}, (8.0, 0.1), 1.0, "A", 1.0, (value, 0.02)
+    )  # fmt: skip
+
+
+def test_in_production_a_site_is_known_on_arrival_and_its_step_is_found(history):
+    calibrate(history)
+    number, _ = keep(history, BEGIN)
+    history.activate(STAGE, number, BEGIN, "activated")
+    machine = load_machine()
+    unseen = (0.011, 0.009)
+    active = load_active(history, STAGE, machine, [unseen], BEGIN + 120)
+    assert active.version.number == number
+    assert active.figures["x"]["viscous"] == (20.0, pytest.approx(0.1**0.5))
+    places, steps = active.places, []
+    places.on_step = steps.append
+    assert isinstance(places, TrackedPlaces)
+    there = places.depart(unseen, 1.0)
+    for axis, expected in zip("xy", there, strict=True):
+        truth = level(axis, unseen)
+        assert abs(expected.coulomb - truth) < 3 * expected.sigma + 0.02 * truth
+    assert places.depart((unseen[0] + 1e-4, unseen[1]), 2.0) is None  # a micro-move stays
+    path = np.linspace((-0.03, -0.02), unseen, 30)
+    relief = places.relief(0, path)
+    truth = np.array([level("x", p) for p in path]) / level("x", unseen) - 1
+    assert np.abs(relief - truth).max() < 0.03
+    assert relief[-1] == pytest.approx(0.0, abs=1e-9)
+    for k in range(3):  # settle the common level first
+        for place in GRID[:5]:
+            places.depart(place, 10.0 + k)
+            places.arrived(0, "macro", estimate(level("x", place)), 10.0 + k)
+    assert steps == []
+    places.depart(GRID[12], 20.0)
+    answer = places.arrived(0, "macro", estimate(1.2 * level("x", GRID[12])), 20.5)
+    assert [(s.axis, s.place, s.everywhere) for s in steps] == [("x", GRID[12], False)]
+    assert answer.coulomb == pytest.approx(1.2 * level("x", GRID[12]), rel=0.04)
+
+
+def test_tables_and_page(history, tmp_path):
+    calibrate(history)
+    number, built = keep(history, BEGIN)
+    version = MapVersion(number, BEGIN, "a <comment>", True, built)
+    sites = sites_table(version)
+    assert len(sites.rows) == 50
+    grid = grid_table(version, 0.01)
+    inside = grid.columns.index("inside")
+    assert {row[inside] for row in grid.rows} == {True, False}
+    estimates = trend_table(history, STAGE)
+    assert len(estimates.rows) == 208
+    path = tmp_path / "sites.csv"
+    write_table(sites, path)
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[0]["coulomb_N"]) == built.axes["x"].sites[0].coulomb
+    parquet = pytest.importorskip("pyarrow.parquet")
+    write_table(estimates, tmp_path / "e.parquet")
+    assert parquet.read_table(tmp_path / "e.parquet").num_rows == 208
+    with pytest.raises(UnusableInput, match=r"\.csv or \.parquet"):
+        write_table(sites, tmp_path / "sites.xlsx")
+    page = render(history, STAGE, version, version)
+    assert page.count("<svg") == 2 * 2 + 50
+    assert "a &lt;comment&gt;" in page
+    assert "http" not in page.replace("http://www.w3.org", "")
