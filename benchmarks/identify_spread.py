@@ -1,0 +1,165 @@
+"""How far `stagectl identify` ends from the truth, in its own sigma, and what its ripple terms buy.
+
+Simulated stages (hil_sim: wander, encoder noise, force in steps) with the machine file's figures or
+others, 12 macro-moves with two micro-moves each, axis x; per figure: mean and rms of (estimate -
+truth)/sigma over the seeds. Then, without noise, what is left of the force under the true model
+when mass, or the setpoints' second differences, are regressed on.
+
+    python benchmarks/identify_spread.py [--seeds 8]
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+
+import numpy as np
+from machine_facts import machine_facts
+from numpy.typing import NDArray
+
+from estimation.gms import FrictionState, follow
+from estimation.offline.identify import Identification, identify
+from estimation.offline.records import Samples
+from estimation.trajectory import Limits, plan
+from hil_sim.effects.library import own_effects
+from hil_sim.settings import AxisSettings
+from hil_sim.simulate import simulate
+from stagectl.compensation import friction_model
+from stagectl.config import load_machine, stage_settings
+from stagectl.identify import settings_of
+
+F64 = NDArray[np.float64]
+MACRO, MICRO = Limits(0.5, 3.0, 200.0), Limits(0.01, 0.2, 20.0)
+FIGURES = (
+    "coulomb", "viscous", "stiffness", "relaxation_rate", "static_ratio", "stribeck_velocity",
+    "stribeck_shape", "asymmetry", "force_offset", "mass", "lag", "k_1", "k_5", "k_10", "nu_1",
+    "nu_5", "nu_10",
+)  # fmt: skip
+
+
+def drive(axis: AxisSettings, seed: int | None, moves: int = 12) -> Samples:
+    """Closed loop, force offset mass times acceleration; the moves on the seed too."""
+    stage = stage_settings(load_machine())
+    rng = np.random.default_rng(seed)
+    at, demand, offset = 0.0, [np.zeros(100)], [np.zeros(100)]
+    for number in range(3 * moves):
+        macro = number % 3 == 0
+        target = (
+            rng.uniform(-0.04, 0.04)
+            if macro
+            else at + rng.choice([-1, 1]) * rng.uniform(1e-5, 8e-5)
+        )
+        motion = plan(at, target, MACRO if macro else MICRO)
+        time = np.arange(1, int(motion.duration * 1e3) + 151) * 1e-3
+        position, _, acceleration = motion.sample(time)
+        demand.append(position)
+        offset.append(8.0 * acceleration)
+        at = target
+    sent = np.concatenate(demand)
+    response = simulate(
+        replace(stage, axes=(axis,)), sent[:, None], np.concatenate(offset)[:, None], seed
+    )
+    ones = np.ones(len(sent), dtype=np.bool_)
+    return Samples(response.position[:, 0], response.force[:, 0], ones, 0.0, sent)
+
+
+def truths(axis: AxisSettings, asymmetry: float) -> dict[str, float]:
+    """What `identify` should find on such an axis."""
+    f = axis.friction
+    known = {
+        "coulomb": f.coulomb, "viscous": f.viscous, "stiffness": f.stiffness,
+        "relaxation_rate": f.attraction / f.coulomb, "static_ratio": f.static_ratio,
+        "stribeck_velocity": f.stribeck_velocity, "stribeck_shape": f.stribeck_shape,
+        "asymmetry": asymmetry, "force_offset": 0.0, "mass": axis.mass, "lag": 0.0,
+    }  # fmt: skip
+    count = f.elements
+    for i in range(1, count + 1):
+        known[f"k_{i}"], known[f"nu_{i}"] = 1.0 / count, 2.0 * i / (count * (count + 1))
+    return known
+
+
+def away(found: Identification, truth: dict[str, float]) -> list[float]:
+    """(Estimate - truth)/sigma of `FIGURES`; nan where there is no estimate."""
+    if found.reason is not None:
+        return [np.nan] * len(FIGURES)
+    figures = [found[name] for name in FIGURES]
+    return [
+        (f.value - truth[f.name]) / f.sigma if f.verdict == "estimated" else np.nan for f in figures
+    ]
+
+
+def spread(seeds: int) -> None:
+    """The table of errors in sigma."""
+    machine = load_machine()
+    believed, settings = friction_model(machine.axes["x"]), settings_of(machine.axes["x"], 1e-3)
+    nominal = stage_settings(machine).axes[0]
+    lopsided = own_effects()["friction_asymmetry"].at(ratio=0.1)
+    other = replace(
+        nominal,
+        effects=(lopsided,),
+        friction=replace(
+            nominal.friction, coulomb=7.5, attraction=750.0, viscous=28.0, stiffness=4.5e5,
+            static_ratio=0.7, stribeck_velocity=3e-3,
+        ),
+    )  # fmt: skip
+    columns = []
+    for axis, asymmetry in ((nominal, 0.0), (other, 0.1)):
+        truth = truths(axis, asymmetry)
+        errors = np.array(
+            [
+                away(identify([drive(axis, s)], believed, settings), truth)
+                for s in range(1, seeds + 1)
+            ]
+        )
+        columns.append((np.nanmean(errors, axis=0), np.sqrt(np.nanmean(errors**2, axis=0))))
+    print(
+        "| (estimate - truth)/sigma | as the machine file: mean | rms | another stage: mean | rms |"
+    )
+    print("|" + " --- |" * 5)
+    for i, name in enumerate(FIGURES):
+        cells = " | ".join(f"{mean[i]:+.1f} | {rms[i]:.1f}" for mean, rms in columns)
+        print(f"| {name} | {cells} |")
+
+
+def ripple() -> None:
+    """Rms of the force that the true model leaves, moving, without noise and wander."""
+    nominal = stage_settings(load_machine()).axes[0]
+    quiet = replace(
+        nominal, noise=0.0, increment=1e-12, friction=replace(nominal.friction, wander=0.0)
+    )
+    samples = drive(quiet, None)
+    x, sent = samples.position, samples.demand
+    assert sent is not None
+    friction = friction_model(load_machine().axes["x"])
+    velocity, acceleration = (x[2:] - x[:-2]) / 2e-3, np.diff(x, 2) / 1e-6
+    elements, _ = follow(friction, FrictionState.relaxed(10), x[1:-1], velocity, 1e-3, 8, 0.0)
+    left = samples.force[1:-1] - elements - 20.0 * velocity - 8.0 * acceleration
+    moving = np.abs(velocity) > 1e-5
+    now = np.diff(sent, 2) / 1e-6
+    taps = [8.0 * np.roll(now, back) for back in range(3)]
+    print("\n| regressed on | residual, mN rms |\n| --- | --- |")
+    for name, regressors in (
+        ("nothing", []), ("acceleration (apparent mass)", [8.0 * acceleration]),
+        ("acceleration and its change", [8.0 * acceleration, 8.0 * np.gradient(acceleration)]),
+        ("setpoints' second difference, three taps", taps),
+    ):  # fmt: skip
+        rest = left[moving]
+        if regressors:
+            matrix = np.column_stack(regressors)[moving]
+            rest = rest - matrix @ np.linalg.lstsq(matrix, rest)[0]
+        print(f"| {name} | {1e3 * np.sqrt(np.mean(rest**2)):.1f} |")
+    print("\nRounding of the force: 11.5 mN.")
+
+
+def main() -> None:
+    """Both tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=8)
+    arguments = parser.parse_args()
+    print(f"{arguments.seeds} seeds; {machine_facts()}\n")
+    spread(arguments.seeds)
+    ripple()
+
+
+if __name__ == "__main__":
+    main()
