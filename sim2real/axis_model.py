@@ -1,0 +1,195 @@
+"""A model of one axis that can be fitted: its base parameters and the effects that act on it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.settings import AxisSettings
+
+F64 = NDArray[np.float64]
+
+BASE = (
+    "mass",
+    "coulomb",
+    "viscous",
+    "stiffness",
+    "static_ratio",
+    "stribeck_velocity",
+    "attraction",
+)
+"""Plant figures that are known to the machine file's tolerance, relative deviations of which are
+nuisance parameters."""
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """An effect with the values of its parameters, in their order."""
+
+    effect: Effect
+    values: tuple[float, ...]
+
+    @property
+    def name(self) -> str:
+        """Of the effect."""
+        return self.effect.name
+
+    def mapping(self) -> dict[str, float]:
+        """Key -> value."""
+        return {p.key: v for p, v in zip(self.effect.parameters, self.values, strict=True)}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AxisModel:
+    """Base parameters and effects of one axis.
+
+    Attributes:
+        base: relative deviations from the machine file, float64[len(BASE)].
+        terms: effects, in the order they were found.
+    """
+
+    base: F64
+    terms: tuple[Term, ...] = ()
+
+    def settings(self, nominal: AxisSettings) -> AxisSettings:
+        """The axis as the simulator takes it.
+
+        Raises:
+            ValueError: values that physics does not allow.
+        """
+        return with_effects(with_base(nominal, self.base), self.terms)
+
+    def names(self) -> tuple[str, ...]:
+        """Of the effects."""
+        return tuple(term.name for term in self.terms)
+
+    def added(self, term: Term) -> AxisModel:
+        """With one effect more."""
+        return replace(self, terms=(*self.terms, term))
+
+    def without(self, index: int) -> AxisModel:
+        """With one effect fewer."""
+        return replace(self, terms=self.terms[:index] + self.terms[index + 1 :])
+
+
+def with_base(nominal: AxisSettings, base: F64) -> AxisSettings:
+    """The axis with its base parameters moved by relative deviations."""
+    factor = dict(zip(BASE, 1.0 + base, strict=True))
+    friction = nominal.friction
+    return replace(
+        nominal,
+        mass=nominal.mass * factor["mass"],
+        friction=replace(
+            friction,
+            **{key: getattr(friction, key) * factor[key] for key in BASE if key != "mass"},
+        ),
+    )
+
+
+def with_effects(nominal: AxisSettings, terms: tuple[Term, ...]) -> AxisSettings:
+    """The axis with effects added to those it has."""
+    return replace(
+        nominal,
+        effects=(*nominal.effects, *(term.effect.at(**term.mapping()) for term in terms)),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinate:
+    """One parameter of an effect as the fit sees it: about 1 in size, free of bounds where it can.
+
+    Attributes:
+        parameter: of the effect.
+        scale: typical size [the parameter's unit]; not used where `log`.
+        log: the fit works in the logarithm.
+        low, high: limits of the parameter.
+        step: for differences, in fitted units.
+        reach: most that one iteration may move it, in fitted units.
+    """
+
+    parameter: Parameter
+    scale: float
+    log: bool
+    low: float
+    high: float
+    step: float
+    reach: float
+
+    def inward(self, value: float) -> float:
+        """Fitted coordinate of a value."""
+        return math.log(value) if self.log else value / self.scale
+
+    def outward(self, coordinate: float) -> float:
+        """Value of a fitted coordinate, inside the limits."""
+        value = math.exp(min(coordinate, 100.0)) if self.log else coordinate * self.scale
+        return min(max(value, self.low), self.high)
+
+    def slope(self, value: float) -> float:
+        """Change of the value per change of the coordinate."""
+        return value if self.log else self.scale
+
+
+_LIMIT = 4.0
+"""Values are fitted up to so many times beyond what is plausible."""
+
+
+def coordinates(effect: Effect, axis: AxisSettings) -> tuple[Coordinate, ...]:
+    """How the parameters of an effect on an axis are fitted."""
+    found = []
+    for parameter in effect.parameters:
+        ranges = parameter.ranges(axis)
+        low, high = min(r[0] for r in ranges), max(r[1] for r in ranges)
+        neutral = parameter.neutral_on(axis) or 0.0
+        width = high - low
+        floor = max(parameter.above + 1e-9, parameter.least) if math.isfinite(
+            max(parameter.above, parameter.least)
+        ) else -math.inf
+        if parameter.role == "phase":
+            entry = Coordinate(parameter, 1.0, False, -math.inf, math.inf, 0.01, 0.7)
+        elif parameter.role == "place":
+            margin = 0.5 * width
+            entry = Coordinate(
+                parameter, 0.01, False, low - margin, high + margin, 0.01, 0.5
+            )
+        elif parameter.log:
+            entry = Coordinate(
+                parameter, 1.0, True, max(floor, low / _LIMIT), high * _LIMIT, 0.003, 0.3
+            )
+        else:
+            scale = max(abs(low - neutral), abs(high - neutral))
+            limit = neutral + _LIMIT * scale
+            entry = Coordinate(
+                parameter, scale, False,
+                max(floor, neutral - _LIMIT * scale), min(limit, parameter.below - 1e-9),
+                0.01, 0.5,
+            )  # fmt: skip
+        found.append(entry)
+    return tuple(found)
+
+
+def fitted(term: Term, axis: AxisSettings) -> F64:
+    """Fitted coordinates of an effect's values."""
+    return np.array(
+        [c.inward(v) for c, v in zip(coordinates(term.effect, axis), term.values, strict=True)]
+    )
+
+
+def moved(term: Term, axis: AxisSettings, where: F64) -> Term:
+    """The effect at other coordinates."""
+    values = tuple(
+        c.outward(float(u)) for c, u in zip(coordinates(term.effect, axis), where, strict=True)
+    )
+    return Term(term.effect, values)
+
+
+def parameters(term: Term) -> Mapping[str, float]:
+    """Key -> value, angles within 0..2 pi."""
+    return {
+        p.key: v % (2.0 * math.pi) if p.role == "phase" else v
+        for p, v in zip(term.effect.parameters, term.values, strict=True)
+    }

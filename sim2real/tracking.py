@@ -1,0 +1,454 @@
+"""The stage tracked sample by sample: a simulation that the recording keeps on course.
+
+A free closed-loop simulation drifts from the recording for reasons that are no fault of the model:
+friction wanders, elements that were just about to slip do or don't. Here the same simulation is
+corrected at each SYNC by what the encoder said (an extended Kalman filter on position, velocity,
+friction force and the wandering factor on the Coulomb level), and what it could not predict one
+SYNC ahead, the innovation, is what is compared. Under the right model the innovations are white
+and as large as their covariance says; their sum of squares is a likelihood (prediction-error
+method, Ljung, System Identification, ch. 7), of the model with all its effects.
+
+States of the filter, recorded minus simulated: position [m], velocity [m/s], force of the sticking
+and of the slipping friction elements [N], factor on the Coulomb level [1].
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim.mechanics import Arrays, advance, command
+from hil_sim.effects.ports import EffectPorts
+from hil_sim.settings import AxisSettings, StageSettings
+from sim2real.recording import BoolArray
+from sim2real.replay import Replay
+
+F64 = NDArray[np.float64]
+
+STATES = 5
+
+_TRUST = 0.03
+"""The model's friction is trusted to this share of each of its changes, 1 sigma: what is not known
+about elements that slip at a rest or at an onset is noise, not a finding."""
+_DRIFT = 1.7e-4
+"""Random walk of the friction force per square root of a millisecond, in Coulomb forces."""
+_SUBSTEPS = 1
+"""Plant steps per control tick: between two corrections one does."""
+_FINE = 1e-13
+"""Increment of the simulated encoder between SYNCs [m]: its rounding would only add noise."""
+_OUTPUTS = ("innovation", "motor", "x", "v", "level")
+_DERIVATIVE_SHARE = 0.4
+"""Share of the derivative gain that a velocity error sees within one SYNC period, for the
+covariance only."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gains:
+    """The filter along a recording, kept from one run to serve the next ones near it.
+
+    Attributes:
+        gain: float64[K, 5], Kalman gain, per metre of innovation.
+        deviation: float64[K], standard deviation of the innovation [m].
+        transition: float64[K, 5, 5], of the error states from after SYNC k to SYNC k + 1.
+        force: float64[K, 5], error states at SYNC k + 1 per newton on the carriage from SYNC k on.
+        level: float64[K, 5], the same per relative change of the Coulomb level.
+    """
+
+    gain: F64
+    deviation: F64
+    transition: F64
+    force: F64
+    level: F64
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """One tracked run of one axis.
+
+    Attributes:
+        position: float64[K], innovations of the position over their standard deviation.
+        force: float64[K], recorded minus simulated force actual over its standard deviation.
+        valid: bool[K], samples that were recorded.
+        x, v: float64[K], tracked position [m] and velocity [m/s] at each SYNC.
+        motor: float64[K], simulated force actual [N].
+        level: float64[K], factor on the Coulomb level that the filter found.
+    """
+
+    position: F64
+    force: F64
+    valid: BoolArray
+    x: F64
+    v: F64
+    motor: F64
+    level: F64
+
+
+@numba.njit(cache=True, nogil=True)
+def _correct(state, forces, slipping, shares, first, last, innovation, gain, slipped):  # type: ignore[no-untyped-def]
+    """Move the simulated axis, whose friction elements are first..last - 1, to the encoder."""
+    state.position += gain[0] * innovation
+    state.velocity += gain[1] * innovation
+    state.wander += gain[4] * innovation
+    sticking = 0
+    for i in range(first, last):
+        if not slipping[i]:
+            sticking += 1
+    total = 0.0
+    for i in range(first, last):
+        if slipping[i]:
+            forces[i] += gain[3] * innovation * shares[i] / slipped
+        else:
+            forces[i] += gain[2] * innovation / sticking
+        total += forces[i]
+    state.friction = total
+
+
+@numba.njit(cache=True, nogil=True)
+def _propagate(covariance, transition, noise):  # type: ignore[no-untyped-def]
+    """P <- T P T' + diag(noise), in place."""
+    product = np.zeros((STATES, STATES))
+    for i in range(STATES):
+        for j in range(STATES):
+            total = 0.0
+            for n in range(STATES):
+                total += transition[i, n] * covariance[n, j]
+            product[i, j] = total
+    for i in range(STATES):
+        for j in range(i + 1):
+            total = 0.0
+            for n in range(STATES):
+                total += product[i, n] * transition[j, n]
+            covariance[i, j] = total
+            covariance[j, i] = total
+        covariance[i, i] += noise[i]
+
+
+@numba.njit(cache=True, nogil=True)
+def _model(matrix, mass, viscous, kp, damping, tangent, relaxation, goal, slope):  # type: ignore[no-untyped-def]
+    """Rate matrix of the error states: closed loop, friction of sticking and slipping elements."""
+    matrix[:] = 0.0
+    matrix[0, 1] = 1.0
+    matrix[1, 0] = -kp / mass
+    matrix[1, 1] = -(viscous + damping) / mass
+    matrix[1, 2] = -1.0 / mass
+    matrix[1, 3] = -1.0 / mass
+    matrix[2, 1] = tangent
+    matrix[3, 1] = -relaxation * slope
+    matrix[3, 3] = -relaxation
+    matrix[3, 4] = relaxation * goal
+
+
+@numba.njit(cache=True, nogil=True)
+def _catch(transition, force, level, before, slipped, goal):  # type: ignore[no-untyped-def]
+    """What elements that began or ceased to slip within a period do to the error states.
+
+    An element starts to slip at its limit, whatever its force was before: the level counts at once
+    and the error it had is gone. Elements that stick again keep theirs.
+    """
+    if slipped > before:
+        kept = max(0.0, 1.0 - (slipped - before) / (1.0 - before))
+        for j in range(STATES):
+            transition[2, j] *= kept
+        force[2] *= kept
+        level[2] *= kept
+        transition[3, 4] += goal * (slipped - before)
+        level[3] += goal * (slipped - before)
+    elif slipped < before:
+        share = 1.0 - slipped / before
+        for j in range(STATES):
+            moved = share * transition[3, j]
+            transition[2, j] += moved
+            transition[3, j] -= moved
+        moved = share * force[3]
+        force[2] += moved
+        force[3] -= moved
+        moved = share * level[3]
+        level[2] += moved
+        level[3] -= moved
+
+
+@numba.njit(cache=True, nogil=True)
+def _exponential(matrix, duration, transition, force, level, goal_rate, mass):  # type: ignore[no-untyped-def]
+    """Transition over `duration` by four steps of second order; and of unit inputs within it."""
+    h = duration / 4.0
+    step = np.zeros((STATES, STATES))
+    for i in range(STATES):
+        for j in range(STATES):
+            square = 0.0
+            for n in range(STATES):
+                square += matrix[i, n] * matrix[n, j]
+            step[i, j] = h * matrix[i, j] + 0.5 * h * h * square
+        step[i, i] += 1.0
+    b = np.zeros((2, STATES))
+    for i in range(STATES):
+        b[0, i] = 0.5 * h * h * matrix[i, 1] / mass
+        b[1, i] = 0.5 * h * h * matrix[i, 3] * goal_rate
+    b[0, 1] += h / mass
+    b[1, 3] += h * goal_rate
+    work = np.zeros((STATES, STATES))
+    transition[:] = 0.0
+    for i in range(STATES):
+        transition[i, i] = 1.0
+        force[i] = 0.0
+        level[i] = 0.0
+    column = np.zeros(STATES)
+    for _ in range(4):
+        for i in range(STATES):
+            for j in range(STATES):
+                total = 0.0
+                for n in range(STATES):
+                    total += step[i, n] * transition[n, j]
+                work[i, j] = total
+        transition[:] = work
+        for which in range(2):
+            target = force if which == 0 else level
+            for i in range(STATES):
+                total = b[which, i]
+                for n in range(STATES):
+                    total += step[i, n] * target[n]
+                column[i] = total
+            for i in range(STATES):
+                target[i] = column[i]
+
+
+@numba.njit(cache=True, nogil=True)
+def _track(  # type: ignore[no-untyped-def]
+    plant, control, state, loop, forces, slipping, shares, arena, period, ticks,
+    demand, offset, measured, valid, wander, keep, noise, fresh,
+    innovation, deviation, motor, x, v, level, gains, transitions, force_inputs, level_inputs,
+):  # fmt: skip
+    """Track every axis; row k of every array is SYNC k. `fresh`: work out the gains anew."""
+    axes = plant.shape[0]
+    duration = period * ticks
+    covariance = np.zeros((axes, STATES, STATES))
+    matrix = np.zeros((STATES, STATES))
+    spectrum = np.zeros(STATES)
+    quiet = np.zeros((axes, 2, 0))
+    slipped = np.zeros(axes)
+    friction = np.zeros(axes)
+    for a in range(axes):
+        covariance[a, 4, 4] = wander[a] ** 2
+    for k in range(demand.shape[0]):
+        for a in range(axes):
+            p = plant[a]
+            s = state[a]
+            e = measured[k, a] - s.position
+            innovation[k, a] = e
+            motor[k, a] = s.motor_force
+            if fresh:
+                spread = covariance[a, 0, 0] + noise[a] ** 2
+                deviation[k, a] = math.sqrt(spread)
+            if valid[k, a]:
+                if fresh:
+                    for i in range(STATES):
+                        gains[k, a, i] = covariance[a, i, 0] / spread
+                    for i in range(STATES):
+                        for j in range(STATES):
+                            covariance[a, i, j] -= gains[k, a, i] * spread * gains[k, a, j]
+                _correct(
+                    s, forces, slipping, shares, p.first_element, p.first_element + p.elements,
+                    e, gains[k, a], slipped[a],
+                )  # fmt: skip
+                s.encoder = measured[k, a]
+            x[k, a] = s.position
+            v[k, a] = s.velocity
+            level[k, a] = s.wander
+            friction[a] = s.friction
+            command(loop[a], demand[k, a], offset[k, a], ticks)
+        advance(
+            plant, control, state, loop, forces, slipping, shares, arena, period, _SUBSTEPS, quiet,
+            0, ticks,
+        )  # fmt: skip
+        for a in range(axes):
+            p = plant[a]
+            s = state[a]
+            before = slipped[a]
+            slipped[a] = 0.0
+            tangent = 0.0
+            for i in range(p.first_element, p.first_element + p.elements):
+                if slipping[i]:
+                    slipped[a] += shares[i]
+                else:
+                    tangent += p.element_stiffness
+            if not fresh:
+                continue
+            extra = p.static_ratio * math.exp(-abs(s.velocity) / p.stribeck_velocity)
+            relaxation = p.relaxation_rate / (1.0 + extra)
+            goal = p.coulomb * (1.0 + extra) * s.direction
+            _model(
+                matrix, p.mass, p.viscous, control[a].kp, _DERIVATIVE_SHARE * control[a].kd,
+                tangent, relaxation, goal * slipped[a],
+                slipped[a] * p.coulomb * extra / p.stribeck_velocity,
+            )  # fmt: skip
+            _exponential(
+                matrix, duration, transitions[k, a], force_inputs[k, a], level_inputs[k, a],
+                relaxation * goal * slipped[a], p.mass,
+            )  # fmt: skip
+            _catch(
+                transitions[k, a], force_inputs[k, a], level_inputs[k, a], before, slipped[a], goal
+            )
+            transitions[k, a, 4, 4] = keep[a]
+            spectrum[0] = 1e-22
+            spectrum[1] = 1e-15
+            doubt = (_TRUST * (s.friction - friction[a])) ** 2 + (_DRIFT * p.coulomb) ** 2
+            spectrum[2] = (1.0 - slipped[a]) * doubt
+            spectrum[3] = slipped[a] * doubt
+            spectrum[4] = wander[a] ** 2 * (1.0 - keep[a] ** 2)
+            _propagate(covariance[a], transitions[k, a], spectrum)
+
+
+@numba.njit(cache=True, nogil=True)
+def _respond(transition, inputs, gain, deviation, signal):  # type: ignore[no-untyped-def]
+    """Innovations over their deviation that an unmodelled input leaves behind."""
+    error = np.zeros(STATES)
+    moved = np.zeros(STATES)
+    out = np.zeros(signal.shape[0])
+    for k in range(signal.shape[0]):
+        seen = error[0]
+        out[k] = seen / deviation[k]
+        for i in range(STATES):
+            error[i] -= gain[k, i] * seen
+        for i in range(STATES):
+            total = inputs[k, i] * signal[k]
+            for n in range(STATES):
+                total += transition[k, i, n] * error[n]
+            moved[i] = total
+        error[:] = moved
+    return out
+
+
+class Tracker:
+    """Tracks one axis of a recording under whatever model is asked for.
+
+    Args:
+        replay: of the recording.
+        settings: nominal, of all its axes.
+        axis: which one.
+    """
+
+    def __init__(self, replay: Replay, settings: StageSettings, axis: str) -> None:
+        self._stage = settings
+        self._index = replay.names.index(axis)
+        self._replay = replay
+        self.axis = settings.axes[self._index]
+        shape = replay.demand.shape
+        self._measured = np.zeros(shape)
+        self._force = np.zeros(shape)
+        self._valid = np.zeros(shape, dtype=np.bool_)
+        for a, name in enumerate(replay.names):
+            signals = replay.recording.axes[name]
+            self._measured[replay.place, a] = signals.position_actual
+            self._force[replay.place, a] = signals.force_actual
+            self._valid[replay.place, a] = signals.valid
+        self.time: F64 = np.arange(shape[0]) * settings.sync_period
+        self.valid = self._valid[:, self._index]
+
+    def run(self, model: AxisSettings, gains: Gains | None = None) -> tuple[Track, Gains]:
+        """Track the axis under a model of it.
+
+        Args:
+            model: of the axis, effects included.
+            gains: of an earlier run near this one; None works them out.
+
+        Raises:
+            ValueError: effects that cannot be.
+        """
+        together = needs_other_axes(model, self._stage.sync_period)
+        axes = [replace(a, effects=()) for a in self._stage.axes] if together else [model]
+        columns = list(range(len(axes))) if together else [self._index]
+        at = self._index if together else 0
+        axes[at] = model
+        stage = replace(self._stage, axes=tuple(replace(a, increment=_FINE) for a in axes))
+        demand, offset, measured, valid = (
+            np.ascontiguousarray(values[:, columns])
+            for values in (self._replay.demand, self._replay.offset, self._measured, self._valid)
+        )
+        count, period = len(demand), stage.sync_period
+        arrays = Arrays(stage, demand[0].tolist(), count * period, _SUBSTEPS)
+        for name in ("offset", "from_force", "to_force"):
+            arrays.loop[name] = offset[0]
+        arrays.loop["powered"] = True
+        for a, axis in enumerate(axes):
+            if held := self._replay.rest_force[columns[a]]:
+                arrays.balance(a, held, axis)
+        friction = [a.friction for a in axes]
+        wander = np.array([f.wander for f in friction])
+        keep = np.exp(-period / np.array([f.correlation_time for f in friction]))
+        noise = np.array(
+            [math.hypot(o.noise, o.increment / math.sqrt(12.0)) for o in self._stage.axes]
+        )[columns]
+        fresh = gains is None or together
+        out = {name: np.zeros((count, len(axes))) for name in _OUTPUTS}
+        if fresh:
+            gain = np.zeros((count, len(axes), STATES))
+            transition = np.zeros((count, len(axes), STATES, STATES))
+            force = np.zeros((count, len(axes), STATES))
+            level = np.zeros((count, len(axes), STATES))
+            deviation = np.zeros((count, len(axes)))
+        else:
+            assert gains is not None
+            gain, transition, force, level, deviation = (
+                np.ascontiguousarray(values[:, None])
+                for values in (
+                    gains.gain, gains.transition, gains.force, gains.level, gains.deviation,
+                )
+            )  # fmt: skip
+        _track(
+            arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces,
+            arrays.slipping, arrays.shares, arrays.arena, stage.control_period, stage.ticks,
+            demand, offset, measured, valid, wander, keep, noise, fresh,
+            out["innovation"], deviation, out["motor"], out["x"], out["v"], out["level"],
+            gain, transition, force, level,
+        )  # fmt: skip
+        found = gains or Gains(
+            *(
+                np.ascontiguousarray(values[:, at])
+                for values in (gain, deviation, transition, force, level)
+            )
+        )
+        motor = out["motor"][:, at]
+        track = Track(
+            position=out["innovation"][:, at] / found.deviation,
+            force=(self._force[:, self._index] - motor) / force_deviation(self.axis),
+            valid=self.valid,
+            x=out["x"][:, at],
+            v=out["v"][:, at],
+            motor=motor,
+            level=out["level"][:, at],
+        )
+        return track, found
+
+
+def respond(gains: Gains, per_unit: F64, signal: F64) -> F64:
+    """Innovations over their deviation that an input leaves in a model that lacks it, float64[K].
+
+    Args:
+        gains: of the tracked run.
+        per_unit: `gains.force` or `gains.level`.
+        signal: the input at each SYNC [N or 1].
+    """
+    found: F64 = _respond(
+        gains.transition, per_unit, gains.gain, gains.deviation, np.ascontiguousarray(signal)
+    )
+    return found
+
+
+def force_deviation(axis: AxisSettings) -> float:
+    """Standard deviation of the force actual value: its rounding, and the encoder's noise through
+    the controller [N]."""
+    control = axis.control
+    unit = control.rated_force / 1000.0
+    gain = control.kp + control.kd / (control.derivative_time + control.period)
+    return math.hypot(unit / math.sqrt(12.0), gain * axis.noise)
+
+
+def needs_other_axes(model: AxisSettings, period: float) -> bool:
+    """Whether an effect of this axis feels what the others do."""
+    ports = EffectPorts(model, period, period)
+    for effect in model.effects:
+        effect.apply(ports)
+    return bool(ports.coupled_mass or ports.fields)
