@@ -146,16 +146,16 @@ def coordinates(effect: Effect, axis: AxisSettings) -> tuple[Coordinate, ...]:
         low, high = min(r[0] for r in ranges), max(r[1] for r in ranges)
         neutral = parameter.neutral_on(axis) or 0.0
         width = high - low
-        floor = max(parameter.above + 1e-9, parameter.least) if math.isfinite(
-            max(parameter.above, parameter.least)
-        ) else -math.inf
+        floor = (
+            max(parameter.above + 1e-9, parameter.least)
+            if math.isfinite(max(parameter.above, parameter.least))
+            else -math.inf
+        )
         if parameter.role == "phase":
             entry = Coordinate(parameter, 1.0, False, -math.inf, math.inf, 0.01, 0.7)
         elif parameter.role == "place":
             margin = 0.5 * width
-            entry = Coordinate(
-                parameter, 0.01, False, low - margin, high + margin, 0.01, 0.5
-            )
+            entry = Coordinate(parameter, 0.01, False, low - margin, high + margin, 0.01, 0.5)
         elif parameter.log:
             entry = Coordinate(
                 parameter, 1.0, True, max(floor, low / _LIMIT), high * _LIMIT, 0.003, 0.3

@@ -10,20 +10,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
 from hil_sim.settings import StageSettings
-from sim2real.axis_model import BASE, AxisModel, coordinates, parameters
+from sim2real.axis_model import BASE, AxisModel, coordinates, parameters, with_base
 from sim2real.examine import Examination, without_causes
-from sim2real.fit import AxisProblem, Fitted, fit, structure
+from sim2real.fit import AxisProblem, fit, structure
 from sim2real.gap import NO_GAP_BELOW, Measured
 from sim2real.phases import blocks
 from sim2real.recording import BoolArray
-from sim2real.replay import residual
+from sim2real.replay import Signals, residual
 from sim2real.report import (
     EXPLAINED,
     NO_GAP,
@@ -67,15 +67,16 @@ class Diagnosis:
         report: what it says.
         models: axis -> base parameters and effects, fitted to all moves.
         searches: axis -> the search.
-        before, after: recorded minus simulated by the machine file, and by the fit to other moves,
-            one entry per recording; empty where nothing was fitted.
+        explained: signals of the model with the causes found, each move by a fit to other moves,
+            one entry per recording; empty where no cause was found.
+        plant: axis -> figure -> value moved within tolerance, for the twin.
     """
 
     report: GapReport
     models: Mapping[str, AxisModel]
     searches: Mapping[str, AxisSearch]
-    before: tuple[Mapping[str, Mapping[str, F64]], ...] = ()
-    after: tuple[Mapping[str, Mapping[str, F64]], ...] = ()
+    explained: tuple[Signals, ...] = ()
+    plant: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 def diagnose(
@@ -148,9 +149,7 @@ class _HeldOut:
             found = searches[name]
             out = []
             for held in folds:
-                masks = [
-                    _to_periods(~mask, m) for mask, m in zip(held, measured, strict=True)
-                ]
+                masks = [_to_periods(~mask, m) for mask, m in zip(held, measured, strict=True)]
                 problem = found.problem.masked(masks)
                 out.append(fit(problem, found.best.model, 1, thorough=False).model)
             return out
@@ -179,7 +178,7 @@ class _HeldOut:
             masks.append(mask)
         return masks
 
-    def _simulated(self, models: Mapping[str, AxisModel], measured: Measured) -> dict[str, dict[str, F64]]:
+    def _simulated(self, models: Mapping[str, AxisModel], measured: Measured) -> Signals:
         stage = replace(
             self._settings,
             axes=tuple(models[a.name].settings(a) for a in self._settings.axes),
@@ -188,7 +187,7 @@ class _HeldOut:
 
     def _composed(
         self, models: Sequence[Mapping[str, AxisModel]], folds: Sequence[Sequence[BoolArray]]
-    ) -> list[dict[str, dict[str, F64]]]:
+    ) -> list[Signals]:
         out = []
         for number, m in enumerate(self.measured):
             parts = [self._simulated(each, m) for each in models]
@@ -204,7 +203,14 @@ class _HeldOut:
             out.append(whole)
         return out
 
-    def energies(self, residuals: Sequence[Mapping[str, Mapping[str, F64]]]) -> F64:
+    def explained(self) -> tuple[Signals, ...]:
+        """Signals of the fits to other moves, one entry per recording."""
+        return tuple(
+            residual(m.replay.measured(), left)
+            for m, left in zip(self.measured, self.after, strict=True)
+        )
+
+    def energies(self, residuals: Sequence[Signals]) -> F64:
         """Squared residuals over squared floors, summed over each move, float64[moves, signals]."""
         rows = []
         for m, moves, left in zip(self.measured, self.moves, residuals, strict=True):
@@ -289,9 +295,21 @@ def _concluded(
         candidates=tuple(candidates),
         confusable=tuple(confusable),
     )
-    return Diagnosis(
-        report, models, searches, tuple(held_out.before), tuple(held_out.after)
-    )
+    if not confident:
+        return Diagnosis(report, models, searches)
+    return Diagnosis(report, models, searches, held_out.explained(), _plant(settings, models))
+
+
+def _plant(settings: StageSettings, models: Mapping[str, AxisModel]) -> dict[str, dict[str, float]]:
+    """Plant figures of the fitted models, axis -> figure -> value."""
+    out = {}
+    for axis in settings.axes:
+        moved = with_base(axis, models[axis.name].base)
+        out[axis.name] = {
+            name: float(moved.mass if name == "mass" else getattr(moved.friction, name))
+            for name in BASE
+        }
+    return out
 
 
 _SMALL = 3.0
@@ -312,7 +330,7 @@ def _closed(
     def share(rows: NDArray[np.int64]) -> float:
         g0 = _combined(before[rows], samples[rows])
         g1 = _combined(after[rows], samples[rows])
-        return 1.0 - (g1 - signals) / max(g0 - signals, 1e-9)
+        return float(1.0 - (g1 - signals) / max(g0 - signals, 1e-9))
 
     everything = np.arange(len(before))
     if _combined(before, samples) < NO_GAP_BELOW * signals:
@@ -441,11 +459,11 @@ def _candidates(name: str, found: AxisSearch, causes: Sequence[Cause]) -> list[C
 def _figures(
     examined: Examination, held_out: _HeldOut, explained: bool
 ) -> Mapping[str, Mapping[str, GapFigures]]:
-    assert examined.gap is not None
+    gap = examined.gap or {}
     if not explained:
-        return examined.gap
+        return gap
     out: dict[str, dict[str, GapFigures]] = {}
-    for axis, signals in examined.gap.items():
+    for axis, signals in gap.items():
         out[axis] = {}
         for signal, figures in signals.items():
             energy = count = 0.0
@@ -469,8 +487,3 @@ def _reason(
     closed = "" if share is None else f" closes {100 * share:.0f} % of it on held-out moves"
     rest = "" if whole else "; what is left still has structure"
     return f"{size}; {named}{closed}{rest}"
-
-
-def fitted_of(found: AxisSearch) -> Fitted:
-    """The fit to all moves."""
-    return found.best

@@ -27,7 +27,7 @@ from sim2real.tracking import Gains, Track, Tracker
 F64 = NDArray[np.float64]
 
 _BASE_STEP = 0.01
-"""Relative step of the base parameters for differences: wide enough to average over single slips."""
+"""Relative step of the base parameters for differences: wide enough for single slips to average."""
 _COLUMN = 0.05
 """A parameter's step for differences changes so much of its effect's signature."""
 _REACH = 0.6
@@ -90,6 +90,13 @@ class AxisProblem:
         self.masks: tuple[BoolArray, ...] = tuple(track.valid for track in self.tracks)
         self.evaluations = len(trackers)
         self.outlier = _OUTLIER
+
+    def finer(self) -> AxisProblem:
+        """The same problem, simulated in the reference's steps."""
+        other = object.__new__(AxisProblem)
+        other.__dict__.update(self.__dict__)
+        other.trackers = tuple(tracker.finer() for tracker in self.trackers)
+        return other
 
     def masked(self, masks: Sequence[BoolArray]) -> AxisProblem:
         """The same problem on some of the samples only (of those that are valid)."""
@@ -183,7 +190,6 @@ def fit(
         thorough: work out the covariance at the end.
     """
     before = problem.evaluations
-    axis = problem.axis
     residual = problem.residual(model)
     cost = problem.cost(model, residual)
     if base_columns is None:

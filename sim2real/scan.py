@@ -21,7 +21,6 @@ from hil_sim.settings import AxisSettings
 from sim2real.axis_model import AxisModel, Term
 from sim2real.fit import AxisProblem
 from sim2real.signature import inputs, response
-from sim2real.tracking import Track
 
 F64 = NDArray[np.float64]
 
@@ -157,8 +156,9 @@ class Scanner:
         normal = free.T @ free
         if not np.isfinite(normal).all() or float(np.trace(normal)) < 1e-6:
             return None
-        amount = -np.linalg.solve(normal + 1e-9 * np.trace(normal) * np.eye(len(normal)),
-                                  free.T @ self._target)
+        amount = -np.linalg.solve(
+            normal + 1e-9 * np.trace(normal) * np.eye(len(normal)), free.T @ self._target
+        )
         if phase is not None:
             size = float(np.hypot(*amount))
             turned = list(values)
@@ -228,9 +228,7 @@ class Scanner:
             is not None
         )  # fmt: skip
 
-    def _grid(
-        self, effect: Effect, parameter: Parameter, cheap: bool, formed: int
-    ) -> list[float]:
+    def _grid(self, effect: Effect, parameter: Parameter, cheap: bool, formed: int) -> list[float]:
         """Values to try; `formed` parameters of place or shape came before."""
         axis = self._problem.axis
         if parameter.role == "phase":

@@ -121,7 +121,7 @@ def search(
             break
     current = _chosen(problem, path)
     problem.rescale(current.residual)
-    found.best = fit(problem, current.model, 2) if current.model.terms else current
+    found.best = fit(problem.finer(), current.model, 2) if current.model.terms else current
     found.rivals = sorted(seen.values(), key=lambda rival: rival.cost)
     return found
 

@@ -21,9 +21,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.mechanics import Arrays, advance, command
 from hil_sim.effects.ports import EffectPorts
-from hil_sim.settings import AxisSettings, StageSettings
+from hil_sim.mechanics import Arrays, advance, command
+from hil_sim.settings import SUBSTEPS, AxisSettings, StageSettings
 from sim2real.recording import BoolArray
 from sim2real.replay import Replay
 
@@ -36,8 +36,6 @@ _TRUST = 0.03
 about elements that slip at a rest or at an onset is noise, not a finding."""
 _DRIFT = 1.7e-4
 """Random walk of the friction force per square root of a millisecond, in Coulomb forces."""
-_SUBSTEPS = 1
-"""Plant steps per control tick: between two corrections one does."""
 _FINE = 1e-13
 """Increment of the simulated encoder between SYNCs [m]: its rounding would only add noise."""
 _OUTPUTS = ("innovation", "motor", "x", "v", "level")
@@ -217,7 +215,7 @@ def _exponential(matrix, duration, transition, force, level, goal_rate, mass):  
 
 @numba.njit(cache=True, nogil=True)
 def _track(  # type: ignore[no-untyped-def]
-    plant, control, state, loop, forces, slipping, shares, arena, period, ticks,
+    plant, control, state, loop, forces, slipping, shares, arena, period, substeps, ticks,
     demand, offset, measured, valid, wander, keep, noise, fresh,
     innovation, deviation, motor, x, v, level, gains, transitions, force_inputs, level_inputs,
 ):  # fmt: skip
@@ -260,7 +258,7 @@ def _track(  # type: ignore[no-untyped-def]
             friction[a] = s.friction
             command(loop[a], demand[k, a], offset[k, a], ticks)
         advance(
-            plant, control, state, loop, forces, slipping, shares, arena, period, _SUBSTEPS, quiet,
+            plant, control, state, loop, forces, slipping, shares, arena, period, substeps, quiet,
             0, ticks,
         )  # fmt: skip
         for a in range(axes):
@@ -328,9 +326,13 @@ class Tracker:
         replay: of the recording.
         settings: nominal, of all its axes.
         axis: which one.
+        substeps: plant steps per control tick: 1 is quick, 5 the reference.
     """
 
-    def __init__(self, replay: Replay, settings: StageSettings, axis: str) -> None:
+    def __init__(
+        self, replay: Replay, settings: StageSettings, axis: str, substeps: int = 1
+    ) -> None:
+        self._substeps = substeps
         self._stage = settings
         self._index = replay.names.index(axis)
         self._replay = replay
@@ -344,8 +346,12 @@ class Tracker:
             self._measured[replay.place, a] = signals.position_actual
             self._force[replay.place, a] = signals.force_actual
             self._valid[replay.place, a] = signals.valid
-        self.time: F64 = np.arange(shape[0]) * settings.sync_period
+        self.time: F64 = np.arange(shape[0], dtype=np.float64) * settings.sync_period
         self.valid = self._valid[:, self._index]
+
+    def finer(self) -> Tracker:
+        """The same with the reference's plant steps."""
+        return Tracker(self._replay, self._stage, self.axis.name, SUBSTEPS)
 
     def run(self, model: AxisSettings, gains: Gains | None = None) -> tuple[Track, Gains]:
         """Track the axis under a model of it.
@@ -368,7 +374,7 @@ class Tracker:
             for values in (self._replay.demand, self._replay.offset, self._measured, self._valid)
         )
         count, period = len(demand), stage.sync_period
-        arrays = Arrays(stage, demand[0].tolist(), count * period, _SUBSTEPS)
+        arrays = Arrays(stage, demand[0].tolist(), count * period, self._substeps)
         for name in ("offset", "from_force", "to_force"):
             arrays.loop[name] = offset[0]
         arrays.loop["powered"] = True
@@ -383,14 +389,13 @@ class Tracker:
         )[columns]
         fresh = gains is None or together
         out = {name: np.zeros((count, len(axes))) for name in _OUTPUTS}
-        if fresh:
+        if gains is None or together:
             gain = np.zeros((count, len(axes), STATES))
             transition = np.zeros((count, len(axes), STATES, STATES))
             force = np.zeros((count, len(axes), STATES))
             level = np.zeros((count, len(axes), STATES))
             deviation = np.zeros((count, len(axes)))
         else:
-            assert gains is not None
             gain, transition, force, level, deviation = (
                 np.ascontiguousarray(values[:, None])
                 for values in (
@@ -399,8 +404,9 @@ class Tracker:
             )  # fmt: skip
         _track(
             arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces,
-            arrays.slipping, arrays.shares, arrays.arena, stage.control_period, stage.ticks,
-            demand, offset, measured, valid, wander, keep, noise, fresh,
+            arrays.slipping, arrays.shares, arrays.arena, stage.control_period,
+            self._substeps, stage.ticks, demand, offset, measured, valid, wander, keep, noise,
+            fresh,
             out["innovation"], deviation, out["motor"], out["x"], out["v"], out["level"],
             gain, transition, force, level,
         )  # fmt: skip
@@ -438,8 +444,10 @@ def respond(gains: Gains, per_unit: F64, signal: F64) -> F64:
 
 
 def force_deviation(axis: AxisSettings) -> float:
-    """Standard deviation of the force actual value: its rounding, and the encoder's noise through
-    the controller [N]."""
+    """Standard deviation of the force actual value [N].
+
+    Of its rounding, and of the encoder's noise through the controller.
+    """
     control = axis.control
     unit = control.rated_force / 1000.0
     gain = control.kp + control.kd / (control.derivative_time + control.period)

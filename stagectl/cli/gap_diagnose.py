@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -36,6 +37,9 @@ _VERDICTS = {
 @click.option("--html", "html_out", type=FILE, help="Write the report as a page to look at.")
 @click.option("--twin", type=FILE, help="Write the machine file with the effects found.")
 @click.option(
+    "--jobs", type=click.IntRange(1), default=2, show_default=True, help="Axes searched at a time."
+)
+@click.option(
     "--correct/--no-correct",
     default=False,
     help="Go on with channels corrected for what is wrong with them [no].",
@@ -46,6 +50,7 @@ def diagnose(
     json_out: Path | None,
     html_out: Path | None,
     twin: Path | None,
+    jobs: int,
     correct: bool,
 ) -> None:
     """Channels, gap and floor, where the gap lies, and its causes.
@@ -53,9 +58,13 @@ def diagnose(
     Several recordings of one stage are diagnosed together. Channels come first: units, signs,
     delays, clocks and the controller are checked before any physics is suspected.
     """
-    from sim2real.examine import examine, without_causes
+    # Each axis has its own thread; linear algebra with threads of its own would fight them.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    from hil_sim.effects.library import EffectError, library
+    from sim2real import diagnosis
+    from sim2real.examine import examine
     from stagectl.config.mapping import stage_settings
-    from stagectl.errors import UnusableInput
+    from stagectl.errors import ConfigError, UnusableInput
     from stagectl.store.recording import read_recording
 
     recorded = [read_recording(path) for path in recordings]
@@ -66,30 +75,36 @@ def diagnose(
     console = console_for(quiet)
     with _diagnosing(console) as progress:
         try:
+            effects = library()
             examined = examine(recorded, settings, tolerance, correct=correct, progress=progress)
+            found = diagnosis.diagnose(examined, tolerance, effects, jobs=jobs, progress=progress)
+        except EffectError as error:
+            raise ConfigError(f"effects: {error}") from error
         except ValueError as error:
             raise UnusableInput(str(error)) from error
-        report = without_causes(examined)
+    report = found.report
     if json_out is not None:
         write_json(report.to_json(), json_out)
     if html_out is not None:
         from stagectl.report.gap_page import write_gap_page
 
-        write_gap_page(html_out, report, examined, model.name)
+        write_gap_page(html_out, report, examined, model.name, explained=found.explained or None)
     if twin is not None:
-        _write_twin(twin, model, report)
+        _write_twin(twin, model, report, found.plant)
     if not quiet:
         _show(console, report, model.name)
 
 
-def _write_twin(path: Path, machine: Machine, report: GapReport) -> None:
+def _write_twin(
+    path: Path, machine: Machine, report: GapReport, plant: Mapping[str, Mapping[str, float]]
+) -> None:
     from stagectl.config.twin import twin_text
 
     effects: dict[str, list[tuple[str, dict[str, float]]]] = {}
     for cause in report.causes:
         parameters = {key: p.value for key, p in cause.parameters.items()}
         effects.setdefault(cause.axis, []).append((cause.effect, parameters))
-    path.write_text(twin_text(machine, effects), encoding="utf-8")
+    path.write_text(twin_text(machine, effects, plant), encoding="utf-8")
 
 
 @contextmanager
