@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from drivers import objects as od
 from drivers.errors import LimitError
+from drivers.profile_position import Setpoint
 from drivers.settings import AxisSettings
 
 
@@ -120,6 +121,54 @@ def checked_forces(force: NDArray[np.float64], axes: Sequence[AxisSettings]) -> 
         _within(np.abs(force[:, j]), axis.peak_force, "force", "N", axis, od.MAX_FORCE)
         _ends_at_zero(force[:, j], axis, od.TARGET_FORCE)
     return _force_counts(force, axes)
+
+
+def checked_profile(
+    axis: AxisSettings,
+    start: float,
+    positions: Sequence[float],
+    velocity: float,
+    acceleration: float,
+    relative: bool,
+) -> list[Setpoint]:
+    """Set-points for the drive's own profile after checking all of them.
+
+    Args:
+        axis: settings of the axis.
+        start: where it is [m].
+        positions: targets one after the other [m]; with `relative` each from the one before.
+        velocity: of the profile [m/s].
+        acceleration: of the profile [m/s^2].
+        relative: see positions.
+
+    Raises:
+        LimitError: no target, velocity, acceleration or a target outside the axis' limits.
+    """
+    for value, limit, ref in (
+        (velocity, axis.velocity, od.PROFILE_VELOCITY),
+        (acceleration, axis.acceleration, od.PROFILE_ACCELERATION),
+    ):
+        if not 0 < value <= limit:
+            raise LimitError(f"{value!r} is not in (0, {limit:g}]", axis=axis.name, obj=ref)
+    if not positions:
+        raise LimitError("there is no target", axis=axis.name, obj=od.TARGET_POSITION)
+    low, high = axis.travel
+    setpoints, at = [], start
+    for number, position in enumerate(positions):
+        end = at + position if relative else position
+        if not low <= end <= high:
+            below = end < low
+            which = f"target {number + 1}: " if len(positions) > 1 else ""
+            raise LimitError(
+                f"{which}target {end!r} m is {'below' if below else 'above'} the limit "
+                f"{low if below else high:g} m",
+                axis=axis.name, obj=od.SOFT_LIMIT_LOW if below else od.SOFT_LIMIT_HIGH,
+            )  # fmt: skip
+        duration = abs(end - at) / velocity + velocity / acceleration
+        counts = round((position if relative else end) / axis.increment)
+        setpoints.append(Setpoint(counts, round(end / axis.increment), duration, relative))
+        at = end
+    return setpoints
 
 
 def _checked_shape(

@@ -29,8 +29,13 @@ from drivers.cia402 import Command, Mode, State
 from drivers.clock import Clock, MonotonicClock
 from drivers.cycle import Cycle, Sink, Until
 from drivers.diagnosis import Evidence, explained
-from drivers.errors import AxisFault, BusError, ConfigurationError, DriverError, LimitError
-from drivers.limits import checked_counts, checked_forces, checked_velocities
+from drivers.errors import AxisFault, BusError, ConfigurationError, DriverError
+from drivers.limits import (
+    checked_counts,
+    checked_forces,
+    checked_profile,
+    checked_velocities,
+)
 from drivers.power import HOLDING_TIMEOUT, RINGING_TIMEOUT, Power
 from drivers.realtime import RealTime
 from drivers.samples import Samples
@@ -473,42 +478,40 @@ class Stage:
         return self.stream(np.tile(self.targets, (rows, 1)), np.tile(self.offsets, (rows, 1)))
 
     @_exclusive
-    def move_to(self, axis: str, position: float, velocity: float, acceleration: float) -> None:
+    def move_to(
+        self,
+        axis: str,
+        position: float | Sequence[float],
+        velocity: float,
+        acceleration: float,
+        relative: bool = False,
+    ) -> None:
         """Moves one axis by the drive's own profile (pp); returns when the target is reached.
 
         The axis ends enabled in csp with all others, holding the target.
 
         Args:
             axis: its name.
-            position: absolute [m].
+            position: absolute [m], or several: each waits in the drive until the one before is
+                reached.
             velocity: of the profile [m/s].
             acceleration: of the profile, both ways [m/s^2].
+            relative: positions count from the target before, the first from where the axis is.
 
         Raises:
             LimitError: outside the axis' limits; nothing was sent.
             AxisFault: the axis faulted or did not arrive; all axes are stopped.
         """
         channel = self._channel(axis)
-        s = channel.axis.settings
-        for value, limit, name in (
-            (velocity, s.velocity, "velocity"),
-            (acceleration, s.acceleration, "acceleration"),
-        ):
-            if not 0 < value <= limit:
-                raise LimitError(f"{name} {value!r} is not in (0, {limit:g}]", axis=axis)
-        if not s.travel[0] <= position <= s.travel[1]:
-            raise LimitError(
-                f"target {position!r} m is outside {s.travel[0]:g}..{s.travel[1]:g} m", axis=axis
-            )
+        wanted = [position] if isinstance(position, int | float) else list(position)
+        start = channel.position * channel.axis.scale.increment
+        setpoints = checked_profile(
+            channel.axis.settings, start, wanted, velocity, acceleration, relative
+        )
         with self._stopping():
             channel.axis.set_profile(velocity, acceleration)
             self._enter(Mode.PROFILE_POSITION, self._cycle.channels)
-            distance = abs(position - channel.position * s.increment)
-            duration = distance / velocity + velocity / acceleration
-            profile_position.move(
-                self._cycle, channel, channel.axis.counts(position), duration,
-                self.settings.sync_period,
-            )  # fmt: skip
+            profile_position.move(self._cycle, channel, setpoints, self.settings.sync_period)
         self.enable()
 
     def _stopping_time(self) -> float:

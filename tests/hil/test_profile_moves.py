@@ -1,0 +1,100 @@
+"""Moves by the drive's own profile: relative, queued, limits named, an old bit 10 not believed."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import struct
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from drivers.errors import LimitError
+from drivers.stage import Stage
+from hil_sim.stage import VirtualStage
+from hil_sim.world import World
+from stagectl.config.machine import Machine
+from stagectl.config.mapping import driver_settings, stage_settings
+
+_names = itertools.count()
+Frame = tuple[int, int, bytes]
+
+
+@pytest.fixture
+def frames() -> list[Frame]:
+    return []
+
+
+@pytest.fixture
+def stage(stage_machine: Machine, frames: list[Frame]) -> Iterator[Stage]:
+    bus, axes = driver_settings(stage_machine)
+    world = World(f"profile-{next(_names)}")
+    VirtualStage(stage_settings(stage_machine), seed=1).attach(world)
+    bus = dataclasses.replace(bus, interface="lockstep", channel=world.name)
+    axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
+    with Stage.open(bus, axes, tap=lambda *f: frames.append(f)) as stage:
+        stage.boot()
+        stage.home()
+        stage.enable()
+        frames.clear()
+        yield stage
+
+
+def handed_over(frames: list[Frame]) -> list[tuple[int, int, int]]:
+    """(time [ns], target, controlword) of every rising edge of bit 4 to node 1."""
+    edges, before = [], 0
+    for time_ns, can_id, data in frames:
+        if can_id == 0x201 and len(data) == 8:
+            word, target, _ = struct.unpack("<Hih", data)
+            if word & 0x10 and not before & 0x10:
+                edges.append((time_ns, target, word))
+            before = word
+    return edges
+
+
+def test_relative_to_where_the_axis_is(stage: Stage, frames: list[Frame]) -> None:
+    start = stage.targets[0]
+    stage.move_to("x", 1e-3, velocity=0.05, acceleration=1.0, relative=True)
+    assert stage.targets[0] - start == pytest.approx(1e-3, abs=2e-6)
+    ((_, target, word),) = handed_over(frames)
+    assert target == 1_000_000
+    assert word & 0x70 == 0x70  # new set-point, at once, relative
+
+
+@pytest.mark.parametrize("relative", [False, True])
+def test_set_points_queue_in_the_drive(stage: Stage, frames: list[Frame], relative: bool) -> None:
+    start = stage.targets[0]
+    way = [2e-3, -1e-3, 3e-3]
+    path = way if relative else [start + sum(way[: n + 1]) for n in range(3)]
+    stage.move_to("x", path, velocity=0.05, acceleration=1.0, relative=relative)
+    assert stage.targets[0] - start == pytest.approx(4e-3, abs=3e-6)
+    edges = handed_over(frames)
+    bits = [word & 0x70 for _, _, word in edges]
+    assert bits == ([0x70, 0x50, 0x50] if relative else [0x30, 0x10, 0x10])
+    # the second is in the drive long before the first is done: 2 mm at 50 mm/s take 90 ms
+    assert edges[1][0] - edges[0][0] < 20e6
+    positions = [
+        struct.unpack("<Hih", data)[1] for _, can_id, data in frames if can_id == 0x181
+    ]  # fmt: skip
+    far = max(positions[: len(positions) // 2])
+    assert far * 1e-9 - start == pytest.approx(2e-3, abs=5e-5)  # each is reached
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"position": 0.16}, r"0x607D:02 .*target 0\.16 m is above the limit 0\.15 m"),
+        ({"position": [0.01, -0.2]}, r"0x607D:01 .*target 2: target -0\.2 m is below the limit"),
+        ({"position": [0.1, 0.1], "relative": True}, r"0x607D:02 .*target 2: "),
+        ({"position": 0.0, "velocity": 1.5}, r"0x6081:00 .*1\.5 is not in \(0, 1\]"),
+        ({"position": 0.0, "acceleration": 0}, r"0x6083:00 .*0 is not in \(0, 10\]"),
+        ({"position": []}, r"0x607A:00 .*there is no target"),
+    ],
+)
+def test_the_limit_is_named_and_nothing_is_sent(
+    stage: Stage, frames: list[Frame], arguments: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(LimitError, match="^axis x: " + message):
+        stage.move_to("x", **({"velocity": 0.05, "acceleration": 1.0} | arguments))
+    assert frames == []
