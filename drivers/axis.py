@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from drivers import dcf
 from drivers import objects as od
 from drivers.bus import Network
 from drivers.cia402 import Mode
@@ -26,11 +27,6 @@ TARGETS = {
 """What the cyclic target is in these modes; in all others the target position."""
 TPDO_OBJECTS = (od.STATUSWORD, od.POSITION_ACTUAL, od.FORCE_ACTUAL)
 
-FOLLOWING_ERROR_TIMEOUT_MS = 10
-POSITION_WINDOW = 1e-6
-"""Target reached, for pp: within this of the target [m] ..."""
-POSITION_WINDOW_MS = 10
-"""... for this long [ms]."""
 HOMING_ACCELERATION = 1.0
 MODE_TIMEOUT = 1.0
 PDO_COUNT = 4
@@ -50,9 +46,6 @@ _MISSED = {
 _NAMES = {
     mode: mode.name.lower().replace("_sync_", " synchronous ").replace("_", " ") for mode in Mode
 }
-_QUICK_STOP_RAMP_THEN_DISABLED = 2
-_ABORT_CONNECTION_QUICK_STOP = 3
-_RAMP = 1
 
 
 class Axis:
@@ -152,6 +145,7 @@ class Axis:
         for clause in check_units(node, self.settings):
             self.limited(clause)
         self.check_mode(Mode.CYCLIC_SYNC_POSITION)
+        dcf.apply(node, dcf.configured(node.dictionary))
         self._set_sync_counter(bus.sync_counter)
         node.write_optional(od.CYCLE_PERIOD, bus.period_us)
         if not node.write_optional(od.SYNC_WINDOW, bus.window_us) and bus.window_us:
@@ -175,17 +169,17 @@ class Axis:
         homing = min(HOMING_ACCELERATION, s.acceleration)
         search, index = (self.speed_counts(v) for v in s.homing_velocity)
         return {
-            od.ABORT_CONNECTION_OPTION: _ABORT_CONNECTION_QUICK_STOP,
-            od.QUICK_STOP_OPTION: _QUICK_STOP_RAMP_THEN_DISABLED,
-            od.FAULT_REACTION_OPTION: _QUICK_STOP_RAMP_THEN_DISABLED,
-            od.SHUTDOWN_OPTION: _RAMP,
-            od.DISABLE_OPTION: _RAMP,
-            od.HALT_OPTION: _RAMP,
+            od.ABORT_CONNECTION_OPTION: s.options.abort_connection,
+            od.QUICK_STOP_OPTION: s.options.quick_stop,
+            od.FAULT_REACTION_OPTION: s.options.fault_reaction,
+            od.SHUTDOWN_OPTION: s.options.shutdown,
+            od.DISABLE_OPTION: s.options.disable,
+            od.HALT_OPTION: s.options.halt,
             od.QUICK_STOP_DECELERATION: acceleration,
             od.FOLLOWING_ERROR_WINDOW: self.counts(s.following_error),
-            od.FOLLOWING_ERROR_TIMEOUT: FOLLOWING_ERROR_TIMEOUT_MS,
-            od.POSITION_WINDOW: self.counts(POSITION_WINDOW),
-            od.POSITION_WINDOW_TIME: POSITION_WINDOW_MS,
+            od.FOLLOWING_ERROR_TIMEOUT: round(s.following_error_time * 1e3),
+            od.POSITION_WINDOW: self.counts(s.position_window),
+            od.POSITION_WINDOW_TIME: round(s.position_window_time * 1e3),
             od.MAX_FORCE: round(s.peak_force / self.scale.force),
             od.SOFT_LIMIT_LOW: self.counts(s.travel[0]),
             od.SOFT_LIMIT_HIGH: self.counts(s.travel[1]),

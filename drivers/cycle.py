@@ -25,6 +25,10 @@ from drivers.node import Node
 from drivers.samples import FIELDS, VALID, Sample
 from drivers.settings import BusSettings
 
+_FOLLOWING_ERROR = 0x8611
+_STALL_COUNTS_NS = 200_000_000
+"""A following error within this time after late SYNCs may be their doing."""
+
 Until = Callable[[tuple[float, ...]], bool]
 Sink = Callable[[Sample], object]
 
@@ -90,7 +94,9 @@ class Cycle:
             node = self._alarmed[0]
             alarm = node.alarm
             if alarm is not None:
-                raise AxisFault(alarm.cause, axis=node.name, code=alarm.code)
+                raise AxisFault(
+                    alarm.cause + self._stall_before(alarm.code), axis=node.name, code=alarm.code
+                )
         for channel in self.channels:
             if channel.missed > self._max_missed:
                 raise AxisFault(
@@ -197,6 +203,13 @@ class Cycle:
             block["offset"] = offsets
         data, size = block.tobytes(), block.dtype.itemsize
         return (data[i : i + size] for i in range(0, len(data), size))
+
+    def _stall_before(self, code: int | None) -> str:
+        """A demand that stands still for some periods at speed is a following error by itself."""
+        stall = self.sync.stalled(_STALL_COUNTS_NS) if code == _FOLLOWING_ERROR else 0
+        if not stall:
+            return ""
+        return f"; the host had just been {stall} SYNC periods late: the demand stood still so long"
 
     def _check_late(self) -> None:
         self._late_in_a_row += 1

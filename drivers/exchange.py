@@ -52,6 +52,7 @@ class Exchange:
         self._overflow, self._count = settings.sync_counter, 0
         self._strict = bool(settings.window_us)  # what comes after the SYNC window does not count
         self._sync_at = 0
+        self._stall = (0, 0)
         self._kernel: KernelSync | None = None
         self._fresh = True
         self._begun = 0
@@ -59,6 +60,11 @@ class Exchange:
         self.sent = self._due = network.clock.now_ns()
         network.own_ids.add(SYNC_ID)
         network.own_ids |= self._setpoint_ids
+
+    def stalled(self, within_ns: int) -> int:
+        """Periods passed over in one go within the last time; 0: none."""
+        when, periods = self._stall
+        return periods if self.sent - when <= within_ns else 0
 
     def resume(self) -> None:
         """Takes up the SYNC grid after a time without SYNCs; that time is not lateness."""
@@ -140,6 +146,7 @@ class Exchange:
             late = 1
             passed = (now - due) // self._period
             self.skipped += passed
+            self._stall = (due, passed)
             due += passed * self._period
         self.late += late
         self.sent = due
@@ -199,6 +206,8 @@ class Exchange:
         late = int((passed > 0 or over) and not fresh)
         self.late += late
         self.skipped += 0 if fresh else passed
+        if late:
+            self._stall = (self._due, passed)
         self.sent = self._due + passed * self._period
         self._due = self.sent + self._period
         self._collect(recv, at, at + self._window)

@@ -353,6 +353,11 @@ class Node:
             raise
         return True
 
+    @property
+    def dictionary(self) -> canopen.ObjectDictionary:
+        """What the EDS says."""
+        return self._dictionary
+
     def _variable(self, obj: ObjectRef) -> canopen.objectdictionary.ODVariable | None:
         return self._dictionary.get_variable(obj.index, obj.sub)
 

@@ -127,6 +127,37 @@ class BusSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class OptionCodes:
+    """What the drive does when it is to stop: the option codes of CiA 402.
+
+    Attributes:
+        quick_stop: 0x605A, 0..3 leave, 5..8 stay in QUICK STOP ACTIVE.  shutdown: 0x605B.
+        disable: 0x605C.  halt: 0x605D.  fault_reaction: 0x605E.
+        abort_connection: 0x6007, what it does without its host: 1 fault, 2 voltage off, 3 quick
+            stop. 0, nothing, is not to be had.
+    """
+
+    quick_stop: int = 2
+    shutdown: int = 1
+    disable: int = 1
+    halt: int = 1
+    fault_reaction: int = 2
+    abort_connection: int = 3
+
+    def __post_init__(self) -> None:
+        for name, allowed in (
+            ("quick_stop", (0, 1, 2, 3, 5, 6, 7, 8)), ("shutdown", (0, 1)), ("disable", (0, 1)),
+            ("halt", (1, 2, 3, 4)), ("fault_reaction", (0, 1, 2, 3, 4)),
+            ("abort_connection", (1, 2, 3)),
+        ):  # fmt: skip
+            value = getattr(self, name)
+            _require(
+                value in allowed, None, f"option code {name}",
+                f"must be one of {', '.join(map(str, allowed))}, is {value!r}",
+            )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
 class AxisSettings:
     """One axis and its drive.
 
@@ -140,7 +171,9 @@ class AxisSettings:
         acceleration_unit: of accelerations on the bus [m/s^2].
         travel: (lowest, highest) position [m].
         velocity, acceleration, jerk: limits [m/s, m/s^2, m/s^3].
-        following_error: window [m].
+        following_error: window [m]; outside it for following_error_time [s], the drive faults.
+        position_window: target reached (pp) within this [m] for position_window_time [s].
+        options: option codes for stops.
         homing_method: CiA 402 homing method, 33..37 for stages without switches.
         homing_velocity: (search, index) [m/s].
     """
@@ -161,6 +194,10 @@ class AxisSettings:
     acceleration_unit: float = 1e-6
     homing_method: int = 34
     homing_velocity: tuple[float, float] = (0.01, 0.002)
+    following_error_time: float = 0.01
+    position_window: float = 1e-6
+    position_window_time: float = 0.01
+    options: OptionCodes = OptionCodes()
 
     def __post_init__(self) -> None:
         axis = self.name
@@ -172,7 +209,13 @@ class AxisSettings:
         ):  # fmt: skip
             value = getattr(self, name)
             _require(_finite(value) and value > 0, axis, name, f"must be > 0, is {value!r}")
-        for name in ("encoder", "velocity_unit"):
+        for name in ("following_error_time", "position_window_time"):
+            value = getattr(self, name)
+            _require(
+                _finite(value) and 0 <= value <= 65.535, axis, name,
+                f"must be 0 to 65.535 s, is {value!r}",
+            )  # fmt: skip
+        for name in ("encoder", "velocity_unit", "position_window"):
             value = getattr(self, name)
             _require(_finite(value) and value >= 0, axis, name, f"must be >= 0, is {value!r}")
         low, high = self.travel

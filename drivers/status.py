@@ -17,6 +17,12 @@ from drivers.objects import ObjectRef
 HISTORY_LENGTH = 4
 """Entries of 0x1003 that are worth a look."""
 
+STANDS = 1e-3
+"""Slower than this, an axis under force is said to hold [m/s]."""
+_INPUTS = (
+    (0, "at the negative limit switch"), (1, "at the positive limit switch"),
+    (3, "interlock active (STO or enable input)"),
+)  # fmt: skip
 _MODES = {
     0: "no mode", 1: "profile position", 3: "profile velocity", 4: "profile torque", 6: "homing",
     7: "interpolated position", 8: "cyclic synchronous position",
@@ -55,7 +61,32 @@ class AxisStatus:
         return "-" if self.mode is None else _MODES.get(self.mode, f"mode {self.mode}")
 
 
-def in_words(statusword: int, error_code: int | None = None) -> str:
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What a drive may report of the axis besides its statusword; None where it does not.
+
+    Attributes:
+        velocity: 0x606C [m/s].
+        inputs: 0x60FD: bits 0 and 1 limit switches, 3 interlock.
+        outputs: 0x60FE:01: bit 0 sets the brake.
+    """
+
+    velocity: float | None = None
+    inputs: int | None = None
+    outputs: int | None = None
+
+    def in_words(self) -> list[str]:
+        """What of it somebody beside the stage wants to know."""
+        inputs = self.inputs or 0
+        words = [text for bit, text in _INPUTS if inputs >> bit & 1]
+        if self.outputs is not None:
+            words.append("brake set" if self.outputs & 1 else "brake released")
+        return words
+
+
+def in_words(
+    statusword: int, error_code: int | None = None, around: Surroundings = Surroundings()
+) -> str:
     """What a statusword means for somebody who stands beside the stage."""
     state = decode(statusword)
     words = {
@@ -68,6 +99,8 @@ def in_words(statusword: int, error_code: int | None = None) -> str:
         State.FAULT_REACTION_ACTIVE: "fault, stopping",
         State.FAULT: "fault, no force",
     }[state]
+    if state is State.OPERATION_ENABLED and around.velocity is not None:
+        words = "enabled, " + ("holding" if abs(around.velocity) < STANDS else "moving")
     if state in (State.FAULT, State.FAULT_REACTION_ACTIVE) and error_code:
         words += f": {error_text(error_code)}"
     if not statusword & Status.VOLTAGE_ENABLED and state is not State.FAULT:
@@ -78,7 +111,7 @@ def in_words(statusword: int, error_code: int | None = None) -> str:
         words += "; an internal limit acts"
     if not statusword & Status.REMOTE:
         words += "; does not obey the bus (local control)"
-    return words
+    return "; ".join([words, *around.in_words()])
 
 
 def status_of(axis: Axis) -> AxisStatus:
@@ -101,14 +134,19 @@ def status_of(axis: Axis) -> AxisStatus:
             return None
 
     position, force = optional(od.POSITION_ACTUAL), optional(od.FORCE_ACTUAL)
-    code = optional(od.ERROR_CODE)
+    code, speed = optional(od.ERROR_CODE), optional(od.VELOCITY_ACTUAL)
+    around = Surroundings(
+        None if speed is None else speed * axis.settings.velocity_unit_si,
+        optional(od.DIGITAL_INPUTS),
+        optional(od.DIGITAL_OUTPUTS),
+    )
     return AxisStatus(
         axis=axis.name,
         node=node.id,
         nmt=node.nmt_state,
         statusword=statusword,
         state=decode(statusword),
-        words=in_words(statusword, code),
+        words=in_words(statusword, code, around),
         mode=optional(od.MODE_DISPLAY),
         position=None if position is None else position * axis.scale.increment,
         force=None if force is None else force * axis.scale.force,

@@ -146,6 +146,10 @@ class Bus(Section):
     realtime: RealTime = RealTime()
 
 
+Milliseconds = Annotated[NotNegativeTime, Field(le=65.535)]
+"""Times that drives hold as UNSIGNED16 in ms [s]."""
+
+
 class Limits(Section):
     """What the axis may be asked for [m/s, m/s^2, m/s^3] and the following error window [m]."""
 
@@ -153,6 +157,9 @@ class Limits(Section):
     acceleration: PositiveAcceleration
     jerk: PositiveJerk
     following_error: PositiveLength
+    following_error_time: Milliseconds = 0.01
+    position_window: PositiveLength = 1e-6
+    position_window_time: Milliseconds = 0.01
 
 
 class Encoder(Section):
@@ -189,6 +196,17 @@ class Cascade(Section):
     derivative_time: NotNegativeTime = 0.0
 
 
+class OptionCodes(Section):
+    """What the drive does when it is to stop: values of 0x605A, B, C, D, E and 0x6007."""
+
+    quick_stop: Literal[0, 1, 2, 3, 5, 6, 7, 8] = 2
+    shutdown: Literal[0, 1] = 1
+    disable: Literal[0, 1] = 1
+    halt: Literal[1, 2, 3, 4] = 1
+    fault_reaction: Literal[0, 1, 2, 3, 4] = 2
+    abort_connection: Literal[1, 2, 3] = 3
+
+
 class Drive(Section):
     """Force scaling [N], current loop [Hz], control tick Tc [s] and position loop of a drive.
 
@@ -205,6 +223,7 @@ class Drive(Section):
     control_period: PositiveTime
     position_unit: PositiveLength = 1e-9
     velocity_unit: PositiveVelocity | None = None
+    options: OptionCodes = OptionCodes()
     acceleration_unit: PositiveAcceleration = 1e-6
     pid: Pid | None = None
     cascade: Cascade | None = None

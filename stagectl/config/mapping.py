@@ -139,6 +139,10 @@ def driver_settings(
             acceleration_unit=axis.drive.acceleration_unit,
             homing_method=axis.homing.method,
             homing_velocity=(axis.homing.velocity, axis.homing.index_velocity),
+            following_error_time=axis.limits.following_error_time,
+            position_window=axis.limits.position_window,
+            position_window_time=axis.limits.position_window_time,
+            options=settings.OptionCodes(**axis.drive.options.model_dump()),
         )
         for name, axis in machine.axes.items()
     )

@@ -1,0 +1,82 @@
+"""Values that a DCF brings along: written at every boot, read back, differences told together.
+
+A DCF is an EDS with a `ParameterValue` where a drive is to hold something else than its default.
+What the driver sets by itself (communication, PDOs, words, modes, set-points) is not taken from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import canopen
+
+from drivers.errors import ConfigurationError, NodeError
+from drivers.node import Node
+from drivers.objects import ObjectRef
+
+LISTED = 5
+"""Differences that are told; of more, only the number."""
+_OURS = {
+    0x1005, 0x1006, 0x1007, 0x1014, 0x1016, 0x1017, 0x1019, 0x1010, 0x1011,
+    0x6040, 0x6060, 0x607A, 0x60FF, 0x6071, 0x60B2, 0x60C2,
+}  # fmt: skip
+_PDOS = range(0x1400, 0x1C00)
+
+
+def configured(dictionary: canopen.ObjectDictionary) -> list[tuple[ObjectRef, int]]:
+    """The integer objects that the file gives a value of its own, in the order of their indices."""
+    values = []
+    for variable in _variables(dictionary):
+        value = variable.value
+        if (
+            isinstance(value, int)
+            and variable.writable
+            and variable.data_type in canopen.objectdictionary.INTEGER_TYPES
+            and variable.index not in _OURS
+            and variable.index not in _PDOS
+        ):
+            values.append((ObjectRef(variable.index, variable.subindex, variable.name), value))
+    return values
+
+
+def _variables(
+    dictionary: canopen.ObjectDictionary,
+) -> Iterator[canopen.objectdictionary.ODVariable]:
+    for index in sorted(dictionary):
+        entry = dictionary[index]
+        if isinstance(entry, canopen.objectdictionary.ODVariable):
+            yield entry
+        else:
+            yield from entry.values()
+
+
+def apply(node: Node, values: list[tuple[ObjectRef, int]]) -> None:
+    """Writes the values, reads all of them back.
+
+    Raises:
+        ConfigurationError: names every object that was refused or holds something else.
+        NodeError: the node does not answer.
+    """
+    differences = []
+    for ref, value in values:
+        try:
+            node.write(ref, value)
+        except NodeError as refused:
+            if refused.abort_code is None:
+                raise
+            differences.append(f"{ref} {refused.cause}")
+        except ConfigurationError as unfit:
+            differences.append(f"{ref} {unfit.cause}")
+    told = {text.split(" ", 1)[0] for text in differences}
+    for ref, value in values:
+        if f"0x{ref.index:04X}:{ref.sub:02X}" in told:
+            continue
+        held = node.read(ref)
+        if held != value:
+            differences.append(f"{ref} wrote {value}, the drive holds {held}")
+    if differences:
+        more = len(differences) - LISTED
+        text = "; ".join(differences[:LISTED]) + (f"; and {more} more" if more > 0 else "")
+        raise ConfigurationError(
+            f"DCF: {len(differences)} of {len(values)} objects differ: {text}", axis=node.name
+        )

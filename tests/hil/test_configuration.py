@@ -1,0 +1,133 @@
+"""What is written into a drive at boot: windows, option codes, a DCF; and read back."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.errors import AxisFault, ConfigurationError
+from drivers.objects import ObjectRef
+from drivers.settings import AxisSettings, OptionCodes
+from drivers.stage import Stage
+from hil_sim.stage import VirtualStage
+from hil_sim.world import World
+from stagectl.config.machine import Machine, parse_machine
+from stagectl.config.mapping import driver_settings, stage_settings
+
+_names = itertools.count()
+
+
+def open_stage(machine: Machine, **changes: object) -> tuple[Stage, VirtualStage, World]:
+    """A stage on drives just switched on; axis x with these settings changed."""
+    bus, axes = driver_settings(machine)
+    world = World(f"configuration-{next(_names)}")
+    drives = VirtualStage(stage_settings(machine), seed=1)
+    drives.attach(world)
+    bus = dataclasses.replace(bus, interface="lockstep", channel=world.name)
+    axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
+    axes = (dataclasses.replace(axes[0], **changes), *axes[1:])  # type: ignore[arg-type]
+    return Stage.open(bus, axes), drives, world
+
+
+def held(stage: Stage, index: int, sub: int = 0) -> int:
+    return stage.axes[0].node.read(ObjectRef(index, sub, ""))
+
+
+def test_windows_and_option_codes_of_the_machine_file(stage_machine: Machine) -> None:
+    text = stage_machine.text.replace(
+        "following_error: 0.001}",
+        "following_error: 0.001, following_error_time: 20 ms, position_window: 2 um, "
+        "position_window_time: 30 ms}",
+    ).replace("rated_force: 40.0", "options: {quick_stop: 6, halt: 2}\n      rated_force: 40.0")
+    stage, _, _ = open_stage(parse_machine(text, "options.yaml"))
+    with stage:
+        stage.boot()
+        assert [held(stage, i) for i in (0x6066, 0x6067, 0x6068)] == [20, 2000, 30]
+        assert [held(stage, i) for i in (0x605A, 0x605B, 0x605C, 0x605D, 0x605E)] == [6, 1, 1, 2, 2]
+        assert held(stage, 0x6007) == 3
+        stage.home()
+        stage.enable()
+        stage.quick_stop()  # stays in QUICK STOP ACTIVE, and is switched off then
+        assert not stage.enabled
+        stage.enable()
+        assert stage.enabled
+
+
+@pytest.mark.parametrize(
+    "options", [{"quick_stop": 4}, {"abort_connection": 0}, {"halt": 0}, {"fault_reaction": 9}]
+)
+def test_option_codes_that_are_not_to_be_had(options: dict[str, int]) -> None:
+    with pytest.raises(ConfigurationError, match=f"option code {next(iter(options))}: must be one"):
+        OptionCodes(**options)
+
+
+def dcf(settings: AxisSettings, folder: Path, **values: int) -> Path:
+    """The axis' EDS with values of its own for some objects."""
+    text = settings.eds.read_text()
+    for name, value in values.items():
+        head, _, rest = text.partition(f"[{name[1:]}]\n")
+        assert rest, name
+        text = f"{head}[{name[1:]}]\nParameterValue={value}\n{rest}"
+    path = folder / "drive.dcf"
+    path.write_text(text)
+    return path
+
+
+def test_a_dcf_is_written_and_what_is_ours_stays_ours(
+    stage_machine: Machine, tmp_path: Path
+) -> None:
+    _, axes = driver_settings(stage_machine)
+    path = dcf(axes[0], tmp_path, x6081=123456, x6067=77, x1017=9999, x607A=5)
+    stage, _, _ = open_stage(stage_machine, eds=path)
+    with stage:
+        stage.boot()
+        assert held(stage, 0x6081) == 123456
+        assert held(stage, 0x6067) == 1000  # the machine file's
+        assert held(stage, 0x1017) == 100
+        assert held(stage, 0x607A) == 0
+
+
+def test_all_differences_from_a_dcf_are_told_at_once(
+    stage_machine: Machine, tmp_path: Path
+) -> None:
+    _, axes = driver_settings(stage_machine)
+    path = dcf(axes[0], tmp_path, x6081=123456, x6083=1000, x6084=2000)
+    stage, drives, _ = open_stage(stage_machine, eds=path)
+    dictionary = drives.drives[0].dictionary
+    del dictionary.variables[0x608100]
+    dictionary.live[0x608400] = lambda: 42
+    with stage:
+        with pytest.raises(ConfigurationError) as caught:
+            stage.boot()
+        text = str(caught.value)
+    assert text.startswith("axis x: DCF: 2 of 3 objects differ: 0x6081:00 ")
+    assert "does not exist" in text
+    assert "0x6084:00 " in text
+    assert "wrote 2000, the drive holds 42" in text
+    assert "0x6083" not in text
+
+
+def test_a_following_error_after_late_syncs_says_so(stage_machine: Machine) -> None:
+    """At 0.5 m/s a demand that stands still for 12 ms is a following error by itself."""
+    stage, _, world = open_stage(stage_machine)
+    with stage:
+        stage.boot()
+        stage.home()
+        stage.enable()
+        speed = np.r_[np.linspace(0, 0.5, 100), np.full(100, 0.5), np.linspace(0.5, 0, 100)]
+        position = np.array(stage.targets) + np.cumsum(speed)[:, None] * 1e-3 * [1, 0]
+        count = itertools.count()
+
+        def until(_: tuple[float, ...]) -> bool:
+            if next(count) == 150:
+                world.sleep_until_ns(world.now_ns + 12_600_000)
+            return False
+
+        with pytest.raises(
+            AxisFault, match=r"^axis x: .*0x8611.*the host had just been 11 SYNC periods late"
+        ):
+            stage.stream(position, np.zeros_like(position), until)
