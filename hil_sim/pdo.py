@@ -235,7 +235,11 @@ class Rpdo(_Pdo):
 
 
 class Tpdo(_Pdo):
-    """A PDO that the drive sends."""
+    """A PDO that the drive sends.
+
+    Attributes:
+        sample: reads the mapped objects and packs them; made by `compile`.
+    """
 
     receive = False
 
@@ -245,7 +249,7 @@ class Tpdo(_Pdo):
         self._inhibit_key = key(0x1800 + number, 3)
         self._event_key = key(0x1800 + number, 5)
         dictionary.check[self._inhibit_key] = self._check_inhibit
-        self._sample: Callable[[], bytes] = bytes
+        self.sample: Callable[[], bytes] = bytes
         self._sync_count = 0
         self._last: bytes | None = None
         self._last_ns = -(1 << 62)
@@ -256,7 +260,7 @@ class Tpdo(_Pdo):
         """Take the parameters from the dictionary."""
         super().compile()
         live, values = self.dictionary.live, self.dictionary.values
-        self._sample = _sampler(
+        self.sample = _sampler(
             self.codec.pack,
             [live.get(k) or partial(values.__getitem__, k) for k in self.keys],
         )
@@ -278,14 +282,14 @@ class Tpdo(_Pdo):
     def on_sync(self) -> None:
         """Sample and send when it is this PDO's turn."""
         if self.transmission == 1:
-            self._segment.emit(self.cob_id, self._sample())
+            self._segment.emit(self.cob_id, self.sample())
             return
         if self.transmission > 1:
             self._sync_count += 1
             if self._sync_count < self.transmission:
                 return
             self._sync_count = 0
-        data = self._sample()
+        data = self.sample()
         if self.transmission == 0:
             if data == self._last:
                 return
@@ -303,7 +307,7 @@ class Tpdo(_Pdo):
     def _send_event(self) -> None:
         self.stop()
         now = self._last_ns = self._segment.now_ns
-        self._segment.emit(self.cob_id, self._sample())
+        self._segment.emit(self.cob_id, self.sample())
         period_ns = self.dictionary.integer(self._event_key) * 1_000_000
         if period_ns:
             self._timer = self._segment.at(now + period_ns, self._send_event)

@@ -42,6 +42,8 @@ class PdoEngine:
         self._rpdos = [Rpdo(dictionary, n, self, segment) for n in range(COUNT)]
         self._tpdos = [Tpdo(dictionary, n, segment) for n in range(COUNT)]
         self._sync_rpdos: tuple[Rpdo, ...] = ()
+        self._emit = segment.emit
+        self._at_every_sync: tuple[tuple[int, Callable[[], bytes]], ...] = ()
         self._sync_tpdos: tuple[Tpdo, ...] = ()
         self._event_tpdos: tuple[Tpdo, ...] = ()
         dictionary.on_write[_SYNC_WINDOW] = lambda _: self._arrange()
@@ -74,6 +76,8 @@ class PdoEngine:
         """Send the synchronous TPDOs that are due; call `latch` afterwards."""
         if self._late_bus and self._segment.sync_overtaken:  # type: ignore[attr-defined]
             return  # the host would take them for those of the SYNC that has come meanwhile
+        for cob_id, sample in self._at_every_sync:
+            self._emit(cob_id, sample())
         for tpdo in self._sync_tpdos:
             tpdo.on_sync()
 
@@ -121,7 +125,10 @@ class PdoEngine:
         for cob_id, rpdo in self._subscribed:
             self._segment.subscribe(cob_id, rpdo.on_frame)
         synchronous = [p for p in self._tpdos if live and p.valid and p.transmission <= 240]
-        self._sync_tpdos = tuple(synchronous)
+        # the usual case without a call more per PDO; mixed ones keep their order
+        simple = all(p.transmission == 1 for p in synchronous)
+        self._at_every_sync = tuple((p.cob_id, p.sample) for p in synchronous if simple)
+        self._sync_tpdos = () if simple else tuple(synchronous)
         self._event_tpdos = tuple(
             p for p in self._tpdos if live and p.valid and p.transmission in EVENT
         )
