@@ -30,7 +30,7 @@ from sim2real.plain_checks import (
     unit_factor,
 )
 from sim2real.recording import AxisSignals, BoolArray, FloatArray, Recording
-from sim2real.replay import prepare
+from sim2real.replay import periods, prepare
 from sim2real.report import ChannelFinding
 
 MISLEADING = (
@@ -103,9 +103,9 @@ def audit(recording: Recording, settings: StageSettings) -> Audit:
             findings += time_axis(recording.time, settings.sync_period)
             break
     if any(f.finding in ("clock", "jitter") for f in findings):
-        slope = 1.0 + sum(f.value or 0.0 for f in findings if f.finding == "clock")
-        place = np.rint((recording.time - recording.time[0]) / slope / settings.sync_period)
-        recording = replace(recording, time=_increasing(place) * settings.sync_period)
+        place = periods(recording.time, float(np.median(np.diff(recording.time))))
+        on_time = np.asarray(place * settings.sync_period, dtype=np.float64)
+        recording = replace(recording, time=on_time)
     for axis in settings.axes:
         if axis.name not in recording.axes:
             continue
@@ -304,12 +304,6 @@ def _regained(settings: StageSettings, axis: str, term: str, factor: float) -> S
         for a in settings.axes
     )
     return replace(settings, axes=axes)
-
-
-def _increasing(place: FloatArray) -> FloatArray:
-    steps = np.arange(len(place))
-    increasing: FloatArray = np.maximum.accumulate(place - steps) + steps
-    return increasing
 
 
 def _changed(recording: Recording, axis: str, **channels: FloatArray | BoolArray) -> Recording:

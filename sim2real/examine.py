@@ -184,9 +184,7 @@ def without_causes(examined: Examination) -> GapReport:
             f"the combined gap is {gap**0.5:.2g} times the floor: no more than the machine file's "
             "tolerance and repeatability give"
         )
-        return GapReport(
-            examined.recordings, NO_GAP, reason, examined.findings, examined.gap, where=located
-        )
+        return GapReport(examined.recordings, NO_GAP, reason, examined.findings, examined.gap)
     reason = f"the combined gap is {gap**0.5:.3g} times the floor; no cause has been looked for"
     return GapReport(
         examined.recordings, UNEXPLAINED, reason, examined.findings, examined.gap, where=located

@@ -26,7 +26,8 @@ _SLIP = 1e-6
 """Brings the columns for a position log that is off to the size of forces."""
 _BETTER = 0.98
 """A less simple supposition must leave less than this share of a simpler one's."""
-_SHIFTS = np.arange(-5e-3, 5.01e-3, 5e-4)
+_SHIFTS = np.arange(-5e-3, 5.01e-3, 2e-4)
+"""Finer than half a SYNC period: demanded velocity steps at each SYNC make one dip per period."""
 _DRIFTS = np.concatenate((-np.geomspace(3e-6, 3e-3, 12)[::-1], np.geomspace(3e-6, 3e-3, 12)))
 _GRIDS = {
     "lag": _SHIFTS,

@@ -14,6 +14,7 @@ import numpy as np
 from hil_sim.settings import AxisSettings
 from sim2real.phases import REST, axis_phases
 from sim2real.recording import AxisSignals, BoolArray, FloatArray
+from sim2real.replay import periods
 from sim2real.report import ChannelFinding
 
 ALL_AXES = "all"
@@ -51,7 +52,7 @@ def time_axis(time: FloatArray, period: float) -> list[ChannelFinding]:
             return [ChannelFinding(ALL_AXES, "time", "units", factor, "1", text=text)]
     if abs(usual - 1.0) > 0.1:
         return []
-    place = _periods(time, usual * period)
+    place = periods(time, usual * period)
     slope, start = np.polyfit(place * period, time, 1)
     scatter = float(np.std(time - slope * place * period - start))
     found = []
@@ -64,17 +65,6 @@ def time_axis(time: FloatArray, period: float) -> list[ChannelFinding]:
         text = f"time stamps jitter by {scatter * 1e6:.0f} µs rms around the SYNC period"
         found.append(ChannelFinding(ALL_AXES, "time", "jitter", scatter, "s", text=text))
     return found
-
-
-def _periods(time: FloatArray, period: float) -> FloatArray:
-    """Number of each sample's period from 0: one after the other but where time jumps for good."""
-    place = np.arange(len(time), dtype=np.float64)
-    for i in np.flatnonzero(np.diff(time) > 1.5 * period):
-        before, after = slice(max(i - 4, 0), i + 1), slice(i + 1, i + 6)
-        level = time - np.arange(len(time)) * period
-        jump = float(np.median(level[after]) - np.median(level[before])) / period
-        place[i + 1 :] += max(round(jump), 0)
-    return place
 
 
 def constant(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFinding]:

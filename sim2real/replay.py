@@ -20,6 +20,10 @@ _REST_UNITS = 4
 """A force at the first sample beyond so many force units is taken as the friction's state there."""
 _STILL = 10
 """A recording starts at rest where the demand stands for so many samples."""
+_LEVEL = 15
+"""Samples before and after a jump of the time that say whether it stays."""
+_DRIFT = 0.01
+"""A clock this far off is counted in its own periods."""
 _MAX_STRETCH = 10
 """Periods passed over for each sample, at most: beyond that it is no recording of one run."""
 
@@ -133,17 +137,36 @@ def _places(time: FloatArray, period: float) -> NDArray[np.int64]:
     Raises:
         ValueError: the samples are not a period apart.
     """
-    steps = np.arange(len(time))
     if len(time) < 2:
-        return steps
+        return np.arange(len(time))
     usual = float(np.median(np.diff(time)))
     if abs(usual - period) > 0.1 * period:
         raise ValueError(
             f"its samples are {usual:.6g} s apart, the model's sync_period is {period:g} s"
         )
-    places = np.rint((time - time[0]) / period).astype(np.int64)
+    places = periods(time, usual if abs(usual - period) > _DRIFT * period else period)
     if places[-1] > _MAX_STRETCH * len(time):
         raise ValueError(f"its samples are spread over {places[-1] * period:.6g} s")
-    # Host times that jitter by half a period and more: one after the other all the same.
-    increasing: NDArray[np.int64] = np.maximum.accumulate(places - steps) + steps
-    return increasing
+    return places
+
+
+def periods(time: FloatArray, period: float) -> NDArray[np.int64]:
+    """Number of the SYNC period of each sample, from 0, strictly increasing.
+
+    One after the other, but where time jumps ahead for good: there periods were passed over. A
+    host that stamps a few samples late has passed over none.
+
+    Args:
+        time: of the samples [s].
+        period: of the SYNC [s].
+    """
+    steps = np.arange(len(time))
+    place = steps.copy()
+    level = (time - time[0]) / period - steps
+    jumps = np.flatnonzero(np.diff(level) > 0.5)
+    edges = [-1, *jumps.tolist(), len(time) - 1]
+    for number, jump in enumerate(jumps, start=1):
+        before = level[max(edges[number - 1] + 1, jump + 1 - _LEVEL) : jump + 1]
+        after = level[jump + 1 : min(edges[number + 1] + 1, jump + 1 + _LEVEL)]
+        place[jump + 1 :] += max(round(float(np.median(after) - np.median(before))), 0)
+    return place

@@ -225,3 +225,20 @@ def test_a_drive_that_runs_into_its_peak_force_is_no_other_controller(stage, rec
     named, finding = single(audit(made, weak))
     assert named == ("x", "force_actual", "saturation")
     assert finding.value == pytest.approx(np.mean(np.abs(response.force[:, 0]) > 44.7), rel=0.3)
+
+
+def test_missed_samples_and_late_stamps_are_no_fault(stage, recorded):
+    rng = np.random.default_rng(2)
+    valid = rng.random(SAMPLES) > 0.03
+    valid[:2] = True
+    held = np.maximum.accumulate(np.where(valid, np.arange(SAMPLES), 0))
+    holed = spoilt(
+        recorded, position_actual=lambda y: y[held], force_actual=lambda f: f[held],
+        valid=lambda _: valid,
+    )  # fmt: skip
+    late = recorded.time.copy()
+    late[400] += 3.2e-3  # one stamp late by three periods, and the next ones close behind
+    late = np.maximum.accumulate(late) + np.arange(SAMPLES) * 1e-12
+    found = audit(replace(holed, time=late), stage)
+    assert [f.finding for f in found.findings if f.channel != "time"] == []
+    np.testing.assert_array_equal(np.rint(found.recording.time / 1e-3), np.arange(SAMPLES))
