@@ -111,6 +111,10 @@ def refresh(p, s, across, arena, output, period):  # type: ignore[no-untyped-def
         s.gain, s.gain_slope = _table(
             arena, p.position_gain, p.table_low, p.table_inverse, p.table_count, middle
         )
+    if p.misreading >= 0:
+        s.misread, s.misread_slope = _table(
+            arena, p.misreading, p.table_low, p.table_inverse, p.table_count, middle
+        )
     s.pull = p.force + p.spring * middle
     s.pull_slope = p.spring
     if p.position_force >= 0:

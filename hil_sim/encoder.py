@@ -14,7 +14,10 @@ def read_encoder(plant, state, period, normal):  # type: ignore[no-untyped-def]
     Sets `encoder` [m] and `speed` [m/s] of its state; `period` is Tc [s], `normal` a standard
     normal.
     """
-    reading = round((state.position + plant.noise * normal) / plant.increment) * plant.increment
+    place = state.position
+    if plant.misreading >= 0:
+        place += state.misread + state.misread_slope * (place - state.place)
+    reading = round((place + plant.noise * normal) / plant.increment) * plant.increment
     state.speed += (
         period / (_SPEED_TIME + period) * ((reading - state.encoder) / period - state.speed)
     )

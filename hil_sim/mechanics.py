@@ -320,7 +320,7 @@ class Arrays:
         for a, axis in enumerate(axes):
             self.shares[self._elements(a)] = element_shares(axis.friction.elements)
             reading = round(start[a] / axis.increment) * axis.increment
-            self.state[a]["position"] = start[a]
+            self.state[a]["position"] = start[a] - self.ports[a].misread(start[a])
             self.state[a]["encoder"] = reading
             for name in HELD_AT_POSITION:
                 self.loop[a][name] = reading

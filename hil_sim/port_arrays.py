@@ -35,6 +35,7 @@ PORT_FIELDS = [
     ("position_force", "i8"),
     ("position_coulomb", "i8"),
     ("position_gain", "i8"),
+    ("misreading", "i8"),
     ("velocity_scale", "f8"),
     ("velocity_nodes", "i8"),
     ("velocity_force", "i8"),
@@ -83,6 +84,8 @@ PORT_STATE_FIELDS = [
     ("pull_slope", "f8"),
     ("push", "f8"),  # force over time at the tick's start, and its change per second
     ("push_rate", "f8"),
+    ("misread", "f8"),  # what the encoder reads too much
+    ("misread_slope", "f8"),
     ("net", "f8"),  # force on the carriage without coupling and springs [N]
     ("sprung", "f8"),  # force of what hangs from it [N]
     ("springs", "f8"),  # acceleration by all springs and dampers [m/s^2]
@@ -174,7 +177,7 @@ def fill(
     record["table_low"] = nodes[0]
     record["table_inverse"] = (len(nodes) - 1) / (nodes[-1] - nodes[0])
     record["table_count"] = len(nodes)
-    for name in ("position_force", "position_coulomb", "position_gain"):
+    for name in ("position_force", "position_coulomb", "position_gain", "misreading"):
         table = getattr(ports, name)
         record[name] = arena.add(None if table is None else np.pad(table, 1, "edge"))
     record["velocity_scale"] = VELOCITY_NODES / math.sqrt(1.5 * ports.axis.velocity)
@@ -223,9 +226,9 @@ def fill(
         or any(
             record[name] >= 0
             for name in (
-                "position_force", "position_coulomb", "position_gain", "velocity_force",
-                "time_force", "time_coulomb", "harmonics", "decays", "hysteresis", "fields",
-                "history",
+                "position_force", "position_coulomb", "position_gain", "misreading",
+                "velocity_force", "time_force", "time_coulomb", "harmonics", "decays",
+                "hysteresis", "fields", "history",
             )
         )
     )  # fmt: skip

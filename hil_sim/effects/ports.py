@@ -99,6 +99,7 @@ class EffectPorts:
         self.position_force: F64 | None = None
         self.position_coulomb: F64 | None = None
         self.position_gain: F64 | None = None
+        self.misreading: F64 | None = None
         self.velocity_force: F64 | None = None
         self.time_force: F64 | None = None
         self.time_coulomb: F64 | None = None
@@ -131,7 +132,7 @@ class EffectPorts:
     def times(self) -> F64:
         """Nodes of tables over time: the SYNCs of the simulation, float64[n] [s]."""
         duration = LIVE_DURATION if self._duration is None else self._duration
-        count = int(np.ceil(duration / self._sync_period)) + 1
+        count = max(int(np.ceil(duration / self._sync_period)), 1) + 1
         return np.asarray(self._sync_period * np.arange(count))
 
     # Forces against the motion of the carriage ------------------------------------------------
@@ -159,6 +160,10 @@ class EffectPorts:
     def couple(self, mass: float) -> None:
         """Disturbance force mass times the acceleration of the other axis [kg]."""
         self.coupled_mass += mass
+
+    def add_misreading(self, error: F64) -> None:
+        """What the encoder reads too much at each of `positions` [m]."""
+        self.misreading = _sum(self.misreading, error, self.positions)
 
     # Factors ---------------------------------------------------------------------------------
 
@@ -221,6 +226,12 @@ class EffectPorts:
         if self.position_force is not None:
             force += float(np.interp(position, self.positions, self.position_force))
         return force
+
+    def misread(self, position: float) -> float:
+        """What the encoder reads too much at this position [m]."""
+        if self.misreading is None:
+            return 0.0
+        return float(np.interp(position, self.positions, self.misreading))
 
     def check(self, step: float) -> None:
         """Raise unless the effects leave a plant that can be simulated.

@@ -75,6 +75,34 @@ def test_cubic_force_over_position(free, with_effects, pushed, substeps):
 
 
 @both_steps
+def test_misreading_encoder(nominal, with_effects, substeps):
+    # The loop keeps the reading on the demand: the carriage is off by the error, and the motor has
+    # to accelerate it along.
+    def error(x):
+        return 2e-6 * np.sin(2.0 * np.pi * x / 0.02)
+
+    bent = effect_of(lambda ports: ports.add_misreading(error(ports.positions)))
+    rows = 800
+    speed = 0.1 * np.minimum(np.arange(rows) / 100.0, 1.0)
+    demand = np.column_stack([np.cumsum(speed) * 1e-3, np.zeros(rows)])
+    quiet = replace(
+        nominal,
+        axes=tuple(
+            replace(a, friction=replace(a.friction, coulomb=1e-9, viscous=0.0, stiffness=1e-6))
+            for a in nominal.axes
+        ),
+    )
+    response = simulate(
+        with_effects(quiet, bent), demand, 0.0 * demand, None, substeps=substeps, rounded=False
+    )
+    cruise = slice(400, None)
+    rate = 2.0 * np.pi * 0.1 / 0.02
+    expected = MASS * rate**2 * error(response.position[cruise, 0])
+    np.testing.assert_allclose(response.force[cruise, 0], expected, atol=0.1 * np.ptp(expected))
+    assert np.ptp(response.position[cruise, 0] - demand[cruise, 0]) < 1e-6
+
+
+@both_steps
 def test_level_over_time_is_the_ports_factor(nominal, with_effects, substeps):
     demand = demand_of(1)
     factor = 1.0 + 0.2 * np.sin(np.arange(len(demand)) / 40.0)

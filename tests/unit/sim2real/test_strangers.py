@@ -1,0 +1,77 @@
+"""Effects outside the library: simulated, strong enough to be seen, and in no list."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil_sim.effects.library import own_effects
+from hil_sim.simulate import simulate_variants
+from sim2real.strangers import KIN, STRANGERS
+from stagectl.config import load_machine, stage_settings
+from stagectl.store.recording import read_recording
+
+DATA = Path(__file__).parents[2] / "data"
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    x = read_recording(DATA / "null-2.h5").axes["x"]
+    return x.position_demand, x.force_offset
+
+
+def middle(axis, effect):
+    """Middle of each range; places where the recordings are."""
+    values = {}
+    for p in effect.parameters:
+        low, high = p.ranges(axis)[-1]
+        values[p.key] = 0.0 if p.role == "place" else (low + high) / 2.0
+    return values
+
+
+def test_they_are_outside_the_library_and_kin_is_inside():
+    known = own_effects()
+    names = [e.name for e in (*STRANGERS, *KIN)]
+    assert len(set(names)) == len(names)
+    assert not set(names) & set(known)
+    assert all(e.kin in known for e in KIN)
+    assert all(not e.kin and not e.searched for e in STRANGERS)
+
+
+def test_each_shows_in_a_recording(recorded):
+    settings = stage_settings(load_machine())
+    axis = settings.axes[0]
+    every = (*STRANGERS, *KIN)
+    variants = [
+        axis,
+        *(replace(axis, effects=(e.at(**middle(axis, e)),)) for e in every),
+    ]
+    response = simulate_variants(settings.sync_period, variants, *recorded)
+    assert np.isfinite(response.position).all()
+    nominal = response.position[:, 0], response.force[:, 0]
+    for i, effect in enumerate(every, 1):
+        floors = (0.05e-6, 0.07)  # what a perfect model still shows
+        gap = math.sqrt(
+            sum(
+                np.mean((signal[:, i] - plain) ** 2) / floor**2
+                for signal, plain, floor in zip(
+                    (response.position, response.force), nominal, floors, strict=True
+                )
+            )
+        )
+        assert gap > 2.0 * math.sqrt(2.0), (effect.name, gap)
+
+
+def test_none_of_its_size_is_no_effect(recorded):
+    settings = stage_settings(load_machine())
+    axis = settings.axes[0]
+    demand, offset = (signal[:1500] for signal in recorded)
+    for effect in (*STRANGERS, *KIN):
+        (size,) = (p for p in effect.parameters if p.role == "size")
+        values = middle(axis, effect) | {size.key: size.neutral_on(axis)}
+        nothing = replace(axis, effects=(effect.at(**values),))
+        response = simulate_variants(settings.sync_period, [axis, nothing], demand, offset)
+        off = np.abs(response.position[:, 0] - response.position[:, 1])
+        assert off.max() <= 2.1e-9, effect.name
