@@ -110,11 +110,16 @@ class Problem:
         records: of the axis.
         unknowns: what is estimated.
         noise: of the residual.
+
+    Attributes:
+        counted: blocks that have a sample that counts.
+        speeds: highest speed in each block [m/s].
     """
 
     def __init__(self, records: Sequence[Record], unknowns: Unknowns, noise: Noise) -> None:
         self.records, self.unknowns, self.noise = records, unknowns, noise
         self.counted = [bool(r.used[a:b].any()) for r in records for a, b in r.blocks]
+        self.speeds = [float(np.abs(r.velocity[a:b]).max()) for r in records for a, b in r.blocks]
         self._knots = [self._knots_of(b - a) for r in records for a, b in r.blocks]
         self._priors = [self._knot_prior(k) for k in self._knots]
 

@@ -144,6 +144,23 @@ def _after(figure: Figure) -> tuple[str, str]:
     return f"{figure.value:.{digits}g} ± {figure.sigma:.2g}", f"{figure.gain:.3g}"
 
 
+MACHINE_KEYS = (
+    "coulomb", "static_ratio", "stribeck_velocity", "stribeck_shape", "stiffness", "viscous",
+)  # fmt: skip
+
+
+def _for_machine_file(answer: Identification) -> list[str]:
+    """The figures that a machine file has, as it has them."""
+    values = {n: answer[n].value for n in MACHINE_KEYS if answer[n].verdict in TOLD}
+    if answer["relaxation_rate"].verdict in TOLD:
+        values["attraction"] = answer["relaxation_rate"].value * answer["coulomb"].value
+    if not values:
+        return []
+    pairs = [f"{name}: {value:.4g}" for name, value in values.items()]
+    lines = [", ".join(pairs[i : i + 3]) for i in range(0, len(pairs), 3)]
+    return ["  For the machine file:", *(f"    {line}" for line in lines)]
+
+
 def _summary(answer: Identification) -> list[str]:
     """What the table rests on."""
     if answer.reason is not None:
@@ -152,4 +169,5 @@ def _summary(answer: Identification) -> list[str]:
     return [
         f"  {answer.samples} samples in motion, {answer.blocks} blocks. Residual over its noise:",
         f"  {answer.before:.2f} before, {answer.misfit:.2f} after{held}; 1 is perfect.",
+        *_for_machine_file(answer),
     ]
