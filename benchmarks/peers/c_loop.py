@@ -12,15 +12,13 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Callable
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
-import numba
 import numpy as np
 
-from estimation.belief import COULOMB, LEVEL, MASS, STIFFNESS, VISCOUS
-from estimation.gms import REST_BAND, element_shares
-from estimation.window import normal_equations
-from estimation.zones import STICK
+from estimation.gms import REST_BAND
 from peers.problem import F64, START, TS, ZONE_AB, Problem
 
 SOURCE = Path(__file__).with_name("pass.c")
@@ -45,7 +43,9 @@ def ratio(problem: Problem, rounds: int) -> dict[str, float]:
     p = np.array([1.97, 2.03, 1.9, 0.991])
     with tempfile.TemporaryDirectory() as folder:
         c_call = _c(problem, p, Path(folder))
-        own_call = _own(problem, p)
+        # Where the pass is in a module of its own, that; else in `window`.
+        name = "own_rows" if find_spec("estimation.rows") else "own_window"
+        own_call = import_module(f"peers.{name}").make(problem, p)
         chi_c, chi_own = c_call(1), own_call(1)
         best_c = best_own = np.inf
         for _ in range(rounds):
@@ -96,33 +96,3 @@ def _c(problem: Problem, p: F64, folder: Path) -> Callable[[int], float]:
         )  # fmt: skip
 
     return call
-
-
-def _own(problem: Problem, p: F64) -> Callable[[int], float]:
-    settings = problem.settings
-    figures = np.array([*problem.scale[:3], START.relaxation_rate, problem.scale[3]])
-    data = (
-        problem.position, problem.velocity, problem.acceleration, problem.force,
-        np.ones(len(problem.zone), dtype=np.bool_), problem.zone, settings.vector(), figures,
-        START.vector(), element_shares(START.elements), START.coulomb, np.zeros(START.elements),
-        np.zeros(START.elements, dtype=np.bool_), 0.0, 0.0,
-    )  # fmt: skip
-    active = np.array([COULOMB, VISCOUS, STIFFNESS, MASS])
-    relative = np.ones(LEVEL)
-    relative[active] = p
-    white = settings.force_noise**2
-
-    def call(times: int) -> float:
-        return float(_repeat(relative, active, white, data, times))
-
-    return call
-
-
-@numba.njit(cache=True)
-def _repeat(p, active, white, data, times):  # type: ignore[no-untyped-def]
-    curvature, slope = np.empty((active.shape[0], active.shape[0])), np.empty(active.shape[0])
-    at, chi = p.copy(), 0.0
-    for i in range(times):
-        at[0] = p[0] * (1.0 + 1e-12 * i)
-        chi, _ = normal_equations(at, active, STICK, 0, white, data, curvature, slope)
-    return chi
