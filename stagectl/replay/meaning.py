@@ -37,17 +37,19 @@ def meaning(can_id: int, data: bytes, machine: Machine) -> str:
         return f"emergency of {of}: {error_text(int.from_bytes(data[:2], 'little'))}"
     if function == 0x200 and len(data) == _RPDO.size and axis is not None:
         word, target, offset = _RPDO.unpack(data)
-        unit = machine.axes[axis].drive.force_unit
+        drive = machine.axes[axis].drive
         return (
-            f"RPDO 1 of {of}: {command_text(word)} (0x{word:04X}), target {target * 1e-9:.9f} m, "
-            f"force offset {offset * unit:.4g} N"
+            f"RPDO 1 of {of}: {command_text(word)} (0x{word:04X}), "
+            f"target {target * drive.position_unit:.9f} m, "
+            f"force offset {offset * drive.force_unit:.4g} N"
         )
     if function == 0x180 and len(data) == _TPDO.size and axis is not None:
         word, position, force = _TPDO.unpack(data)
-        unit = machine.axes[axis].drive.force_unit
+        drive = machine.axes[axis].drive
         return (
-            f"TPDO 1 of {of}: {decode(word)} (0x{word:04X}), position {position * 1e-9:.9f} m, "
-            f"force {force * unit:.4g} N"
+            f"TPDO 1 of {of}: {decode(word)} (0x{word:04X}), "
+            f"position {position * drive.position_unit:.9f} m, "
+            f"force {force * drive.force_unit:.4g} N"
         )
     if function in (0x580, 0x600) and len(data) == 8:
         return f"SDO {'request to' if function == 0x600 else 'answer of'} {of}: {_sdo(data)}"

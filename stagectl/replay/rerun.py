@@ -95,6 +95,11 @@ def replay(folder: Path) -> Replayed:
                     "had learned by then, which no log has; runs with --map none can be replayed"
                 )
             noted = [str(e["digest"]) for e in notes.events if e.get("event") == "bus_log"]
+            if run.get("map") is not None:
+                raise UnusableInput(
+                    f"{path}: went by friction map {run['map']} as it stood then, which the "
+                    "recording does not hold; runs with --map none can be replayed"
+                )
             machine = parse_machine(notes.machine, str(run["files"]["machine"]))
             request = _request(notes, run, machine, Path(scratch))
             bus = ReplayBus(log.frames, notes.outcome != "killed")
