@@ -337,12 +337,18 @@ def _information(jacobian: F64, gradient: F64, blocks: Sequence[int]) -> tuple[F
 
 
 def _solve(normal: F64, gradient: F64) -> F64:
-    scale = np.sqrt(np.diag(normal)) + 1e-300
+    scale = _scale(normal)
     scaled = normal / np.outer(scale, scale) + 1e-10 * np.eye(len(scale))
     return np.asarray(np.linalg.solve(scaled, gradient / scale) / scale)
 
 
+def _scale(normal: F64) -> F64:
+    """Size of each column; 1 where a parameter changes nothing."""
+    size = np.sqrt(np.diag(normal))
+    return np.asarray(np.where(size > 1e-100, size, 1.0))
+
+
 def _inverse(normal: F64) -> F64:
-    scale = np.sqrt(np.diag(normal)) + 1e-300
+    scale = _scale(normal)
     scaled = normal / np.outer(scale, scale) + 1e-10 * np.eye(len(scale))
     return np.asarray(np.linalg.inv(scaled) / np.outer(scale, scale))
