@@ -182,8 +182,7 @@ def _causes(
         *lines,
         "",
         "Fitted to `DATA_EMPS` alone, base parameters within the tolerance included;",
-        "`DATA_EMPS_PULSES` took no part. What isn't closed is a remainder without a name: the",
-        "library is one of direct drives, and a ball screw has effects of its own.",
+        "`DATA_EMPS_PULSES` took no part. What isn't closed is a remainder without a name.",
     ]
 
 
