@@ -18,6 +18,7 @@ from drivers.objects import ObjectRef
 from drivers.pdo import MappedObject, PdoMapping, PdoRecord
 from drivers.samples import Scale
 from drivers.settings import AxisSettings, BusSettings
+from drivers.sync import SYNC_ID
 from drivers.units import check_units
 
 TARGETS = {
@@ -28,7 +29,8 @@ TARGETS = {
 TPDO_OBJECTS = (od.STATUSWORD, od.POSITION_ACTUAL, od.FORCE_ACTUAL)
 
 HOMING_ACCELERATION = 1.0
-MODE_TIMEOUT = 1.0
+MODE_TIMEOUT = 5.0
+"""Some drives show the mode before for seconds [s]."""
 PDO_COUNT = 4
 
 _WITHOUT = {
@@ -146,6 +148,7 @@ class Axis:
             self.limited(clause)
         self.check_mode(Mode.CYCLIC_SYNC_POSITION)
         dcf.apply(node, dcf.configured(node.dictionary))
+        self._listen_to_sync()
         self._set_sync_counter(bus.sync_counter)
         node.write_optional(od.CYCLE_PERIOD, bus.period_us)
         if not node.write_optional(od.SYNC_WINDOW, bus.window_us) and bus.window_us:
@@ -189,6 +192,13 @@ class Axis:
             od.HOMING_INDEX_SPEED: index,
             od.HOMING_ACCELERATION: round(homing / s.acceleration_unit),
         }  # fmt: skip
+
+    def _listen_to_sync(self) -> None:
+        """0x1005: our SYNC, and none of the drive's own."""
+        node = self.node
+        if node.offers(od.SYNC_COB_ID) and node.read(od.SYNC_COB_ID) & 0x4000_07FF != SYNC_ID:
+            node.write_optional(od.CYCLE_PERIOD, 0)
+            node.write_checked(od.SYNC_COB_ID, SYNC_ID)
 
     def _set_sync_counter(self, overflow: int) -> None:
         """0x1019, which may change only while 0x1006 is 0."""

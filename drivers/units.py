@@ -23,6 +23,8 @@ TOLERANCE = 1e-6
 """Factor groups are fractions of 32-bit numbers: they may miss the length by so much, relative."""
 _METRE, _SECOND, _SECOND_SQUARED = 0x01, 0x03, 0x57
 """Notations of CiA 303-2 in 0x60A9 and 0x60AA."""
+_TURNED = 0xC0
+"""Bits 7 (position) and 6 (velocity) of 0x607E."""
 
 
 def check_units(node: Node, settings: AxisSettings) -> list[str]:
@@ -41,6 +43,7 @@ def check_units(node: Node, settings: AxisSettings) -> list[str]:
     _check_rate(node, settings, od.ACCELERATION_FACTOR, od.ACCELERATION_DIVISOR,
                 od.ACCELERATION_UNIT, _SECOND_SQUARED, settings.acceleration_unit,
                 "acceleration", "m/s^2")  # fmt: skip
+    _check_polarity(node, settings)
     return without + _check_force(node, settings)
 
 
@@ -89,6 +92,17 @@ def _check_rate(
         raise ConfigurationError(
             f"one {what} unit is {told:.6g} {unit}, the settings say {expected:.6g} {unit}",
             axis=settings.name, obj=ref,
+        )  # fmt: skip
+
+
+def _check_polarity(node: Node, settings: AxisSettings) -> None:
+    """0x607E turns positions and velocities round, forces not: offsets would push the wrong way."""
+    polarity = node.read(od.POLARITY) if node.has(od.POLARITY) else 0
+    if polarity & _TURNED:
+        raise ConfigurationError(
+            f"0x{polarity & 0xFF:02X} turns positions or velocities round, and not the forces with "
+            "them; set it to 0, and the direction where motor and encoder are set up",
+            axis=settings.name, obj=od.POLARITY,
         )  # fmt: skip
 
 

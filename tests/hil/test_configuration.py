@@ -111,6 +111,18 @@ def test_all_differences_from_a_dcf_are_told_at_once(
     assert "0x6083" not in text
 
 
+def test_a_drive_that_produces_sync_or_listens_elsewhere_is_set_right(
+    stage_machine: Machine,
+) -> None:
+    stage, drives, world = open_stage(stage_machine)
+    world.sleep_until_ns(50_000_000)
+    drives.drives[0].dictionary.values[0x100500] = 0x4000_0085
+    with stage:
+        stage.boot()
+        assert held(stage, 0x1005) == 0x80
+        stage.home()
+
+
 def test_a_following_error_after_late_syncs_says_so(stage_machine: Machine) -> None:
     """At 0.5 m/s a demand that stands still for 12 ms is a following error by itself."""
     stage, _, world = open_stage(stage_machine)

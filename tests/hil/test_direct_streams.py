@@ -180,7 +180,7 @@ def test_a_mode_that_is_not_confirmed_has_a_deadline(stage: Stage, drives: Virtu
     dictionary = drives.drives[0].dictionary
     dictionary.live[key(0x6061)] = lambda: 8
     with pytest.raises(
-        AxisFault, match=r"^axis x: 0x6061:00 .*asked for mode 9, .*shows 8 after 1"
+        AxisFault, match=r"^axis x: 0x6061:00 .*asked for mode 9, .*shows 8 after 5"
     ):
         stage.stream_velocity(np.zeros((2, 2)))
     assert not stage.enabled

@@ -98,3 +98,41 @@ def test_the_limit_is_named_and_nothing_is_sent(
     with pytest.raises(LimitError, match="^axis x: " + message):
         stage.move_to("x", **({"velocity": 0.05, "acceleration": 1.0} | arguments))
     assert frames == []
+
+
+class OldBit10:
+    """A node's connection whose TPDO goes on showing "target reached" for so many SYNCs."""
+
+    def __init__(self, world: World, count: int) -> None:
+        self._world, self._count, self.active = world, count, False
+
+    @property
+    def now_ns(self) -> int:
+        return self._world.now_ns
+
+    def emit(self, can_id: int, data: bytes) -> None:
+        if self.active and can_id == 0x181 and len(data) == 8 and self._count:
+            self._count -= 1
+            data = struct.pack("<H", struct.unpack_from("<H", data)[0] | 0x400) + data[2:]
+        self._world.emit(can_id, data)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._world, name)
+
+
+def test_the_bit_10_of_the_target_before_is_not_believed(stage_machine: Machine) -> None:
+    bus, axes = driver_settings(stage_machine)
+    world = World(f"profile-{next(_names)}")
+    node = OldBit10(world, 30)
+    VirtualStage(stage_settings(stage_machine), seed=1).attach(node)  # type: ignore[arg-type]
+    bus = dataclasses.replace(bus, interface="lockstep", channel=world.name)
+    axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
+    with Stage.open(bus, axes) as stage:
+        stage.boot()
+        stage.home()
+        stage.enable()
+        target = stage.targets[0] + 2e-3
+        node.active = True
+        stage.move_to("x", target, velocity=0.05, acceleration=1.0)
+        assert stage.positions[0] == pytest.approx(target, abs=3e-6)
+        stage.move_to("x", target, velocity=0.05, acceleration=1.0)  # and no way at all is one, too

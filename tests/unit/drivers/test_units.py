@@ -76,6 +76,7 @@ def test_a_mismatch_names_both():
         ({"x60A9_0": 0xFA010300}, r"0x60A9:00 .*velocity unit is 1e-06 m/s, .* 1e-09 m/s"),
         ({"x60AA_0": 0xF7015700}, r"0x60AA:00 .*acceleration unit is 1e-09 m/s\^2, .* 1e-06"),
         ({"x6097_1": 1, "x6097_2": 0}, r"0x6097:01 .*factor group holds 1 / 0"),
+        ({"x607E_0": 0x80}, r"0x607E:00 polarity: 0x80 turns positions or velocities round"),
         ({"x6076_0": 41_000}, r"0x6076:00 .*the drive says 41 N, the settings 40 N"),
     ],
 )
