@@ -103,6 +103,8 @@ def test_the_host_is_killed_in_the_middle_of_a_move(
             monkeypatch.setenv("CAN_CONFIG", json.dumps({"port": probe.getsockname()[1]}))
     machine = yaml.safe_load(load_machine().text)
     machine["bus"] |= {"sync_period": 0.01, "max_missed": 20}
+    if interface == "udp_multicast":
+        machine["bus"]["realtime"] = {"priority": 50}
     (tmp_path / "machine.yaml").write_text(yaml.safe_dump(machine))
     (tmp_path / "recipe.yaml").write_text(RECIPE)
     root = str(Path(__file__).parents[2])
@@ -126,10 +128,12 @@ def test_the_host_is_killed_in_the_middle_of_a_move(
             assert "node 1" in drives.stdout.readline()
             with start("run", "recipe.yaml", "--out", "out") as host:
                 try:
-                    until(
-                        lambda: journal.exists() and journal.stat().st_size > 12_000,
-                        onlooker, 90, "no samples",
-                    )  # fmt: skip
+
+                    def recorded() -> bool:
+                        assert host.poll() is None, host.communicate()
+                        return journal.exists() and journal.stat().st_size > 12_000
+
+                    until(recorded, onlooker, 90, "no samples")
                 finally:
                     host.send_signal(signal.SIGKILL)
             kept = journal.stat().st_size

@@ -57,16 +57,22 @@ def test_samples_are_taken_at_the_sync_that_takes_the_setpoint_over(
     stage: Stage, rig: Any, travel_to: Any
 ) -> None:
     """Position lags its own row by one period, and not by two (reference-stage.md, Timing)."""
-    for way in (5e-3, -5e-3):
+    seen = 0
+    for turn in range(10):
+        way = (-1) ** turn * 5e-3
         target = (stage.targets[0] + way, stage.targets[1] + way)
         samples = stage.stream(*travel_to(stage, target, 0.4, rig.period))
         demand, actual = samples.position_demand[:, 0], samples.position[:, 0]
         clean = rig.undisturbed(samples)
         clean &= np.roll(clean, 1) & np.roll(clean, 2)
         inside = np.flatnonzero(clean[len(demand) // 4 : 3 * len(demand) // 4]) + len(demand) // 4
-        assert len(inside) >= len(demand) // 8
-        error = [float(np.max(np.abs(demand[inside - lag] - actual[inside]))) for lag in range(3)]
-        assert error[1] < 0.5 * min(error[0], error[2])
+        for row in inside:  # each of them, on every turn
+            error = [abs(demand[row - lag] - actual[row]) for lag in range(3)]
+            assert error[1] < 0.5 * min(error[0], error[2])
+        seen += len(inside)
+        if turn and seen >= 20:
+            return
+    pytest.fail(f"{seen} undisturbed samples in ten turns: this machine has no time")
 
 
 def test_the_force_offset_reaches_the_motor_in_newtons(stage: Stage, rig: Any, hold: Any) -> None:

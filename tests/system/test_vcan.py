@@ -5,9 +5,12 @@ What it runs are the tests of tests/hil and tests/system that have `socketcan` i
 
 from __future__ import annotations
 
+import contextlib
 import os
 import subprocess
 import sys
+import threading
+import time
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
@@ -18,6 +21,42 @@ ROOT = Path(__file__).parents[2]
 WITH_VCAN = ROOT / "tools" / "with-vcan"
 RECIPE = ROOT / "recipes" / "inspection-20.yaml"
 TIME_LIMIT = 180
+
+
+STARVED = 0.01
+"""On a machine that keeps the first in line waiting for more than this share of the time, a test in
+real time may fail for no other reason: it may try once more."""
+
+
+class Starvation:
+    """How long somebody with nothing but real-time priority waits for a processor meanwhile.
+
+    Attributes:
+        share: of the time, beyond 2 ms each time.
+    """
+
+    def __init__(self) -> None:
+        self.share = 0.0
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._look, daemon=True)
+
+    def __enter__(self) -> Starvation:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _look(self) -> None:
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(2))
+        begin, lost = time.monotonic(), 0.0
+        while not self._over.is_set():
+            asleep = time.monotonic()
+            time.sleep(0.005)
+            lost += max(0.0, time.monotonic() - asleep - 0.007)
+        self.share = lost / (time.monotonic() - begin)
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +102,8 @@ def test_bus_suite_and_commands_on_a_vcan(
         sys.executable, "-m", "pytest", "-q", "-o", f"cache_dir={tmp_path / 'cache'}",
         "-k", "socketcan", ROOT / "tests" / "hil", ROOT / "tests" / "system",
     ]  # fmt: skip
-    done = with_vcan(*command, f"--junitxml={report}", PYTEST_ADDOPTS="")
+    with Starvation() as starvation:
+        done = with_vcan(*command, f"--junitxml={report}", PYTEST_ADDOPTS="")
     assert report.exists(), f"with {way}: {done.stdout}{done.stderr}"
     suite = next(ET.parse(report).getroot().iter("testsuite"))  # noqa: S314  our own pytest's
     tests, skipped, failures, errors = (
@@ -71,8 +111,15 @@ def test_bus_suite_and_commands_on_a_vcan(
     )
     assert tests >= 15, done.stdout
     assert skipped == 0, done.stdout
-    assert (done.returncode, failures, errors) == (0, 0, 0), f"{way}: {done.stdout}{done.stderr}"
-    vcan_outcome(True, f"{tests} tests passed on SocketCAN ({way})")
+    again = ""
+    if done.returncode == 1 and starvation.share > STARVED:
+        first = done.stdout
+        done = with_vcan(*command, "--last-failed", PYTEST_ADDOPTS="")
+        again = f", {failures + errors} of them at the second attempt: no processor for "
+        again += f"{starvation.share:.0%} of the time"
+        assert done.returncode == 0, f"twice, with {way}: {first}{done.stdout}{done.stderr}"
+    assert done.returncode == 0, f"{way}: {done.stdout}{done.stderr}"
+    vcan_outcome(True, f"{tests} tests passed on SocketCAN ({way}){again}")
 
 
 def test_what_the_command_gets_and_gives_back(way: str, tmp_path: Path) -> None:
