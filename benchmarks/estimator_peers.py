@@ -39,7 +39,7 @@ BUDGET = 0.5
 """Seconds that a peer may take in one round."""
 SAME = 0.01
 """A peer's excess below it is the same minimum; ours is if no figure is APART from it."""
-APART = 0.5
+APART = 1.0
 OWN = "SplitHorizonEstimator.update"
 # What is demanded: limit on our own time over the peer's; seconds; seconds; ratio.
 LEAST_RATIO = {"scipy": 30.0, "jax": 15.0, "ipopt": 500.0}

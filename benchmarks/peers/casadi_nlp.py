@@ -7,7 +7,7 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 
-from peers.problem import F64, START, ZONE_A, ZONE_AB, Problem
+from peers.problem import F64, SLIPS_ON, START, ZONE_A, ZONE_AB, Problem
 
 QUIET_IPOPT = {"ipopt": {"print_level": 0, "sb": "yes"}}
 SQP = {
@@ -35,10 +35,10 @@ def make(problem: Problem, method: str) -> Callable[[], F64]:
 
 
 def element_step() -> ca.Function:
-    """One micro-step: (F, slip flags), (dx, direction, curve, decay, reset, Fc, sigma0) -> next."""
+    """One micro-step: (F, slip flags), (a column of `Steps.table`, Fc, sigma0) -> next."""
     count = START.elements
-    state, row = ca.SX.sym("state", 2 * count), ca.SX.sym("row", 7)
-    dx, direction, curve, decay, reset, coulomb, stiffness = ca.vertsplit(row)
+    state, row = ca.SX.sym("state", 2 * count), ca.SX.sym("row", 8)
+    dx, direction, curve, before, decay, reset, coulomb, stiffness = ca.vertsplit(row)
     forces, flags = [], []
     for i in range(count):
         f, slips = state[i], state[count + i] * (1 - reset)
@@ -46,9 +46,19 @@ def element_step() -> ca.Function:
         stretched = f + stiffness / count * dx
         over = stretched * direction >= ca.fabs(goal)
         begins = ca.logic_and(slips < 0.5, over)
-        start = ca.if_else(ca.logic_and(begins, f * direction < ca.fabs(goal)), goal, f)
+        if SLIPS_ON:
+            limit = (2 * (i + 1) / (count * (count + 1))) * before * coulomb
+            room = limit - f * direction
+            closing = (stretched - f) * direction - (ca.fabs(goal) - limit)
+            lands = ca.logic_and(begins, ca.logic_and(room > 0, closing > 0))
+            at = ca.fmin(room / ca.if_else(lands, closing, 1.0), 1.0)
+            rest = 1 - (1 - at) * (1 - decay)
+            landed = goal + (f + at * (stretched - f) - goal) * rest
+        else:
+            lands, landed = ca.logic_and(begins, f * direction < ca.fabs(goal)), goal
         slips = ca.if_else(begins, 1.0, slips)
-        forces.append(ca.if_else(slips > 0.5, goal + (start - goal) * decay, stretched))
+        slid = ca.if_else(lands, landed, goal + (f - goal) * decay)
+        forces.append(ca.if_else(slips > 0.5, slid, stretched))
         flags.append(slips)
     return ca.Function("step", [state, row], [ca.vertcat(*forces, *flags)])
 
@@ -61,9 +71,7 @@ def _program(problem: Problem, free: tuple[int, ...], method: str) -> ca.Functio
     for place, i in enumerate(free):
         p[i] = unknown[place]
     figures = [value * float(scale) for value, scale in zip(p, problem.scale, strict=True)]
-    data = np.vstack(
-        [a[:used] for a in (steps.dx, steps.direction, steps.curve, steps.decay, steps.reset)]
-    )
+    data = steps.table(used)
     inputs = ca.vertcat(ca.DM(data), ca.repmat(figures[0], 1, used), ca.repmat(figures[2], 1, used))
     states = element_step().mapaccum("elements", used)(ca.DM.zeros(2 * count), inputs)
     total = ca.horzcat(0.0, ca.sum1(states[:count, :]))

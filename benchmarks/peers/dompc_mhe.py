@@ -22,7 +22,8 @@ with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
     warnings.simplefilter("ignore")
     import do_mpc
 
-COLUMNS = 5 * SUBSTEPS
+WIDTH = 6
+COLUMNS = WIDTH * SUBSTEPS
 """Of the micro-steps; then velocity, acceleration, force, factor (3), counts, not the first."""
 
 
@@ -50,13 +51,13 @@ def _rows(problem: Problem, free: tuple[int, ...]) -> F64:
     """Time-varying parameters of every inner sample up to the zone's last one."""
     steps, rows = problem.steps, problem.rows(free)
     table = np.zeros((rows.stop, COLUMNS + 8))
-    columns = (steps.dx, steps.direction, steps.curve, steps.decay, steps.reset)
-    done = 0
+    columns, done = steps.table(len(steps.dx)).T, 0
     for k in range(rows.stop):
         for j in range(SUBSTEPS):
-            idle = (0.0, steps.direction[max(done - 1, 0)], 1.0 + TRUE.static_ratio, 1.0, 0.0)
+            still = 1.0 + TRUE.static_ratio
+            idle = (0.0, steps.direction[max(done - 1, 0)], still, still, 1.0, 0.0)
             taken = done <= steps.last[k]
-            table[k, 5 * j : 5 * j + 5] = [c[done] for c in columns] if taken else idle
+            table[k, WIDTH * j : WIDTH * (j + 1)] = columns[done] if taken else idle
             done += taken
     table[:, COLUMNS] = problem.velocity[: rows.stop]
     table[:, COLUMNS + 1] = problem.acceleration[: rows.stop]
@@ -79,7 +80,8 @@ def _estimator(problem: Problem, free: tuple[int, ...]) -> Any:
     step, keep = element_step(), row[COLUMNS + 7]
     after = state * keep
     for j in range(SUBSTEPS):
-        after = step(after, ca.vertcat(row[5 * j : 5 * j + 5], figures[0], figures[2]))
+        micro = row[WIDTH * j : WIDTH * (j + 1)]
+        after = step(after, ca.vertcat(micro, figures[0], figures[2]))
     velocity, acceleration, force, second, first, pivot, counts = ca.vertsplit(row[COLUMNS:-1])
     plain = ca.sum1(after[:count]) + figures[1] * velocity + figures[3] * acceleration - force
     before = white * keep

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from peers.problem import F64, START, ZONE_A, ZONE_AB, Problem
+from peers.problem import F64, SLIPS_ON, START, ZONE_A, ZONE_AB, Problem
 
 jax.config.update("jax_enable_x64", True)
 ITERATIONS = 20
@@ -39,10 +39,7 @@ def make(problem: Problem, damping: float) -> Callable[[], F64]:
 def _residual(problem: Problem, free: tuple[int, ...]) -> Callable[[jax.Array], jax.Array]:
     steps, rows = problem.steps, problem.rows(free)
     used = int(steps.last[rows.stop - 1]) + 1
-    data = tuple(
-        jnp.asarray(a[:used])
-        for a in (steps.dx, steps.direction, steps.curve, steps.decay, steps.reset)
-    )
+    data = tuple(jnp.asarray(column) for column in steps.table(used))
     count = START.elements
     shares = 2.0 * jnp.arange(1, count + 1) / (count * (count + 1))
     last = jnp.asarray(steps.last[rows])
@@ -58,14 +55,24 @@ def _residual(problem: Problem, free: tuple[int, ...]) -> Callable[[jax.Array], 
     def elements(coulomb: jax.Array, stiffness: jax.Array) -> jax.Array:
         def step(state, row):  # type: ignore[no-untyped-def]
             f, slips = state
-            dx, direction, curve, decay, reset = row
+            dx, direction, curve, before, decay, reset = row
             slips = slips & (reset == 0.0)
             goal = direction * shares * curve * coulomb
             stretched = f + stiffness / count * dx
             begins = ~slips & (stretched * direction >= jnp.abs(goal))
-            from_here = jnp.where(begins & (f * direction < jnp.abs(goal)), goal, f)
+            if SLIPS_ON:
+                limit = shares * before * coulomb
+                room = limit - f * direction
+                closing = (stretched - f) * direction - (jnp.abs(goal) - limit)
+                lands = begins & (room > 0.0) & (closing > 0.0)
+                at = jnp.minimum(room / jnp.where(lands, closing, 1.0), 1.0)
+                rest = 1.0 - (1.0 - at) * (1.0 - decay)
+                landed = goal + (f + at * (stretched - f) - goal) * rest
+            else:
+                lands, landed = begins & (f * direction < jnp.abs(goal)), goal
             slips = slips | begins
-            f = jnp.where(slips, goal + (from_here - goal) * decay, stretched)
+            slid = jnp.where(lands, landed, goal + (f - goal) * decay)
+            f = jnp.where(slips, slid, stretched)
             return (f, slips), f.sum()
 
         rest = (jnp.zeros(count), jnp.zeros(count, dtype=bool))

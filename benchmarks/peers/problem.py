@@ -14,6 +14,7 @@ samples; `steps` is the list of micro-steps for packages that have to build the 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib.util import find_spec
 
 import numba
 import numpy as np
@@ -44,6 +45,8 @@ MASS = 8.0 * 1.01
 START = TRUE.scaled(0.5)
 ZONE_A = (0, 1, 3)
 ZONE_AB = (0, 1, 2, 3)
+SLIPS_ON = find_spec("estimation.elements") is not None
+"""Whether an element that reaches its limit inside a step slips for what is left of it."""
 NO_SUBSTEPS = 4.0
 """Above so many Stribeck velocities a sample is one step, as the estimator has it."""
 
@@ -54,7 +57,7 @@ class Steps:
 
     Attributes:
         dx: displacement [m], shape (S,).  direction: its sign.
-        curve: s(v).  decay: exp(-rate dt/s(v)).
+        curve: s(v).  before: that of the step before.  decay: exp(-rate dt/s(v)).
         reset: 1 where the direction changes, so that all elements stick again.
         last: the step after which sample k has its force, -1 before any, shape (K - 2,).
     """
@@ -62,9 +65,15 @@ class Steps:
     dx: F64
     direction: F64
     curve: F64
+    before: F64
     decay: F64
     reset: F64
     last: NDArray[np.int64]
+
+    def table(self, count: int) -> F64:
+        """The first `count` steps as rows dx, direction, curve, before, decay, reset."""
+        columns = (self.dx, self.direction, self.curve, self.before, self.decay, self.reset)
+        return np.array([c[:count] for c in columns])
 
 
 @dataclass(frozen=True)
@@ -225,7 +234,7 @@ def differences(position: F64) -> tuple[F64, F64]:
 
 def micro_steps(position: F64, velocity: F64) -> Steps:
     """The estimator's steps: none at rest, four per sample near the Stribeck velocity, else one."""
-    dx, direction, curve, decay, reset, last = [], [], [], [], [], []
+    dx, direction, curve, before, decay, reset, last = [], [], [], [], [], [], []
     reference, heading = position[0], 0.0
     for k, v1 in enumerate(velocity):
         moved = position[k + 1] - reference
@@ -237,7 +246,11 @@ def micro_steps(position: F64, velocity: F64) -> Steps:
             dt = TS / count
             for j in range(count):
                 v = v0 + (v1 - v0) * (j + 0.5) / count + moved / TS - 0.5 * (v0 + v1)
-                s = 1 + START.static_ratio * np.exp(-abs(v) / START.stribeck_velocity)
+                s, s0 = (
+                    1 + START.static_ratio * np.exp(-abs(u) / START.stribeck_velocity)
+                    for u in (v, v0)
+                )
+                before.append(curve[-1] if curve else s0)
                 dx.append(v * dt)
                 direction.append(np.sign(v))
                 curve.append(s)
@@ -246,6 +259,6 @@ def micro_steps(position: F64, velocity: F64) -> Steps:
                 heading = direction[-1]
         last.append(len(dx) - 1)
     return Steps(
-        np.array(dx), np.array(direction), np.array(curve), np.array(decay), np.array(reset),
-        np.array(last),
+        np.array(dx), np.array(direction), np.array(curve), np.array(before), np.array(decay),
+        np.array(reset), np.array(last),
     )  # fmt: skip
