@@ -10,6 +10,7 @@ COMMANDS = {
     "measure": ("stagectl.cli.gap_measure:measure", "The gap of a machine file and its floor."),
     "compare": ("stagectl.cli.gap_measure:compare", "Two machine files, the same recordings."),
     "diagnose": ("stagectl.cli.gap_diagnose:diagnose", "Where the gap lies, what causes it."),
+    "blind": ("stagectl.cli.gap_blind:blind", "The diagnosis checked on sealed effects."),
     "import": ("stagectl.cli.gap_import:import_data", "Foreign data (.mat, .csv) as a recording."),
 }
 

@@ -1,0 +1,207 @@
+"""What is wrong with the stage of a trial: drawn from the ranges that real stages show.
+
+Ranges are those that each effect states (docs/formats/effects.md): uniform, or uniform in the
+logarithm where the parameter says so. Nothing here was taken from the diagnosis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hil_sim.effects.effect import AppliedEffect, Effect, Parameter
+from hil_sim.settings import AxisSettings, StageSettings
+from sim2real.blind.departing import KIN, OUTSIDE, Departing
+
+KINDS = ("one", "two", "none", "outside", "departing")
+"""What a trial can be: effects of the library, none, one of no family, one of other shape."""
+SHARES = {"one": 0.42, "two": 0.14, "none": 0.14, "outside": 0.15, "departing": 0.15}
+"""How often each is drawn; among the first three 0.6, 0.2, 0.2."""
+BASE = (
+    "coulomb", "viscous", "stiffness", "static_ratio", "stribeck_velocity", "attraction",
+)  # fmt: skip
+"""Friction figures that are off within tolerance, beside the mass."""
+LEAST = 2.0
+"""Each effect alone opens a combined gap of so many times the floor, at least."""
+_TRIES = 40
+_OTHERS = 40
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """One effect that was drawn.
+
+    Attributes:
+        axis: that feels it.
+        effect: name.
+        values: key -> value, SI units.
+        gap: combined gap that it opens alone, in floors.
+        kin: family in the library; its own name where it is of the library, "" for none.
+    """
+
+    axis: str
+    effect: str
+    values: Mapping[str, float]
+    gap: float
+    kin: str
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """The answer to a trial.
+
+    Attributes:
+        kind: one of `KINDS`.
+        effects: none, one or two.
+        base: axis -> figure -> relative deviation from the machine file.
+    """
+
+    kind: str
+    effects: tuple[Drawn, ...]
+    base: Mapping[str, Mapping[str, float]]
+
+
+GapOf = Callable[[StageSettings], float]
+"""Combined gap of a stage against the machine file, in floors."""
+
+
+def draw_kind(rng: np.random.Generator) -> str:
+    """One of `KINDS`, by its share."""
+    return str(rng.choice(KINDS, p=[SHARES[kind] for kind in KINDS]))
+
+
+def draw_key(
+    rng: np.random.Generator,
+    settings: StageSettings,
+    tolerance: Mapping[str, float],
+    library: Mapping[str, Effect],
+    gap_of: GapOf,
+    *,
+    kind: str | None = None,
+    only: str | None = None,
+) -> Key:
+    """Draw what is wrong with a stage.
+
+    Args:
+        rng: it is drawn from.
+        settings: of the machine file.
+        tolerance: axis -> relative standard deviation of the plant's figures.
+        library: effects to draw from; those not searched for are left out.
+        gap_of: used to draw again what can't be seen.
+        kind: of the trial; None draws that, too.
+        only: name of the only effect to draw (of the library, kin or outside).
+
+    Raises:
+        ValueError: `only` is no effect's name, or never opens a gap.
+    """
+    base = {axis.name: draw_base(rng, tolerance.get(axis.name, 0.0)) for axis in settings.axes}
+    known = tuple(effect for effect in library.values() if effect.searched)
+    kind = draw_kind(rng) if kind is None else kind
+    if only is not None:
+        kind, pool = _only(only, known)
+    else:
+        pool = {"outside": OUTSIDE, "departing": KIN}.get(kind, known)
+    drawn: list[Drawn] = []
+    for _ in range({"none": 0, "two": 2}.get(kind, 1)):
+        drawn.append(_draw_seen(rng, settings, pool, drawn, gap_of))
+    return Key(kind, tuple(drawn), base)
+
+
+def _only(name: str, known: Sequence[Effect]) -> tuple[str, tuple[Effect, ...]]:
+    for kind, pool in (("one", known), ("departing", KIN), ("outside", OUTSIDE)):
+        for effect in pool:
+            if effect.name == name:
+                return kind, (effect,)
+    names = ", ".join(sorted(e.name for e in (*known, *KIN, *OUTSIDE)))
+    raise ValueError(f"no effect {name}; there are {names}")
+
+
+def _draw_seen(
+    rng: np.random.Generator,
+    settings: StageSettings,
+    pool: Sequence[Effect],
+    taken: Sequence[Drawn],
+    gap_of: GapOf,
+) -> Drawn:
+    """An effect that opens a gap on its own: sizes are drawn again, then names."""
+    for _ in range(_OTHERS):
+        effect = pool[int(rng.integers(len(pool)))]
+        axis = settings.axes[int(rng.integers(len(settings.axes)))]
+        if any(d.axis == axis.name and d.effect == effect.name for d in taken):
+            continue
+        for _ in range(_TRIES):
+            values = draw_values(rng, effect, axis)
+            if effect.refusal(values, axis):
+                continue
+            gap = gap_of(with_effect(settings, axis.name, effect.at(**values)))
+            if gap >= LEAST:
+                return Drawn(axis.name, effect.name, values, gap, family(effect))
+    raise ValueError(f"{', '.join(e.name for e in pool)}: opens no gap of {LEAST:g} floors")
+
+
+def family(effect: Effect) -> str:
+    """Name in the library that an effect should be given; "" where there is none."""
+    return effect.kin if isinstance(effect, Departing) else effect.name
+
+
+def draw_values(
+    rng: np.random.Generator, effect: Effect, axis: AxisSettings
+) -> dict[str, float]:
+    """Values for all parameters of an effect, within its plausible ranges."""
+    return {parameter.key: _draw_value(rng, parameter, axis) for parameter in effect.parameters}
+
+
+def _draw_value(rng: np.random.Generator, parameter: Parameter, axis: AxisSettings) -> float:
+    intervals = parameter.ranges(axis)
+    low, high = intervals[int(rng.integers(len(intervals)))]
+    if parameter.log:
+        return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+    return float(rng.uniform(low, high))
+
+
+def draw_base(rng: np.random.Generator, tolerance: float) -> dict[str, float]:
+    """Relative deviations of the mass and the friction's figures, each on its own."""
+    return {name: float(tolerance * rng.standard_normal()) for name in ("mass", *BASE)}
+
+
+def with_effect(settings: StageSettings, axis: str, *effects: AppliedEffect) -> StageSettings:
+    """The stage with effects added to one axis."""
+    return replace(
+        settings,
+        axes=tuple(
+            replace(a, effects=(*a.effects, *effects)) if a.name == axis else a
+            for a in settings.axes
+        ),
+    )
+
+
+def moved(settings: StageSettings, base: Mapping[str, Mapping[str, float]]) -> StageSettings:
+    """The stage with its figures off by relative deviations."""
+    axes = []
+    for axis in settings.axes:
+        off = base[axis.name]
+        figures = {name: getattr(axis.friction, name) * (1.0 + off[name]) for name in BASE}
+        axes.append(
+            replace(
+                axis,
+                mass=axis.mass * (1.0 + off["mass"]),
+                friction=replace(axis.friction, **figures),
+            )
+        )
+    return replace(settings, axes=tuple(axes))
+
+
+def named(library: Mapping[str, Effect], name: str) -> Effect:
+    """An effect of the library or of the departing ones, by name."""
+    everything = {e.name: e for e in (*KIN, *OUTSIDE)} | dict(library)
+    return everything[name]
+
+
+def stage_of(settings: StageSettings, key: Key, library: Mapping[str, Effect]) -> StageSettings:
+    """The stage that a key describes."""
+    stage = moved(settings, key.base)
+    for drawn in key.effects:
+        stage = with_effect(stage, drawn.axis, named(library, drawn.effect).at(**drawn.values))
+    return stage

@@ -1,0 +1,61 @@
+"""The stage of a trial at work: finer steps than the diagnosis takes, noise of its own.
+
+Where the machine file says 5 plant steps per control tick, this stage is integrated with more of
+them; friction elements are as many as the machine file says unless told otherwise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hil_sim.settings import StageSettings
+from hil_sim.simulate import simulate
+from sim2real.blind.moves import Demands
+from sim2real.recording import AxisSignals, Recording
+
+SUBSTEPS = (8, 10)
+"""Plant steps per control tick; a stage has one of these."""
+_OPERATIONAL = 0x1237
+
+
+def record(
+    stage: StageSettings, demands: Demands, seed: int, substeps: int, machine: str, source: str
+) -> Recording:
+    """A recording of a stage.
+
+    Args:
+        stage: with all that is wrong with it.
+        demands: sent to it.
+        seed: of encoder noise and friction wander.
+        substeps: plant steps per control tick.
+        machine: text of the machine file that the host believes in.
+        source: name of the recording.
+    """
+    response = simulate(stage, demands.position, demands.offset, seed, substeps=substeps)
+    count = len(demands.position)
+    axes = {
+        axis.name: AxisSignals(
+            demands.position[:, a].copy(),
+            demands.offset[:, a].copy(),
+            response.position[:, a].copy(),
+            response.force[:, a].copy(),
+            np.full(count, _OPERATIONAL, dtype=np.uint16),
+            np.ones(count, dtype=np.bool_),
+        )
+        for a, axis in enumerate(stage.axes)
+    }
+    time = stage.sync_period * np.arange(count)
+    return Recording(machine, "", "1970-01-01T00:00:00+00:00", time, axes, demands.moves, source)
+
+
+def with_elements(stage: StageSettings, elements: int) -> StageSettings:
+    """The stage with another number of friction elements, on which the diagnosis can't count."""
+    return replace(
+        stage,
+        axes=tuple(
+            replace(axis, friction=replace(axis.friction, elements=elements))
+            for axis in stage.axes
+        ),
+    )

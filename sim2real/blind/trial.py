@@ -1,0 +1,330 @@
+"""One trial: a stage drawn and sealed, its recording diagnosed, a second run of it predicted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from hil_sim.effects.effect import Effect
+from hil_sim.settings import StageSettings
+from hil_sim.simulate import simulate
+from sim2real.blind.draw import Drawn, Key, draw_key, stage_of
+from sim2real.blind.moves import Demands, draw_demands
+from sim2real.blind.seal import Sealed, seal
+from sim2real.blind.stage import SUBSTEPS, record, with_elements
+from sim2real.diagnosis import Diagnosis, diagnose
+from sim2real.examine import Progress, examine
+from sim2real.floor import floor
+from sim2real.gap import closed, combined, compare_with, measure
+from sim2real.recording import Recording
+from sim2real.replay import prepare
+from sim2real.report import GapReport
+
+_FLOOR_DRAWS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What all trials of a check share.
+
+    Attributes:
+        settings: of the machine file.
+        tolerance: axis -> relative standard deviation of the plant's figures.
+        library: effects, drawn and searched.
+        machine: text of the machine file.
+        seed: of all draws.
+        leave_out: take the true effects out of the library before the diagnosis.
+        only: name of the only effect drawn, None for all.
+        elements: friction elements of the real stage, None for the machine file's.
+        jobs: axes searched at a time.
+    """
+
+    settings: StageSettings
+    tolerance: Mapping[str, float]
+    library: Mapping[str, Effect]
+    machine: str
+    seed: int
+    leave_out: bool = False
+    only: str | None = None
+    elements: int | None = None
+    jobs: int = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trial:
+    """A stage before its diagnosis.
+
+    Attributes:
+        number: from 0.
+        key: the answer.
+        sealed: the answer under seal.
+        first: recording to diagnose.
+        second: of the same stage, other moves.
+    """
+
+    number: int
+    key: Key
+    sealed: Sealed
+    first: Recording
+    second: Recording
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """A cause as the diagnosis gave it.
+
+    Attributes:
+        axis, effect, probability, gap_closed: as in the report.
+        parameters: key -> (value, sigma).
+    """
+
+    axis: str
+    effect: str
+    probability: float
+    gap_closed: float | None
+    parameters: Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What came out of a trial; plain values, so that it goes into a line of JSON and back.
+
+    Attributes:
+        seed, number: which trial.
+        leave_out: the true effects were not in the library.
+        kind: of the key.
+        truth: of the key.
+        verdict: of the report.
+        told: its causes, in its order.
+        confusable: its sets, (axis, names).
+        sigmas: "axis.effect.key" -> (told - true)/sigma, of causes named rightly.
+        gap: combined gap in floors of the machine file against the first recording.
+        promised: gap closed that the report promises, None where it promises none.
+        second: gap closed by the same twin on the second run, None likewise.
+        seconds: time of the diagnosis [s].
+        digest, nonce: of the seal.
+        error: why there is no report, "" where there is one.
+    """
+
+    seed: int
+    number: int
+    leave_out: bool
+    kind: str
+    truth: tuple[Drawn, ...]
+    verdict: str
+    told: tuple[Told, ...]
+    confusable: tuple[tuple[str, tuple[str, ...]], ...]
+    sigmas: Mapping[str, float]
+    gap: float
+    promised: float | None
+    second: float | None
+    seconds: float
+    digest: str
+    nonce: str
+    error: str = ""
+    base: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values; what is no number is null."""
+        plain: dict[str, Any] = _plain(asdict(self))
+        return plain
+
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> Outcome:
+        """The outcome of `to_json`; keys that it does not know are left out."""
+        known = {name: values[name] for name in cls.__dataclass_fields__ if name in values}
+        known["truth"] = tuple(Drawn(**drawn) for drawn in values["truth"])
+        known["told"] = tuple(
+            Told(
+                **{
+                    **told,
+                    "parameters": {
+                        key: (_number(value), _number(sigma))
+                        for key, (value, sigma) in told["parameters"].items()
+                    },
+                }
+            )
+            for told in values["told"]
+        )
+        known["confusable"] = tuple((axis, tuple(names)) for axis, names in values["confusable"])
+        known["sigmas"] = {key: _number(value) for key, value in values["sigmas"].items()}
+        return cls(**known)
+
+
+def draw_trial(setup: Setup, number: int) -> Trial:
+    """Draw moves, effects and base parameters of a trial; run the stage twice; seal the answer.
+
+    Raises:
+        ValueError: `only` names no effect.
+    """
+    rng = np.random.default_rng([setup.seed, number])
+    demands = draw_demands(rng, setup.settings)
+    other = draw_demands(rng, setup.settings)
+    key = draw_key(
+        rng, setup.settings, setup.tolerance, setup.library, _gap_of(setup, demands),
+        only=setup.only,
+    )  # fmt: skip
+    stage = stage_of(setup.settings, key, setup.library)
+    if setup.elements is not None:
+        stage = with_elements(stage, setup.elements)
+    substeps = int(rng.choice(SUBSTEPS))
+    seeds = [int(s) for s in rng.integers(2**31, size=2)]
+    runs = [
+        record(stage, d, s, substeps, setup.machine, f"trial-{number}-{i}")
+        for i, (d, s) in enumerate(zip((demands, other), seeds, strict=True))
+    ]
+    return Trial(number, key, seal(key, rng), runs[0], runs[1])
+
+
+def _gap_of(setup: Setup, demands: Demands) -> Callable[[StageSettings], float]:
+    """Combined gap in floors of a stage against the machine file on these moves, noise-free."""
+    settings = setup.settings
+    blank = record(settings, demands, 0, SUBSTEPS[0], setup.machine, "blank")
+    below = floor(prepare(blank, settings), settings, _FLOOR_DRAWS)
+    floors = np.array([list(below.rms[a.name].values()) for a in settings.axes])
+    plain = simulate(settings, demands.position, demands.offset, None, substeps=1)
+
+    def gap(stage: StageSettings) -> float:
+        seen = simulate(stage, demands.position, demands.offset, None, substeps=1)
+        off = np.stack((seen.position - plain.position, seen.force - plain.force), axis=-1)
+        energy = np.mean(np.square(off), axis=0) / np.square(floors)
+        return float(np.sqrt(1.0 + np.mean(energy)))
+
+    return gap
+
+
+def run_trial(
+    setup: Setup,
+    trial: Trial,
+    clock: Callable[[], float],
+    progress: Progress = lambda *_: None,
+) -> Outcome:
+    """Diagnose the first run, and hold what is promised against the second."""
+    library = dict(setup.library)
+    if setup.leave_out:
+        for drawn in trial.key.effects:
+            library.pop(drawn.kin, None)
+    begin = clock()
+    error = ""
+    found = None
+    try:
+        examined = examine([trial.first], setup.settings, setup.tolerance, progress=progress)
+        found = diagnose(
+            examined, setup.tolerance, library, jobs=setup.jobs, progress=progress
+        )
+    except Exception as problem:  # one bad trial must not end a long check; it counts as wrong
+        error = f"{type(problem).__name__}: {problem}"
+    seconds = clock() - begin
+    report = None if found is None else found.report
+    promised = None if report is None else report.gap_closed
+    second = None
+    if found is not None and promised is not None:
+        before = measure(trial.second, setup.settings)
+        after = compare_with(trial.second, twin(setup.settings, found, library), 1).gap
+        second = closed(before, after)
+    gap = measure(trial.first, setup.settings, 3)
+    return Outcome(
+        setup.seed,
+        trial.number,
+        setup.leave_out,
+        trial.key.kind,
+        trial.key.effects,
+        "" if report is None else report.verdict,
+        () if report is None else told(report),
+        () if report is None else tuple((c.axis, c.effects) for c in report.confusable),
+        {} if report is None else sigmas(trial.key, report, setup.library),
+        math.sqrt(combined(gap)),
+        promised,
+        second,
+        seconds,
+        trial.sealed.digest,
+        trial.sealed.nonce,
+        error,
+        trial.key.base,
+    )
+
+
+def twin(
+    settings: StageSettings, found: Diagnosis, library: Mapping[str, Effect]
+) -> StageSettings:
+    """The stage that the report describes: causes added, plant figures moved."""
+    axes = []
+    for axis in settings.axes:
+        figures = dict(found.plant.get(axis.name, {}))
+        mass = figures.pop("mass", axis.mass)
+        causes = [cause for cause in found.report.causes if cause.axis == axis.name]
+        effects = [
+            library[c.effect].at(**{key: p.value for key, p in c.parameters.items()})
+            for c in causes
+        ]
+        axes.append(
+            replace(
+                axis,
+                mass=mass,
+                friction=replace(axis.friction, **figures),
+                effects=(*axis.effects, *effects),
+            )
+        )
+    return replace(settings, axes=tuple(axes))
+
+
+def told(report: GapReport) -> tuple[Told, ...]:
+    """The causes of a report."""
+    return tuple(
+        Told(
+            cause.axis,
+            cause.effect,
+            cause.probability,
+            cause.gap_closed,
+            {key: (p.value, p.sigma) for key, p in cause.parameters.items()},
+        )
+        for cause in report.causes
+    )
+
+
+def sigmas(key: Key, report: GapReport, library: Mapping[str, Effect]) -> dict[str, float]:
+    """(told - true)/sigma of every parameter of the causes that are named rightly.
+
+    Phases are compared on the circle, after a negative size has been turned into half a turn.
+    """
+    out = {}
+    for drawn in key.effects:
+        if drawn.effect != drawn.kin:
+            continue  # another shape: its figures have other meanings
+        for cause in report.causes:
+            if (cause.axis, cause.effect) != (drawn.axis, drawn.effect):
+                continue
+            effect = library[drawn.effect]
+            values = {name: p.value for name, p in cause.parameters.items()}
+            phases = [p.key for p in effect.parameters if p.role == "phase"]
+            sizes = [p.key for p in effect.parameters if p.role == "size"]
+            if phases and len(sizes) == 1 and values[sizes[0]] < 0.0:
+                values[sizes[0]] *= -1.0
+                values[phases[0]] += math.pi
+            for name, value in values.items():
+                off = value - drawn.values[name]
+                if name in phases:
+                    off = math.remainder(off, 2.0 * math.pi)
+                sigma = cause.parameters[name].sigma
+                out[f"{drawn.axis}.{drawn.effect}.{name}"] = (
+                    off / sigma if sigma > 0.0 else math.nan
+                )
+    return out
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _plain(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(inner) for inner in value]
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    return value
