@@ -13,7 +13,8 @@ import numpy as np
 
 from hil_sim.effects.effect import AppliedEffect, Effect, Parameter
 from hil_sim.settings import AxisSettings, StageSettings
-from sim2real.blind.departing import KIN, OUTSIDE, Departing
+from sim2real.blind.departing import KIN, OUTSIDE
+from sim2real.strangers import Stranger
 
 KINDS = ("one", "two", "none", "outside", "departing")
 """What a trial can be: effects of the library, none, one of no family, one of other shape."""
@@ -99,8 +100,9 @@ def draw_key(
     base = {axis.name: draw_base(rng, tolerance.get(axis.name, 0.0)) for axis in settings.axes}
     known = tuple(effect for effect in library.values() if effect.searched)
     kind = draw_kind(rng) if kind is None else kind
+    pool: Sequence[Effect]
     if only is not None:
-        kind, pool = _only(only, known)
+        kind, pool = pool_of(only, library)
     else:
         pool = {"outside": OUTSIDE, "departing": KIN}.get(kind, known)
     drawn: list[Drawn] = []
@@ -109,13 +111,19 @@ def draw_key(
     return Key(kind, tuple(drawn), base)
 
 
-def _only(name: str, known: Sequence[Effect]) -> tuple[str, tuple[Effect, ...]]:
+def pool_of(only: str, library: Mapping[str, Effect]) -> tuple[str, tuple[Effect, ...]]:
+    """The kind of trial that draws one effect only, and that effect.
+
+    Raises:
+        ValueError: no effect has that name.
+    """
+    known = tuple(effect for effect in library.values() if effect.searched)
     for kind, pool in (("one", known), ("departing", KIN), ("outside", OUTSIDE)):
         for effect in pool:
-            if effect.name == name:
+            if effect.name == only:
                 return kind, (effect,)
     names = ", ".join(sorted(e.name for e in (*known, *KIN, *OUTSIDE)))
-    raise ValueError(f"no effect {name}; there are {names}")
+    raise ValueError(f"no effect {only}; there are {names}")
 
 
 def _draw_seen(
@@ -143,12 +151,10 @@ def _draw_seen(
 
 def family(effect: Effect) -> str:
     """Name in the library that an effect should be given; "" where there is none."""
-    return effect.kin if isinstance(effect, Departing) else effect.name
+    return effect.kin if isinstance(effect, Stranger) else effect.name
 
 
-def draw_values(
-    rng: np.random.Generator, effect: Effect, axis: AxisSettings
-) -> dict[str, float]:
+def draw_values(rng: np.random.Generator, effect: Effect, axis: AxisSettings) -> dict[str, float]:
     """Values for all parameters of an effect, within its plausible ranges."""
     return {parameter.key: _draw_value(rng, parameter, axis) for parameter in effect.parameters}
 

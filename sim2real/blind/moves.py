@@ -118,9 +118,7 @@ def draw_demands(
     )
 
 
-def stroke(
-    distance: float, speed: float, acceleration: float, jerk: float, period: float
-) -> F64:
+def stroke(distance: float, speed: float, acceleration: float, jerk: float, period: float) -> F64:
     """Positions of a move from 0 to rest at `distance`, one per period, float64[n] [m].
 
     Args:

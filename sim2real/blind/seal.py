@@ -55,6 +55,4 @@ def key_json(key: Key) -> dict[str, Any]:
 
 def key_of(values: Mapping[str, Any]) -> Key:
     """A key from plain values."""
-    return Key(
-        values["kind"], tuple(Drawn(**drawn) for drawn in values["effects"]), values["base"]
-    )
+    return Key(values["kind"], tuple(Drawn(**drawn) for drawn in values["effects"]), values["base"])

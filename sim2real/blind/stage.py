@@ -46,7 +46,7 @@ def record(
         )
         for a, axis in enumerate(stage.axes)
     }
-    time = stage.sync_period * np.arange(count)
+    time = np.arange(count, dtype=np.float64) * stage.sync_period
     return Recording(machine, "", "1970-01-01T00:00:00+00:00", time, axes, demands.moves, source)
 
 
@@ -55,7 +55,6 @@ def with_elements(stage: StageSettings, elements: int) -> StageSettings:
     return replace(
         stage,
         axes=tuple(
-            replace(axis, friction=replace(axis.friction, elements=elements))
-            for axis in stage.axes
+            replace(axis, friction=replace(axis.friction, elements=elements)) for axis in stage.axes
         ),
     )

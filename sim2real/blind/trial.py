@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -106,7 +106,7 @@ class Outcome:
         promised: gap closed that the report promises, None where it promises none.
         second: gap closed by the same twin on the second run, None likewise.
         seconds: time of the diagnosis [s].
-        digest, nonce: of the seal.
+        key, nonce, digest: of the seal.
         error: why there is no report, "" where there is one.
     """
 
@@ -123,10 +123,10 @@ class Outcome:
     promised: float | None
     second: float | None
     seconds: float
-    digest: str
+    key: str
     nonce: str
+    digest: str
     error: str = ""
-    base: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """Plain values; what is no number is null."""
@@ -213,10 +213,8 @@ def run_trial(
     found = None
     try:
         examined = examine([trial.first], setup.settings, setup.tolerance, progress=progress)
-        found = diagnose(
-            examined, setup.tolerance, library, jobs=setup.jobs, progress=progress
-        )
-    except Exception as problem:  # one bad trial must not end a long check; it counts as wrong
+        found = diagnose(examined, setup.tolerance, library, jobs=setup.jobs, progress=progress)
+    except Exception as problem:  # noqa: BLE001 - one bad trial must not end a long check; it counts
         error = f"{type(problem).__name__}: {problem}"
     seconds = clock() - begin
     report = None if found is None else found.report
@@ -241,20 +239,18 @@ def run_trial(
         promised,
         second,
         seconds,
-        trial.sealed.digest,
+        trial.sealed.text,
         trial.sealed.nonce,
+        trial.sealed.digest,
         error,
-        trial.key.base,
     )
 
 
-def twin(
-    settings: StageSettings, found: Diagnosis, library: Mapping[str, Effect]
-) -> StageSettings:
+def twin(settings: StageSettings, found: Diagnosis, library: Mapping[str, Effect]) -> StageSettings:
     """The stage that the report describes: causes added, plant figures moved."""
     axes = []
     for axis in settings.axes:
-        figures = dict(found.plant.get(axis.name, {}))
+        figures: dict[str, Any] = dict(found.plant.get(axis.name, {}))
         mass = figures.pop("mass", axis.mass)
         causes = [cause for cause in found.report.causes if cause.axis == axis.name]
         effects = [

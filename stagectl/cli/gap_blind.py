@@ -1,53 +1,209 @@
-"""`stagectl gap blind`: the diagnosis on stages whose effects are drawn and sealed."""
+"""`stagectl gap blind`: the diagnosis checked on stages whose effects are drawn and sealed."""
 
 from __future__ import annotations
 
 import json
 import os
+import platform
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from stagectl.cli.gap_measure import console_for
 from stagectl.cli.options import FILE, write_json
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from sim2real.blind.trial import Outcome, Setup
+    from stagectl.config.machine import Machine
 
 
 @click.command("blind", short_help="Check the diagnosis on effects that are sealed.")
 @click.option("--trials", type=click.IntRange(1), default=20, show_default=True)
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
-@click.option("--lines", type=FILE, help="Append each trial here as a line; resume from there.")
-@click.option("--only", metavar="EFFECT", help="Draw no other effect.")
-@click.option("--jobs", type=click.IntRange(1), default=2, show_default=True)
-@click.option("--leave-out", is_flag=True)
-@click.option("--tag", default="")
-def blind(trials, seed, lines, only, jobs, leave_out, tag) -> None:  # type: ignore
+@click.option("--leave-out", is_flag=True, help="Take the true effects out of the library first.")
+@click.option("--only", metavar="EFFECT", help="Draw this effect in every trial.")
+@click.option("--machine", type=FILE, help="Machine file of the stage [the reference stage].")
+@click.option(
+    "--elements", type=click.IntRange(1), help="Friction elements of the stage [machine file's]."
+)
+@click.option(
+    "--jobs", type=click.IntRange(1), default=2, show_default=True, help="Axes searched at a time."
+)
+@click.option("--lines", type=FILE, help="Append each trial here; trials that it holds are kept.")
+@click.option("--label", default="", help="Version that is checked, for lines and page.")
+@click.option("--json", "json_out", type=FILE, help="Write the figures here; - is stdout.")
+@click.option("--docs", type=FILE, help="Write the page of all trials in --lines here (Markdown).")
+def blind(
+    trials: int,
+    seed: int,
+    leave_out: bool,
+    only: str | None,
+    machine: Path | None,
+    elements: int | None,
+    jobs: int,
+    lines: Path | None,
+    label: str,
+    json_out: Path | None,
+    docs: Path | None,
+) -> None:
+    """Draw what is wrong with a stage, seal it, diagnose a recording of it, score the answer.
+
+    For each trial a SHA-256 of the answer is printed before the diagnosis starts, the answer after
+    it. Ctrl-C ends the check with the figures so far; with --lines it goes on from there.
+    """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    from sim2real.blind.trial import Outcome
+    from stagectl.errors import UnusableInput
+
+    setup = _setup(_machine(machine), seed, leave_out, only, elements, jobs)
+    about = {"label": label, "only": only, "elements": elements}
+    console = console_for(json_out is not None and str(json_out) == "-")
+    earlier = _read(lines)
+    same = {
+        Outcome.from_json(line).number: Outcome.from_json(line)
+        for line in earlier
+        if all(line.get(key) == value for key, value in about.items())
+        and (line["seed"], line["leave_out"]) == (seed, leave_out)
+    }
+    outcomes = {number: o for number, o in same.items() if number < trials}
+    try:
+        for number in range(trials):
+            if number in outcomes:
+                continue
+            outcome = _tried(setup, number, trials, console)
+            outcomes[number] = outcome
+            if lines is not None:
+                line = {**about, **outcome.to_json()}
+                earlier.append(line)
+                with lines.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(line, allow_nan=False) + "\n")
+    except KeyboardInterrupt:
+        console.print(f"stopped after {len(outcomes)} of {trials} trials", style="yellow")
+        raise
+    except ValueError as error:
+        raise UnusableInput(str(error)) from error
+    finally:
+        if outcomes:
+            _conclude(list(outcomes.values()), earlier, console, json_out, docs, label)
+
+
+def _machine(path: Path | None) -> Machine:
     from importlib import resources
 
-    from hil_sim.effects.library import library
-    from sim2real.blind.trial import Setup, draw_trial, run_trial
     from stagectl.config.machine import load_machine
-    from stagectl.config.mapping import stage_settings
 
-    path = Path(str(resources.files("stagectl") / "data" / "machines" / "wafer-xy.yaml"))
-    model = load_machine(path)
-    setup = Setup(
-        stage_settings(model),
-        {n: a.plant.tolerance for n, a in model.axes.items()},
-        library(), path.read_text(), seed, leave_out, only, None, jobs,
-    )
-    for number in range(trials):
-        t0 = time.perf_counter()
+    if path is not None:
+        return load_machine(path)
+    return load_machine(Path(str(resources.files("stagectl"))) / "data/machines/wafer-xy.yaml")
+
+
+def _setup(
+    model: Machine, seed: int, leave_out: bool, only: str | None, elements: int | None, jobs: int
+) -> Setup:
+    from hil_sim.effects.library import EffectError, library
+    from sim2real.blind.draw import pool_of
+    from sim2real.blind.trial import Setup
+    from stagectl.config.mapping import stage_settings
+    from stagectl.errors import ConfigError, UnusableInput
+
+    try:
+        effects = library()
+    except EffectError as error:
+        raise ConfigError(f"effects: {error}") from error
+    if only is not None:
+        try:
+            pool_of(only, effects)
+        except ValueError as error:
+            raise UnusableInput(f"--only: {error}") from error
+    tolerance = {name: axis.plant.tolerance for name, axis in model.axes.items()}
+    return Setup(
+        stage_settings(model), tolerance, effects, model.document.text, seed, leave_out, only,
+        elements, jobs,
+    )  # fmt: skip
+
+
+def _read(lines: Path | None) -> list[dict[str, Any]]:
+    from stagectl.errors import UnusableInput
+
+    if lines is None or not lines.exists():
+        return []
+    found = []
+    for number, text in enumerate(lines.read_text(encoding="utf-8").splitlines(), 1):
+        try:
+            found.append(dict(json.loads(text)))
+        except (ValueError, TypeError) as error:
+            raise UnusableInput(f"{lines}:{number}: is no line of a blind check") from error
+    return found
+
+
+def _tried(setup: Setup, number: int, trials: int, console: Console) -> Outcome:
+    """One trial, with what is printed of it."""
+    from rich.progress import Progress, TimeElapsedColumn
+
+    from sim2real.blind.page import told_text, truth_text
+    from sim2real.blind.score import wrong
+    from sim2real.blind.trial import draw_trial, run_trial
+
+    def say(text: str, style: str = "") -> None:
+        console.print(text, markup=False, highlight=False, soft_wrap=True, style=style)
+
+    columns = (*Progress.get_default_columns()[:3], TimeElapsedColumn())
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        task = bar.add_task(f"trial {number + 1}/{trials}: drawing", total=None)
         trial = draw_trial(setup, number)
-        t1 = time.perf_counter()
-        out = run_trial(setup, trial, time.perf_counter)
-        line = {"git": tag, **out.to_json(), "drawing": round(t1 - t0, 1)}
-        with open(lines, "a") as f:
-            f.write(json.dumps(line) + "\n")
-        print(number, out.kind, [(d.axis, d.effect, round(d.gap, 1)) for d in out.truth], "->", out.verdict,
-          [(t.axis, t.effect, round(t.probability, 2)) for t in out.told], {k: round(v, 1) for k, v in out.sigmas.items()},
-          out.promised, out.second, round(out.seconds, 1), round(t1 - t0, 1), out.error, flush=True)
+        say(f"trial {number}  sealed {trial.sealed.digest}")
+        outcome = run_trial(
+            setup, trial, time.perf_counter,
+            lambda what, done, total: bar.update(
+                task, description=f"trial {number + 1}/{trials}: {what}", completed=done,
+                total=total,
+            ),
+        )  # fmt: skip
+    say(f"  key {trial.sealed.text}\n  nonce {trial.sealed.nonce}")
+    missed = wrong(outcome)
+    say(
+        f"  {truth_text(outcome)} -> {told_text(outcome)}: {outcome.error or outcome.verdict}, "
+        f"{outcome.seconds:.0f} s",
+        "red" if missed else "green",
+    )
+    return outcome
+
+
+def _conclude(
+    outcomes: list[Outcome],
+    lines: list[dict[str, Any]],
+    console: Console,
+    json_out: Path | None,
+    docs: Path | None,
+    label: str,
+) -> None:
+    """Figures of this check on the console and as JSON; the page is of all lines."""
+    from dataclasses import asdict
+
+    from sim2real.blind.page import figures, page
+    from sim2real.blind.score import score
+    from sim2real.blind.trial import Outcome
+
+    counted = score(outcomes)
+    if json_out is None or str(json_out) != "-":
+        for row in figures(counted):
+            console.print(row, markup=False, highlight=False, soft_wrap=True)
+    if json_out is not None:
+        values = asdict(counted)
+        values["confusion"] = [[*pair, count] for pair, count in counted.confusion.items()]
+        write_json({**values, "outcomes": [outcome.to_json() for outcome in outcomes]}, json_out)
+    if docs is not None:
+        everything = [Outcome.from_json(line) for line in lines] or outcomes
+        labels = sorted({str(line.get("label", "")) for line in lines} - {""}) or [label]
+        facts = {
+            "version checked": ", ".join(labels) or "not stated",
+            "measured on": f"{os.cpu_count()} cores ({platform.machine()}), "
+            f"CPython {platform.python_version()}",
+        }
+        docs.write_text(page(everything, facts), encoding="utf-8")

@@ -1,0 +1,160 @@
+"""A blind check as a page in Markdown: docs/blind.md is written by this, nothing else.
+
+No dates: what counts is seed, number of trials, version label and where it was measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from sim2real.blind.draw import LEAST, SHARES
+from sim2real.blind.score import BIN, Score, Share, score, wrong
+from sim2real.blind.trial import Outcome
+
+_READING = f"""\
+# The blind check
+
+`stagectl gap blind --trials N --seed S --lines F --docs docs/blind.md` wrote this page. Each trial
+draws what is wrong with a stage, seals the answer (a SHA-256 of key and nonce is printed before the
+diagnosis starts, both after it; `printf %s%s KEY NONCE | sha256sum` checks it), records ten seconds
+of it, diagnoses the recording, and holds what was promised against a second recording of the same
+stage with other moves. It can be stopped with Ctrl-C and goes on from F; F may hold several seeds.
+
+## What is drawn
+
+| share of trials | what | right answer |
+| --- | --- | --- |
+| {SHARES["one"]:.2f} | one effect of the library | its axis and name first |
+| {SHARES["two"]:.2f} | two of them, on the same or different axes | both names |
+| {SHARES["none"]:.2f} | none | `no_gap` |
+| {SHARES["outside"]:.2f} | one of no family (quadratic drag, force bump, random walk, ...) | \
+`unexplained`, `partly_explained`, or no cause above 0.5 |
+| {SHARES["departing"]:.2f} | one of a family in another shape (cogging with harmonics, another \
+profile, another warm-up law, ...) | the family's name, and that something is left |
+
+- Names are equally likely, sizes uniform over the ranges of docs/formats/effects.md (in the
+  logarithm where these span a ratio), drawn again until each effect alone opens a combined gap of
+  {LEAST:g} floors.
+- Moves: jerk-limited macro-moves up to 0.5 m/s and 3 m/s^2, micro-moves up to 80 um, 0.01 m/s and
+  0.2 m/s^2, rests of 0.05 to 0.3 s, both axes at a time; speeds, jerk, reach and order are drawn.
+  The force offset is the nominal mass times the demanded acceleration.
+- The stage takes 8 or 10 plant steps per control tick where the machine file's model takes 5; its
+  seven plant figures are off by the machine file's `tolerance`, each on its own; encoder noise and
+  friction wander have seeds of their own. Friction elements are as many as the machine file says
+  (`--elements` changes that; the diagnosis then faces a stage that its model can't describe).
+- With `--leave-out` the true effects are taken out of the library before the diagnosis. The right
+  answer is then as for one of no family, or a near kin at a probability below 0.9.
+
+## How to read it
+
+A cause counts as right where axis and family are those of the key. Calibration: causes of all
+trials in order of probability, in bins of at least {BIN}; the error is the mean distance between
+what a bin was given and the share of it that is right. Parameters count against their own sigma;
+a sigma that is not given counts as outside. The promise is `gap_closed` of the report; it is held
+against the gap closed by the same twin on the second run. A trial that gives no report is wrong.
+Seconds include channels, floor and where, on a machine that may have had other work.
+"""
+
+_ROWS: tuple[tuple[str, str, float | None], ...] = (
+    ("one effect: right axis and name first", "one", 0.97),
+    ("the same, counting a named confusable set", "one_with_sets", 0.99),
+    ("one effect: right, and nothing else named", "one_only", None),
+    ("no effect: `no_gap`", "none", 0.98),
+    ("no effect: something named", "alarms", None),
+    ("outside the library: safe answer", "outside", 0.90),
+    ("two effects: both named", "two", 0.90),
+    ("two effects: at least one right and none wrong", "two_safe", 0.96),
+    ("departing shape: family named", "family", None),
+    ("departing shape: family named, remainder admitted", "remainder", 0.85),
+    ("true effects left out of the library: safe or honest kin", "left_out", None),
+    ("true parameters within 3 sigma", "parameters", 0.97),
+    ("gap closed as promised, within 0.08, on the second run", "promise", 0.90),
+)
+
+
+def page(outcomes: Sequence[Outcome], facts: Mapping[str, str]) -> str:
+    """The whole page.
+
+    Args:
+        outcomes: of any seeds; those with the true effects left out have a row of their own.
+        facts: what was checked and where, name -> value.
+    """
+    counted = score(outcomes)
+    seeds = sorted({o.seed for o in outcomes})
+    lines = [_READING, "## Figures", ""]
+    lines += [f"- {name}: {value}" for name, value in facts.items()]
+    lines += [
+        f"- seeds: {', '.join(map(str, seeds))}; trials: {counted.trials}, without report: "
+        f"{counted.errors}",
+        "",
+    ]
+    return "\n".join([*lines, *figures(counted), *_confusion(counted), *_failures(outcomes)])
+
+
+def figures(counted: Score) -> list[str]:
+    """The rows of the table, and those of the calibration."""
+    lines = [
+        "| on effects that were sealed | trials | found | asked |",
+        "| --- | --- | --- | --- |",
+    ]
+    for text, name, asked in _ROWS:
+        share: Share = getattr(counted, name)
+        value = share.value
+        if value is None:
+            continue
+        want = "" if asked is None else f">= {100 * asked:.0f} %"
+        lines.append(f"| {text} | {share.count} of {share.of} | {100 * value:.0f} % | {want} |")
+    if counted.closed is not None:
+        lines.append(
+            f"| gap closed with the right effect named, median | {counted.one.count} | "
+            f"{counted.closed:.2f} | >= 0.9 |"
+        )
+    if counted.error is not None:
+        causes = sum(b.causes for b in counted.bins)
+        lines.append(
+            f"| expected calibration error | {causes} causes | {counted.error:.3f} | <= 0.06 |"
+        )
+    lines.append(
+        f"| seconds per diagnosis, median (longest) | {counted.trials} | "
+        f"{counted.seconds[0]:.0f} ({counted.seconds[1]:.0f}) | <= 20, on quiet cores |"
+    )
+    if counted.bins:
+        lines += ["", "| causes | mean probability | right |", "| --- | --- | --- |"]
+        lines += [f"| {b.causes} | {b.told:.3f} | {b.right:.3f} |" for b in counted.bins]
+    return [*lines, ""]
+
+
+def _confusion(counted: Score) -> list[str]:
+    if not counted.confusion:
+        return []
+    lines = ["One effect, first name told:", "", "| true | told | trials |", "| --- | --- | --- |"]
+    for (true, told), count in sorted(counted.confusion.items()):
+        lines.append(f"| {true} | {'right' if told == true else told} | {count} |")
+    return [*lines, ""]
+
+
+def _failures(outcomes: Sequence[Outcome]) -> list[str]:
+    failed = [o for o in outcomes if wrong(o)]
+    if not failed:
+        return []
+    lines = [
+        "Trials that count as wrong (an effect beside the right ones counts, too):", "",
+        "| seed, trial | true | verdict | told |", "| --- | --- | --- | --- |",
+    ]  # fmt: skip
+    lines += [
+        f"| {o.seed}, {o.number} | {truth_text(o)} | {o.error or o.verdict} | {told_text(o)} |"
+        for o in failed
+    ]
+    return [*lines, ""]
+
+
+def truth_text(outcome: Outcome) -> str:
+    """What was there, in a few words."""
+    left = " (left out)" if outcome.leave_out and outcome.truth else ""
+    return (", ".join(f"{d.axis} {d.effect}" for d in outcome.truth) or "nothing") + left
+
+
+def told_text(outcome: Outcome) -> str:
+    """What was told, in a few words."""
+    named = ", ".join(f"{t.axis} {t.effect} {t.probability:.2f}" for t in outcome.told)
+    return named or "nothing"

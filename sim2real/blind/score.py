@@ -1,0 +1,255 @@
+"""Counting the outcomes of a blind check; nothing here decides what the diagnosis says.
+
+A cause is right where axis and family are those of the key. Terms and thresholds:
+docs/formats/gap-report.md, docs/blind.md.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim2real.blind.trial import Outcome, Told
+from sim2real.report import NO_GAP, PARTLY_EXPLAINED, UNEXPLAINED
+
+BIN = 50
+"""Causes in a bin of the calibration, at least."""
+SIGMAS = 3.0
+PROMISE = 0.08
+"""How far the gap closed on a second run may be from what was promised."""
+CONFIDENT = 0.5
+HONEST = 0.9
+"""A kin of an effect that the library lacks is honest below this probability."""
+NEAR: tuple[frozenset[str], ...] = (
+    frozenset({"force_offset", "cable_stiffness", "cogging"}),
+    frozenset(
+        {"coulomb_level", "friction_position", "thermal_drift", "friction_asymmetry", "stribeck"}
+    ),
+    frozenset({"payload_mass", "force_constant", "force_saturation", "resonance"}),
+    frozenset({"current_bandwidth", "dead_time"}),
+    frozenset({"cable_hysteresis", "presliding_stiffness", "coulomb_level"}),
+    frozenset({"viscous_damping", "coulomb_level", "stribeck"}),
+    frozenset({"force_offset", "friction_asymmetry"}),
+    frozenset({"cogging", "force_ripple"}),
+)
+"""Effects that differ by a special value, or only in details of the response."""
+
+Pair = tuple[str, str]
+"""Axis and name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """So many of so many."""
+
+    count: int
+    of: int
+
+    @property
+    def value(self) -> float | None:
+        """0..1; None of nothing."""
+        return self.count / self.of if self.of else None
+
+
+@dataclass(frozen=True, slots=True)
+class Bin:
+    """Causes of similar probability: how many, their mean probability, share of right ones."""
+
+    causes: int
+    told: float
+    right: float
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """A blind check in figures.
+
+    Attributes:
+        trials: all of them.
+        errors: those that gave no report.
+        one: the right axis and name first.
+        one_with_sets: the same, or a named confusable set has it beside the first.
+        one_only: the right name, and no other.
+        none: verdict `no_gap`.
+        alarms: trials without an effect in which one was named.
+        outside: verdict `unexplained` or `partly_explained`, or no cause above 0.5.
+        two: both named.
+        two_safe: at least one right and none wrong.
+        family: departing shape: the family is named on the axis.
+        remainder: the same, and what is left is admitted.
+        left_out: safe answers, or an honest kin, where the true effects were not in the library.
+        parameters: within 3 of their sigmas.
+        promise: gap closed on the second run within 0.08 of what was promised.
+        closed: median gap closed with the one effect named rightly, None where there is none.
+        error: expected calibration error, None without causes.
+        bins: it is made of.
+        seconds: median and longest time of a diagnosis.
+        confusion: (true family, first name told) -> trials with one effect.
+    """
+
+    trials: int
+    errors: int
+    one: Share
+    one_with_sets: Share
+    one_only: Share
+    none: Share
+    alarms: Share
+    outside: Share
+    two: Share
+    two_safe: Share
+    family: Share
+    remainder: Share
+    left_out: Share
+    parameters: Share
+    promise: Share
+    closed: float | None
+    error: float | None
+    bins: tuple[Bin, ...]
+    seconds: tuple[float, float]
+    confusion: dict[Pair, int]
+
+
+def score(outcomes: Sequence[Outcome]) -> Score:
+    """Count."""
+    known = [o for o in outcomes if not o.leave_out]
+    of_kind = {
+        kind: [o for o in known if o.kind == kind]
+        for kind in ("one", "two", "none", "outside", "departing")
+    }
+    one = of_kind["one"]
+    deviations = [value for o in known for value in o.sigmas.values()]
+    promised = [
+        abs(o.promised - o.second) for o in known if o.promised is not None and o.second is not None
+    ]
+    closed = [o.promised for o in one if first_right(o) and o.promised is not None]
+    bins = calibration((told.probability, right) for o in known for told, right in judged(o))
+    causes = sum(b.causes for b in bins)
+    seconds = [o.seconds for o in outcomes]
+    return Score(
+        len(outcomes),
+        sum(bool(o.error) for o in outcomes),
+        _share(one, first_right),
+        _share(one, first_right_or_set),
+        _share(one, lambda o: first_right(o) and len(confident(o)) == 1),
+        _share(of_kind["none"], lambda o: o.verdict == NO_GAP),
+        _share(of_kind["none"], lambda o: bool(confident(o))),
+        _share(of_kind["outside"], safe),
+        _share(of_kind["two"], lambda o: true_pairs(o) <= confident(o)),
+        _share(of_kind["two"], lambda o: bool(confident(o)) and confident(o) <= true_pairs(o)),
+        _share(of_kind["departing"], lambda o: true_pairs(o) <= confident(o)),
+        _share(
+            of_kind["departing"],
+            lambda o: true_pairs(o) <= confident(o) and o.verdict == PARTLY_EXPLAINED,
+        ),
+        _share([o for o in outcomes if o.leave_out and o.truth], honest),
+        Share(sum(abs(value) <= SIGMAS for value in deviations), len(deviations)),
+        Share(sum(off <= PROMISE for off in promised), len(promised)),
+        float(np.median(closed)) if closed else None,
+        sum(b.causes * abs(b.told - b.right) for b in bins) / causes if causes else None,
+        bins,
+        (float(np.median(seconds)), max(seconds)) if seconds else (0.0, 0.0),
+        dict(Counter((o.truth[0].kin, _first_name(o)) for o in one)),
+    )
+
+
+def true_pairs(outcome: Outcome) -> set[Pair]:
+    """Axis and family of what is there; nothing of what has no family."""
+    return {(drawn.axis, drawn.kin) for drawn in outcome.truth if drawn.kin}
+
+
+def confident(outcome: Outcome) -> set[Pair]:
+    """Axis and name of the causes above 0.5."""
+    return {(t.axis, t.effect) for t in outcome.told if t.probability > CONFIDENT}
+
+
+def judged(outcome: Outcome) -> list[tuple[Told, bool]]:
+    """Causes, each with whether it is right."""
+    right = true_pairs(outcome)
+    return [(told, (told.axis, told.effect) in right) for told in outcome.told]
+
+
+def first_right(outcome: Outcome) -> bool:
+    """Whether the first cause has the right axis and name."""
+    if not outcome.told:
+        return False
+    first = outcome.told[0]
+    return (first.axis, first.effect) in true_pairs(outcome)
+
+
+def first_right_or_set(outcome: Outcome) -> bool:
+    """The same, or the first cause stands in a set with the right one."""
+    if first_right(outcome):
+        return True
+    if not outcome.told:
+        return False
+    first = outcome.told[0]
+    return any(
+        axis == first.axis
+        and first.effect in names
+        and any((axis, name) in true_pairs(outcome) for name in names)
+        for axis, names in outcome.confusable
+    )
+
+
+def safe(outcome: Outcome) -> bool:
+    """Nothing is claimed that the reader would take for the whole truth."""
+    if outcome.error:
+        return False
+    return outcome.verdict in (UNEXPLAINED, PARTLY_EXPLAINED) or not confident(outcome)
+
+
+def honest(outcome: Outcome) -> bool:
+    """Safe, or all that is named is near to what was left out, at a lower probability."""
+    if safe(outcome):
+        return True
+    true = true_pairs(outcome)
+    return not outcome.error and all(
+        told.probability < HONEST
+        and any(
+            told.axis == axis and any({name, told.effect} <= near for near in NEAR)
+            for axis, name in true
+        )
+        for told in outcome.told
+    )
+
+
+def calibration(causes: Iterable[tuple[float, bool]]) -> tuple[Bin, ...]:
+    """Causes in order of their probability, in bins of equal size of at least 50 (or one bin)."""
+    ranked = sorted(causes, key=lambda cause: cause[0])
+    if not ranked:
+        return ()
+    parts = np.array_split(np.array(ranked, dtype=np.float64), max(1, len(ranked) // BIN))
+    return tuple(
+        Bin(len(part), float(part[:, 0].mean()), float(part[:, 1].mean())) for part in parts
+    )
+
+
+def wrong(outcome: Outcome) -> bool:
+    """Whether the trial counts against the diagnosis in its main row."""
+    if outcome.leave_out:
+        return bool(outcome.truth) and not honest(outcome)
+    checks: dict[str, Callable[[Outcome], bool]] = {
+        "one": lambda o: first_right_or_set(o) and confident(o) <= true_pairs(o),
+        "two": lambda o: confident(o) == true_pairs(o),
+        "none": lambda o: o.verdict == NO_GAP,
+        "outside": safe,
+        "departing": lambda o: true_pairs(o) <= confident(o) and o.verdict == PARTLY_EXPLAINED,
+    }
+    return not checks[outcome.kind](outcome)
+
+
+def _share(outcomes: Sequence[Outcome], holds: Callable[[Outcome], bool]) -> Share:
+    return Share(sum(holds(o) for o in outcomes), len(outcomes))
+
+
+def _first_name(outcome: Outcome) -> str:
+    if outcome.error:
+        return "error"
+    if not outcome.told:
+        return outcome.verdict
+    first = outcome.told[0]
+    other = first.axis != outcome.truth[0].axis
+    return first.effect + (" (other axis)" if other else "")
