@@ -16,11 +16,14 @@ from stagectl.cli.options import FILE, write_json
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from sim2real.diagnosis import Diagnosis
     from sim2real.examine import Progress
+    from sim2real.likeness import Pairs
     from sim2real.report import GapReport
     from stagectl.config.machine import Machine
 
 _WHERE_SHOWN = 6
+_ALIKE_SHOWN = 8
 _VERDICTS = {
     "no_gap": ("No gap", "green"),
     "explained": ("Explained", "green"),
@@ -88,11 +91,30 @@ def diagnose(
     if html_out is not None:
         from stagectl.report.gap_page import write_gap_page
 
-        write_gap_page(html_out, report, examined, model.name, explained=found.explained or None)
+        write_gap_page(
+            html_out, report, examined, model.name,
+            explained=found.explained or None, likeness=_likeness(found),
+        )  # fmt: skip
     if twin is not None:
         _write_twin(twin, model, report, found.plant)
     if not quiet:
         _show(console, report, model.name)
+
+
+def _likeness(found: Diagnosis) -> dict[str, Pairs]:
+    """How alike the most suspected effects are, on axes with causes; else on all."""
+    from sim2real.likeness import likeness
+
+    named = {cause.axis for cause in found.report.causes}
+    alike = {}
+    for axis, searched in found.searches.items():
+        if named and axis not in named:
+            continue
+        causes = [cause.effect for cause in found.report.causes if cause.axis == axis]
+        others = sorted(searched.scanned, key=lambda name: -searched.scanned[name])
+        names = list(dict.fromkeys([*causes, *others]))[:_ALIKE_SHOWN]
+        alike[axis] = likeness(searched.signatures, names)
+    return alike
 
 
 def _write_twin(

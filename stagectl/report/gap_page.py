@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from sim2real.examine import Examination
 from sim2real.gap import combined
+from sim2real.likeness import Pairs
 from sim2real.replay import Signals
 from sim2real.report import GapReport
 from stagectl.errors import StagectlError
@@ -54,13 +55,16 @@ def write_gap_page(
     *,
     explained: Sequence[Signals] | None = None,
     left: Sequence[str] = (),
+    likeness: Mapping[str, Pairs] | None = None,
 ) -> None:
     """Write the page, atomically; arguments as `render_gap_page`.
 
     Raises:
         StagectlError: it cannot be written.
     """
-    text = render_gap_page(report, examined, machine, explained=explained, left=left)
+    text = render_gap_page(
+        report, examined, machine, explained=explained, left=left, likeness=likeness
+    )
     part = path.with_name(path.name + ".part")
     try:
         part.write_text(text, encoding="utf-8")
@@ -78,6 +82,7 @@ def render_gap_page(
     *,
     explained: Sequence[Signals] | None = None,
     left: Sequence[str] = (),
+    likeness: Mapping[str, Pairs] | None = None,
 ) -> str:
     """The page's HTML.
 
@@ -87,6 +92,7 @@ def render_gap_page(
         machine: name of the machine.
         explained: the model's signals with the causes, one per recording; None without causes.
         left: what is left after the causes, in sentences.
+        likeness: axis -> how alike effects are there, besides what `report.confusable` says.
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(_HERE / "templates"),
@@ -131,7 +137,7 @@ def render_gap_page(
         candidates=ranked[:_CANDIDATES],
         more_candidates=max(len(ranked) - _CANDIDATES, 0),
         taken={(cause.axis, cause.effect) for cause in report.causes},
-        matrices=_matrices(report),
+        matrices=_matrices(report, likeness or {}),
         next_moves=_yaml(moves),
         with_sigma=_with_sigma,
     )
@@ -216,17 +222,17 @@ def _repeats(examined: Examination) -> list[str]:
     return lines
 
 
-def _matrices(report: GapReport) -> list[tuple[str, Markup]]:
+def _matrices(report: GapReport, likeness: Mapping[str, Pairs]) -> list[tuple[str, Markup]]:
     """Likeness of the effects per axis, where it is known."""
-    axes: dict[str, dict[tuple[str, str], float]] = {}
+    axes = {axis: dict(pairs) for axis, pairs in likeness.items() if pairs}
     for group in report.confusable:
         if group.likeness:
             axes.setdefault(group.axis, {}).update(group.likeness)
     pictures = []
-    for axis, likeness in axes.items():
-        names = list(dict.fromkeys(name for pair in likeness for name in pair))
+    for axis, pairs in axes.items():
+        names = list(dict.fromkeys(name for pair in pairs for name in pair))
         words = {name: name.replace("_", " ") for name in names}
-        renamed = {(words[a], words[b]): value for (a, b), value in likeness.items()}
+        renamed = {(words[a], words[b]): value for (a, b), value in pairs.items()}
         pictures.append((axis, matrix(list(words.values()), renamed)))
     return pictures
 

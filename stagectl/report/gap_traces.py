@@ -14,7 +14,7 @@ import numpy.typing as npt
 from markupsafe import Markup
 
 from sim2real.gap import Measured
-from sim2real.phases import PHASES, axis_phases, blocks
+from sim2real.phases import PHASES, REST, SETTLING, axis_phases, blocks
 from sim2real.recording import aligned_demand
 from sim2real.replay import Signals
 from stagectl.report.gap_charts import Curve, bars, chart, legend
@@ -23,7 +23,7 @@ FloatArray = npt.NDArray[np.float64]
 
 SCALES = {"position": (1e6, "µm"), "force": (1.0, "N")}
 _BINS = 40
-_FEWEST = 25
+_FEWEST = 8
 _SEGMENT = 1024
 _BEFORE, _AFTER = 30, 150
 
@@ -143,12 +143,19 @@ def section(
     counted = np.concatenate(valid)
     residuals = {k: np.concatenate(v)[counted] for k, v in kinds.items() if v}
     places = {k: np.concatenate(v)[counted] for k, v in by.items()}
+    moving = (places["phase"] != REST) & (places["phase"] != SETTLING)
     label = f"rms [{unit}]"
     panels = [Panel("Phase of motion", _by_phase(places["phase"], residuals, label))]
     for name, x_label in (
         ("position", "position [mm]"), ("velocity", "velocity [mm/s]"), ("time", "time [s]"),
     ):  # fmt: skip
-        curves = [Curve(kind, *_binned(places[name], values)) for kind, values in residuals.items()]
+        # What rests stays in one place: it would hide what happens there in motion.
+        shown = np.ones(len(moving), dtype=bool) if name == "time" else moving
+        curves = [
+            Curve(kind, *_binned(places[name][shown], values[shown]))
+            for kind, values in residuals.items()
+            if shown.any()
+        ]
         panels.append(Panel(f"Over {name}", chart(curves, x_label, label, zero=True)))
     curves = [
         Curve(kind, *_spectrum(values, measured[0].replay.period))

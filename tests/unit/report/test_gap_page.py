@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sim2real.examine import examine, without_causes
+from sim2real.likeness import likeness
 from sim2real.report import (
     Candidate,
     Cause,
@@ -74,6 +75,7 @@ def explained(examined):
         without_causes(examined),
         verdict="explained",
         reason="nothing <else> is left",
+        where=examined.located.cells,
         gap=gap,
         gap_closed=0.93,
         gap_closed_interval=(0.9, 0.95),
@@ -151,3 +153,17 @@ def test_charts_take_what_there_is():
     assert len(long) < 40_000
     assert "nan" not in bars(["rest", "micro"], {"before": [1.0, np.nan], "after": [0.0, 0.0]}, "y")
     assert matrix(["a", "b"], {("a", "b"): 0.25}).count("0.25") >= 2
+
+
+def test_likeness_of_signatures_is_drawn(examined, explained):
+    signatures = {
+        "cogging": np.array([1.0, 0.0]),
+        "stribeck": np.array([3.0, 4.0]),
+        "none": np.zeros(2),
+    }
+    alike = likeness(signatures, ["cogging", "stribeck", "none", "unknown"])
+    assert alike == {("cogging", "stribeck"): pytest.approx(0.6)}
+    page = render_gap_page(replace(explained, confusable=()), examined, "m", likeness={"x": alike})
+    Balanced().feed(page)
+    assert "0.60" in page
+    assert "too alike" in page

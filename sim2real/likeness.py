@@ -1,0 +1,32 @@
+"""How alike effects are in a recording: the cosine of what each would leave in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Pairs = dict[tuple[str, str], float]
+"""(effect, effect) -> 0 (told apart) to 1 (the same)."""
+
+
+def likeness(signatures: Mapping[str, NDArray[np.float64]], names: Sequence[str]) -> Pairs:
+    """Absolute cosine of each pair of signatures.
+
+    Args:
+        signatures: effect -> its share in the residual, beside what base parameters take out,
+            float64[R].
+        names: effects to compare; those without a signature are left out.
+    """
+    units = {}
+    for name in names:
+        if name in signatures:
+            size = float(np.linalg.norm(signatures[name]))
+            if np.isfinite(size) and size > 0.0:
+                units[name] = signatures[name] / size
+    return {
+        (one, other): min(abs(float(units[one] @ units[other])), 1.0)
+        for one, other in combinations(units, 2)
+    }
