@@ -24,7 +24,7 @@ def element_shares(count: int) -> F64:
     return 2.0 * np.arange(1, count + 1) / (count * (count + 1))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, inline="always", error_model="numpy")
 def stribeck(velocity: float, static_ratio: float, stribeck_velocity: float, shape: float) -> float:
     """s(v) = 1 + alpha exp(-|v/vs|^delta): the Stribeck curve over the Coulomb level."""
     ratio = abs(velocity) / stribeck_velocity
@@ -33,7 +33,7 @@ def stribeck(velocity: float, static_ratio: float, stribeck_velocity: float, sha
     return 1.0 + static_ratio * math.exp(-ratio)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, inline="always", error_model="numpy")
 def slip_step(
     forces: F64,
     slipping: NDArray[np.bool_],
@@ -62,7 +62,8 @@ def slip_step(
             axis would count references at every step, which takes longer than the step.)
     """
     total = 0.0
-    for i in range(first, first + count):
+    begin = np.uint64(first)  # an index without sign is not checked for counting from the end
+    for i in range(begin, begin + np.uint64(count)):
         limit = shares[i] * level
         force = forces[i]
         if not slipping[i]:

@@ -120,6 +120,14 @@ def step(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _kick(p, s, arena, substep, dt):  # type: ignore[no-untyped-def]
+    """Change of velocity of an axis with ports in this substep, but for coupling."""
+    s.motor_force += p.current_gain * (delayed(p, s, arena, substep) - s.motor_force)
+    resistance = s.friction + p.viscous * s.velocity
+    s.kick = dt * drive(p, s, arena, substep * dt, s.motor_force, resistance)
+
+
+@numba.njit(cache=True, error_model="numpy")
 def advance(  # type: ignore[no-untyped-def]
     plant, control, state, loop, forces, slipping, shares, arena, period, substeps, normals, first,
     ticks,
@@ -147,30 +155,22 @@ def advance(  # type: ignore[no-untyped-def]
                     plant[a], state[a], state[axes - 1 - a].position, arena, loop[a].output, period
                 )
         for substep in range(substeps):
-            for a in range(axes):
-                p = plant[a]
-                s = state[a]
-                if p.ported:
-                    s.motor_force += p.current_gain * (
-                        delayed(p, s, arena, substep) - s.motor_force
-                    )
-                    s.kick = dt * drive(
-                        p,
-                        s,
-                        arena,
-                        substep * dt,
-                        s.motor_force,
-                        s.friction + p.viscous * s.velocity,
-                    )
-                else:
-                    s.motor_force += p.current_gain * (loop[a].output - s.motor_force)
-                    s.kick = dt / p.mass * (s.motor_force - s.friction - p.viscous * s.velocity)
             if coupled:
+                for a in range(axes):
+                    _kick(plant[a], state[a], arena, substep, dt)
                 solve_jointly(plant, state, arena, dt)
             for a in range(axes):
                 p = plant[a]
                 s = state[a]
-                v = s.velocity + s.kick
+                if p.ported:
+                    if not coupled:
+                        _kick(p, s, arena, substep, dt)
+                    v = s.velocity + s.kick
+                else:
+                    s.motor_force += p.current_gain * (loop[a].output - s.motor_force)
+                    v = s.velocity + dt / p.mass * (
+                        s.motor_force - s.friction - p.viscous * s.velocity
+                    )
                 dx = v * dt
                 s.velocity = v
                 s.position += dx
