@@ -52,7 +52,8 @@ trials in order of probability, in bins of at least {BIN}; the error is the mean
 what a bin was given and the share of it that is right. Parameters count against their own sigma;
 a sigma that is not given counts as outside. The promise is `gap_closed` of the report; it is held
 against the gap closed by the same twin on the second run. A trial that gives no report is wrong.
-Seconds include channels, floor and where, on a machine that may have had other work.
+Seconds include channels, floor and where; where the machine had other work, only the processor
+seconds (of all cores together) say something.
 """
 
 _ROWS: tuple[tuple[str, str, float | None], ...] = (
@@ -118,6 +119,8 @@ def figures(counted: Score) -> list[str]:
         f"| seconds per diagnosis, median (longest) | {counted.trials} | "
         f"{counted.seconds[0]:.0f} ({counted.seconds[1]:.0f}) | <= 20, on quiet cores |"
     )
+    if counted.processor is not None:
+        lines.append(f"| processor seconds per diagnosis, median | | {counted.processor:.0f} | |")
     if counted.bins:
         lines += ["", "| causes | mean probability | right |", "| --- | --- | --- |"]
         lines += [f"| {b.causes} | {b.told:.3f} | {b.right:.3f} |" for b in counted.bins]

@@ -87,6 +87,7 @@ class Score:
         error: expected calibration error, None without causes.
         bins: it is made of.
         seconds: median and longest time of a diagnosis.
+        processor: median of the processor time of all cores together, None where not known.
         confusion: (true family, first name told) -> trials with one effect.
     """
 
@@ -109,6 +110,7 @@ class Score:
     error: float | None
     bins: tuple[Bin, ...]
     seconds: tuple[float, float]
+    processor: float | None
     confusion: dict[Pair, int]
 
 
@@ -128,6 +130,7 @@ def score(outcomes: Sequence[Outcome]) -> Score:
     bins = calibration((told.probability, right) for o in known for told, right in judged(o))
     causes = sum(b.causes for b in bins)
     seconds = [o.seconds for o in outcomes]
+    processor = [o.processor for o in outcomes if np.isfinite(o.processor)]
     return Score(
         len(outcomes),
         sum(bool(o.error) for o in outcomes),
@@ -151,6 +154,7 @@ def score(outcomes: Sequence[Outcome]) -> Score:
         sum(b.causes * abs(b.told - b.right) for b in bins) / causes if causes else None,
         bins,
         (float(np.median(seconds)), max(seconds)) if seconds else (0.0, 0.0),
+        float(np.median(processor)) if processor else None,
         dict(Counter((o.truth[0].kin, _first_name(o)) for o in one)),
     )
 
@@ -236,7 +240,7 @@ def wrong(outcome: Outcome) -> bool:
         "two": lambda o: confident(o) == true_pairs(o),
         "none": lambda o: o.verdict == NO_GAP,
         "outside": safe,
-        "departing": lambda o: true_pairs(o) <= confident(o) and o.verdict == PARTLY_EXPLAINED,
+        "departing": lambda o: true_pairs(o) == confident(o) and o.verdict == PARTLY_EXPLAINED,
     }
     return not checks[outcome.kind](outcome)
 

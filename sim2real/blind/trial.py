@@ -106,6 +106,7 @@ class Outcome:
         promised: gap closed that the report promises, None where it promises none.
         second: gap closed by the same twin on the second run, None likewise.
         seconds: time of the diagnosis [s].
+        processor: time that all cores together spent on it [s].
         key, nonce, digest: of the seal.
         error: why there is no report, "" where there is one.
     """
@@ -123,6 +124,7 @@ class Outcome:
     promised: float | None
     second: float | None
     seconds: float
+    processor: float
     key: str
     nonce: str
     digest: str
@@ -150,6 +152,7 @@ class Outcome:
             )
             for told in values["told"]
         )
+        known["processor"] = _number(values.get("processor"))
         known["confusable"] = tuple((axis, tuple(names)) for axis, names in values["confusable"])
         known["sigmas"] = {key: _number(value) for key, value in values["sigmas"].items()}
         return cls(**known)
@@ -201,14 +204,23 @@ def run_trial(
     setup: Setup,
     trial: Trial,
     clock: Callable[[], float],
+    spent: Callable[[], float],
     progress: Progress = lambda *_: None,
 ) -> Outcome:
-    """Diagnose the first run, and hold what is promised against the second."""
+    """Diagnose the first run, and hold what is promised against the second.
+
+    Args:
+        setup: of all trials.
+        trial: to diagnose.
+        clock: the time [s].
+        spent: processor time that this process has spent [s].
+        progress: called along the way.
+    """
     library = dict(setup.library)
     if setup.leave_out:
         for drawn in trial.key.effects:
             library.pop(drawn.kin, None)
-    begin = clock()
+    begin, begun = clock(), spent()
     error = ""
     found = None
     try:
@@ -216,7 +228,7 @@ def run_trial(
         found = diagnose(examined, setup.tolerance, library, jobs=setup.jobs, progress=progress)
     except Exception as problem:  # noqa: BLE001 - one bad trial must not end a long check; it counts
         error = f"{type(problem).__name__}: {problem}"
-    seconds = clock() - begin
+    seconds, processor = clock() - begin, spent() - begun
     report = None if found is None else found.report
     promised = None if report is None else report.gap_closed
     second = None
@@ -239,6 +251,7 @@ def run_trial(
         promised,
         second,
         seconds,
+        processor,
         trial.sealed.text,
         trial.sealed.nonce,
         trial.sealed.digest,

@@ -56,20 +56,19 @@ def blind(
     it. Ctrl-C ends the check with the figures so far; with --lines it goes on from there.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from sim2real.blind.trial import Outcome
     from stagectl.errors import UnusableInput
 
     setup = _setup(_machine(machine), seed, leave_out, only, elements, jobs)
     about = {"label": label, "only": only, "elements": elements}
     console = console_for(json_out is not None and str(json_out) == "-")
-    earlier = _read(lines)
-    same = {
-        Outcome.from_json(line).number: Outcome.from_json(line)
-        for line in earlier
+    everything = _read(lines)
+    outcomes = {
+        outcome.number: outcome
+        for line, outcome in everything
         if all(line.get(key) == value for key, value in about.items())
-        and (line["seed"], line["leave_out"]) == (seed, leave_out)
+        and (outcome.seed, outcome.leave_out) == (seed, leave_out)
+        and outcome.number < trials
     }
-    outcomes = {number: o for number, o in same.items() if number < trials}
     try:
         for number in range(trials):
             if number in outcomes:
@@ -78,7 +77,7 @@ def blind(
             outcomes[number] = outcome
             if lines is not None:
                 line = {**about, **outcome.to_json()}
-                earlier.append(line)
+                everything.append((line, outcome))
                 with lines.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(line, allow_nan=False) + "\n")
     except KeyboardInterrupt:
@@ -88,7 +87,7 @@ def blind(
         raise UnusableInput(str(error)) from error
     finally:
         if outcomes:
-            _conclude(list(outcomes.values()), earlier, console, json_out, docs, label)
+            _conclude(list(outcomes.values()), everything, console, json_out, docs, label)
 
 
 def _machine(path: Path | None) -> Machine:
@@ -126,7 +125,8 @@ def _setup(
     )  # fmt: skip
 
 
-def _read(lines: Path | None) -> list[dict[str, Any]]:
+def _read(lines: Path | None) -> list[tuple[dict[str, Any], Outcome]]:
+    from sim2real.blind.trial import Outcome
     from stagectl.errors import UnusableInput
 
     if lines is None or not lines.exists():
@@ -134,8 +134,9 @@ def _read(lines: Path | None) -> list[dict[str, Any]]:
     found = []
     for number, text in enumerate(lines.read_text(encoding="utf-8").splitlines(), 1):
         try:
-            found.append(dict(json.loads(text)))
-        except (ValueError, TypeError) as error:
+            line = dict(json.loads(text))
+            found.append((line, Outcome.from_json(line)))
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise UnusableInput(f"{lines}:{number}: is no line of a blind check") from error
     return found
 
@@ -159,7 +160,7 @@ def _tried(setup: Setup, number: int, trials: int, console: Console) -> Outcome:
         trial = draw_trial(setup, number)
         say(f"trial {number}  sealed {trial.sealed.digest}")
         outcome = run_trial(
-            setup, trial, time.perf_counter,
+            setup, trial, time.perf_counter, time.process_time,
             lambda what, done, total: bar.update(
                 task, description=f"trial {number + 1}/{trials}: {what}", completed=done,
                 total=total,
@@ -169,7 +170,8 @@ def _tried(setup: Setup, number: int, trials: int, console: Console) -> Outcome:
     missed = wrong(outcome)
     say(
         f"  {truth_text(outcome)} -> {told_text(outcome)}: {outcome.error or outcome.verdict}, "
-        f"{outcome.seconds:.0f} s",
+        f"{outcome.seconds:.0f} s"
+        f" ({outcome.processor:.0f} s of processor)",
         "red" if missed else "green",
     )
     return outcome
@@ -177,7 +179,7 @@ def _tried(setup: Setup, number: int, trials: int, console: Console) -> Outcome:
 
 def _conclude(
     outcomes: list[Outcome],
-    lines: list[dict[str, Any]],
+    lines: list[tuple[dict[str, Any], Outcome]],
     console: Console,
     json_out: Path | None,
     docs: Path | None,
@@ -188,7 +190,6 @@ def _conclude(
 
     from sim2real.blind.page import figures, page
     from sim2real.blind.score import score
-    from sim2real.blind.trial import Outcome
 
     counted = score(outcomes)
     if json_out is None or str(json_out) != "-":
@@ -199,8 +200,8 @@ def _conclude(
         values["confusion"] = [[*pair, count] for pair, count in counted.confusion.items()]
         write_json({**values, "outcomes": [outcome.to_json() for outcome in outcomes]}, json_out)
     if docs is not None:
-        everything = [Outcome.from_json(line) for line in lines] or outcomes
-        labels = sorted({str(line.get("label", "")) for line in lines} - {""}) or [label]
+        everything = [outcome for _, outcome in lines] or outcomes
+        labels = sorted({str(line.get("label", "")) for line, _ in lines} - {""}) or [label]
         facts = {
             "version checked": ", ".join(labels) or "not stated",
             "measured on": f"{os.cpu_count()} cores ({platform.machine()}), "

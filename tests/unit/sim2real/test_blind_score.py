@@ -27,7 +27,7 @@ def outcome(kind: str, truth: str, told: str, verdict: str, **more: object) -> O
         effects.append(Drawn(axis, name, {"force": 1.1}, 4.0, kin))
     plain = Outcome(
         1, 0, False, kind, tuple(effects), verdict, tuple(causes), (), {}, 4.0, None, None, 10.0,
-        "{}", "", "",
+        9.0, "{}", "", "",
     )  # fmt: skip
     return replace(plain, **more)  # type: ignore[arg-type]
 
