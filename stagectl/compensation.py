@@ -42,6 +42,11 @@ Figures = Mapping[str, tuple[float, float]]
 """Friction figures by name (coulomb, viscous, stiffness, relaxation_rate), each with its sigma."""
 
 
+SETTLED_DRIFT = (7e-4, 4e-4, 4e-4, 2e-4, 5e-5)
+"""Relative 1-sigma per move of `estimation.belief.FIGURES` where a map takes what changes with place
+and warm-up: a history shows the others to change over days, not from move to move."""
+
+
 class Mode(StrEnum):
     """What the force offsets are made of."""
 
@@ -72,9 +77,13 @@ class AxisCompensation:
         friction: model to start from.
         mode: what the offsets are made of.
         period: Ts [s].
+        settled: how the Coulomb force differs from place to place is known from elsewhere, so that
+            the figures themselves change by next to nothing from move to move.
     """
 
-    def __init__(self, axis: Axis, friction: Friction, mode: Mode, period: float) -> None:
+    def __init__(
+        self, axis: Axis, friction: Friction, mode: Mode, period: float, settled: bool = False
+    ) -> None:
         self.mode = mode
         self._departed: FrictionState | None = None
         self._mass = axis.plant.mass
@@ -91,7 +100,9 @@ class AxisCompensation:
                 force_noise=quantisation(drive.force_unit),
                 peak_force=drive.peak_force,
                 belief=BeliefSettings(
-                    wander=wander.coulomb, correlation_time=wander.correlation_time
+                    wander=wander.coulomb,
+                    correlation_time=wander.correlation_time,
+                    drift=SETTLED_DRIFT if settled else BeliefSettings().drift,
                 ),
             ),
             frozen=mode is not Mode.ESTIMATED,
@@ -289,6 +300,7 @@ def make_compensation(
     scale: float = 1.0,
     truth: Machine | None = None,
     known: Mapping[str, Figures] | None = None,
+    settled: bool = False,
 ) -> tuple[AxisCompensation, ...]:
     """Compensation of every axis, in the machine's order, compiled and ready.
 
@@ -298,12 +310,17 @@ def make_compensation(
         scale: of the machine file's friction figures to start from; the truth is not scaled.
         truth: where `mode` is oracle, whose friction figures to use.
         known: axis -> figures that an earlier run has learned, where `mode` is estimated.
+        settled: as of `AxisCompensation`.
     """
     source = truth if mode is Mode.ORACLE and truth is not None else machine
     scale = scale if source is machine else 1.0
     made = tuple(
         AxisCompensation(
-            axis, friction_model(source.axes[name]).scaled(scale), mode, machine.bus.sync_period
+            axis,
+            friction_model(source.axes[name]).scaled(scale),
+            mode,
+            machine.bus.sync_period,
+            settled,
         )
         for name, axis in machine.axes.items()
     )

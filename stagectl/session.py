@@ -129,6 +129,7 @@ def _execute(
         request.friction_scale,
         request.truth,
         _known(request, active),
+        settled=active is not None,
     )
     bus, axes = driver_settings(request.machine)
     if request.bus is not None:

@@ -5,11 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from stagectl.calibration.sites import DAY, DueSection
+from stagectl.calibration.sites import DAY, Calibration, DueSection
+from stagectl.history.opening import is_server, open_history
 from stagectl.history.port import History
 from stagectl.history.records import Pair, StageKey
+from stagectl.maps.active import load_active
 from stagectl.maps.places import NEAR, TrackedPlaces
+from stagectl.request import RunRequest
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,3 +91,26 @@ def _due(
             check(sigma, limits.uncertainty, f"{axis}: known to {sigma:.1%} only")
     passed.sort(reverse=True)
     return DueSite(site, tuple(text for _, text in passed), passed[0][0] if passed else 0.0)
+
+
+def due_now(calibration: Calibration, request: RunRequest) -> list[DueSite]:
+    """The due sites of a calibration when a run begins; its history is made where there is none.
+
+    Raises:
+        StagectlError: the history cannot be used, or its active map does not fit.
+    """
+    machine, where = request.machine, str(request.history)
+    if not is_server(where):
+        Path(where).parent.mkdir(parents=True, exist_ok=True)
+    history = open_history(where, write=True)
+    try:
+        stage = StageKey(machine.name, request.truth is not None)
+        now = request.started.timestamp()
+        sites = calibration.recipe.sites
+        active = load_active(history, stage, machine, sites, now)
+        return due_sites(
+            sites, calibration.due, history, stage, tuple(machine.axes), now,
+            None if active is None else active.places,
+        )  # fmt: skip
+    finally:
+        history.close()

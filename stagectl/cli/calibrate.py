@@ -126,27 +126,12 @@ def _chosen(
     calibration: Calibration, request: RunRequest, due: bool, quiet: bool
 ) -> tuple[Pair, ...]:
     """All sites, or those that are due."""
-    from stagectl.calibration.due import due_sites
-    from stagectl.history.opening import open_history
-    from stagectl.history.records import StageKey
-    from stagectl.maps.active import load_active
+    from stagectl.calibration.due import due_now
 
     sites = calibration.recipe.sites
     if not due:
         return sites
-    machine = request.machine
-    Path(str(request.history)).parent.mkdir(parents=True, exist_ok=True)
-    history = open_history(str(request.history), write=True)
-    try:
-        stage = StageKey(machine.name, request.truth is not None)
-        now = request.started.timestamp()
-        active = load_active(history, stage, machine, sites, now)
-        found = due_sites(
-            sites, calibration.due, history, stage, tuple(machine.axes), now,
-            None if active is None else active.places,
-        )  # fmt: skip
-    finally:
-        history.close()
+    found = due_now(calibration, request)
     for site in found if not quiet else ():
         x, y = site.place
         click.echo(f"due: ({x * 1e3:g}, {y * 1e3:g}) mm: {'; '.join(site.reasons)}")

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from stagectl.request import RunRequest
 
 PACKAGED = "wafer-xy"
+USUAL_BUDGET = 5.0
+"""Time for sites slipped into a run, where neither option nor file says [s]."""
 
 
 @click.command(short_help="Run a recipe on the stage, or on its simulation.")
@@ -94,6 +96,17 @@ PACKAGED = "wafer-xy"
     show_default=True,
     help="Go by the history's active friction map, where there is one.",
 )
+@click.option(
+    "--calibrate",
+    type=FILE,
+    metavar="SITES",
+    help="Slip due sites of this calibration into the run, within --budget.",
+)
+@click.option(
+    "--budget",
+    type=click.FloatRange(0.0),
+    help="Time for them [s; the calibration file's, else 5].",
+)
 @click.option("--json", "json_out", type=FILE, help="Also write the summary here; - is stdout.")
 @click.option("--dry-run", is_flag=True, help="Only say what would be done; nothing moves.")
 def command(
@@ -110,6 +123,8 @@ def command(
     retries: int,
     history: str | None,
     use_map: str,
+    calibrate: Path | None,
+    budget: float | None,
     json_out: Path | None,
     dry_run: bool,
 ) -> None:
@@ -175,7 +190,31 @@ def command(
         default_history(history, believed, truth is not None, folder, out is not None),
         use_map == "active",
     )
+    if calibrate is not None:
+        request = _with_due_sites(request, calibrate, budget)
     _run(request, json_out)
+
+
+def _with_due_sites(request: RunRequest, path: Path, budget: float | None) -> RunRequest:
+    """The run with the due sites of a calibration in it that there is time for."""
+    from dataclasses import replace
+
+    from stagectl.calibration.due import due_now
+    from stagectl.calibration.sites import load_calibration
+    from stagectl.calibration.slip_in import slip_in
+
+    if request.history is None:
+        raise click.UsageError("--calibrate needs a history: what is due is known from it")
+    if not request.recipe.sites:
+        raise click.UsageError("--calibrate needs a recipe with sites to slip others in between")
+    calibration = load_calibration(path, request.machine)
+    due = due_now(calibration, request)
+    allowed = budget if budget is not None else calibration.budget
+    recipe, spent = slip_in(
+        request.recipe, due, calibration.sequence, USUAL_BUDGET if allowed is None else allowed
+    )
+    click.echo(f"{len(due)} sites due, {len(recipe.slipped)} slipped in ({spent:.1f} s)", err=True)
+    return replace(request, recipe=recipe)
 
 
 def _machine(path: Path | None) -> Machine:

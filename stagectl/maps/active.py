@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from stagectl.compensation import Figures
 from stagectl.config.machine import Machine
 from stagectl.history.port import History
-from stagectl.history.records import Pair, StageKey
+from stagectl.history.records import EstimateRecord, Pair, StageKey
 from stagectl.maps.applicable import problems
 from stagectl.maps.learning import tracking_settings
-from stagectl.maps.model import MapVersion, from_json
+from stagectl.maps.model import FrictionMap, MapVersion, from_json
 from stagectl.maps.places import TrackedPlaces
 
 REPLAYED = 20_000
@@ -87,12 +87,30 @@ def load_active(
     )
     since = [m for m in measured if friction_map.date < m.time <= started]
     places.replay(since[-REPLAYED:])
+    return ActiveMap(version, places, _latest_figures(history, stage, friction_map, started))
+
+
+def _latest_figures(
+    history: History, stage: StageKey, friction_map: FrictionMap, started: float
+) -> dict[str, Figures]:
+    """What a run begins with: the last accepted estimate, wherever it was made, else the map's.
+
+    But for the Coulomb force, which the places know.
+    """
+    newest: dict[str, EstimateRecord] = {}
+    for row in history.at_date(stage, started):
+        if row.axis not in newest or row.time > newest[row.axis].time:
+            newest[row.axis] = row
     figures: dict[str, Figures] = {}
     for name, axis in friction_map.axes.items():
         values = [site.coulomb for site in axis.sites]
         middle = sum(values) / len(values)
-        figures[name] = {**axis.figures, "coulomb": (middle, 0.2 * middle)}
-    return ActiveMap(version, places, figures)
+        known = dict(axis.figures)
+        if name in newest:
+            last = newest[name]
+            known |= {figure: (value, last.sigma(figure)) for figure, value in last.figures.items()}
+        figures[name] = {**known, "coulomb": (middle, 0.2 * middle)}
+    return figures
 
 
 def refuse_unless_applicable(version: MapVersion, machine: Machine, name: str) -> None:

@@ -15,6 +15,7 @@ from stagectl.history.port import History
 from stagectl.history.records import StageKey
 from stagectl.maps.compare import AxisChange, compare
 from stagectl.maps.heat_map import HeatMap, draw_heat_map
+from stagectl.maps.learning import figure_noise
 from stagectl.maps.model import MapAxis, MapVersion
 from stagectl.maps.tables import day
 from stagectl.maps.trend_chart import draw_trend
@@ -95,6 +96,7 @@ def _axis(
     value = np.where(found.inside, found.value, np.nan).reshape(CELLS, CELLS)
     doubt = np.where(found.inside, found.sigma, np.nan).reshape(CELLS, CELLS)
     sites = [site.place for site in axis.sites]
+    rates = figure_noise(history, stage, name)
     error, sigma = field.left_out()
     ok = np.isfinite(sigma)
     return {
@@ -106,7 +108,8 @@ def _axis(
         "doubt": f"{np.nanmedian(doubt):.1%}",
         "left_out": f"{np.sqrt(np.mean(error[ok] ** 2)):.1%}" if ok.any() else "",
         "figures": [
-            (key, f"{v:.4g}", f"{s:.2g}") for key, (v, s) in axis.figures.items()
+            (key, f"{v:.4g}", f"{s:.2g}", f"{rates[key].rate:.2%}" if key in rates else "")
+            for key, (v, s) in axis.figures.items()
         ],
         "pictures": [
             Markup(draw_heat_map(picture))  # noqa: S704  numbers and our own words only

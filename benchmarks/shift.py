@@ -1,0 +1,399 @@
+"""What a friction map and its tracking buy over a shift of production.
+
+A table whose Coulomb level varies by +-25 % over XY with a correlation length of 40 mm (effect
+`friction_map`, another field for each axis), 30 % more of it when cold, falling with 120 s, and
+half way through a spot of 20 % at one site (`friction_spot`). 25 sites are calibrated warm and
+mapped; then wafers of 20 sites, whole moves over the lock-step CAN bus. The host is started anew
+twice, and once killed (SIGKILL) in the middle of a wafer; its successor goes on from the history.
+The same wafers, noise included, with one estimate for the whole table, without friction
+compensation, and with an oracle that is told the true level at each site and time.
+
+    python benchmarks/shift.py [--wafers 200] [--seed 1] [--modes map,oracle,global,none]
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from statistics import mean, median
+from typing import Any
+
+import numpy as np
+from machine_facts import machine_facts
+from numpy.typing import NDArray
+
+from drivers import Stage
+from estimation.trajectory import Limits
+from hil_sim.effects.friction_map import field_factor
+from hil_sim.stage import VirtualStage
+from hil_sim.world import World
+from sim2real.recording import AxisSignals, Move, Recording
+from stagectl.calibration.fresh import FreshPlaces
+from stagectl.calibration.sites import load_calibration
+from stagectl.compensation import AxisCompensation, Mode, make_compensation
+from stagectl.config.machine import Machine, load_machine, parse_machine
+from stagectl.config.mapping import driver_settings, stage_settings
+from stagectl.history.opening import open_history
+from stagectl.history.records import RunEntry, StageKey
+from stagectl.history.run_history import RunHistory, software
+from stagectl.maps.active import load_active
+from stagectl.maps.build import build_map
+from stagectl.maps.model import to_json
+from stagectl.recipe.fiducial import make_fiducial
+from stagectl.recipe.load import load_recipe
+from stagectl.recipe.model import Recipe
+from stagectl.recipe.plan import plan
+from stagectl.sequencer.engine import Engine
+from stagectl.sequencer.events import Event, FrictionUpdated, LevelStepped
+from stagectl.sequencer.mover import MovingAxis
+from stagectl.sequencer.places import Expectation, Places
+from stagectl.sequencer.settling import summarise_moves
+from stagectl.store.journal import SAMPLE_TAG, sample_codec, sample_dtype
+
+F64 = NDArray[np.float64]
+ROOT = Path(__file__).parents[1]
+EPOCH = 1.8e9
+"""When the shift begins [s since 1970]; all times are virtual."""
+SWING, LENGTH, WARM, TAU = 0.25, 0.04, 0.3, 120.0
+SPOT, SPOT_SIZE, SPOT_WIDTH = (0.0, 0.0), 0.2, 6e-3
+BETWEEN = 3.0
+"""Time between two wafers [s]."""
+SITES = """calibrate: before the shift
+sites: {grid: {origin: [-0.05, -0.05], pitch: [0.025, 0.025], count: [5, 5]}}
+"""
+
+
+class Table:
+    """The truth.
+
+    Args:
+        seed: of the fields.
+        time: of the shift when the stage's own time is 0 [s]; infinite: warm.
+        spot: whether the spot is there.
+    """
+
+    def __init__(self, machine: Machine, seed: int, time: float, spot: bool) -> None:
+        self.machine, self.seed, self.time, self.spot = machine, seed, time, spot
+        self._place: F64 | None = None
+
+    def truth(self) -> Machine:
+        """As a machine file for the virtual stage."""
+        warm = WARM * math.exp(-self.time / TAU)
+        lines, axis = [], ""
+        for line in self.machine.text.splitlines():
+            lines.append(line)
+            if line.strip() in ("x:", "y:"):
+                axis = line.strip()[0]
+            if not line.strip().startswith("repeatability:"):
+                continue
+            effects = [
+                f"{{effect: friction_map, amplitude: {SWING}, length: {LENGTH}, "
+                f"seed: {self._field('xy'.index(axis))}}}"
+            ]
+            if warm > 1e-6:
+                effects.append(
+                    f"{{effect: thermal_drift, amplitude: {warm!r}, time_constant: {TAU}}}"
+                )
+            if self.spot and axis == "x":
+                effects.append(
+                    f"{{effect: friction_spot, amplitude: {SPOT_SIZE}, center: {SPOT[0]}, "
+                    f"other: {SPOT[1]}, width: {SPOT_WIDTH}}}"
+                )
+            lines.append(f"    effects: [{', '.join(effects)}]")
+        return parse_machine("\n".join(lines), "the truth")
+
+    def _field(self, axis: int) -> int:
+        return 2 * self.seed + axis
+
+    def level(self, axis: int, path: F64) -> F64:
+        """Factor on Fc at positions, shape (K, 2), warm."""
+        factor = field_factor(SWING, LENGTH, self._field(axis), path[:, axis], path[:, 1 - axis])
+        if self.spot and axis == 0:
+            away = ((path - np.array(SPOT)) ** 2).sum(axis=1)
+            factor = factor * (1.0 + SPOT_SIZE * np.exp(-0.5 * away / SPOT_WIDTH**2))
+        return factor
+
+    # The oracle: `Places` that is told.
+
+    def depart(self, target: Sequence[float], time: float) -> Sequence[Expectation] | None:
+        """The true level at the target."""
+        place = np.array([target])
+        if self._place is not None and np.linalg.norm(place - self._place) < 2e-3:
+            return None
+        self._place = place
+        warm = 1.0 + WARM * math.exp(-(self.time + time) / TAU)
+        return [
+            Expectation(
+                axis.plant.friction.coulomb * warm * float(self.level(a, place)[0]), 1e-6
+            )
+            for a, axis in enumerate(self.machine.axes.values())
+        ]  # fmt: skip
+
+    def relief(self, axis: int, path: F64) -> F64:
+        """The true level on the way."""
+        assert self._place is not None
+        return self.level(axis, path) / float(self.level(axis, self._place)[0]) - 1.0
+
+    def arrived(self, *_: object) -> None:
+        """It knows already."""
+
+
+def drive(
+    table: Table,
+    recipe: Recipe,
+    compensation: Sequence[AxisCompensation],
+    places: Places | None,
+    seed: int,
+    on_event: Callable[[Event], object],
+) -> tuple[list[dict[str, Any]], float]:
+    """One wafer or calibration on virtual drives; micro-moves' results, and its duration [s]."""
+    machine = table.machine
+    world = World(f"shift-{seed}-{id(recipe)}")
+    virtual = VirtualStage(stage_settings(table.truth()), seed)
+    virtual.attach(world)
+    bus, axes = driver_settings(machine)
+    bus = replace(bus, interface="lockstep", channel=world.name)
+    codec = sample_codec(len(axes))
+    samples: list[bytes] = []
+    moves: list[Move] = []
+    with Stage.open(bus, axes) as stage:
+        stage.boot()
+        stage.home()
+        stage.enable()
+        stage.sink = lambda sample: samples.append(codec.pack(SAMPLE_TAG, *sample))
+        moving = [
+            MovingAxis(
+                axis.name, Limits(axis.velocity, axis.acceleration, axis.jerk), axis.increment,
+                own, axis.following_error,
+            )
+            for axis, own in zip(axes, compensation, strict=True)
+        ]  # fmt: skip
+        engine = Engine(
+            stage, moving, make_fiducial(recipe.fiducial), bus.sync_period, moves.append,
+            on_event, places,
+        )  # fmt: skip
+        engine.run(plan(recipe, (stage.targets[0], stage.targets[1])))
+        stage.sink = None
+        stage.disable()
+    data = np.frombuffer(b"".join(samples), sample_dtype(len(axes)))
+    signals = {}
+    for i, axis in enumerate(axes):
+        unit = axis.rated_force / 1000.0
+        signals[axis.name] = AxisSignals(
+            data[f"target_{i}"] * axis.increment, data[f"offset_{i}"] * unit,
+            data[f"position_{i}"] * axis.increment, data[f"force_{i}"] * unit, None,
+            data[f"valid_{i}"] > 0,
+        )  # fmt: skip
+    elapsed = (data["time"] - data["time"][0]) * 1e-9
+    recording = Recording(
+        machine.text, "", "2026-01-01T00:00:00+00:00", elapsed, signals, tuple(moves), ""
+    )
+    control = next(iter(machine.axes.values())).drive.control_period
+    results = summarise_moves(recording, control, bus.sync_period, (5e-8, 2e-7))
+    return [
+        {"axis": r.axis, "site": r.site, "50": r.settling[5e-8], "200": r.settling[2e-7],
+         "peak": r.peak_error}
+        for r in results if r.kind == "micro"
+    ], float(elapsed[-1])  # fmt: skip
+
+
+def entry(stage: StageKey, started: float, recipe: Recipe, purpose: Any, wafer: int) -> RunEntry:
+    """A run as the history notes it."""
+    return RunEntry(
+        stage, ("x", "y"), started, recipe.name, "shift", str(wafer), software(), "-", purpose
+    )
+
+
+def calibrate(database: str, seed: int) -> None:
+    """25 sites, warm, before the shift; the map is put into use."""
+    machine = load_machine()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "sites.yaml"
+        path.write_text(SITES)
+        calibration = load_calibration(path, machine)
+    recipe = calibration.at(calibration.recipe.sites)
+    stage = StageKey(machine.name, True)
+    history = open_history(database, write=True)
+    begin = EPOCH - 1000.0
+    notes = RunHistory(history, entry(stage, begin, recipe, "calibration", 0))
+    compensation = make_compensation(machine, Mode.ESTIMATED)
+    coulomb = {n: a.plant.friction.coulomb for n, a in machine.axes.items()}
+    table = Table(machine, seed, math.inf, False)
+
+    def note(event: Event) -> None:
+        if isinstance(event, FrictionUpdated):
+            notes.note(event)
+
+    _, duration = drive(table, recipe, compensation, FreshPlaces(coulomb), 10_000 + seed, note)
+    built = build_map(history, stage)
+    number = history.save_map(stage, begin, "before the shift", to_json(built))
+    history.activate(stage, number, begin, "activated")
+    generator = np.random.default_rng(seed)
+    unseen = generator.uniform(-0.05, 0.05, (500, 2))
+    for a, (name, axis) in enumerate(built.axes.items()):
+        found = axis.field().at(unseen)
+        true = coulomb[name] * table.level(a, unseen)
+        low, high = found.band()
+        print(
+            f"calibrated 25 sites in {duration:.0f} s; axis {name} between them: error "
+            f"{np.sqrt(np.mean((found.value / true - 1) ** 2)):.2%} rms, "
+            f"{np.mean((true > low) & (true < high)):.1%} inside the 95 % band"
+        )
+    notes.end("completed", None)
+
+
+def produce(mode: str, first: int, last: int, wafers: int, seed: int, folder: Path) -> None:
+    """Wafers first .. last - 1 in this process; a line for each in `folder/MODE.jsonl`."""
+    machine = load_machine()
+    recipe = load_recipe(ROOT / "recipes" / "inspection-20.yaml", machine)
+    stage = StageKey(machine.name, True)
+    out = folder / f"{mode}.jsonl"
+    lines = out.read_text().splitlines() if out.exists() else []
+    now = float(json.loads(lines[-1])["end"]) if lines else 0.0
+    compensation = None
+    for wafer in range(first, last):
+        table = Table(machine, seed, now, wafer >= wafers // 2)
+        events: list[Event] = []
+        notes: RunHistory | None = None
+        places: Places | None = None
+        if mode == "map":
+            history = open_history(str(folder / "stage.db"), write=True)
+            active = load_active(history, stage, machine, recipe.sites, EPOCH + now)
+            assert active is not None
+            notes = RunHistory(history, entry(stage, EPOCH + now, recipe, "production", wafer))
+            places = active.places
+            active.places.on_step = events.append
+            compensation = make_compensation(
+                machine, Mode.ESTIMATED, known=active.figures, settled=True
+            )
+        elif mode == "global":
+            if compensation is None:
+                compensation = make_compensation(machine, Mode.ESTIMATED)
+            for own in compensation:
+                own.forget_state()
+        elif mode == "oracle":
+            places, compensation = table, make_compensation(machine, Mode.ORACLE, 1.0, machine)
+        else:
+            compensation = make_compensation(machine, Mode.NONE)
+
+        def note(event: Event, notes: RunHistory | None = notes) -> None:
+            if notes is not None and isinstance(event, FrictionUpdated):
+                notes.note(event, placed=True)
+
+        micro, duration = drive(table, recipe, compensation, places, 100 * seed + wafer, note)
+        for event in events:
+            assert isinstance(event, LevelStepped)
+            assert notes is not None
+            notes.note_step(event)
+        if notes is not None:
+            notes.end("completed", None)
+        steps = [
+            [e.axis, *e.place, e.change, e.everywhere]
+            for e in events if isinstance(e, LevelStepped)
+        ]  # fmt: skip
+        line = {"wafer": wafer, "end": now + duration + BETWEEN, "micro": micro, "steps": steps}
+        now = float(line["end"])  # type: ignore[arg-type]
+        with out.open("a") as file:
+            file.write(json.dumps(line) + "\n")
+
+
+def shift(mode: str, wafers: int, seed: int, folder: Path) -> None:
+    """All wafers of one mode; with the map the host is started anew twice and killed once."""
+
+    def host(first: int, last: int) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(
+            [sys.executable, __file__, "--child", mode, str(first), str(last),
+             "--wafers", str(wafers), "--seed", str(seed), "--folder", str(folder)]
+        )  # fmt: skip
+
+    def done() -> int:
+        path = folder / f"{mode}.jsonl"
+        return len(path.read_text().splitlines()) if path.exists() else 0
+
+    parts = [0, wafers] if mode != "map" else [0, wafers // 4, wafers // 2, wafers]
+    for first, last in itertools.pairwise(parts):
+        with host(first, last) as child:
+            if mode == "map" and last == wafers:  # this one dies in the middle of a wafer
+                while done() < 3 * wafers // 4 and child.poll() is None:
+                    time.sleep(0.05)
+                time.sleep(0.2)
+                os.kill(child.pid, signal.SIGKILL)
+        assert child.returncode in (0, -signal.SIGKILL), child.returncode
+    while mode == "map" and done() < wafers:
+        with host(done(), wafers) as child:
+            pass
+        assert child.returncode == 0
+
+
+def report(modes: Sequence[str], wafers: int, folder: Path) -> None:
+    """The table, and what was flagged."""
+    rows = {
+        mode: [json.loads(line) for line in (folder / f"{mode}.jsonl").read_text().splitlines()]
+        for mode in modes
+    }
+    print(f"{'micro-moves: settling, ms':<28}  ±50 nm median (mean)  ±200 nm  peak, um  moves")
+    figures = {}
+    for mode, lines in rows.items():
+        micro = [m for line in lines for m in line["micro"]]
+        fine = [m["50"] * 1e3 for m in micro]
+        figures[mode] = (median(fine), mean(fine))
+        print(
+            f"{mode:<28}  {median(fine):8.1f} ({mean(fine):5.1f})   "
+            f"{median(m['200'] for m in micro) * 1e3:8.1f}  "
+            f"{median(m['peak'] for m in micro) * 1e6:6.3f}  {len(micro)}"
+        )
+    if "map" in figures and "oracle" in figures:
+        (a, b), (c, d) = figures["map"], figures["oracle"]
+        shown = "-" if c == 0 else f"{a / c:.2f}"
+        print(f"map over oracle: median {shown}, mean {b / d:.2f} (must be <= 1.25)")
+    if "map" in rows:
+        flagged = [(line["wafer"], *step) for line in rows["map"] for step in line["steps"]]
+        there = [f for f in flagged if f[1] == "x" and math.dist(f[2:4], SPOT) < 1e-3]
+        true = [f for f in there if f[0] >= wafers // 2]
+        visits = "never" if not true else f"after {true[0][0] - wafers // 2 + 1} move(s) there"
+        moves = sum(len(line["micro"]) for line in rows["map"])
+        print(f"spot of {SPOT_SIZE:.0%}: flagged {visits}")
+        print(f"other flags: {len(flagged) - len(true[:1])} in {moves} moves: {flagged[:8]}")
+
+
+def main() -> None:
+    """Parent: everything. Child: some wafers."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--wafers", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--modes", default="map,oracle,global,none")
+    parser.add_argument("--folder", type=Path)
+    parser.add_argument("--child", nargs=3, metavar=("MODE", "FIRST", "LAST"))
+    options = parser.parse_args()
+    if options.child:
+        mode, first, last = options.child
+        produce(mode, int(first), int(last), options.wafers, options.seed, options.folder)
+        return
+    print(machine_facts())
+    modes = options.modes.split(",")
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = options.folder or Path(scratch)
+        calibrate(str(folder / "stage.db"), options.seed)
+        for mode in modes:
+            begin = time.perf_counter()
+            shift(mode, options.wafers, options.seed, folder)
+            print(
+                f"{mode}: {options.wafers} wafers in {time.perf_counter() - begin:.0f} s",
+                flush=True,
+            )
+        report(modes, options.wafers, folder)
+
+
+if __name__ == "__main__":
+    main()

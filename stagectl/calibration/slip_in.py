@@ -1,0 +1,52 @@
+"""Due sites slipped into a production run, as many as a time budget allows.
+
+Each goes behind the production site that is nearest to it, the most urgent first. Its time is that
+of the motion there and back on the way, of the sequence, and of the rests.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from estimation.trajectory import Limits
+from estimation.trajectory import plan as motion
+from stagectl.calibration.due import DueSite
+from stagectl.calibration.sequence import REST, SiteSequence
+from stagectl.recipe.model import Pair, Recipe
+
+
+def slip_in(
+    recipe: Recipe, due: Sequence[DueSite], sequence: SiteSequence, budget: float
+) -> tuple[Recipe, float]:
+    """The recipe with calibrations in it, and the time that they take [s].
+
+    Args:
+        recipe: of production, with sites.
+        due: the most urgent first.
+        sequence: of moves at each.
+        budget: of time for all of them [s].
+    """
+    slipped: list[tuple[int, Pair]] = []
+    spent = 0.0
+    for site in due:
+        behind = min(range(len(recipe.sites)), key=lambda i: math.dist(recipe.sites[i], site.place))
+        ahead = recipe.sites[min(behind + 1, len(recipe.sites) - 1)]
+        here = recipe.sites[behind]
+        detour = _time(recipe, here, site.place) + _time(recipe, site.place, ahead)
+        cost = max(detour - _time(recipe, here, ahead), 0.0) + sequence.duration + REST
+        if spent + cost <= budget:
+            slipped.append((behind + 1, site.place))
+            spent += cost
+    if not slipped:
+        return recipe, 0.0
+    made = replace(recipe, slipped=tuple(slipped), slipped_excursions=sequence.excursions)
+    return made, spent
+
+
+def _time(recipe: Recipe, begin: Pair, end: Pair) -> float:
+    """Of a macro-move with its rest [s]."""
+    profile = recipe.macro
+    limits = Limits(profile.velocity, profile.acceleration, profile.jerk)
+    return max(motion(a, b, limits).duration for a, b in zip(begin, end, strict=True)) + REST

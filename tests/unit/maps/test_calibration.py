@@ -1,0 +1,181 @@
+"""Calibrations: the file, what a sequence will teach, which sites are due, what fits into a run."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from stagectl.calibration.due import DueSite, due_sites
+from stagectl.calibration.outcome import outcomes
+from stagectl.calibration.sequence import GOALS
+from stagectl.calibration.sites import DAY, load_calibration
+from stagectl.calibration.slip_in import slip_in
+from stagectl.config.machine import load_machine
+from stagectl.errors import ConfigError
+from stagectl.history.opening import open_history
+from stagectl.history.records import EstimateRecord, RunEntry, StageKey, StepRecord
+from stagectl.maps.compare import AxisChange, SiteChange
+from stagectl.recipe.load import parse_recipe
+from stagectl.recipe.plan import MoveStep, plan
+
+STAGE = StageKey("wafer-xy", True)
+SITES = ((0.0, 0.0), (0.02, 0.0), (0.02, 0.02), (0.0, 0.02))
+FILE = "calibrate: weekly\nsites: [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]\n"
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return load_machine()
+
+
+@pytest.fixture(scope="module")
+def calibration(machine, tmp_path_factory):
+    path = tmp_path_factory.mktemp("c") / "sites.yaml"
+    path.write_text(FILE + "due: {days: 10, moves: 100, distance: 5.0}\n")
+    return load_calibration(path, machine)
+
+
+def test_the_sequence_reaches_what_it_is_chosen_for(calibration):
+    sequence = calibration.sequence
+    assert sequence.reaches()
+    assert sequence.duration < 2.0
+    for gains in sequence.gains.values():
+        for name, goal in GOALS.items():
+            assert 0.0 < gains[name].after <= goal < gains[name].before
+            assert gains[name].bits == pytest.approx(
+                math.log2(gains[name].before / gains[name].after)
+            )
+    kinds = {e.kind for e in sequence.excursions}
+    assert {"other", "micro", "creep"} <= kinds
+    offsets = [e.offset[0] for e in sequence.excursions]
+    assert min(offsets) < 0 < max(offsets)
+    assert offsets[-1] == 0.0
+
+
+def test_every_site_is_visited_and_the_first_one_again(calibration):
+    recipe = calibration.at(calibration.recipe.sites)
+    steps = [s for s in plan(recipe) if isinstance(s, MoveStep)]
+    macro = [s.target for s in steps if s.kind == "macro"]
+    assert macro == [*SITES, SITES[0]]
+    assert steps[-1].target == SITES[0]
+    near = {s.site: [] for s in steps}
+    for step in steps:
+        near[step.site].append(math.dist(step.target, recipe.sites[step.site - 1]))
+    assert all(max(distances) < 5e-3 for distances in near.values())
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("calibrate: c\n", "sites: is missing"),
+        (FILE.replace("[0, 0]", "[0.15, 0]"), "outside the travel of axis x"),
+        (FILE + "due: {weeks: 1}\n", "due.weeks"),
+        (FILE + "due: {days: -1}\n", "due.days"),
+        (FILE + "reach: 2 kg\n", "reach"),
+    ],
+)
+def test_a_bad_file_is_told_with_its_place(machine, tmp_path, text, reason):
+    path = tmp_path / "sites.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as refused:
+        load_calibration(path, machine)
+    assert reason in str(refused.value)
+    assert "sites.yaml:" in str(refused.value)
+
+
+@pytest.fixture
+def history(tmp_path):
+    opened = open_history(str(tmp_path / "stage.db"), write=True)
+    yield opened
+    opened.close()
+
+
+def estimates(history, purpose, time, places, distance=0.01):
+    number = history.start_run(
+        RunEntry(STAGE, ("x", "y"), time, "r", None, None, "s", "f", purpose)
+    )
+    history.add(
+        [
+            EstimateRecord(
+                number, "x", "other", 1, place, time, distance, True, None, {"coulomb": 6.0},
+                (0.01,), 1.0, (6.0, 0.02),
+            )
+            for place in places
+        ]
+    )  # fmt: skip
+    return number
+
+
+def test_what_makes_a_site_due(history, calibration):
+    limits, now = calibration.due, 1.7e9
+    axes = ("x", "y")
+
+    def due(at):
+        return {
+            d.place: d.reasons
+            for d in due_sites(SITES, limits, history, STAGE, axes, at, None)
+        }  # fmt: skip
+
+    assert set(due(now)) == set(SITES)  # never calibrated
+    estimates(history, "calibration", now, SITES[:3])
+    assert set(due(now + 10)) == {SITES[3]}
+    assert set(due(now + 10.5 * DAY)) == set(SITES)
+    run = estimates(history, "production", now + 100, [SITES[0]] * 101, 1e-3)
+    assert "101 moves since" in due(now + 200)[SITES[1]][0]
+    estimates(history, "calibration", now + 300, SITES)
+    assert due(now + 400) == {}
+    estimates(history, "production", now + 500, [SITES[0]] * 6, 1.0)
+    assert "6 m travelled" in due(now + 600)[SITES[2]][0]
+    estimates(history, "calibration", now + 700, SITES)
+    history.add_step(StepRecord(run, "x", SITES[2], now + 800, 0.2, "site"))
+    assert due(now + 900) == {SITES[2]: ("x: stepped by +20% since",)}
+    history.add_step(StepRecord(run, "x", SITES[2], now + 850, 0.2, "common"))
+    assert set(due(now + 900)) == set(SITES)
+
+
+def test_due_sites_are_slipped_in_as_long_as_there_is_time(machine, calibration):
+    text = (
+        "recipe: r\nmacro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}\n"
+        "micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}\n"
+        "settle: {window: 5.0e-8, hold: 0.005, timeout: 0.15}\nexpose: 0.02\n"
+        "sites: [[0, 0], [0.03, 0], [0.03, 0.03]]\nfiducial: {source: none}\n"
+    )
+    recipe = parse_recipe(text, "r.yaml", machine)
+    due = [DueSite((0.03, 0.028), ("old",), 3.0), DueSite((0.0, 0.001), ("old",), 2.0)]
+    one = calibration.sequence.duration
+    made, spent = slip_in(recipe, due, calibration.sequence, 1.6 * one)
+    assert made.slipped == ((3, (0.03, 0.028)),)
+    assert one < spent <= 1.6 * one
+    both, spent = slip_in(recipe, due, calibration.sequence, 4 * one)
+    assert dict(both.slipped) == {3: (0.03, 0.028), 1: (0.0, 0.001)}
+    visited = [s.target for s in plan(both) if isinstance(s, MoveStep) and s.kind == "macro"]
+    assert visited == [(0.0, 0.0), (0.0, 0.001), (0.03, 0.0), (0.03, 0.03), (0.03, 0.028)]
+    none, spent = slip_in(recipe, due, calibration.sequence, 0.5 * one)
+    assert (none, spent) == (recipe, 0.0)
+
+
+def test_what_a_calibration_says_of_a_site():
+    def entry(site, accepted, reason=None):
+        figure = {"coulomb": {"value": 6.0, "sigma": 0.06, "unit": "N"}}
+        return {
+            "site": site, "axis": "x", "accepted": accepted, "reason": reason,
+            "parameters": figure,
+        }  # fmt: skip
+
+    changes = [
+        AxisChange(
+            "x", 0.0, 0.1,
+            (
+                SiteChange(SITES[0], 0.2, 0.01), SiteChange(SITES[1], 0.05, 0.01),
+                SiteChange(SITES[2], 0.05, 0.04),
+            ),
+        )
+    ]  # fmt: skip
+    friction = [entry(i, True) for i in (1, 2, 3)] + [entry(4, False, "residual 9 times")]
+    found = outcomes([*SITES, SITES[0]], friction, ("x",), None, changes)
+    assert [o.severity for o in found] == ["act", "watch", "good", "failed"]
+    assert "dirt" in found[0].suggestion
+    assert "residual 9 times" in found[3].suggestion
+    assert found[0].gains["coulomb"].bits == pytest.approx(math.log2(0.3 / 0.01))
+    down = [replace(changes[0], sites=(SiteChange(SITES[0], -0.2, 0.01),))]
+    assert "grease" in outcomes(SITES[:1], friction, ("x",), None, down)[0].suggestion
