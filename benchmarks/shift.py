@@ -25,6 +25,7 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from statistics import mean, median
 from typing import Any
@@ -32,6 +33,7 @@ from typing import Any
 import numpy as np
 from machine_facts import machine_facts
 from numpy.typing import NDArray
+from scipy.interpolate import RegularGridInterpolator
 
 from drivers import Stage
 from estimation.trajectory import Limits
@@ -72,6 +74,14 @@ BETWEEN = 3.0
 SITES = """calibrate: before the shift
 sites: {grid: {origin: [-0.05, -0.05], pitch: [0.025, 0.025], count: [5, 5]}}
 """
+
+
+@cache
+def _field(seed: int) -> Callable[[F64], F64]:
+    """The field of one axis over (own, other) position, on nodes as the simulator has it."""
+    nodes = np.linspace(-0.07, 0.07, 141)
+    values = field_factor(SWING, LENGTH, seed, nodes[:, None], nodes[None, :])
+    return RegularGridInterpolator((nodes, nodes), values)  # type: ignore[no-any-return]
 
 
 class Table:
@@ -118,7 +128,7 @@ class Table:
 
     def level(self, axis: int, path: F64) -> F64:
         """Factor on Fc at positions, shape (K, 2), warm."""
-        factor = field_factor(SWING, LENGTH, self._field(axis), path[:, axis], path[:, 1 - axis])
+        factor = _field(self._field(axis))(path[:, [axis, 1 - axis]])
         if self.spot and axis == 0:
             away = ((path - np.array(SPOT)) ** 2).sum(axis=1)
             factor = factor * (1.0 + SPOT_SIZE * np.exp(-0.5 * away / SPOT_WIDTH**2))

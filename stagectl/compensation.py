@@ -43,8 +43,8 @@ Figures = Mapping[str, tuple[float, float]]
 
 
 SETTLED_DRIFT = (7e-4, 4e-4, 4e-4, 2e-4, 5e-5)
-"""Relative 1-sigma per move of `estimation.belief.FIGURES` where a map takes what changes with place
-and warm-up: a history shows the others to change over days, not from move to move."""
+"""Relative 1-sigma per move of `estimation.belief.FIGURES` where a map takes what changes with
+place and warm-up: a history shows the others to change over days, not from move to move."""
 
 
 class Mode(StrEnum):
