@@ -2,9 +2,9 @@
 
 S+ <- max(0, S+ + z - k), S- <- max(0, S- - z - k); an alarm where one passes h (E. S. Page,
 Biometrika 41, 1954). z is what a tracker did not expect over what it thought possible: standard
-normal while nothing steps, drift being the tracker's business. With k = 1.5 and h = 5 a side raises
-a false alarm in 1 of 12 million normal z (Siegmund's approximation below); in an honest tracker's.
-A single z of 6.5 is enough by itself, and a step of 4 standard deviations takes two or three.
+normal while nothing steps, drift being the tracker's business. With k = 1.25 and h = 4.3 there is a
+false alarm in 140,000 normal z (Siegmund's approximation below). A single z of 5.6 is enough by
+itself, and a step of 4 standard deviations takes two or three.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-ALLOWANCE = 1.5
-THRESHOLD = 5.0
+ALLOWANCE = 1.25
+THRESHOLD = 4.3
 
 
 @dataclass(slots=True)
