@@ -29,6 +29,10 @@ GRID = 4e-3
 """Nodes of the field's grid: a tenth of what a map resolves [m]."""
 
 
+PRESLIDING_ERROR = 0.012
+"""What the level of a move that hardly slid is off by beside its sigma, relative (measured)."""
+
+
 class LevelGrid:
     """A field on a grid, straight lines in between.
 
@@ -144,6 +148,8 @@ class TrackedPlaces:
         if estimate.shown is None:
             return None
         value, sigma = estimate.shown
+        if "A" not in estimate.zones:
+            sigma = math.hypot(sigma, PRESLIDING_ERROR * value)
         seen = self.trackers[name].observe(
             self._target, math.log(value), sigma / value, self._origin + time
         )
