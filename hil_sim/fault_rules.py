@@ -5,6 +5,7 @@ A `Line` is one direction of frames with its rules; `fault_world` puts the lines
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -144,8 +145,9 @@ class Rule:
                 return frames * (1 + copies)
             case f.Delay(least=least, most=most):
                 return [
-                    # whole microseconds: more than that no bus log shows
-                    (delay + round(self._random.uniform(least, most) * 1e6) * 1000, data)
+                    # Up to whole microseconds, more than that no bus log shows; and never to 0: a
+                    # SYNC at its very instant is one control tick of the drive before all others.
+                    (delay + math.ceil(self._random.uniform(least, most) * 1e6) * 1000, data)
                     for delay, data in frames
                 ]
             case f.Resize(length=length):
