@@ -40,6 +40,7 @@ class Setup:
         leave_out: take the true effects out of the library before the diagnosis.
         only: name of the only effect drawn, None for all.
         elements: friction elements of the real stage, None for the machine file's.
+        substeps: plant steps per control tick of the real stage, None to draw one of `SUBSTEPS`.
         jobs: axes searched at a time.
     """
 
@@ -51,6 +52,7 @@ class Setup:
     leave_out: bool = False
     only: str | None = None
     elements: int | None = None
+    substeps: int | None = None
     jobs: int = 2
 
 
@@ -175,6 +177,8 @@ def draw_trial(setup: Setup, number: int) -> Trial:
     if setup.elements is not None:
         stage = with_elements(stage, setup.elements)
     substeps = int(rng.choice(SUBSTEPS))
+    if setup.substeps is not None:
+        substeps = setup.substeps
     seeds = [int(s) for s in rng.integers(2**31, size=2)]
     runs = [
         record(stage, d, s, substeps, setup.machine, f"trial-{number}-{i}")

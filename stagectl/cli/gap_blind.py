@@ -6,6 +6,7 @@ import json
 import os
 import platform
 import time
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
     "--elements", type=click.IntRange(1), help="Friction elements of the stage [machine file's]."
 )
 @click.option(
+    "--substeps", type=click.IntRange(5), help="Plant steps per control tick of the stage [drawn]."
+)
+@click.option(
     "--jobs", type=click.IntRange(1), default=2, show_default=True, help="Axes searched at a time."
 )
 @click.option("--lines", type=FILE, help="Append each trial here; trials that it holds are kept.")
@@ -44,6 +48,7 @@ def blind(
     only: str | None,
     machine: Path | None,
     elements: int | None,
+    substeps: int | None,
     jobs: int,
     lines: Path | None,
     label: str,
@@ -58,8 +63,13 @@ def blind(
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from stagectl.errors import UnusableInput
 
-    setup = _setup(_machine(machine), seed, leave_out, only, elements, jobs)
-    about = {"label": label, "only": only, "elements": elements}
+    setup = replace(
+        _setup(_machine(machine), seed, leave_out, only),
+        elements=elements,
+        substeps=substeps,
+        jobs=jobs,
+    )
+    about = {"label": label, "only": only, "elements": elements, "substeps": substeps}
     console = console_for(json_out is not None and str(json_out) == "-")
     everything = _read(lines)
     outcomes = {
@@ -100,9 +110,7 @@ def _machine(path: Path | None) -> Machine:
     return load_machine(Path(str(resources.files("stagectl"))) / "data/machines/wafer-xy.yaml")
 
 
-def _setup(
-    model: Machine, seed: int, leave_out: bool, only: str | None, elements: int | None, jobs: int
-) -> Setup:
+def _setup(model: Machine, seed: int, leave_out: bool, only: str | None) -> Setup:
     from hil_sim.effects.library import EffectError, library
     from sim2real.blind.draw import pool_of
     from sim2real.blind.trial import Setup
@@ -120,9 +128,8 @@ def _setup(
             raise UnusableInput(f"--only: {error}") from error
     tolerance = {name: axis.plant.tolerance for name, axis in model.axes.items()}
     return Setup(
-        stage_settings(model), tolerance, effects, model.document.text, seed, leave_out, only,
-        elements, jobs,
-    )  # fmt: skip
+        stage_settings(model), tolerance, effects, model.document.text, seed, leave_out, only
+    )
 
 
 def _read(lines: Path | None) -> list[tuple[dict[str, Any], Outcome]]:
@@ -186,8 +193,6 @@ def _conclude(
     label: str,
 ) -> None:
     """Figures of this check on the console and as JSON; the page is of all lines."""
-    from dataclasses import asdict
-
     from sim2real.blind.page import figures, page
     from sim2real.blind.score import score
 
