@@ -212,4 +212,9 @@ def _conclude(
             "measured on": f"{os.cpu_count()} cores ({platform.machine()}), "
             f"CPython {platform.python_version()}",
         }
+        for option in ("only", "elements", "substeps"):
+            given = sorted({f"{line[option]}" for line, _ in lines if line.get(option)})
+            if given:
+                count = sum(bool(line.get(option)) for line, _ in lines)
+                facts[f"with --{option} {', '.join(given)}"] = f"{count} of the trials"
         docs.write_text(page(everything, facts), encoding="utf-8")
