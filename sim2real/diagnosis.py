@@ -16,11 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
-from hil_sim.settings import StageSettings
-from sim2real.axis_model import BASE, AxisModel, coordinates, parameters, with_base
+from hil_sim.settings import AxisSettings, StageSettings
+from sim2real.axis_model import (
+    BASE,
+    AxisModel,
+    Coordinate,
+    coordinates,
+    parameters,
+    with_base,
+)
 from sim2real.examine import Examination, without_causes
 from sim2real.fit import AxisProblem, fit, structure
 from sim2real.gap import NO_GAP_BELOW, Measured
+from sim2real.gate import gate
 from sim2real.phases import blocks
 from sim2real.recording import BoolArray
 from sim2real.replay import Signals, residual
@@ -51,6 +59,8 @@ _TEMPER = 40.0
 those of a model that is right but for details are not. From the blind trials (docs/blind.md)."""
 _ENOUGH = 0.9
 """Gap closed from which a gap counts as explained."""
+_SCATTER, _LIKENESS, _WANDERS = 1.5, 0.003, 0.25
+"""What a fit's own sigma leaves out: see `_sigma`. From the blind trials (docs/blind.md)."""
 _SHOWN = 8
 """Candidates shown per axis."""
 _ALIKE = 0.95
@@ -119,6 +129,7 @@ def diagnose(
     with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
         searches = dict(zip(names, pool.map(searched, names), strict=True))
         progress("held-out moves", 0, _FOLDS)
+        gate(searches, examined.measured, settings)
         held_out = _HeldOut(examined.measured, settings, searches, pool)
     return _concluded(examined, plain, searches, held_out, settings)
 
@@ -269,7 +280,7 @@ def _concluded(
         causes += own
         confusable += alike
         candidates += _candidates(name, found, own)
-        whole &= found.problem.white(found.best.residual)
+        whole &= found.whole
     causes.sort(key=lambda cause: -(cause.gap_closed or 0.0))
     models = {name: found.best.model for name, found in searches.items()}
     confident = [cause for cause in causes if cause.probability > 0.5]
@@ -386,7 +397,9 @@ def _causes(
                 {
                     entry.parameter.key: Parameter(
                         values[entry.parameter.key],
-                        float(s) * abs(entry.slope(values[entry.parameter.key])),
+                        _sigma(
+                            term.effect, entry, values[entry.parameter.key], float(s), problem.axis
+                        ),
                         entry.parameter.unit,
                     )
                     for entry, s in zip(entries, spread, strict=True)
@@ -405,6 +418,23 @@ def _causes(
                 )
             )
     return causes, alike
+
+
+def _sigma(
+    effect: Effect, entry: Coordinate, value: float, fitted: float, axis: AxisSettings
+) -> float:
+    """One sigma of a parameter: of the fit, of the models' likeness, and of the friction's wander.
+
+    Trials on simulated stages scatter half as much again as the fit says; sizes are known to a few
+    parts in a thousand at best, and what scales Coulomb friction to a quarter of its wander.
+    """
+    own = _SCATTER * fitted * abs(entry.slope(value))
+    parameter = entry.parameter
+    neutral = parameter.neutral_on(axis)
+    if parameter.role != "size" or neutral is None or not math.isfinite(neutral):
+        return own
+    wander = _WANDERS * axis.friction.wander if effect.group == "friction" else 0.0
+    return math.hypot(own, _LIKENESS * abs(value - neutral), wander)
 
 
 def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
@@ -433,7 +463,7 @@ def _trust(found: AxisSearch) -> float:
     """How far a name can be trusted when what is left still has structure."""
     problem = found.problem
     left = structure(problem.positions(found.best.residual))
-    if problem.white(found.best.residual):
+    if found.whole:
         return 0.99
     plain = structure(problem.positions(found.plain.residual))
     explained = 1.0 - (left - 1.0) / max(plain - 1.0, 1e-9)

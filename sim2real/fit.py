@@ -38,6 +38,8 @@ _CANCELLED = 5e-2
 """Share of squared columns that is left where they cancel, below which it is their error."""
 _OUTLIER = 4.0
 """Deviations beyond so many sigma count less and less: breakaways are events, not findings."""
+_BLOCK = 250
+"""Samples over which what a model leaves may repeat itself."""
 _SLOW = 8
 """Samples whose mean shows structure that a single one hides."""
 _EVENTS = 0.03
@@ -47,6 +49,8 @@ _WHITE = 0.75
 _SLACK = 30.0
 """Rise of the cost that a last step may bring: slips make it rough, and where the data are silent
 the prior has to be heard."""
+_NEARLY_WHITE = 1.0
+"""The same for what is left in the end, where a stage need not be stepped as the simulator is."""
 _CUT = 1e4
 """Deviations are kept within so many sigma, where a model makes the stage run away."""
 
@@ -154,6 +158,10 @@ class AxisProblem:
         """Whether what is left looks like noise."""
         return structure(self.positions(residual)) < _WHITE
 
+    def nearly_white(self, residual: F64) -> bool:
+        """Whether what is left is no more than another integrator may leave."""
+        return structure(self.positions(residual)) < _NEARLY_WHITE
+
     def positions(self, residual: F64) -> F64:
         """The positions' part of weighted deviations."""
         return residual[: sum(int(m.sum()) for m in self.masks)]
@@ -212,7 +220,9 @@ def fit(
         prior[: len(BASE)] = 1.0 / problem.tolerance**2
         normal = information + np.diag(prior)
         if last:
-            return Fitted(model, cost, residual, _inverse(normal), problem.evaluations - before)
+            scores = jacobian * (weights * residual)[:, None]
+            covariance = _robust(_inverse(normal), scores)
+            return Fitted(model, cost, residual, covariance, problem.evaluations - before)
         gradient[: len(BASE)] += model.base / problem.tolerance**2
         limit = np.concatenate((np.full(len(BASE), 10.0 * problem.tolerance), *reach))
         step = -_solve(normal, gradient)
@@ -346,6 +356,17 @@ def _scale(normal: F64) -> F64:
     """Size of each column; 1 where a parameter changes nothing."""
     size = np.sqrt(np.diag(normal))
     return np.asarray(np.where(size > 1e-100, size, 1.0))
+
+
+def _robust(covariance: F64, scores: F64) -> F64:
+    """Covariance by the model's noise, and by what is left where that is no noise.
+
+    The second part is the sandwich estimate over blocks of samples (Huber 1967, White 1982): what
+    is left of a model that is not quite right repeats itself for a while.
+    """
+    count = len(scores) // _BLOCK
+    blocks = scores[: count * _BLOCK].reshape(count, _BLOCK, -1).sum(axis=1)
+    return np.asarray(covariance + covariance @ (blocks.T @ blocks) @ covariance)
 
 
 def _inverse(normal: F64) -> F64:

@@ -8,14 +8,14 @@ the probabilities and for the list of what these recordings cannot tell apart.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
-from sim2real.axis_model import AxisModel, Term
+from sim2real.axis_model import AxisModel
 from sim2real.fit import AxisProblem, Fitted, fit
 from sim2real.scan import Scanner, Start
 
@@ -29,10 +29,6 @@ _PROMISING = 0.03
 """Effects are fitted whose first-order gain is at least this share of the best one's."""
 _LEAST_GAIN = 600.0
 """Cost that an effect must save: nominal stages show accidental ones up to half of it."""
-_USUAL = 0.9
-"""Cost of a sample under the right model."""
-_FILLS = 0.6
-"""Share of what is left to explain that a further effect must take, or leave nothing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +52,7 @@ class AxisSearch:
         problem: that was searched.
         plain: base parameters alone.
         best: the effects found, fitted; equal to `plain` where there are none.
+        whole: whether `best` leaves nothing but noise.
         rivals: sets of effects that were fitted, without duplicates, best first.
         scanned: effect -> first-order gain in the first scan.
         signatures: effect -> signature in the first scan, float64[R].
@@ -64,6 +61,7 @@ class AxisSearch:
     problem: AxisProblem
     plain: Fitted
     best: Fitted
+    whole: bool = True
     rivals: list[Rival] = field(default_factory=list)
     scanned: dict[str, float] = field(default_factory=dict)
     signatures: dict[str, F64] = field(default_factory=dict)
@@ -119,9 +117,10 @@ def search(
         problem.rescale(best.residual)
         if problem.white(best.residual):
             break
-    current = _chosen(problem, path)
+    current = path[-1]
     problem.rescale(current.residual)
     found.best = fit(problem.finer(), current.model, 2) if current.model.terms else current
+    found.whole = problem.nearly_white(found.best.residual)
     found.rivals = sorted(seen.values(), key=lambda rival: rival.cost)
     return found
 
@@ -173,25 +172,3 @@ def _looked_back(
                 current = trial
                 break
     return current
-
-
-def _chosen(problem: AxisProblem, path: Sequence[Fitted]) -> Fitted:
-    """How many of the effects found are told: all if they leave nothing, else those that do much.
-
-    Where structure is left, a further effect may just have filled in for a shape that none has.
-    """
-    problem.rescale(path[-1].residual)
-    if problem.white(path[-1].residual):
-        return path[-1]
-    usual = _USUAL * len(path[-1].residual)
-    excess = [max(problem.recosted(fitted).cost - usual, 0.0) for fitted in path]
-    chosen = 0
-    for depth in range(1, len(path)):
-        if excess[depth] < (1.0 - _FILLS) * excess[chosen]:
-            chosen = depth
-    return path[chosen]
-
-
-def fitted_terms(found: Sequence[AxisSearch]) -> list[tuple[str, Term]]:
-    """(axis, effect) of all effects found."""
-    return [(s.problem.axis.name, term) for s in found for term in s.best.model.terms]

@@ -1,0 +1,103 @@
+"""What a search found, judged by the free closed-loop gap that people see.
+
+The search works on one-step predictions. Where the library holds what the stage has, nothing is
+left of them, and the closed loop agrees. Where it does not, effects may be called in that help
+the predictions and hurt the loop: there the set that closes most of the gap is taken, an effect
+more only if it closes much of what is left, and none if none closes enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from hil_sim.settings import StageSettings
+from sim2real.axis_model import AxisModel
+from sim2real.fit import fit
+from sim2real.gap import Measured
+from sim2real.replay import residual, rms
+from sim2real.search import AxisSearch
+
+_CLOSES = 0.4
+"""Share of the gap, or of what is left of it, that an effect must close where structure is left."""
+_VISIBLE = 0.25
+"""Rise of the squared gap over floor that an effect's removal must bring, where none is left."""
+_SETS = 4
+"""Sets of effects that are simulated."""
+
+
+def gate(
+    searches: Mapping[str, AxisSearch], measured: Sequence[Measured], settings: StageSettings
+) -> None:
+    """Take back effects that do nothing for the closed-loop gap; searches are changed in place."""
+    models = {name: found.best.model for name, found in searches.items()}
+    for name, found in searches.items():
+        if not found.best.model.terms:
+            continue
+        best = (
+            _visible(name, models, measured, settings)
+            if found.whole
+            else _closing(name, found, models, measured, settings)
+        )
+        if best.names() != found.best.model.names():
+            problem = found.problem
+            found.best = fit(problem.finer() if best.terms else problem, best, 3)
+        models[name] = found.best.model
+
+
+def _visible(
+    name: str,
+    models: Mapping[str, AxisModel],
+    measured: Sequence[Measured],
+    settings: StageSettings,
+) -> AxisModel:
+    """Without the effects that nobody would see."""
+    model = models[name]
+    gap = axis_gap(name, models, measured, settings)
+    for index in reversed(range(len(model.terms))):
+        fewer = {**models, name: model.without(index)}
+        if axis_gap(name, fewer, measured, settings) - gap < _VISIBLE:
+            model = model.without(index)
+    return model
+
+
+def _closing(
+    name: str,
+    found: AxisSearch,
+    models: Mapping[str, AxisModel],
+    measured: Sequence[Measured],
+    settings: StageSettings,
+) -> AxisModel:
+    """The set that closes most of the gap, no larger than it has to be."""
+    best, floor = found.problem.start, 2.0
+    least = axis_gap(name, {**models, name: best}, measured, settings)
+    for size in (1, 2):
+        sets = [r.model for r in found.rivals if len(r.model.terms) == size][:_SETS]
+        gaps = [axis_gap(name, {**models, name: m}, measured, settings) for m in sets]
+        if not gaps:
+            continue
+        lowest = min(gaps)
+        if lowest - floor < (1.0 - _CLOSES) * (least - floor):
+            best, least = sets[gaps.index(lowest)], lowest
+    return best
+
+
+def axis_gap(
+    name: str,
+    models: Mapping[str, AxisModel],
+    measured: Sequence[Measured],
+    settings: StageSettings,
+) -> float:
+    """Squared gap over floor of one axis, summed over its signals, mean over recordings."""
+    stage = replace(settings, axes=tuple(models[a.name].settings(a) for a in settings.axes))
+    total = samples = 0.0
+    for m in measured:
+        left = residual(m.replay.measured(), m.replay.run(stage))[name]
+        valid = m.replay.valid(name)
+        count = float(valid.sum())
+        total += count * sum(
+            (rms(values, valid) / max(m.floor.rms[name][signal], 1e-12)) ** 2
+            for signal, values in left.items()
+        )
+        samples += count
+    return total / samples
