@@ -59,7 +59,7 @@ _TEMPER = 40.0
 those of a model that is right but for details are not. From the blind trials (docs/blind.md)."""
 _ENOUGH = 0.9
 """Gap closed from which a gap counts as explained."""
-_SCATTER, _LIKENESS, _WANDERS = 1.5, 0.003, 0.25
+_SCATTER, _LIKENESS, _WANDERS, _STEP = 1.5, 0.003, 0.25, 0.05
 """What a fit's own sigma leaves out: see `_sigma`. From the blind trials (docs/blind.md)."""
 _SHOWN = 8
 """Candidates shown per axis."""
@@ -426,7 +426,8 @@ def _sigma(
     """One sigma of a parameter: of the fit, of the models' likeness, and of the friction's wander.
 
     Trials on simulated stages scatter half as much again as the fit says; sizes are known to a few
-    parts in a thousand at best, and what scales Coulomb friction to a quarter of its wander.
+    parts in a thousand at best, what scales Coulomb friction to a quarter of its wander, and
+    delays to a twentieth of the control period, by which integrators differ.
     """
     own = _SCATTER * fitted * abs(entry.slope(value))
     parameter = entry.parameter
@@ -434,7 +435,8 @@ def _sigma(
     if parameter.role != "size" or neutral is None or not math.isfinite(neutral):
         return own
     wander = _WANDERS * axis.friction.wander if effect.group == "friction" else 0.0
-    return math.hypot(own, _LIKENESS * abs(value - neutral), wander)
+    step = _STEP * axis.control.period if parameter.unit == "s" else 0.0
+    return math.hypot(own, _LIKENESS * abs(value - neutral), wander, step)
 
 
 def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
