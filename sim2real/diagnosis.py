@@ -26,7 +26,7 @@ from sim2real.axis_model import (
     with_base,
 )
 from sim2real.examine import Examination, without_causes
-from sim2real.fit import AxisProblem, fit, structure
+from sim2real.fit import AxisProblem, fit
 from sim2real.gap import NO_GAP_BELOW, Measured
 from sim2real.gate import gate
 from sim2real.phases import blocks
@@ -61,6 +61,8 @@ _ENOUGH = 0.9
 """Gap closed from which a gap counts as explained."""
 _SCATTER, _LIKENESS, _WANDERS, _STEP = 1.5, 0.003, 0.25, 0.05
 """What a fit's own sigma leaves out: see `_sigma`. From the blind trials (docs/blind.md)."""
+_STEEP = 1.6
+"""How fast trust in a name falls with the share of the gap that is left."""
 _SHOWN = 8
 """Candidates shown per axis."""
 _ALIKE = 0.95
@@ -286,7 +288,7 @@ def _concluded(
     confident = [cause for cause in causes if cause.probability > 0.5]
     remaining = _combined(after, samples) / signals
     if not confident:
-        small = whole and (share is None or remaining < _SMALL)
+        small = remaining < (_SMALL if whole else _SMALLER)
         verdict = NO_GAP if small else UNEXPLAINED
         causes = [] if small else causes
     elif whole and share is not None and share >= _ENOUGH:
@@ -323,8 +325,9 @@ def _plant(settings: StageSettings, models: Mapping[str, AxisModel]) -> dict[str
     return out
 
 
-_SMALL = 3.0
-"""Combined gap over floor, squared, of what base parameters leave, up to which there is no gap."""
+_SMALL, _SMALLER = 3.0, 2.0
+"""Combined gap over floor, squared, of what base parameters leave, up to which there is no gap:
+where the innovations are white, and where they are not quite."""
 
 
 def _combined(energies: F64, samples: F64) -> float:
@@ -462,14 +465,14 @@ def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
 
 
 def _trust(found: AxisSearch) -> float:
-    """How far a name can be trusted when what is left still has structure."""
-    problem = found.problem
-    left = structure(problem.positions(found.best.residual))
+    """How far a name can be trusted: nearly whole, or as much of the gap as it closes tells.
+
+    An effect of the right family in another shape closes most of the gap, a stranger's nearest kin
+    less (docs/blind.md).
+    """
     if found.whole:
         return 0.99
-    plain = structure(problem.positions(found.plain.residual))
-    explained = 1.0 - (left - 1.0) / max(plain - 1.0, 1e-9)
-    return float(np.clip(0.3 + 0.65 * explained, 0.05, 0.95))
+    return float(np.clip(_STEEP * found.closes + 1.0 - _STEEP, 0.05, 0.95))
 
 
 def _candidates(name: str, found: AxisSearch, causes: Sequence[Cause]) -> list[Candidate]:

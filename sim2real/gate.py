@@ -22,6 +22,8 @@ _CLOSES = 0.4
 """Share of the gap, or of what is left of it, that an effect must close where structure is left."""
 _VISIBLE = 0.25
 """Rise of the squared gap over floor that an effect's removal must bring, where none is left."""
+_SIGNALS = 2.0
+"""Squared gap over floor of an axis that is explained: one for each signal."""
 _SETS = 4
 """Sets of effects that are simulated."""
 
@@ -43,6 +45,9 @@ def gate(
             problem = found.problem
             found.best = fit(problem.finer() if best.terms else problem, best, 3)
         models[name] = found.best.model
+        before = axis_gap(name, {**models, name: found.problem.start}, measured, settings)
+        after = axis_gap(name, models, measured, settings)
+        found.closes = 1.0 - (after - _SIGNALS) / max(before - _SIGNALS, 1e-9)
 
 
 def _visible(
@@ -69,7 +74,7 @@ def _closing(
     settings: StageSettings,
 ) -> AxisModel:
     """The set that closes most of the gap, no larger than it has to be."""
-    best, floor = found.problem.start, 2.0
+    best = found.problem.start
     least = axis_gap(name, {**models, name: best}, measured, settings)
     for size in (1, 2):
         sets = [r.model for r in found.rivals if len(r.model.terms) == size][:_SETS]
@@ -77,7 +82,7 @@ def _closing(
         if not gaps:
             continue
         lowest = min(gaps)
-        if lowest - floor < (1.0 - _CLOSES) * (least - floor):
+        if lowest - _SIGNALS < (1.0 - _CLOSES) * (least - _SIGNALS):
             best, least = sets[gaps.index(lowest)], lowest
     return best
 

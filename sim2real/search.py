@@ -53,6 +53,7 @@ class AxisSearch:
         plain: base parameters alone.
         best: the effects found, fitted; equal to `plain` where there are none.
         whole: whether `best` leaves nothing but noise.
+        closes: share of the axis' free closed-loop gap that `best` closes (`sim2real.gate`).
         rivals: sets of effects that were fitted, without duplicates, best first.
         scanned: effect -> first-order gain in the first scan.
         signatures: effect -> signature in the first scan, float64[R].
@@ -62,6 +63,7 @@ class AxisSearch:
     plain: Fitted
     best: Fitted
     whole: bool = True
+    closes: float = 0.0
     rivals: list[Rival] = field(default_factory=list)
     scanned: dict[str, float] = field(default_factory=dict)
     signatures: dict[str, F64] = field(default_factory=dict)
