@@ -21,7 +21,7 @@ from sim2real.search import AxisSearch
 _CLOSES = 0.4
 """Share of the gap, or of what is left of it, that an effect must close where structure is left."""
 _VISIBLE = 0.25
-"""Rise of the squared gap over floor that an effect's removal must bring, where none is left."""
+"""Rise of the squared gap over floor that an effect's removal must bring."""
 _SIGNALS = 2.0
 """Squared gap over floor of an axis that is explained: one for each signal."""
 _SETS = 4
@@ -47,7 +47,8 @@ def gate(
         models[name] = found.best.model
         before = axis_gap(name, {**models, name: found.problem.start}, measured, settings)
         after = axis_gap(name, models, measured, settings)
-        found.closes = 1.0 - (after - _SIGNALS) / max(before - _SIGNALS, 1e-9)
+        if before > _SIGNALS + _VISIBLE:
+            found.closes = 1.0 - (after - _SIGNALS) / (before - _SIGNALS)
 
 
 def _visible(
@@ -82,7 +83,8 @@ def _closing(
         if not gaps:
             continue
         lowest = min(gaps)
-        if lowest - _SIGNALS < (1.0 - _CLOSES) * (least - _SIGNALS):
+        left = max(least - _SIGNALS, 0.0)
+        if least - lowest > max(_VISIBLE, _CLOSES * left):
             best, least = sets[gaps.index(lowest)], lowest
     return best
 
