@@ -183,6 +183,9 @@ def _causes(
         "",
         "Fitted to `DATA_EMPS` alone, base parameters within the tolerance included;",
         "`DATA_EMPS_PULSES` took no part. What isn't closed is a remainder without a name.",
+        "",
+        "The search follows a recording by a filter that trusts the machine file's encoder noise;",
+        "this axis it hardly follows yet. So the verdict is no evidence against any effect.",
     ]
 
 
