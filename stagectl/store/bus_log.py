@@ -4,8 +4,8 @@ Every data frame with its time since the first, classic CAN only (no CAN FD, no 
 Direction is the host's view, told by the CANopen function code (CiA 301, predefined connection
 set). While the run goes on frames are spooled as they are to `bus.frames` beside it, for `tap` is
 called inside the SYNC cycle; the text is made at the end, or by `recover` where a run was killed.
-Its last line, a comment to other tools, is the SHA-256 of all lines before it. Where the bus failed
-the host there is an `ErrorFrame`.
+Its last line, a comment to other tools, is the SHA-256 of the lines between its head and this one:
+the same run has the same, whenever it was. Where the bus failed the host there is an `ErrorFrame`.
 
 The log is the least of what a run writes, and it sees every frame before the bus does: where it
 cannot be written (disk full) it must not keep a quick stop from being sent, so it ends there, says
@@ -30,7 +30,8 @@ LOG_NAME = "bus.asc"
 SPOOL_SUFFIX = ".frames"
 SPOOL_NAME = "bus.frames"
 LEFT_OVER_NAME = "bus-recovered.asc"
-DIGEST_LINE = "// SHA-256 of the lines above: "
+DIGEST_LINE = "// SHA-256 of the frames above: "
+HEAD_END = "Start of measurement\n"
 BUS_FAILED = 0x2000_0000
 """In place of an id: the bus refused to send or receive (SocketCAN's flag of error frames)."""
 
@@ -55,7 +56,7 @@ class BusLog:
     Attributes:
         path: of the ASC file, there after `close`.
         failure: why the log is not whole, or None; the spool stays then, for `recover`.
-        digest: SHA-256 of the ASC file's text, after `close`; None where there is none.
+        digest: SHA-256 of the ASC file's frames, after `close`; None where there is none.
     """
 
     def __init__(self, path: Path, started: datetime, host_node: int = HOST_NODE) -> None:
@@ -169,8 +170,8 @@ def convert(spool: Path, path: Path, zone: object = None) -> str | None:
         zone: tzinfo of the date in its header.
 
     Returns:
-        SHA-256 of the text, as its last line states it; None where there was nothing in the spool
-        and so there is no file.
+        SHA-256 of the frames' lines, as its last line states it; None where there was nothing in
+        the spool and so there is no file.
 
     Raises:
         UnusableInput: it is not a spool.
@@ -192,7 +193,8 @@ def convert(spool: Path, path: Path, zone: object = None) -> str | None:
                 raise UnusableInput(f"{spool}: its header is damaged: {damage}") from damage
             with part.open("wb") as text:
                 seal = hashlib.sha256()
-                for piece in _pieces(frames, date, host_node):
+                text.write(_header(date))
+                for piece in _pieces(frames, host_node):
                     seal.update(piece)
                     text.write(piece)
                 digest = seal.hexdigest()
@@ -206,12 +208,16 @@ def convert(spool: Path, path: Path, zone: object = None) -> str | None:
         raise StagectlError(f"{path}: cannot write: {error.strerror}") from error
 
 
-def _pieces(frames: BinaryIO, date: str, host_node: int) -> Iterator[bytes]:
-    """The file's text up to its digest."""
-    yield (
+def _header(date: str) -> bytes:
+    """The file's head, in which the date stands."""
+    return (
         f"date {date}\nbase hex  timestamps absolute\ninternal events logged\n"
-        f"Begin Triggerblock {date}\n   0.000000 Start of measurement\n"
+        f"Begin Triggerblock {date}\n   0.000000 {HEAD_END}"
     ).encode("ascii")
+
+
+def _pieces(frames: BinaryIO, host_node: int) -> Iterator[bytes]:
+    """The file's text between head and digest."""
     lines = _Lines(host_node)
     while block := frames.read(_FRAME.size * _BLOCK):
         text = "".join(lines.of(block[: len(block) // _FRAME.size * _FRAME.size]))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stagectl.errors import UnusableInput
-from stagectl.store.bus_log import DIGEST_LINE
+from stagectl.store.bus_log import DIGEST_LINE, HEAD_END
 
 MAX_FRAMES = 50_000_000
 
@@ -49,7 +49,7 @@ class LoggedBus:
 
     Attributes:
         frames: in their order.
-        digest: SHA-256 of the text, in hex.
+        digest: SHA-256 of the lines after its head, in hex.
         stated: the one that the log carries, None where it carries none.
     """
 
@@ -72,7 +72,7 @@ def read_log(path: Path) -> LoggedBus:
     body, mark, stated = text.partition(DIGEST_LINE)
     return LoggedBus(
         tuple(_frames(body, path)),
-        hashlib.sha256(body.encode("ascii")).hexdigest(),
+        hashlib.sha256(body.partition(HEAD_END)[2].encode("ascii")).hexdigest(),
         stated.strip() if mark else None,
     )
 
