@@ -27,9 +27,9 @@ def wait(stage: Stage, rig: Any, duration: float) -> None:
 
 
 def good(samples: Any, rig: Any) -> bool:
-    """All process data came, or nearly all on a bus in real time."""
+    """All process data came, or nearly all on a bus in real time, most in a guest's."""
     share = samples.valid.mean()
-    return bool(share == 1.0 if rig.virtual_time else share >= 0.9)
+    return bool(share == 1.0 if rig.virtual_time else share >= (0.6 if rig.guest else 0.9))
 
 
 def test_boot_home_at_the_index_enable_stream(rig: Any, travel_to: Any, hold: Any) -> None:
@@ -50,7 +50,7 @@ def test_boot_home_at_the_index_enable_stream(rig: Any, travel_to: Any, hold: An
     np.testing.assert_allclose(times, np.round(times), atol=1e-6)
     if rig.virtual_time:
         np.testing.assert_allclose(np.diff(times), 1.0)
-    assert np.nanmedian(rest.arrival) <= rig.period / 2
+    assert np.nanmedian(rest.arrival) <= rig.period / (1 if rig.guest else 2)
 
 
 def test_samples_are_taken_at_the_sync_that_takes_the_setpoint_over(
@@ -85,7 +85,7 @@ def test_the_force_offset_reaches_the_motor_in_newtons(stage: Stage, rig: Any, h
         offset[:] = force
         return stage.stream(position[:4], offset[:4])
 
-    for samples in rig.attempts(step):
+    for samples in rig.attempts(step, 2):
         # one period after it was taken over the current loop is through; the integrator has begun
         # to take it back, over 10 ms about two thirds
         rtol = 0.5 if rig.period <= 4e-3 else 0.75

@@ -20,7 +20,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 WITH_VCAN = ROOT / "tools" / "with-vcan"
 RECIPE = ROOT / "recipes" / "inspection-20.yaml"
-TIME_LIMIT = 180
+TIME_LIMIT = 270
 
 
 STARVED = 0.01

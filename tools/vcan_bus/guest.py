@@ -20,7 +20,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
 
@@ -32,21 +32,8 @@ INSTALL = "apt-get install user-mode-linux kmod iproute2"
 INSTALL_FOR_AMX = " gcc libc6-dev"
 GRACE = 5.0
 """Seconds that a command has after a signal before the guest is switched off."""
-PRIORITY = 1
-"""The guest's among real-time processes (SCHED_RR), where that is allowed: its clock goes on while
-it waits for a processor, and on a machine with other work it would wait for most of the time."""
 LEAVING = 10.0
 """Seconds that a guest has to switch itself off."""
-
-
-def _first_in_line() -> Callable[[], None]:
-    """What is started from here on goes before other work; call what it returns to end that."""
-    policy, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
-    try:
-        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(PRIORITY))
-    except OSError:
-        return lambda: None
-    return lambda: os.sched_setscheduler(0, policy, parameter)
 
 
 def _kernel() -> str | None:
@@ -165,7 +152,6 @@ class Guest:
         self.streams = [Stream(1, signal.SIGPIPE, self), Stream(2, None, self)]
         listens, self._signals = os.pipe()
         ends = [self.log.guest_end, *(stream.guest_end for stream in self.streams), listens]
-        back = _first_in_line()
         self.process = subprocess.Popen(
             [
                 *arguments,
@@ -182,7 +168,6 @@ class Guest:
             env=environment,
             start_new_session=True,  # a terminal's Ctrl-C is for the command, not for the kernel
         )
-        back()
         os.close(listens)
         self.log.start()
         for stream in self.streams:
