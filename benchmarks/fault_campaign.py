@@ -421,12 +421,13 @@ def main() -> None:
     numbers = range(arguments.first, arguments.first + arguments.runs)
     for number in track(numbers, "fault campaign", console=console):
         with tempfile.TemporaryDirectory() as folder:
-            outcomes.append(
-                run(
-                    make_scenario(number), machine, recipe, Path(folder),
-                    arguments.friction_scale, arguments.retries,
-                )
+            outcome = run(
+                make_scenario(number), machine, recipe, Path(folder),
+                arguments.friction_scale, arguments.retries,
             )  # fmt: skip
+        outcomes.append(outcome)
+        if outcome.violations:
+            print(told(outcome), flush=True)
     print(table(outcomes))
     took = time.perf_counter() - begin
     struck = sum(o.struck for o in outcomes)
@@ -453,9 +454,14 @@ def table(outcomes: list[Outcome]) -> str:
         lines.append(f"| {kind} | {len(chosen)} | {cells} | {bad} |")
     for o in outcomes:
         if o.violations:
-            lines += ["", str(o.scenario), f"  {o.ending}: {o.cause}"]
-            lines += [f"  {v}" for v in o.violations]
+            lines += ["", told(o)]
     return "\n".join(lines)
+
+
+def told(outcome: Outcome) -> str:
+    """A scenario, how it ended, and what there is to say against it."""
+    lines = [str(outcome.scenario), f"  {outcome.ending}: {outcome.cause}"]
+    return "\n".join(lines + [f"  {v}" for v in outcome.violations])
 
 
 if __name__ == "__main__":
