@@ -22,7 +22,7 @@ from drivers.cia402 import ENABLED_MASK, ENABLED_VALUE, decode
 from drivers.errors import AxisFault, BusError
 from drivers.exchange import Exchange
 from drivers.node import Node
-from drivers.samples import FIELDS, VALID, Sample
+from drivers.samples import FIELDS, HEAD, VALID, Sample
 from drivers.settings import BusSettings
 
 _FOLLOWING_ERROR = 0x8611
@@ -163,7 +163,7 @@ class Cycle:
             late = run(row)
             if self._origin is None:
                 self._origin = sync.sent
-            values = [sync.sent - self._origin, late]
+            values = [sync.sent - self._origin, late, sync.offset, sync.doubt]
             healthy, complete = not alarmed, True
             for channel, command in zip(channels, commands, strict=True):
                 channel.target, channel.offset = command
@@ -270,7 +270,7 @@ class _Outlet:
     ) -> list[int]:
         """With what came after we had gone on without it."""
         for axis, late in enumerate(tardy):
-            at = 2 + axis * FIELDS
+            at = HEAD + axis * FIELDS
             if late is not None and not values[at + VALID]:
                 status, position, force, arrival = late
                 values[at + 2 : at + 7] = (position, force, status, True, arrival)

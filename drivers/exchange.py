@@ -13,13 +13,14 @@ import can
 from drivers.axis import Axis
 from drivers.bus import Network, OwnFrame
 from drivers.channel import Channel
-from drivers.clock import stamps_of
+from drivers.clock import delivers_at_once, stamps_of
 from drivers.errors import ConfigurationError
 from drivers.settings import BusSettings
-from drivers.sync import SYNC_ID, KernelSync
+from drivers.sync import SYNC_ID, KernelSync, hear_own_frames
 
 _SILENT_PERIODS, _SILENT_NS = 10, 100_000_000
 """The kernel's SYNC is gone when none comes for so long."""
+_MOST_NS = (1 << 31) - 1
 _WINDOW_SHARE = 0.6
 """Of the drives' SYNC window: when it ends, our own setpoints must be out as well."""
 
@@ -30,6 +31,8 @@ class Exchange:
     Attributes:
         channels: one per axis.
         sent: place on the grid of the last SYNC [ns].
+        offset, doubt: when it left after that place, as well as it is known, and by how much later
+            than that it may have reached the drives [ns]; doubt -1: not known.
         missed, late, skipped, stale: TPDOs missed, SYNCs late, whole periods passed over, TPDOs
             that came besides (outside their window, or doubled); since the start.
         notices: what about SYNC is not as asked for.
@@ -48,6 +51,9 @@ class Exchange:
         self._by_id = {c.axis.tpdo_id: c for c in self.channels}
         self._setpoint_ids = frozenset(c.axis.rpdo_id for c in self.channels)
         self._arrived = stamps_of(network.bus)
+        self._at_once = delivers_at_once(network.bus)
+        self.offset, self.doubt = 0, -1
+        self._phase: int | None = None
         self._sync = OwnFrame(arbitration_id=SYNC_ID, is_extended_id=False, data=b"")
         self._overflow, self._count = settings.sync_counter, 0
         self._strict = bool(settings.window_us)  # what comes after the SYNC window does not count
@@ -71,6 +77,8 @@ class Exchange:
         self._fresh = True
         if self._kernel is None:
             self._ask_the_kernel()
+        if self._kernel is None:
+            hear_own_frames(self._network.bus)
         now = self._network.clock.now_ns()
         if self._kernel is None and now > self._due:
             self._due += -(-(now - self._due) // self._period) * self._period
@@ -105,7 +113,7 @@ class Exchange:
         """No SYNC from the kernel until `resume`; never raises."""
         if self._kernel is not None:
             self._kernel.stop()
-            self._kernel = None
+            self._kernel, self._phase, self.doubt = None, None, -1
             self._network.own_ids.add(SYNC_ID)
             self._due = self._network.clock.now_ns()
 
@@ -156,6 +164,8 @@ class Exchange:
         for channel in self.channels:
             channel.before, channel.extra = channel.extra, 0
         self._send_sync(send, now)
+        self.offset = min(now - due, _MOST_NS)
+        self.doubt = min(now_ns() - now, _MOST_NS) if self._at_once else -1
         self._collect(recv, now, now + self._window)
         return late
 
@@ -210,6 +220,10 @@ class Exchange:
             self._stall = (self._due, passed)
         self.sent = self._due + passed * self._period
         self._due = self.sent + self._period
+        if fresh or self._phase is None:
+            self._phase = at - self.sent
+        self.offset = max(-_MOST_NS, min(at - self.sent - self._phase, _MOST_NS))
+        self.doubt = 0  # its own stamp: when it was on the bus
         self._collect(recv, at, at + self._window)
         return late
 
@@ -307,9 +321,11 @@ class Exchange:
         if message.is_extended_id or message.is_error_frame or message.is_remote_frame:
             return
         can_id = message.arbitration_id
-        if can_id == SYNC_ID and self._kernel is not None:
-            self._note_sync(message)
-            return
+        if can_id == SYNC_ID:
+            if self._kernel is not None:
+                self._note_sync(message)
+                return
+            self._note_echo(message)
         channel = self._by_id.get(can_id)
         if channel is not None and len(message.data) == channel.size:
             if not self._take_tardy(channel, message):
@@ -356,6 +372,14 @@ class Exchange:
         self.stale += 1
         if channel.extra < 255:
             channel.extra += 1
+
+    def _note_echo(self, message: can.Message) -> None:
+        """Our own SYNC came back, on buses where that happens, stamped as it was for all."""
+        if self._arrived is None:
+            return
+        at = self._arrived(message.timestamp, self._network.clock.now_ns())
+        if at >= self._sync_at:
+            self.offset, self.doubt = min(at - self.sent, _MOST_NS), 0
 
     def _note_sync(self, message: can.Message) -> None:
         """The kernel's SYNC: a period has begun, and perhaps more than one."""

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 Sample = tuple[int, ...]
-"""One SYNC for the sink: (time_ns, late, then per axis: target_counts, offset_permille,
-position_counts, force_permille, statusword, valid, arrival_ns, extra); arrival -1 when missed.
-`extra` belongs to the SYNC before: its TPDOs that came besides until this SYNC, at most 255."""
+"""One SYNC for the sink: (time_ns, late, sync_ns, doubt_ns, then per axis: target_counts,
+offset_permille, position_counts, force_permille, statusword, valid, arrival_ns, extra); arrival -1
+when missed, doubt -1 when not known. `extra` belongs to the SYNC before: its TPDOs that came
+besides until this SYNC, at most 255."""
 
-FIELDS, VALID = 8, 5
-"""Values per axis in a `Sample`; place of `valid` among them."""
+HEAD, FIELDS, VALID = 4, 8, 5
+"""Values in a `Sample` before those of the axes; values per axis; place of `valid` among them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +32,8 @@ class Samples:
     """K SYNCs of n axes, SI, demands as they were sent (after rounding).
 
     Attributes:
-        time: float64[K], of the SYNC, since the first SYNC streamed after boot [s].
+        time: float64[K], place of the SYNC on the grid of its period, since the first SYNC streamed
+            after boot [s].
         position_demand: float64[K, n], r_k [m] (csv: the velocity [m/s], cst: the force [N]).
         force_offset: float64[K, n], f_k [N].
         position: float64[K, n], 0x6064 sampled at the SYNC [m].
@@ -39,6 +41,9 @@ class Samples:
         statusword: uint16[K, n].
         valid: bool[K, n], False where the TPDO stayed away and the last values stand.
         arrival: float64[K, n], of the TPDO after the SYNC [s], nan where missed.
+        sync: float64[K], when the SYNC left after its place on the grid [s].
+        doubt: float64[K], by how much later than that it may have reached the drives [s], inf where
+            nothing but the arrival of their answers tells.
         late: bool[K], the SYNC left more than half a period after its instant, or (where the kernel
             sends it) without new setpoints.
         extra: uint8[K, n], TPDOs that came besides between the SYNC before and this one.
@@ -52,6 +57,8 @@ class Samples:
     statusword: NDArray[np.uint16]
     valid: NDArray[np.bool_]
     arrival: NDArray[np.float64]
+    sync: NDArray[np.float64]
+    doubt: NDArray[np.float64]
     late: NDArray[np.bool_]
     extra: NDArray[np.uint8]
 
@@ -70,8 +77,8 @@ class Samples:
             targets: unit of each axis' targets; None: they are positions.
         """
         n = len(scales)
-        raw = np.frombuffer(rows, dtype=np.int64).reshape(-1, 2 + FIELDS * n)
-        axes = raw[:, 2:].reshape(-1, n, FIELDS)
+        raw = np.frombuffer(rows, dtype=np.int64).reshape(-1, HEAD + FIELDS * n)
+        axes = raw[:, HEAD:].reshape(-1, n, FIELDS)
         increment = np.array([s.increment for s in scales])
         force = np.array([s.force for s in scales])
         valid = axes[:, :, 5] != 0
@@ -84,6 +91,8 @@ class Samples:
             statusword=axes[:, :, 4].astype(np.uint16),
             valid=valid,
             arrival=np.where(valid, axes[:, :, 6] * 1e-9, np.nan),
+            sync=np.asarray(raw[:, 2] * 1e-9, dtype=np.float64),
+            doubt=np.where(raw[:, 3] < 0, np.inf, raw[:, 3] * 1e-9),
             late=raw[:, 1] != 0,
             extra=axes[:, :, 7].astype(np.uint8),
         )

@@ -20,6 +20,12 @@ _RECEIVE_BUFFER = 1 << 22
 """SYNC goes on while the host computes; the system may grant less [bytes]."""
 
 
+def hear_own_frames(bus: Any) -> None:
+    """Lets a SocketCAN bus receive what it sends, with the time it was on the wire at."""
+    if KernelSync.fits(bus):
+        bus.socket.setsockopt(_SOL_CAN_RAW, _RECV_OWN_MSGS, 1)
+
+
 class KernelSync:
     """Cyclic SYNC of one SocketCAN bus.
 
@@ -54,7 +60,7 @@ class KernelSync:
         """
         if self._task is None:
             own: socket.socket = self._bus.socket
-            own.setsockopt(_SOL_CAN_RAW, _RECV_OWN_MSGS, 1)
+            hear_own_frames(self._bus)
             own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
             self._task = self._bus.send_periodic(self._messages, self._period, store_task=False)
 

@@ -13,6 +13,7 @@ from hil_sim.noise import Noise
 from hil_sim.settings import StageSettings
 
 _NOISE_BLOCK = 4096  # control ticks of noise drawn at once
+_COUNTS, _FORCE, _VELOCITY = 0, 1, 3  # of a report
 
 
 class Plant:
@@ -52,16 +53,41 @@ class Plant:
         self._report[:, 0] = np.round(arrays.state["encoder"] / arrays.plant["increment"])
         self._report[:, 2] = arrays.state["encoder"]
         self._values: list[list[float]] = self._report.tolist()
+        self._before = self._after = self._values
         self._kernel = (
             arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces,
             arrays.slipping, arrays.shares, arrays.arena, self._period,
         )  # fmt: skip
 
     def advance_to(self, time_ns: int) -> None:
-        """Integrate all control ticks that start before `time_ns`; no effect for the past."""
-        if time_ns <= self.time_ns:
-            return
-        ticks = -((self.time_ns - time_ns) // self._period_ns)
+        """Integrate all control ticks that start before `time_ns`; no effect for the past.
+
+        Inside a tick, what is measured is read off the line between its two ends, as by an encoder
+        latched at SYNC.
+        """
+        left = self.time_ns - time_ns
+        if left < 0:
+            ticks = -(left // self._period_ns)
+            left += ticks * self._period_ns
+            if not left:
+                self._integrate(ticks)
+                return
+            if ticks > 1:
+                self._integrate(ticks - 1)
+            before = self._after
+            self._integrate(1)
+            self._before, self._values = before, self._report.tolist()
+        if 0 <= left < self._period_ns and self._before is not self._after:
+            self._measure_inside(left / self._period_ns)
+
+    def _measure_inside(self, left: float) -> None:
+        """At an instant that is the share `left` of a tick before its end."""
+        for values, before, after in zip(self._values, self._before, self._after, strict=True):
+            values[_COUNTS] = round(after[_COUNTS] + left * (before[_COUNTS] - after[_COUNTS]))
+            for k in (_FORCE, _VELOCITY):
+                values[k] = after[k] + left * (before[k] - after[k])
+
+    def _integrate(self, ticks: int) -> None:
         self.time_ns += ticks * self._period_ns
         while ticks > 0:
             if self._used == _NOISE_BLOCK:
@@ -71,7 +97,7 @@ class Plant:
             step(*self._kernel, self._normals, self._used, part, self._orders, self._report)
             self._used += part
             ticks -= part
-        self._values = self._report.tolist()
+        self._values = self._before = self._after = self._report.tolist()
 
     def power(self, axis: int, on: bool) -> None:
         """Close the loop (demand := actual, integrator and offset := 0) or cut the force."""
@@ -105,11 +131,11 @@ class Plant:
             self._arrays.restart_clock()
 
     def encoder(self, axis: int) -> int:
-        """Encoder counts at `time_ns`, from the plant's true zero."""
+        """Encoder counts at the time advanced to, from the plant's true zero."""
         return int(self._values[axis][0])
 
     def force(self, axis: int) -> float:
-        """Measured motor force at `time_ns` [N]."""
+        """Measured motor force at that time [N]."""
         return self._values[axis][1]
 
     def demand(self, axis: int) -> float:

@@ -3,8 +3,8 @@
 One thread: waits for a frame or the next timer, brings the plant to its time (the drives do that
 themselves) and lets the drives handle it. A real drive samples when SYNC interrupts it; so a frame
 is handled at the time it came where the bus tells that, and a late loop shows up as late answers,
-never as samples of another instant. A SYNC that the next one has overtaken is not answered any
-more. Frames that the bus refuses are lost, and counted.
+never as samples of another instant. The control ticks keep in phase with SYNC, as real drives' do. A SYNC that the next
+one has overtaken is not answered any more. Frames that the bus refuses are lost, and counted.
 """
 
 from __future__ import annotations
@@ -23,7 +23,9 @@ from hil_sim.subscriptions import Handler, PendingAction, Subscriptions
 _LONGEST_WAIT = 0.05  # s, how soon `stop` is noticed on a silent bus
 _SYNC = 0x080
 _STAMPED = ("socketcan", "udp_multicast", "virtual")  # interfaces with this computer's time stamps
-_OLDEST = 1.0  # s, a frame that seems older has another clock's stamp
+_OLDEST = 1_000_000_000  # ns, a frame that seems older has another clock's stamp
+_GAIN, _SLEW = 2e-3, 1_000  # of the lock on SYNC: per SYNC, and at most so much [ns]
+_QUICK = 2_000  # ns, two looks at the one clock with one at the other between them, undisturbed
 
 
 class StopSignal(Protocol):
@@ -54,7 +56,10 @@ class RealTimeSegment:
         overtaken: how many of those there were.
     """
 
-    def __init__(self, bus: can.BusABC, clock: Callable[[], int] = time.monotonic_ns) -> None:
+    def __init__(
+        self, bus: can.BusABC, clock: Callable[[], int] = time.monotonic_ns, tick_ns: int = 0
+    ) -> None:
+        """With `tick_ns`, time is shifted until SYNCs come in the middle of a tick."""
         self.now_ns = 0
         self.refused = self.overtaken = 0
         self._bus = bus
@@ -63,6 +68,8 @@ class RealTimeSegment:
         self.sync_overtaken = False
         self._clock = clock
         self._origin = clock()
+        self._wall = time.time_ns()  # at our 0
+        self._tick_ns, self._gain = tick_ns, 1.0
         self._timers: list[tuple[int, int, PendingAction]] = []
         self._timer_count = 0
         self._handlers = Subscriptions()
@@ -105,6 +112,8 @@ class RealTimeSegment:
             self.now_ns = max(self.now_ns, came)
             self.sync_overtaken = can_id == _SYNC and any(i == _SYNC for _, i, _ in self._waiting)
             self.overtaken += self.sync_overtaken
+            if can_id == _SYNC and self._tick_ns:
+                self._lock(came)
             for handler in self._handlers.get(can_id, ()):
                 handler(data)
             self.sync_overtaken = False
@@ -115,9 +124,27 @@ class RealTimeSegment:
         if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
             return
         now = self._elapsed()
-        age = time.time() - message.timestamp if self._stamped else 0.0
-        came = now - int(age * 1e9) if 0.0 <= age < _OLDEST else now
+        came = now
+        if self._stamped:
+            before, wall, after = self._clock(), time.time_ns(), self._clock()
+            if after - before < _QUICK:  # else something came in between: the last one still holds
+                self._wall = wall - ((before + after) // 2 - self._origin)
+            came = int(message.timestamp * 1e9) - self._wall
+            if not now - _OLDEST < came <= now:
+                came = now
         self._waiting.append((came, message.arbitration_id, bytes(message.data)))
+
+    def _lock(self, came: int) -> None:
+        """Let the drives' control ticks follow SYNC, as a drive's phase-locked loop does.
+
+        With SYNC in the middle of a tick, some jitter doesn't cost a tick: the demand would stand
+        still for one.
+        """
+        away = came % self._tick_ns - self._tick_ns // 2
+        self._gain = max(_GAIN, self._gain / (1.0 + self._gain))
+        shift = max(-_SLEW, min(round(self._gain * away), _SLEW))
+        self._origin += shift
+        self._wall += shift
 
     def _run_timers(self, until: int) -> None:
         """All that is due until then, at its own time or now, whichever is later."""
@@ -146,7 +173,7 @@ def serve(stage: VirtualStage, bus: can.BusABC, stop: StopSignal) -> RealTimeSeg
     Raises:
         can.CanOperationError: the bus failed while receiving.
     """
-    segment = RealTimeSegment(bus)
+    segment = RealTimeSegment(bus, tick_ns=round(stage.settings.control_period * 1e9))
     stage.attach(segment)
     while not stop.is_set():
         segment.handle_next()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 F64 = NDArray[np.float64]
 
 PUNCTUAL = 0.01
-"""A sample may come this share of Ts off the median arrival in any case ..."""
-SCATTER = 4.0
-"""... and so many times the median scatter of its move ..."""
-LOOSE = 0.04
-"""... but never more than this share of Ts: a move with less punctual samples teaches nothing."""
+"""The instant of a sample has to be known to this share of Ts."""
+EXACT = 1e-5
+"""A SYNC that is off its place by less than this share of Ts is where it belongs."""
+REACH = 0.3
+"""A sample may be brought back to its place from so much of Ts away."""
+_NODES, _SPREAD = 4, 5
+"""Samples that a position between them is read from, within so many periods."""
 
 
 class Block(Protocol):
@@ -46,15 +48,30 @@ class Block(Protocol):
     def arrival(self) -> F64:
         """When the sample came after its SYNC was sent [s], nan where it did not."""
 
+    @property
+    def sync(self) -> F64:
+        """When the SYNC left after its place on the grid [s], shape (K,)."""
+
+    @property
+    def doubt(self) -> F64:
+        """How much later than that it may have reached the drives [s]; inf: not known."""
+
 
 @dataclass(frozen=True, slots=True)
 class MoveSamples:
     """Consecutive samples; a late one is no measurement of its instant, so it counts as invalid.
 
+    A drive samples when SYNC reaches it (CiA 301). Two things make a sample another than the grid
+    says: its SYNC left early or late, which the host has measured and `placed` takes back; or SYNC
+    was under way for longer than usual, which only shows by what it cannot have exceeded
+    (`punctual`). How long the answer took says nothing more than that.
+
     Attributes:
         time: of the SYNCs [s], shape (K,).
         position: actual [m], shape (K, n).  force: actual [N].
         valid: whether it can be used.  arrival: after the SYNC [s], nan where it did not come.
+        sync: when the SYNC left after its place [s], shape (K,).
+        doubt: by how much later than that the drives may have had it [s], shape (K,).
     """
 
     time: F64
@@ -62,18 +79,23 @@ class MoveSamples:
     force: F64
     valid: NDArray[np.bool_]
     arrival: F64
+    sync: F64
+    doubt: F64
 
     @classmethod
     def none(cls, axes: int) -> MoveSamples:
         """Of so many axes, empty."""
         empty = np.zeros((0, axes))
-        return cls(np.zeros(0), empty, empty, np.zeros((0, axes), dtype=np.bool_), empty)
+        valid = np.zeros((0, axes), dtype=np.bool_)
+        return cls(np.zeros(0), empty, empty, valid, empty, np.zeros(0), np.zeros(0))
 
     @classmethod
     def of(cls, block: Block) -> MoveSamples:
         """What a stream brought back."""
         valid = block.valid & ~block.late[:, None]
-        return cls(block.time, block.position, block.force, valid, block.arrival)
+        return cls(
+            block.time, block.position, block.force, valid, block.arrival, block.sync, block.doubt
+        )
 
     @classmethod
     def joined(cls, parts: Sequence[MoveSamples]) -> MoveSamples:
@@ -84,6 +106,8 @@ class MoveSamples:
             np.concatenate([p.force for p in parts]),
             np.concatenate([p.valid for p in parts]),
             np.concatenate([p.arrival for p in parts]),
+            np.concatenate([p.sync for p in parts]),
+            np.concatenate([p.doubt for p in parts]),
         )
 
     def __len__(self) -> int:
@@ -93,7 +117,7 @@ class MoveSamples:
         """The last so many."""
         return MoveSamples(
             self.time[-count:], self.position[-count:], self.force[-count:], self.valid[-count:],
-            self.arrival[-count:],
+            self.arrival[-count:], self.sync[-count:], self.doubt[-count:],
         )  # fmt: skip
 
     def mean_force(self) -> F64:
@@ -114,11 +138,12 @@ class MoveSamples:
         return np.column_stack(columns)
 
     def punctual(self, period: float) -> MoveSamples:
-        """With those invalid that came noticeably sooner or later than their axis' median.
+        """With those invalid whose SYNC may have come noticeably sooner or later than usual.
 
-        They were not taken at their instant, as far as one can tell: at 10 mm/s, 10 us off is
-        0.1 um off, which looks like 2 N on 8 kg. What is noticeable depends on how much all of
-        them scatter: nothing on the lock-step bus, tens of microseconds in user space.
+        It came before its answer did, and where the host knows, before it had gone out for good.
+        How far that bound is off its median is how far the sample may be off its instant: at
+        10 mm/s, 10 us are 0.1 um, which looks like 2 N on 8 kg; with 15 us either way, estimates
+        are off by more than they say.
 
         Args:
             period: Ts [s].
@@ -126,10 +151,10 @@ class MoveSamples:
         valid = self.valid.copy()
         for arrival, ok in zip(self.arrival.T, valid.T, strict=True):
             if ok.any():
-                away = np.abs(arrival - np.median(arrival[ok]))
-                usual = SCATTER * float(np.median(away[ok]))
-                ok &= away <= min(max(PUNCTUAL * period, usual), LOOSE * period)
-        return MoveSamples(self.time, self.position, self.force, valid, self.arrival)
+                bound = np.fmin(arrival, self.doubt)
+                away = np.abs(bound - np.median(bound[ok]))
+                ok &= away <= PUNCTUAL * period
+        return replace(self, valid=valid)
 
     def on_grid(self, period: float) -> MoveSamples:
         """With an invalid sample wherever a SYNC period was passed over."""
@@ -137,10 +162,79 @@ class MoveSamples:
         if place[-1] == len(place) - 1:
             return self
         count, axes = int(place[-1]) + 1, self.position.shape[1]
-        position, force = np.zeros((count, axes)), np.zeros((count, axes))
-        valid = np.zeros((count, axes), dtype=np.bool_)
-        arrival = np.full((count, axes), np.nan)
-        position[place], force[place], valid[place] = self.position, self.force, self.valid
-        arrival[place] = self.arrival
-        time = self.time[0] + period * np.arange(count)
-        return MoveSamples(time, position, force, valid, arrival)
+        whole = MoveSamples(
+            self.time[0] + period * np.arange(count), np.zeros((count, axes)),
+            np.zeros((count, axes)), np.zeros((count, axes), dtype=np.bool_),
+            np.full((count, axes), np.nan), np.zeros(count), np.zeros(count),
+        )  # fmt: skip
+        for name in ("position", "force", "valid", "arrival", "sync", "doubt"):
+            getattr(whole, name)[place] = getattr(self, name)
+        return whole
+
+    def placed(self, period: float) -> MoveSamples:
+        """As they would be had every SYNC left at its place; `on_grid` already.
+
+        Position by the cubic through four samples around that instant, force by the line through
+        two. What has no such neighbours is invalid, unless it hardly matters.
+
+        Args:
+            period: Ts [s].
+        """
+        if not self.valid.any():
+            return self
+        off = (self.sync - np.median(self.sync[self.valid.any(axis=1)])) / period
+        moved = np.abs(off) > EXACT
+        if not (moved[:, None] & self.valid).any():
+            return self
+        position, force, valid = self.position.copy(), self.force.copy(), self.valid.copy()
+        valid[np.abs(off) > REACH] = False
+        for a in range(position.shape[1]):
+            rows = np.flatnonzero(valid[:, a])
+            at = np.flatnonzero(moved[rows])
+            if len(rows) < _NODES:
+                valid[rows[at], a] = False
+                continue
+            first, near = _neighbours(rows, at, off[rows[at]] > 0)
+            alone = rows[at[~near]]
+            valid[alone[np.abs(off[alone]) > PUNCTUAL], a] = False
+            at, first = at[near], first[near]
+            here = rows[at]
+            nodes = rows[first[:, None] + np.arange(_NODES)]
+            position[here, a] = _through(
+                nodes + off[nodes] - here[:, None], self.position[nodes, a]
+            )
+            two = np.clip(at - (off[here] > 0), 0, len(rows) - 2)
+            nodes = rows[two[:, None] + np.arange(2)]
+            force[here, a] = _through(nodes + off[nodes] - here[:, None], self.force[nodes, a])
+        return replace(self, position=position, force=force, valid=valid)
+
+
+def _neighbours(
+    rows: NDArray[np.int64], at: NDArray[np.int64], before: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Where in `rows` the samples begin that each of `at` is read from, and if they are near.
+
+    Args:
+        rows: of valid samples, in order.
+        at: which of them.
+        before: whether its place is before it.
+    """
+    starts = np.clip(at[:, None] - np.arange(_NODES), 0, len(rows) - _NODES)
+    spread = rows[starts + _NODES - 1] - rows[starts]
+    aside = np.abs(at[:, None] - starts - 1 - before[:, None])
+    best = np.argmin(spread + 0.1 * aside, axis=1)[:, None]
+    first = np.take_along_axis(starts, best, axis=1)[:, 0]
+    return first, np.take_along_axis(spread, best, axis=1)[:, 0] <= _SPREAD
+
+
+def _through(place: F64, value: F64) -> F64:
+    """At 0, the polynomials through values at places, both shape (m, nodes): shape (m,)."""
+    origin = value[:, :1]
+    total = origin[:, 0].copy()
+    for i in range(place.shape[1]):
+        weight = np.ones(len(place))
+        for j in range(place.shape[1]):
+            if j != i:
+                weight *= place[:, j] / (place[:, j] - place[:, i])
+        total += weight * (value[:, i] - origin[:, 0])
+    return total

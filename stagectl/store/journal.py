@@ -4,7 +4,7 @@ One unbuffered `write` per SYNC hands the sample to the kernel; from there it su
 (SIGKILL included), though not a power cut. `stagectl.store.recovery` turns a journal, whole or cut
 anywhere, into the HDF5 recording.
 
-Layout, little-endian: one line `stagectl-journal 2 {header as JSON}`, then records that start with
+Layout, little-endian: one line `stagectl-journal 3 {header as JSON}`, then records that start with
 a tag byte: `S` and a fixed-size sample, or `J`, uint32 length, uint32 CRC-32 and that many bytes of
 JSON (a move, an event, the outcome).
 """
@@ -27,7 +27,7 @@ from sim2real.recording import Move
 from stagectl.errors import StagectlError
 
 FILE_NAME = "recording.journal"
-MAGIC = b"stagectl-journal 2 "
+MAGIC = b"stagectl-journal 3 "
 SAMPLE_TAG = ord("S")
 TEXT_TAG = ord("J")
 TEXT_HEAD = struct.Struct("<BII")  # tag, length, CRC-32
@@ -67,15 +67,17 @@ class JournalHeader:
 def sample_codec(axes: int) -> struct.Struct:
     """Codec of one sample record: tag, then the drivers' sink tuple.
 
-    That is (time_ns, late), then for each axis (target_counts, offset_permille, position_counts,
-    force_permille, statusword, valid, arrival_ns, extra); arrival_ns < 0 where the TPDO was missed.
+    That is (time_ns, late, sync_ns, doubt_ns), then for each axis (target_counts, offset_permille,
+    position_counts, force_permille, statusword, valid, arrival_ns, extra); arrival_ns < 0 where the
+    TPDO was missed, doubt_ns < 0 where it is not known.
     """
-    return struct.Struct("<Bq?" + "ihihH?iB" * axes)
+    return struct.Struct("<Bq?ii" + "ihihH?iB" * axes)
 
 
 def sample_dtype(axes: int) -> np.dtype[np.void]:
     """The same record as numpy sees it; fields of axis i end in `_i`."""
     fields: list[tuple[str, str]] = [("tag", "u1"), ("time", "<i8"), ("late", "u1")]
+    fields += [("sync", "<i4"), ("doubt", "<i4")]
     for i in range(axes):
         fields += [
             (f"target_{i}", "<i4"),

@@ -23,11 +23,16 @@ class CycleLedger:
         late: bool[K], SYNC k went out late, or without new setpoints.
         extra: axis -> uint8[K], TPDOs that came besides before the next SYNC: the first of them is
             the late one where the sample is missed, any other is a double. Axes without: none.
+        sync: float64[K], when SYNC k left after its place on the grid [s]; None: not told.
+        doubt: float64[K], by how much later than that it may have reached the drives [s], nan where
+            only the arrivals tell; None: not told.
     """
 
     arrival: Mapping[str, npt.NDArray[np.float64]]
     late: npt.NDArray[np.bool_]
     extra: Mapping[str, npt.NDArray[np.uint8]] = field(default_factory=dict)
+    sync: npt.NDArray[np.float64] | None = None
+    doubt: npt.NDArray[np.float64] | None = None
 
     @property
     def missed_per_cycle(self) -> npt.NDArray[np.uint8]:

@@ -99,11 +99,18 @@ def read_ledger(path: Path | str) -> CycleLedger | None:
                 for name in group
             },
             late=late.astype(np.bool_),
+            sync=_optional(file, "cycle/sync", len(late)),
+            doubt=_optional(file, "cycle/doubt", len(late)),
             extra={
                 name: _integers(file, f"cycle/extra/{name}", len(late)).astype(np.uint8)
                 for name in (file["cycle/extra"] if "cycle/extra" in file else ())
             },
         )
+
+
+def _optional(file: h5py.File, name: str, count: int) -> npt.NDArray[np.float64] | None:
+    """A dataset of the ledger that may be absent, and nan where nothing is known."""
+    return _floats(file, name, count, finite=False) if name in file else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,6 +234,9 @@ def _write(file: h5py.File, recording: Recording, ledger: CycleLedger | None) ->
         arrival = cycle.create_group("arrival", track_order=True)
         for name, values in ledger.arrival.items():
             _dataset(arrival, name, values, "s")
+        for name, seconds in (("sync", ledger.sync), ("doubt", ledger.doubt)):
+            if seconds is not None:
+                _dataset(cycle, name, seconds, "s")
 
 
 def _dataset(group: h5py.Group, name: str, values: npt.NDArray[Any], unit: str) -> None:

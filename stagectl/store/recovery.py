@@ -170,7 +170,9 @@ def _same_run(path: Path, recording: Recording) -> bool:
 def _parse(data: bytes, path: Path) -> JournalContent | None:
     line_end = data.find(b"\n")
     if not data.startswith(MAGIC[: len(data)]):
-        raise UnusableInput(f"{path}: not a journal of ours")
+        other = data.startswith(MAGIC.split(b" ")[0])
+        problem = "a journal of another version: recover it with that" if other else "not a journal"
+        raise UnusableInput(f"{path}: {problem}{'' if other else ' of ours'}")
     if line_end < 0:
         return None
     header = _header(data[len(MAGIC) : line_end], path)
@@ -277,4 +279,10 @@ def _ledger(header: JournalHeader, samples: npt.NDArray[np.void]) -> CycleLedger
         axis.name: np.append(samples[f"extra_{i}"][1:], 0).astype(np.uint8)
         for i, axis in enumerate(header.axes)
     }
-    return CycleLedger(arrival=arrival, late=samples["late"].astype(np.bool_), extra=extra)
+    return CycleLedger(
+        arrival=arrival,
+        late=samples["late"].astype(np.bool_),
+        extra=extra,
+        sync=samples["sync"] * 1e-9,
+        doubt=np.where(samples["doubt"] < 0, np.nan, samples["doubt"] * 1e-9),
+    )

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim2real.recording import Recording
 from stagectl.errors import StagectlError
@@ -167,11 +168,25 @@ def _punctuality(ledger: CycleLedger) -> dict[str, Any]:
             name: round(float(np.percentile(came, share)), 9) if len(came) else None
             for name, share in (("median", 50), ("p99", 99), ("max", 100))
         }
-    return {
+    told = {
         "tardy": ledger.tardy,
         "doubled": ledger.doubled,
         "late_in_a_row": ledger.late_in_a_row,
         "arrival": arrival,
+    }
+    if ledger.sync is not None:
+        told["sync_off"] = _off_grid(ledger.sync[~ledger.late])
+    return told
+
+
+def _off_grid(sync: NDArray[np.float64]) -> dict[str, float | None]:
+    """How far SYNCs that were not late were off the middle of their places on the grid [s]."""
+    if not len(sync):
+        return {"median": None, "p99": None, "max": None}
+    off = np.abs(sync - np.median(sync))
+    return {
+        name: round(float(np.percentile(off, share)), 9)
+        for name, share in (("median", 50), ("p99", 99), ("max", 100))
     }
 
 

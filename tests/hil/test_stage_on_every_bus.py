@@ -53,6 +53,20 @@ def test_boot_home_at_the_index_enable_stream(rig: Any, travel_to: Any, hold: An
     assert np.nanmedian(rest.arrival) <= rig.period / (1 if rig.guest else 2)
 
 
+def test_the_host_knows_when_its_syncs_were_on_the_bus(stage: Stage, rig: Any, hold: Any) -> None:
+    samples = stage.stream(*hold(stage, 60))
+    if rig.virtual_time:
+        assert np.isinf(samples.doubt).all()  # as with any bus that tells nothing
+        assert (samples.sync == 0.0).all()
+        return
+    assert np.isfinite(samples.doubt).all()
+    if rig.bus.interface != "virtual":  # they come back, stamped as the drives have them
+        assert (samples.doubt == 0.0).mean() > 0.9
+    came = samples.valid & ~samples.late[:, None] & (samples.doubt == 0.0)[:, None]
+    assert (samples.arrival[came] > 0.0).all()
+    assert (samples.sync[~samples.late] < rig.period).all()
+
+
 def test_samples_are_taken_at_the_sync_that_takes_the_setpoint_over(
     stage: Stage, rig: Any, travel_to: Any
 ) -> None:

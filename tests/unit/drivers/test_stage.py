@@ -167,6 +167,8 @@ def test_enable_targets_the_actual_position_and_stream_returns_what_was_sent(
     assert seen[2] == (
         2_000_000,
         0,
+        0,
+        -1,
         5003,
         0,
         5001,

@@ -44,6 +44,8 @@ class Samples:
     time: np.ndarray
     late: np.ndarray
     arrival: np.ndarray
+    sync: np.ndarray
+    doubt: np.ndarray
 
 
 class BareStage:
@@ -87,6 +89,8 @@ class BareStage:
             np.arange(self.count - count, self.count) * TS,
             np.zeros(count, dtype=bool),
             np.zeros((count, 2)),
+            np.zeros(count),
+            np.full(count, np.inf),
         )
 
 

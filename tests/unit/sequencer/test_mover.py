@@ -21,6 +21,8 @@ class Samples:
     time: np.ndarray
     late: np.ndarray
     arrival: np.ndarray
+    sync: np.ndarray
+    doubt: np.ndarray
 
 
 class Echo:
@@ -54,6 +56,7 @@ class Echo:
         return Samples(
             np.array(rows), np.full((count, 1), 1.5), np.ones((count, 1), dtype=bool),
             np.array(time), np.array(late), np.array(arrival),
+            np.zeros(count), np.full(count, np.inf),
         )  # fmt: skip
 
 

@@ -38,7 +38,7 @@ def sample(k: int) -> tuple[int, ...]:
     """Sample k; the TPDO of y misses every tenth SYNC."""
     missed = k % 10 == 9
     return (
-        TEN_S + k * 1_000_000, k == 4,
+        TEN_S + k * 1_000_000, k == 4, 10 * k, -1 if k == 5 else 20,
         -k, 25, -k + 1, -26, 4663, True, 200_000, 0,
         2 * k, 0, 2 * k, 1, 0x1237, not missed, -1 if missed else 300_000, EXTRA.get(k, 0),
     )  # fmt: skip
@@ -93,6 +93,10 @@ def test_a_run_that_ends_becomes_a_recording(tmp_path: Path):
     assert (ledger.missed, ledger.late_cycles, ledger.late_in_a_row) == (3, 1, 1)
     assert list(np.flatnonzero(ledger.doubled_per_cycle)) == [5, 9]
     assert list(np.flatnonzero(ledger.tardy_per_cycle)) == [9]
+    assert ledger.sync is not None
+    np.testing.assert_allclose(ledger.sync, 1e-8 * np.arange(30), rtol=1e-15)
+    assert ledger.doubt is not None
+    assert list(np.flatnonzero(np.isnan(ledger.doubt))) == [5]
     assert (ledger.doubled, ledger.tardy) == (2, 1)
     with h5py.File(recovered.path) as file:
         assert file.attrs["outcome"] == "aborted"
@@ -161,7 +165,7 @@ axes = (AxisScaling("x", 1e-9, 0.04), AxisScaling("y", 1e-8, 0.06))
 journal = Journal(Path(sys.argv[1]), JournalHeader("m", "", "t", axes))
 k = 0
 while True:
-    journal.sink((k * 1000000, 0) + (k, 0, k, 0, 0, 1, 5, 0) * 2)
+    journal.sink((k * 1000000, 0, 0, -1) + (k, 0, k, 0, 0, 1, 5, 0) * 2)
     k += 1
     if k % 1000 == 0:
         print(k, flush=True)
@@ -238,7 +242,7 @@ def test_what_is_no_journal_is_refused_and_kept(tmp_path: Path):
     with pytest.raises(UnusableInput, match="not a journal"):
         recover(path)
     assert path.exists()
-    path.write_bytes(b"stagectl-journal 2 {}\n")
+    path.write_bytes(b"stagectl-journal 3 {}\n")
     with pytest.raises(UnusableInput, match="header is damaged"):
         recover(path)
     with pytest.raises(UnusableInput, match="No such file"):

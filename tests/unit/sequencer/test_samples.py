@@ -1,0 +1,89 @@
+"""Samples of SYNCs that were not where they belong: brought back, or left out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from estimation.trajectory import Limits, plan
+from stagectl.sequencer.samples import PUNCTUAL, REACH, MoveSamples
+
+TS = 1e-3
+MOTION = plan(0.0, 2e-3, Limits(0.05, 1.0, 50.0))
+COUNT = 140
+
+
+def jittered(most, seed=1, known=True):
+    """A motion sampled at SYNCs up to `most` [s] off; force the acceleration times 8 kg."""
+    off = np.random.default_rng(seed).uniform(-most, most, COUNT)
+    at = TS * np.arange(COUNT) - 0.01
+    position, _, acceleration = MOTION.sample(np.clip(at + off, 0.0, None))
+    return MoveSamples(
+        at, position[:, None], 8.0 * acceleration[:, None], np.ones((COUNT, 1), np.bool_),
+        np.full((COUNT, 1), 2e-4), off + 5e-5, np.zeros(COUNT) if known else np.full(COUNT, np.inf),
+    )  # fmt: skip
+
+
+def truth():
+    """Where the motion is on the grid [m], and its force [N]."""
+    position, _, acceleration = MOTION.sample(np.clip(TS * np.arange(COUNT) - 0.01, 0.0, None))
+    return position, 8.0 * acceleration
+
+
+@pytest.mark.parametrize("most", [1e-5, 1e-4, 2.5e-4])
+def test_samples_of_measured_instants_are_brought_back(most):
+    samples = jittered(most)
+    placed = samples.punctual(TS).placed(TS)
+    # the grid is where the middle SYNC was, which only shifts time
+    shift = float(np.median(samples.sync)) - 5e-5
+    position = MOTION.sample(np.clip(samples.time + shift, 0.0, None))[0]
+    assert placed.valid.all()
+    before = np.abs(samples.position[:, 0] - position).max()
+    after = np.abs(placed.position[:, 0] - position).max()
+    assert after < 5e-9
+    assert before > 0.3 * most * 0.05  # 0.05 m/s
+    force = 8.0 * MOTION.sample(np.clip(samples.time + shift, 0.0, None))[2]
+    assert np.abs(placed.force[:, 0] - force).max() < 8.0 * 50.0 * 3e-4  # a corner of the jerk
+
+
+def test_punctual_samples_are_not_touched():
+    samples = jittered(1e-9)
+    assert samples.placed(TS) is samples
+
+
+def test_gaps_and_far_ones_are_left_out():
+    samples = jittered(1e-4)
+    samples.valid[[58, 59, 60, 61, 62, 64, 65, 66], 0] = False  # 63 has no neighbours
+    samples.sync[100] += (REACH + 0.2) * TS
+    placed = samples.placed(TS)
+    lost = np.flatnonzero(samples.valid[:, 0] & ~placed.valid[:, 0])
+    assert 100 in lost
+    assert set(lost) == {63, 100}
+    shift = float(np.median(samples.sync[samples.valid[:, 0]])) - 5e-5
+    position = MOTION.sample(np.clip(samples.time + shift, 0.0, None))[0]
+    ok = placed.valid[:, 0]
+    assert np.abs(placed.position[ok, 0] - position[ok]).max() < 5e-9
+
+
+def test_an_answers_delay_does_not_matter_where_its_sync_is_known():
+    samples = jittered(1e-5)
+    samples.arrival[40:50] += 3e-4
+    assert samples.punctual(TS).valid.all()
+    unknown = jittered(1e-5, known=False)
+    unknown.arrival[40:50] += 3e-4
+    assert np.flatnonzero(~unknown.punctual(TS).valid[:, 0]).tolist() == list(range(40, 50))
+
+
+def test_instants_that_are_not_known_teach_nothing():
+    samples = jittered(0.0, known=False)
+    samples.arrival[:, 0] += np.random.default_rng(2).uniform(0.0, 8 * PUNCTUAL * TS, COUNT)
+    assert samples.punctual(TS).valid.mean() < 0.5
+
+
+def test_periods_passed_over_keep_their_holes():
+    samples = jittered(1e-4)
+    samples.time[80:] += 2 * TS
+    whole = samples.on_grid(TS)
+    assert len(whole) == COUNT + 2
+    assert np.flatnonzero(~whole.valid[:, 0]).tolist() == [80, 81]
+    np.testing.assert_array_equal(whole.sync[82:], samples.sync[80:])
