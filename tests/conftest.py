@@ -1,20 +1,35 @@
-"""Says at the end of a test session whether the SocketCAN part ran, and if not, what it takes.
+"""What all tests share: what is told of the SocketCAN part, and how tests in real time are judged.
 
-With STAGECTL_REQUIRE_VCAN=1 a session in which it did not run fails.
+The end of a session says whether the SocketCAN part ran, and if not, what it takes. With
+STAGECTL_REQUIRE_VCAN=1 a session in which it did not run fails.
+
+A test marked `real_time` that fails is run again, up to REPEATS times, where the machine itself was
+away meanwhile (starvation.py): it says nothing then. Where the machine was there, it has failed.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
 
+import hypothesis
 import pytest
 
 from stagectl.kernel_cache import drop_stale
+from tests.starvation import DisturbedError, Watch
 
 REQUIRED = "STAGECTL_REQUIRE_VCAN"
+REPEATS = 5
 _outcome = pytest.StashKey[list[str]]()
 _ran = pytest.StashKey[bool]()
+_watch = pytest.StashKey[Watch]()
+
+# how long an example takes is this machine's business
+hypothesis.settings.register_profile(
+    "any-machine", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
+)
+hypothesis.settings.load_profile("any-machine")
 
 
 @pytest.fixture(scope="session")
@@ -32,6 +47,53 @@ def pytest_configure(config: pytest.Config) -> None:
     drop_stale()
     config.stash[_outcome] = []
     config.stash[_ran] = False
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if _judged(item):
+            item.add_marker(pytest.mark.flaky(reruns=REPEATS, only_rerun=["DisturbedError"]))
+
+
+def _judged(item: pytest.Item) -> bool:
+    """Whether a failure counts only where the machine was there: not so with `judged=False`."""
+    marker = item.get_closest_marker("real_time")
+    return marker is not None and bool(marker.kwargs.get("judged", True))
+
+
+@contextmanager
+def _undisturbed(item: pytest.Item) -> Iterator[None]:
+    if not _judged(item):
+        yield
+        return
+    stash = item.config.stash
+    if _watch not in stash:
+        stash[_watch] = Watch()
+    begin = stash[_watch].forget()
+    try:
+        yield
+    except (Exception, pytest.fail.Exception) as why:
+        absence = stash[_watch].since(begin)
+        if absence.matters:
+            raise DisturbedError(f"{absence}: {why}") from why
+        raise
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup(item: pytest.Item) -> Generator[None, None, None]:
+    with _undisturbed(item):
+        yield
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Generator[None, object, object]:
+    with _undisturbed(pyfuncitem):
+        return (yield)
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    if _watch in config.stash:
+        config.stash[_watch].close()
 
 
 @pytest.hookimpl(wrapper=True)

@@ -92,6 +92,7 @@ def until(condition: Callable[[], bool], onlooker: Onlooker, seconds: float, wha
         onlooker.receive(0.02)
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize("bus", BUSES)
 def test_the_host_is_killed_in_the_middle_of_a_move(
     bus: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -105,6 +106,8 @@ def test_the_host_is_killed_in_the_middle_of_a_move(
     machine["bus"] |= {"sync_period": 0.01, "max_missed": 20}
     if interface == "udp_multicast":
         machine["bus"]["realtime"] = {"priority": 50}
+    for axis in machine["axes"].values():
+        axis["homing"] = {"method": 37}  # where it stands: this is about something else
     (tmp_path / "machine.yaml").write_text(yaml.safe_dump(machine))
     (tmp_path / "recipe.yaml").write_text(RECIPE)
     root = str(Path(__file__).parents[2])
@@ -139,12 +142,13 @@ def test_the_host_is_killed_in_the_middle_of_a_move(
             kept = journal.stat().st_size
             until(lambda: len(onlooker.lost) == 2, onlooker, 5, "the drives have not noticed")
             took = [at - onlooker.last_host_heartbeat for at in onlooker.lost.values()]
-            # they may see the last heartbeat a little later than the onlooker, on a busy machine
+            # by that heartbeat and nothing else: to the instant in virtual time (test_drive.py);
+            # here frames wait for the drives, and for the onlooker
             assert min(took) > CONFIGURED - 0.1
-            assert max(took) < CONFIGURED + 0.2
+            assert max(took) < CONFIGURED + 0.4
             until(
                 lambda: all(onlooker.read(n, 0x6041, "H") & 0x6F != 0x27 for n in (1, 2)),
-                onlooker, 0.5, "the drives have not stopped",
+                onlooker, 5, "the drives have not stopped",
             )  # fmt: skip
             time.sleep(0.3)
             before = [onlooker.read(node, 0x6064, "i") for node in (1, 2)]

@@ -19,7 +19,10 @@ from tests.hil.conftest import RIGS
 ON_SOCKETCAN = [
     pytest.param(
         "socketcan",
-        marks=pytest.mark.skipif("socketcan" not in RIGS, reason="run by test_vcan.py on a bus"),
+        marks=[
+            pytest.mark.real_time,
+            pytest.mark.skipif("socketcan" not in RIGS, reason="run by test_vcan.py on a bus"),
+        ],
     )
 ]
 

@@ -44,6 +44,9 @@ def machine(tmp_path: Path) -> Path:
     return path
 
 
+pytestmark = pytest.mark.real_time
+
+
 @pytest.fixture(params=[BUS])
 def bus(request: pytest.FixtureRequest, machine: Path) -> Iterator[str]:
     """A bus with `stagectl sim` on it."""
