@@ -10,9 +10,7 @@ thread at a time has the bus; objects can be read and written from any thread me
 from __future__ import annotations
 
 import functools
-from array import array
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Concatenate, ParamSpec, TypeVar
 
@@ -20,26 +18,18 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers import direct, homing, profile_position
-from drivers import objects as od
 from drivers.axis import Axis
 from drivers.bus import Network, Tap, open_bus
-from drivers.channel import Channel
-from drivers.cia402 import Command, Mode, State
-from drivers.clock import Clock, MonotonicClock
+from drivers.clock import MonotonicClock
 from drivers.cycle import Cycle, Sink, Until
-from drivers.diagnosis import Evidence, explained
-from drivers.errors import AxisFault, BusError, ConfigurationError, DriverError
-from drivers.limits import (
-    checked_counts,
-    checked_forces,
-    checked_profile,
-    checked_velocities,
-)
-from drivers.power import HOLDING_TIMEOUT, RINGING_TIMEOUT, Power
+from drivers.errors import BusError, ConfigurationError, DriverError
+from drivers.motion import Motion
+from drivers.power import Power
 from drivers.realtime import RealTime
+from drivers.safe_stop import SafeStop
 from drivers.samples import Samples
 from drivers.settings import AxisSettings, BusSettings
+from drivers.stage_state import StageState
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -58,13 +48,12 @@ def _exclusive(
     return held
 
 
-class Stage:
+class Stage(StageState):
     """All axes on one bus; a context manager that stops, disables and closes on the way out.
 
     Attributes:
         axes: one `Axis` per settings, in that order; arrays have their columns in it.
         sink: called with a `Sample` once per streamed SYNC, before anything else is done with it.
-        ending: a stop or the closing has begun, and nothing may break it off; until the next boot.
     """
 
     def __init__(
@@ -79,13 +68,21 @@ class Stage:
         self.settings = bus
         self._owned: can.BusABC | None = None
         self._open = True
-        self.ending = False
         _check_unique(axes)
-        self._network = Network(bus_object, str(bus), tap)
-        self.axes = tuple(Axis(self._network, axis) for axis in axes)
-        self._cycle = Cycle(self._network, self.axes, bus)
-        self._real_time = RealTime(bus.realtime)
-        self._power = Power(self._cycle, bus.sync_period)
+        network = Network(bus_object, str(bus), tap)
+        made = tuple(Axis(network, axis) for axis in axes)
+        cycle = Cycle(network, made, bus)
+        power, real_time = Power(cycle, bus.sync_period), RealTime(bus.realtime)
+        super().__init__(network, made, cycle, power, real_time)
+        self._stopping = SafeStop(cycle, power, made)
+        self._motion = Motion(
+            network, cycle, power, made, self._stopping, real_time, bus.sync_period
+        )
+
+    @property
+    def ending(self) -> bool:
+        """A stop or the closing has begun, and nothing may break it off; until the next boot."""
+        return self._stopping.begun
 
     @classmethod
     def open(
@@ -132,63 +129,6 @@ class Stage:
             self.safe_stop()
         self.close()
 
-    # -- state ------------------------------------------------------------------------------
-
-    @property
-    def enabled(self) -> bool:
-        """Whether all axes were in OPERATION ENABLED when last heard."""
-        return self._power.enabled
-
-    @property
-    def homed(self) -> bool:
-        """Whether all axes were homed since their last boot-up."""
-        return all(axis.homed for axis in self.axes)
-
-    @property
-    def clock(self) -> Clock:
-        """The time that everything here runs in: virtual on the lock-step bus."""
-        return self._network.clock
-
-    @property
-    def positions(self) -> tuple[float, ...]:
-        """Actual positions when last heard [m]."""
-        return tuple(c.position * c.axis.scale.increment for c in self._cycle.channels)
-
-    @property
-    def forces(self) -> tuple[float, ...]:
-        """Actual forces when last heard [N]."""
-        return tuple(c.force * c.axis.scale.force for c in self._cycle.channels)
-
-    @property
-    def targets(self) -> tuple[float, ...]:
-        """Target positions sent last [m]: where the next stream has to start."""
-        return tuple(c.target * c.axis.scale.increment for c in self._cycle.channels)
-
-    @property
-    def offsets(self) -> tuple[float, ...]:
-        """Force offsets sent last [N]."""
-        return tuple(c.offset * c.axis.scale.force for c in self._cycle.channels)
-
-    @property
-    def limitations(self) -> tuple[str, ...]:
-        """What the drives do without and what follows, known after `boot`; empty: nothing."""
-        return tuple(f"axis {a.name}: {clause}" for a in self.axes for clause in a.limitations)
-
-    @property
-    def notices(self) -> tuple[str, ...]:
-        """What of SYNC and real time is not as asked for, one clause each; known when moving."""
-        return (*self._real_time.refused, *self._cycle.sync.notices)
-
-    @property
-    def missed(self) -> int:
-        """Process data frames that stayed away, since opening."""
-        return self._cycle.sync.missed
-
-    @property
-    def late(self) -> int:
-        """SYNCs that left more than half a period late, since opening."""
-        return self._cycle.sync.late
-
     # -- life cycle -------------------------------------------------------------------------
 
     @_exclusive
@@ -199,7 +139,7 @@ class Stage:
             NodeError: a node is missing, refuses an access, or is another device.
             ConfigurationError: a drive cannot be set up as needed.
         """
-        self.ending = False
+        self._stopping.begun = False
         self._cycle.sync.stop()
         self._cycle.forget()
         self._power.mode = None
@@ -226,16 +166,7 @@ class Stage:
             HomingError: names the axis, its method and what the drive says.
             AxisFault: any other fault on the way.
         """
-        chosen = [c for c in self._cycle.channels if force or not c.axis.homed]
-        if not chosen:
-            return
-        with self._stopping():
-            self._enter(Mode.HOMING, chosen)
-            homing.home(self._cycle, chosen, self.settings.sync_period)
-            # the drive is done when its demand is; what the loop still owes would become a
-            # step of the target when csp takes over from the actual position
-            self._power.wait_for_rest(HOLDING_TIMEOUT)
-            self._cycle.check_alarms()
+        self._motion.home(force)
 
     @_exclusive
     def enable(self) -> None:
@@ -244,29 +175,7 @@ class Stage:
         Raises:
             AxisFault: an axis is in fault, or does not get there.
         """
-        with self._stopping():
-            if self._power.enabled and self._power.mode is Mode.CYCLIC_SYNC_POSITION:
-                self._network.pump(0.0)
-                self._cycle.resume()
-                self._cycle.exchange()  # what was last heard may be long ago
-                if self._power.enabled:
-                    return
-            self._enter(Mode.CYCLIC_SYNC_POSITION, self._cycle.channels)
-
-    def _enter(self, mode: Mode, channels: Sequence[Channel]) -> None:
-        """Axes enabled in the new mode.
-
-        Enabled ones change over under power, or presliding would throw them back by some 10 um;
-        where a drive refuses that, all go by SWITCH ON DISABLED.
-        """
-        self._network.pump(0.0)
-        self._cycle.clear_alarms()
-        if self._power.change_over(mode, channels):
-            return
-        self._power.switch_off()
-        self._power.wait_for_rest(RINGING_TIMEOUT)
-        self._power.set_mode(mode)
-        self._power.go(State.OPERATION_ENABLED, channels)
+        self._motion.enable()
 
     @_exclusive
     def disable(self) -> None:
@@ -275,9 +184,7 @@ class Stage:
         Raises:
             AxisFault: an axis faults meanwhile, or does not tell that it is without power.
         """
-        self._power.ramp_offsets_out()
-        self._power.switch_off()
-        self._check_loose()
+        self._stopping.disable()
 
     @_exclusive
     def quick_stop(self) -> None:
@@ -287,8 +194,7 @@ class Stage:
             AxisFault: an axis does not stop in time.
             BusError: the bus fails.
         """
-        self._power.quick_stop(self._stopping_time() + 0.5)
-        self._power.switch_off()
+        self._stopping.quick_stop()
 
     @_exclusive
     def halt(self) -> None:
@@ -297,10 +203,7 @@ class Stage:
         Raises:
             AxisFault: the stage is not enabled, or an axis does not come to rest; all are stopped.
         """
-        if not self.enabled:
-            raise AxisFault("the stage is not enabled", axis=self._not_enabled())
-        with self._stopping():
-            self._power.halt(10 * self._stopping_time() + HOLDING_TIMEOUT)
+        self._motion.halt()
 
     @_exclusive
     def reset_faults(self) -> None:
@@ -312,7 +215,7 @@ class Stage:
         """
         for axis in self.axes:
             axis.node.start()  # a drive that missed the host's heartbeat has left it
-        with self._stopping():
+        with self._stopping.on_failure():
             self._power.reset_faults()
 
     @_exclusive
@@ -322,36 +225,22 @@ class Stage:
         Raises:
             AxisFault: an axis says something meanwhile.
         """
-        with self._stopping():
+        with self._stopping.on_failure():
             self._network.pump(duration)
             self._cycle.check_alarms()
 
     @_exclusive
     def safe_stop(self) -> None:
         """Quick stop and power off wherever it still reaches; never raises."""
-        self.ending = True
-        if not any(c.seen or c.axis.node.booted for c in self._cycle.channels):
-            return  # nobody was ever there: nothing of ours moves
-        try:
-            self.quick_stop()
-        except Exception:  # noqa: BLE001  whatever broke the bus: try the other way to the drives
-            for command in (Command.QUICK_STOP, Command.DISABLE_VOLTAGE):
-                try:
-                    self._power.attempt_by_sdo(command)
-                except Exception:  # noqa: BLE001  nothing is left to try
-                    return
+        self._stopping.stop()
 
     @_exclusive
     def close(self) -> None:
         """Stops and disables what is still moving, lets go of nodes and bus; never raises."""
         if not self._open:
             return
-        self._open, self.ending = False, True
-        if any(c.seen for c in self._cycle.channels):
-            try:
-                self.disable() if self.enabled else self._power.switch_off()
-            except Exception:  # noqa: BLE001
-                self.safe_stop()
+        self._open, self._stopping.begun = False, True
+        self._stopping.let_go()
         for axis in self.axes:
             # A drive that may still be under power keeps its watch over our heartbeat: it will
             # stop when that is missing.
@@ -392,19 +281,7 @@ class Stage:
             AxisFault: an axis faulted, or fell silent; all axes are stopped.
             BusError: the bus failed; the drives stop when they miss the host's heartbeat.
         """
-        channels = self._cycle.channels
-        axes = [c.axis.settings for c in channels]
-        if not self.enabled:
-            raise AxisFault("the stage is not enabled", axis=self._not_enabled())
-        if self._power.mode is not Mode.CYCLIC_SYNC_POSITION:
-            raise AxisFault("the stage is not in csp: enable it first", axis=self.axes[0].name)
-        targets, offsets = checked_counts(
-            position, offset, axes, [c.target for c in channels], self.settings.sync_period
-        )
-        rows = array("q")
-        with self._stopping(), self._real_time.in_motion():
-            self._cycle.stream(targets, offsets, rows, self.sink, until)
-        return Samples.from_rows(rows, [c.axis.scale for c in channels])
+        return self._motion.stream(position, offset, until, self.sink)
 
     @_exclusive
     def stream_velocity(
@@ -427,12 +304,7 @@ class Stage:
             ConfigurationError: a drive without csv.
             AxisFault, BusError: as `stream`.
         """
-        velocity = np.asarray(velocity, dtype=np.float64)
-        targets, offsets = checked_velocities(
-            velocity, np.zeros_like(velocity) if offset is None else offset,
-            [a.settings for a in self.axes], self.positions, self.settings.sync_period,
-        )  # fmt: skip
-        return self._stream_directly(Mode.CYCLIC_SYNC_VELOCITY, targets, offsets, until)
+        return self._motion.stream_velocity(velocity, offset, until)
 
     @_exclusive
     def stream_force(self, force: NDArray[np.float64], until: Until | None = None) -> Samples:
@@ -450,27 +322,7 @@ class Stage:
             AxisFault: besides, an axis got too fast, or near the end of its travel.
             BusError: as `stream`.
         """
-        targets = checked_forces(force, [a.settings for a in self.axes])
-        guard = direct.Guard(self._cycle.channels, self.clock, until)
-        return self._stream_directly(
-            Mode.CYCLIC_SYNC_TORQUE, targets, np.zeros_like(targets), guard
-        )
-
-    def _stream_directly(
-        self,
-        mode: Mode,
-        targets: NDArray[np.int64],
-        offsets: NDArray[np.int64],
-        until: Until | None,
-    ) -> Samples:
-        if not self.enabled:
-            raise AxisFault("the stage is not enabled", axis=self._not_enabled())
-        for axis in self.axes:
-            axis.check_mode(mode)
-        with self._stopping(), self._real_time.in_motion():
-            if self._power.mode is not mode:
-                self._enter(mode, self._cycle.channels)
-            return direct.stream(self._cycle, targets, offsets, until, self.settings.sync_period)
+        return self._motion.stream_force(force, until)
 
     def hold(self, duration: float) -> Samples:
         """Streams the present targets and offsets for `duration` [s]; raises as `stream`."""
@@ -502,65 +354,7 @@ class Stage:
             LimitError: outside the axis' limits; nothing was sent.
             AxisFault: the axis faulted or did not arrive; all axes are stopped.
         """
-        channel = self._channel(axis)
-        wanted = [position] if isinstance(position, int | float) else list(position)
-        start = channel.position * channel.axis.scale.increment
-        setpoints = checked_profile(
-            channel.axis.settings, start, wanted, velocity, acceleration, relative
-        )
-        with self._stopping():
-            channel.axis.set_profile(velocity, acceleration)
-            self._enter(Mode.PROFILE_POSITION, self._cycle.channels)
-            profile_position.move(self._cycle, channel, setpoints, self.settings.sync_period)
-        self.enable()
-
-    def _stopping_time(self) -> float:
-        """From the velocity limit to rest at the acceleration limit, slowest axis [s]."""
-        return max(a.settings.velocity / a.settings.acceleration for a in self.axes)
-
-    def _channel(self, axis: str) -> Channel:
-        for channel in self._cycle.channels:
-            if channel.axis.name == axis:
-                return channel
-        names = ", ".join(a.name for a in self.axes)
-        raise ConfigurationError(f"no such axis (there are {names})", axis=axis)
-
-    def _not_enabled(self) -> str:
-        from drivers.power import state_of
-
-        for channel in self._cycle.channels:
-            if not channel.seen or state_of(channel) is not State.OPERATION_ENABLED:
-                return channel.axis.name
-        return self.axes[0].name
-
-    def _check_loose(self) -> None:
-        for axis in self.axes:
-            if axis.name in self._power.loose:
-                raise AxisFault(
-                    "was told to switch off, and neither process data nor SDO show that it has",
-                    axis=axis.name, obj=od.STATUSWORD,
-                )  # fmt: skip
-
-    @contextmanager
-    def _stopping(self) -> Iterator[None]:
-        """Whatever goes wrong inside stops all axes; a fault leaves with all that is known of it.
-
-        Raises:
-            AxisFault: of the same class, merged by `diagnosis.explained`.
-        """
-        try:
-            yield
-        except AxisFault as problem:
-            channel = next((c for c in self._cycle.channels if c.axis.name == problem.axis), None)
-            if channel is None:
-                self.safe_stop()
-                raise
-            evidence = Evidence.of(channel)  # before the stop adds commands of its own
-            self.safe_stop()
-            raise explained(problem, channel, evidence) from problem
-        except BaseException:
-            self.safe_stop()
-            raise
+        self._motion.move_to(axis, position, velocity, acceleration, relative)
 
 
 def _check_unique(axes: Sequence[AxisSettings]) -> None:

@@ -3,8 +3,9 @@
 One thread: waits for a frame or the next timer, brings the plant to its time (the drives do that
 themselves) and lets the drives handle it. A real drive samples when SYNC interrupts it; so a frame
 is handled at the time it came where the bus tells that, and a late loop shows up as late answers,
-never as samples of another instant. The control ticks keep in phase with SYNC, as real drives' do. A SYNC that the next
-one has overtaken is not answered any more. Frames that the bus refuses are lost, and counted.
+never as samples of another instant. The control ticks keep in phase with SYNC, as real drives' do.
+A SYNC that the next one has overtaken is not answered any more. Frames that the bus refuses are
+lost, and counted.
 """
 
 from __future__ import annotations

@@ -1,0 +1,104 @@
+"""Stops that get through: by process data, else by SDO, and by themselves where something fails."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from drivers import objects as od
+from drivers.axis import Axis
+from drivers.cia402 import Command
+from drivers.cycle import Cycle
+from drivers.diagnosis import Evidence, explained
+from drivers.errors import AxisFault
+from drivers.power import Power
+
+REACTION = 0.5
+"""Besides the time for braking, a quick stop may take so long [s]."""
+
+
+class SafeStop:
+    """Takes all axes to rest and takes their power away, whatever else happens.
+
+    Attributes:
+        begun: a stop or the closing has begun, and nothing may break it off; until the next boot.
+    """
+
+    def __init__(self, cycle: Cycle, power: Power, axes: Sequence[Axis]) -> None:
+        self.begun = False
+        self._cycle = cycle
+        self._power = power
+        self._axes = axes
+
+    @property
+    def braking_time(self) -> float:
+        """From the velocity limit to rest at the acceleration limit, slowest axis [s]."""
+        return max(a.settings.velocity / a.settings.acceleration for a in self._axes)
+
+    def quick_stop(self) -> None:
+        """Stops all axes at their quick-stop deceleration; they end without power.
+
+        Raises:
+            AxisFault: an axis does not stop in time.
+            BusError: the bus fails.
+        """
+        self._power.quick_stop(self.braking_time + REACTION)
+        self._power.switch_off()
+
+    def disable(self) -> None:
+        """Takes the force offsets back, then opens the loops of all axes.
+
+        Raises:
+            AxisFault: an axis faults meanwhile, or does not tell that it is without power.
+        """
+        self._power.ramp_offsets_out()
+        self._power.switch_off()
+        for axis in self._axes:
+            if axis.name in self._power.loose:
+                raise AxisFault(
+                    "was told to switch off, and neither process data nor SDO show that it has",
+                    axis=axis.name, obj=od.STATUSWORD,
+                )  # fmt: skip
+
+    def stop(self) -> None:
+        """Quick stop and power off wherever it still reaches; never raises."""
+        self.begun = True
+        if not any(c.seen or c.axis.node.booted for c in self._cycle.channels):
+            return  # nobody was ever there: nothing of ours moves
+        try:
+            self.quick_stop()
+        except Exception:  # noqa: BLE001  whatever broke the bus: try the other way to the drives
+            for command in (Command.QUICK_STOP, Command.DISABLE_VOLTAGE):
+                try:
+                    self._power.attempt_by_sdo(command)
+                except Exception:  # noqa: BLE001  nothing is left to try
+                    return
+
+    def let_go(self) -> None:
+        """Disables what may still be under power; never raises."""
+        if any(c.seen for c in self._cycle.channels):
+            try:
+                self.disable() if self._power.enabled else self._power.switch_off()
+            except Exception:  # noqa: BLE001
+                self.stop()
+
+    @contextmanager
+    def on_failure(self) -> Iterator[None]:
+        """Whatever goes wrong inside stops all axes; a fault leaves with all that is known of it.
+
+        Raises:
+            AxisFault: of the same class, merged by `diagnosis.explained`.
+        """
+        try:
+            yield
+        except AxisFault as problem:
+            channel = next((c for c in self._cycle.channels if c.axis.name == problem.axis), None)
+            if channel is None:
+                self.stop()
+                raise
+            evidence = Evidence.of(channel)  # before the stop adds commands of its own
+            self.stop()
+            raise explained(problem, channel, evidence) from problem
+        except BaseException:
+            self.stop()
+            raise
