@@ -8,11 +8,15 @@ from contextlib import contextmanager
 from drivers import objects as od
 from drivers.axis import Axis
 from drivers.cia402 import Command
+from drivers.clock import Clock
 from drivers.cycle import Cycle
 from drivers.diagnosis import Evidence, explained
-from drivers.errors import AxisFault
+from drivers.errors import AxisFault, BusError
 from drivers.power import Power
 
+PERSISTENCE, PAUSE = 0.6, 0.01
+"""A bus that refuses frames may come back, as from bus-off: tried so long, so often [s]. After that
+the drives have missed our heartbeat."""
 REACTION = 0.5
 """Besides the time for braking, a quick stop may take so long [s]."""
 
@@ -24,8 +28,9 @@ class SafeStop:
         begun: a stop or the closing has begun, and nothing may break it off; until the next boot.
     """
 
-    def __init__(self, cycle: Cycle, power: Power, axes: Sequence[Axis]) -> None:
+    def __init__(self, cycle: Cycle, power: Power, axes: Sequence[Axis], clock: Clock) -> None:
         self.begun = False
+        self._clock = clock
         self._cycle = cycle
         self._power = power
         self._axes = axes
@@ -65,14 +70,26 @@ class SafeStop:
         self.begun = True
         if not any(c.seen or c.axis.node.booted for c in self._cycle.channels):
             return  # nobody was ever there: nothing of ours moves
+        deadline = self._clock.now_ns() + round(PERSISTENCE * 1e9)
+        while not self._attempt() and (now := self._clock.now_ns()) < deadline:
+            self._clock.sleep_until_ns(now + round(PAUSE * 1e9))
+
+    def _attempt(self) -> bool:
+        """One attempt; False where the bus itself refused, so that another one makes sense."""
+        refused = False
         try:
             self.quick_stop()
-        except Exception:  # noqa: BLE001  whatever broke the bus: try the other way to the drives
-            for command in (Command.QUICK_STOP, Command.DISABLE_VOLTAGE):
-                try:
-                    self._power.attempt_by_sdo(command)
-                except Exception:  # noqa: BLE001  nothing is left to try
-                    return
+            return True
+        except BusError:
+            refused = True
+        except Exception:  # noqa: BLE001, S110  whatever it was: try the other way to the drives
+            pass
+        for command in (Command.QUICK_STOP, Command.DISABLE_VOLTAGE):
+            try:
+                self._power.attempt_by_sdo(command)
+            except Exception:  # noqa: BLE001  nothing is left to try
+                break
+        return not refused
 
     def let_go(self) -> None:
         """Disables what may still be under power; never raises."""

@@ -74,7 +74,7 @@ class Stage(StageState):
         cycle = Cycle(network, made, bus)
         power, real_time = Power(cycle, bus.sync_period), RealTime(bus.realtime)
         super().__init__(network, made, cycle, power, real_time)
-        self._stopping = SafeStop(cycle, power, made)
+        self._stopping = SafeStop(cycle, power, made, network.clock)
         self._motion = Motion(
             network, cycle, power, made, self._stopping, real_time, bus.sync_period
         )

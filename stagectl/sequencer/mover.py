@@ -212,7 +212,7 @@ class Mover:
     def _move_data(self) -> list[MoveData]:
         """What has come back of the move so far, axis by axis."""
         parts = [self._before, *map(MoveSamples.of, self._blocks)]
-        data = MoveSamples.joined(parts).punctual(self._period).on_grid(self._period)
+        data = MoveSamples.joined(parts).punctual(self._period).fresh().on_grid(self._period)
         data = data.placed(self._period)
         moves = [
             MoveData(

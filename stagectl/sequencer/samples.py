@@ -17,6 +17,9 @@ EXACT = 1e-5
 """A SYNC that is off its place by less than this share of Ts is where it belongs."""
 REACH = 0.3
 """A sample may be brought back to its place from so much of Ts away."""
+STALE_STEPS = 20
+"""An axis that jumps by so many of its smallest steps had moved while its samples repeated."""
+
 _NODES, _SPREAD = 4, 5
 """Samples that a position between them is read from, within so many periods."""
 
@@ -154,6 +157,27 @@ class MoveSamples:
                 bound = np.fmin(arrival, self.doubt)
                 away = np.abs(bound - np.median(bound[ok]))
                 ok &= away <= PUNCTUAL * period
+        return replace(self, valid=valid)
+
+    def fresh(self) -> MoveSamples:
+        """With those invalid that only repeat the one before, while the axis went on.
+
+        A drive that sends old data sends position and force to the last bit as they were; then
+        the position jumps.
+        """
+        valid = self.valid.copy()
+        for position, force, ok in zip(self.position.T, self.force.T, valid.T, strict=True):
+            rows = np.flatnonzero(ok)
+            step = np.abs(np.diff(position[rows]))
+            if not step.any():
+                continue
+            same = (step == 0.0) & (np.diff(force[rows]) == 0.0)
+            jumped = step > STALE_STEPS * step[step > 0.0].min()
+            # a run of repeats counts by the step that ends it
+            ends = np.where(~same, np.arange(len(same)), len(same))
+            ends = np.minimum.accumulate(ends[::-1])[::-1]
+            stale = same & np.append(jumped, False)[ends]
+            ok[rows[1:][stale]] = False
         return replace(self, valid=valid)
 
     def on_grid(self, period: float) -> MoveSamples:

@@ -116,6 +116,16 @@ def test_when_the_host_is_bus_off_the_drives_stop_by_themselves(bench):
     assert b.enabled == []
 
 
+def test_after_a_bus_off_the_host_stops_drives_that_never_heard_its_heartbeat(bench):
+    heartbeat = f.Frames(frozenset({0x77F}), "host")  # a consumer's watch begins with the first
+    b = bench(f.Drop(heartbeat), f.BusOff(None, at=1.1, duration=0.05))
+    with pytest.raises(BusError, match="bus-off"):
+        b.hold(500)
+    assert b.enabled == []  # the stop has waited for the bus
+    assert 1.15 < b.now < 1.3
+    b.stage.close()
+
+
 def test_a_drive_that_answers_to_nothing_is_said_to_be_loose(bench):
     sdo = f.Frames(frozenset({0x582}), "drives", after=1.0)
     b = bench(f.Drop(RPDO_Y), f.Drop(sdo))

@@ -87,3 +87,16 @@ def test_periods_passed_over_keep_their_holes():
     assert len(whole) == COUNT + 2
     assert np.flatnonzero(~whole.valid[:, 0]).tolist() == [80, 81]
     np.testing.assert_array_equal(whole.sync[82:], samples.sync[80:])
+
+
+def test_data_that_a_drive_sends_again_are_no_new_samples():
+    samples = jittered(0.0)
+    samples.position[50:53], samples.force[50:53] = samples.position[49], samples.force[49]
+    assert np.flatnonzero(~samples.fresh().valid[:, 0]).tolist() == [50, 51, 52]
+
+
+def test_an_axis_at_rest_may_repeat_itself():
+    samples = jittered(0.0)
+    samples.position[:, 0] = np.round(samples.position[:, 0], 9)
+    assert (np.diff(samples.position[:, 0]) == 0.0).sum() > 20  # before and after the motion
+    assert samples.fresh().valid.all()
