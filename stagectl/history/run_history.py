@@ -10,6 +10,7 @@ from importlib import metadata
 
 from estimation.belief import FIGURES, MASS
 from stagectl.errors import StagectlError
+from stagectl.history.measured import measured_level
 from stagectl.history.port import History
 from stagectl.history.records import EstimateRecord, RunEntry, StageKey, StepRecord
 from stagectl.request import RunRequest
@@ -74,7 +75,7 @@ class RunHistory:
             figures={name: float(getattr(estimate.friction, name)) for name in FIGURES[:MASS]},
             covariance=tuple(estimate.covariance.ravel().tolist()),
             level=estimate.level,
-            measured=estimate.shown if placed or event.reach <= LOCAL else None,
+            measured=measured_level(estimate) if placed or event.reach <= LOCAL else None,
             temperature=temperature,
         )
         try:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from estimation.friction_field import FrictionField
 from estimation.site_tracking import Observation, SiteTracker, TrackingSettings
 from estimation.split_horizon import Estimate
+from stagectl.history.measured import measured_level
 from stagectl.history.records import Measurement, Pair
 from stagectl.maps.model import FrictionMap
 from stagectl.sequencer.events import LevelStepped
@@ -27,10 +28,6 @@ NEAR = 2e-3
 """A move that ends within this distance of a site is a move to that site [m]."""
 GRID = 4e-3
 """Nodes of the field's grid: a tenth of what a map resolves [m]."""
-
-
-PRESLIDING_ERROR = 0.012
-"""What the level of a move that hardly slid is off by beside its sigma, relative (measured)."""
 
 
 class LevelGrid:
@@ -145,11 +142,10 @@ class TrackedPlaces:
         name = self._names[axis]
         if name not in self.trackers or self._target is None:
             return None
-        if estimate.shown is None:
+        shown = measured_level(estimate)
+        if shown is None:
             return None
-        value, sigma = estimate.shown
-        if "A" not in estimate.zones:
-            sigma = math.hypot(sigma, PRESLIDING_ERROR * value)
+        value, sigma = shown
         seen = self.trackers[name].observe(
             self._target, math.log(value), sigma / value, self._origin + time
         )

@@ -31,6 +31,9 @@ BEFORE_MOVE = 2
 """Samples at rest that a move's data begin with."""
 ASTRAY = 10
 """An axis that has been outside its following window in so many samples does not follow."""
+BRIEF = 0.5
+"""Between places an axis that rests for more than this share of the move has shown nothing of the
+level at the target: Fc goes on changing under it with the other axes' positions, and by itself."""
 _CHUNK = 256
 """Setpoints streamed at once while holding."""
 
@@ -96,6 +99,7 @@ class Mover:
         self._places = places
         self._relief: F64 | None = None
         self._behind: list[F64] = []
+        self._brief: list[bool] = []
         self._take_stock()
 
     def _take_stock(self) -> None:
@@ -158,6 +162,8 @@ class Mover:
             self._rest_force = self._tail.mean_force()
         demand = _demand(motion, rows, self._period)
         self._relief = self._depart(target, demand)
+        longest = max(m.duration for m in motion)
+        self._brief = [m.duration < (1.0 - BRIEF) * longest for m in motion]
         offset = np.column_stack(
             [
                 axis.compensation.offsets(
@@ -279,6 +285,8 @@ class Mover:
         learned = []
         for a, (axis, data) in enumerate(zip(self._axes, self._move_data(), strict=True)):
             moved = abs(move.distance(axis.name)) >= axis.increment and data.valid.sum() >= 3
+            if self._relief is not None and self._brief[a]:
+                moved = False  # its friction state is followed all the same
             result = axis.compensation.learn(self._level(a, data)) if moved else None
             if self._relief is not None:
                 axis.compensation.arrive(data, self._behind[a])
