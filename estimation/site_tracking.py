@@ -55,7 +55,7 @@ class TrackingSettings:
     trend_time: float = 60.0
     pause: float = 0.2
     pause_time: float = 600.0
-    model_error: float = 0.003
+    model_error: float = 0.004
     doubt: float = 3.0
 
 

@@ -10,8 +10,12 @@ import math
 
 from estimation.split_horizon import Estimate
 
-PRESLIDING_ERROR = 0.012
+PRESLIDING_ERROR = 0.006
 """What the level of a move that hardly slid is off by beside its sigma, relative (measured)."""
+PRESLIDING_MISFIT, SLIDING_MISFIT = (0.5, 0.1), (0.7, 0.06)
+"""A usual misfit (`Estimate.misfit`), and what the level is off by for each unit beyond it,
+relative (measured): moves that hardly slid, where an element sticks a sample earlier or later than
+the sampled positions tell; moves that slid, over something that the map does not know."""
 
 
 def measured_level(estimate: Estimate) -> tuple[float, float] | None:
@@ -23,6 +27,8 @@ def measured_level(estimate: Estimate) -> tuple[float, float] | None:
     if estimate.shown is None:
         return None
     value, sigma = estimate.shown
-    if "A" not in estimate.zones:
-        sigma = math.hypot(sigma, PRESLIDING_ERROR * value)
-    return value, sigma
+    slid = "A" in estimate.zones
+    usual, error = SLIDING_MISFIT if slid else PRESLIDING_MISFIT
+    unexplained = error * max(estimate.misfit - usual, 0.0)
+    beside = 0.0 if slid else PRESLIDING_ERROR
+    return value, math.hypot(sigma, beside * value, unexplained * value)
