@@ -285,7 +285,7 @@ def produce(mode: str, first: int, last: int, wafers: int, seed: int, folder: Pa
             places = active.places
             active.places.on_step = events.append
             compensation = make_compensation(
-                machine, Mode.ESTIMATED, known=active.figures, settled=True
+                machine, Mode.ESTIMATED, known=active.figures, settled=active.drift
             )
         elif mode == "global":
             if compensation is None:

@@ -18,6 +18,7 @@ at the next site as well is one of the whole table, and c takes it.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -123,6 +124,46 @@ class SiteTracker:
         self.moves = np.append(self.moves, 0)
         self._detectors.append(StepDetector())
         return len(self.mean) - 1
+
+    def numbers(self) -> dict[str, F64]:
+        """Everything but `settings` and `time`, to be kept; `of_numbers` makes it whole again."""
+        step = self._last_step
+        return {
+            "mean": self.mean,
+            "state": self.state,
+            "covariance": self.covariance,
+            "moves": self.moves.astype(np.float64),
+            "sums": np.array([(d.up, d.down) for d in self._detectors]).reshape(-1, 2),
+            "last_step": np.array([] if step is None else step, dtype=np.float64),
+        }
+
+    @classmethod
+    def of_numbers(
+        cls, numbers: Mapping[str, F64], settings: TrackingSettings, time: float
+    ) -> SiteTracker:
+        """A tracker as it stood when its `numbers` were taken.
+
+        Args:
+            numbers: of it.
+            settings: of it.
+            time: of its state [s].
+
+        Raises:
+            KeyError, ValueError: they are not whole, or do not belong together.
+        """
+        mean, covariance = numbers["mean"], numbers["covariance"]
+        size = SITES + len(mean)
+        if covariance.shape != (size, size) or numbers["state"].shape != (size,):
+            raise ValueError("numbers of a tracker that do not belong together")
+        tracker = cls(mean, covariance[SITES:, SITES:], settings, time)
+        tracker.state, tracker.covariance = numbers["state"].copy(), covariance.copy()
+        tracker.moves = numbers["moves"].astype(np.int64)
+        for detector, (up, down) in zip(tracker._detectors, numbers["sums"].tolist(), strict=True):
+            detector.up, detector.down = up, down
+        if len(numbers["last_step"]):
+            site, sign, size_, taken = numbers["last_step"].tolist()
+            tracker._last_step = (int(site), int(sign), size_, taken)
+        return tracker
 
     def advance(self, time: float) -> None:
         """Let time pass until `time` [s]; no effect for the past."""

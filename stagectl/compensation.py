@@ -14,10 +14,11 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import cast
 
 import numpy as np
 
-from estimation.belief import BeliefSettings
+from estimation.belief import FIGURES, BeliefSettings
 from estimation.feedforward import (
     friction_feedforward,
     mass_feedforward,
@@ -77,12 +78,18 @@ class AxisCompensation:
         friction: model to start from.
         mode: what the offsets are made of.
         period: Ts [s].
-        settled: how the Coulomb force differs from place to place is known from elsewhere, so that
-            the figures themselves change by next to nothing from move to move.
+        settled: given where it is known from elsewhere how the Coulomb force differs from place to
+            place, so that the figures themselves hardly change from move to move: the relative
+            1-sigma of that by name, `SETTLED_DRIFT` for those that are missing.
     """
 
     def __init__(
-        self, axis: Axis, friction: Friction, mode: Mode, period: float, settled: bool = False
+        self,
+        axis: Axis,
+        friction: Friction,
+        mode: Mode,
+        period: float,
+        settled: Mapping[str, float] | None = None,
     ) -> None:
         self.mode = mode
         self._departed: FrictionState | None = None
@@ -102,7 +109,7 @@ class AxisCompensation:
                 belief=BeliefSettings(
                     wander=wander.coulomb,
                     correlation_time=wander.correlation_time,
-                    drift=SETTLED_DRIFT if settled else BeliefSettings().drift,
+                    drift=BeliefSettings().drift if settled is None else _drift(settled),
                 ),
             ),
             frozen=mode is not Mode.ESTIMATED,
@@ -300,7 +307,7 @@ def make_compensation(
     scale: float = 1.0,
     truth: Machine | None = None,
     known: Mapping[str, Figures] | None = None,
-    settled: bool = False,
+    settled: Mapping[str, Mapping[str, float]] | None = None,
 ) -> tuple[AxisCompensation, ...]:
     """Compensation of every axis, in the machine's order, compiled and ready.
 
@@ -310,7 +317,7 @@ def make_compensation(
         scale: of the machine file's friction figures to start from; the truth is not scaled.
         truth: where `mode` is oracle, whose friction figures to use.
         known: axis -> figures that an earlier run has learned, where `mode` is estimated.
-        settled: as of `AxisCompensation`.
+        settled: axis -> as of `AxisCompensation`; None: the Coulomb force is the same everywhere.
     """
     source = truth if mode is Mode.ORACLE and truth is not None else machine
     scale = scale if source is machine else 1.0
@@ -320,7 +327,7 @@ def make_compensation(
             friction_model(source.axes[name]).scaled(scale),
             mode,
             machine.bus.sync_period,
-            settled,
+            None if settled is None else settled.get(name, {}),
         )
         for name, axis in machine.axes.items()
     )
@@ -330,6 +337,14 @@ def make_compensation(
                 compensation.estimator.believe(known[name])
     _warm_up(next(iter(machine.axes.values())), machine.bus.sync_period)
     return made
+
+
+def _drift(settled: Mapping[str, float]) -> tuple[float, float, float, float, float]:
+    """Drift of all figures; that of the Coulomb force and of the mass is not learnt."""
+    drift = list(SETTLED_DRIFT)
+    for name, value in settled.items():
+        drift[FIGURES.index(name)] = value
+    return cast("tuple[float, float, float, float, float]", tuple(drift))
 
 
 def _warm_up(axis: Axis, period: float) -> None:

@@ -101,6 +101,8 @@ class RunRequest:
                 "truth": None if self.truth is None else self.truth.source,
             },
             "retries": self.retries,
+            "calibration": bool(self.recipe.excursions),
+            "slipped": len(self.recipe.slipped),
             "resumed": None
             if resumed is None
             else {**resumed.link(), "friction": {k: dict(v) for k, v in resumed.friction.items()}},

@@ -6,9 +6,10 @@ replay needs, and knows at each moment how much of the recipe is done.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -61,18 +62,21 @@ class RunRecord:
     """
 
     def __init__(
-        self, request: RunRequest, history: History | None = None, map_number: int | None = None
+        self,
+        request: RunRequest,
+        history: History | None = None,
+        went_by: Mapping[str, Any] | None = None,
     ) -> None:
         """Begin a record.
 
         Args:
             request: of the run.
             history: open for writing, closed at the end; None for none.
-            map_number: of the friction map that the run goes by, None for none.
+            went_by: the friction map that the run goes by (`maps.snapshot`), None for none.
         """
         self._request = request
         self.temperature = LatestTemperature(None)
-        self._placed = map_number is not None
+        self._placed = went_by is not None
         self._history = None if history is None else RunHistory(history, run_entry(request))
         put_aside(request.folder)
         machine, resumed = request.machine, request.resumed
@@ -95,7 +99,8 @@ class RunRecord:
                 ),
             ),
         )
-        self.journal.event("run", **request.as_noted(), map=map_number)
+        number = None if went_by is None else went_by["number"]
+        self.journal.event("run", **request.as_noted(), map=number, map_then=went_by)
 
     def move(self, move: Move) -> None:
         """A move begins."""

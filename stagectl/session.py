@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import can
 
@@ -76,11 +76,13 @@ class Rig:
         bus: with a clock of its own.
         fiducial: where the marks are.
         stop: after so many samples the operator asks for a stop, with this reason.
+        active: the friction map to go by, as it stood then.
     """
 
     bus: can.BusABC
     fiducial: Fiducial
     stop: tuple[int, str] | None = None
+    active: ActiveMap | None = None
 
 
 def execute(request: RunRequest, listener: Listener, rig: Rig | None = None) -> RunResult:
@@ -119,7 +121,7 @@ def _execute(
     rig: Rig | None,
     history: History | None,
 ) -> RunResult:
-    active = _active_map(request, history)
+    active = _active_map(request, history) if rig is None else rig.active
     if active is not None:
         listener.phase(f"friction map {active.version.number}")
     listener.phase("preparing the estimator")
@@ -129,7 +131,7 @@ def _execute(
         request.friction_scale,
         request.truth,
         _known(request, active),
-        settled=active is not None,
+        settled=None if active is None else active.drift,
     )
     bus, axes = driver_settings(request.machine)
     if request.bus is not None:
@@ -152,6 +154,12 @@ def _active_map(request: RunRequest, history: History | None) -> ActiveMap | Non
     return load_active(
         history, stage, request.machine, request.recipe.sites, request.started.timestamp()
     )
+
+
+def _noted(active: ActiveMap) -> dict[str, Any]:
+    from stagectl.maps.snapshot import as_noted
+
+    return as_noted(active)
 
 
 def _known(request: RunRequest, active: ActiveMap | None) -> Mapping[str, Figures] | None:
@@ -216,9 +224,7 @@ class _Run:
         self._stage: Stage | None = None
         self._engine: Engine | None = None
         self._error: StagectlError | None = None
-        self._record = RunRecord(
-            request, history, None if active is None else active.version.number
-        )
+        self._record = RunRecord(request, history, None if active is None else _noted(active))
         self.note = self._record.note
 
     def drive(self, bus: BusSettings, axes: tuple[AxisSettings, ...], log: BusLog) -> None:

@@ -7,18 +7,33 @@ and for all that read it from the history later.
 from __future__ import annotations
 
 import math
-
-from estimation.split_horizon import Estimate
+from typing import Protocol
 
 PRESLIDING_ERROR = 0.006
 """What the level of a move that hardly slid is off by beside its sigma, relative (measured)."""
 PRESLIDING_MISFIT, SLIDING_MISFIT = (0.5, 0.1), (0.7, 0.06)
-"""A usual misfit (`Estimate.misfit`), and what the level is off by for each unit beyond it,
+"""A usual misfit (`Shown.misfit`), and what the level is off by for each unit beyond it,
 relative (measured): moves that hardly slid, where an element sticks a sample earlier or later than
 the sampled positions tell; moves that slid, over something that the map does not know."""
 
 
-def measured_level(estimate: Estimate) -> tuple[float, float] | None:
+class Shown(Protocol):
+    """What of an estimate tells the level; see `estimation.split_horizon`."""
+
+    @property
+    def shown(self) -> tuple[float, float] | None:
+        """Level and its standard deviation [N]."""
+
+    @property
+    def zones(self) -> str:
+        """With an "A" where the axis slid."""
+
+    @property
+    def misfit(self) -> float:
+        """Rms of the whitened residual."""
+
+
+def measured_level(estimate: Shown) -> tuple[float, float] | None:
     """Fc (1 + w) that a move alone has shown and its standard deviation [N]; None where it did not.
 
     Args:

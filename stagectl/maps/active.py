@@ -10,7 +10,7 @@ from stagectl.config.machine import Machine
 from stagectl.history.port import History
 from stagectl.history.records import EstimateRecord, Pair, StageKey
 from stagectl.maps.applicable import problems
-from stagectl.maps.learning import tracking_settings
+from stagectl.maps.learning import figure_drift, tracking_settings
 from stagectl.maps.model import FrictionMap, MapVersion, from_json
 from stagectl.maps.places import TrackedPlaces
 
@@ -26,11 +26,13 @@ class ActiveMap:
         version: of the map.
         places: what it knows, and goes on learning.
         figures: axis -> friction figures to begin with.
+        drift: axis -> figure -> how far it may change from move to move, relative, as learnt.
     """
 
     version: MapVersion
     places: TrackedPlaces
     figures: dict[str, Figures]
+    drift: dict[str, dict[str, float]]
 
 
 def map_versions(history: History, stage: StageKey) -> list[MapVersion]:
@@ -87,7 +89,12 @@ def load_active(
     )
     since = [m for m in measured if friction_map.date < m.time <= started]
     places.replay(since[-REPLAYED:])
-    return ActiveMap(version, places, _latest_figures(history, stage, friction_map, started))
+    return ActiveMap(
+        version,
+        places,
+        _latest_figures(history, stage, friction_map, started),
+        figure_drift(history, stage, tuple(machine.axes), measured),
+    )
 
 
 def _latest_figures(

@@ -1,4 +1,8 @@
-"""How a stage's friction changes, learnt from its history: the settings of the tracking."""
+"""How a stage's friction changes, learnt from its history, per axis and figure.
+
+The Coulomb force of each site goes into the settings of the tracking, the other figures into how
+far the estimator lets them drift from move to move.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +12,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimation.process_noise import ProcessNoise, Series, learn
+from estimation.process_noise import DAY, ProcessNoise, Series, learn
 from estimation.site_tracking import TrackingSettings
 from stagectl.config.machine import Machine
 from stagectl.history.port import History
 from stagectl.history.records import Measurement, Pair, StageKey
 
 HOUR = 3600.0
+MOST_STEPS = 400
+"""The latest differences say enough, and a run should not wait for more."""
 LEAST_STEPS = 20
 """Fewer differences than that say nothing; the usual rates stand."""
 
@@ -41,6 +47,36 @@ def tracking_settings(
     return settings
 
 
+def figure_drift(
+    history: History, stage: StageKey, axes: Sequence[str], measured: Sequence[Measurement]
+) -> dict[str, dict[str, float]]:
+    """Relative 1-sigma by which the figures but the Coulomb force change from move to move.
+
+    Axis -> figure -> drift; what the history says too little of is absent.
+
+    Args:
+        history: open.
+        stage: whose.
+        axes: their names.
+        measured: what moves have shown, in the order of time.
+    """
+    found: dict[str, dict[str, float]] = {}
+    for axis in axes:
+        time = np.array([m.time for m in measured if m.axis == axis])
+        apart = np.diff(time)
+        apart = apart[(apart > 0.0) & (apart < HOUR)]
+        if not len(apart):
+            continue
+        gap = float(np.median(apart))
+        # Within an hour it may go as far as it is seen to do from one hour to the next.
+        found[axis] = {
+            name: math.sqrt((noise.rate**2 / DAY + noise.scatter**2 / HOUR) * gap)
+            for name, noise in figure_noise(history, stage, axis).items()
+            if name != "coulomb" and noise.steps >= LEAST_STEPS
+        }
+    return found
+
+
 def level_noise(measured: Sequence[Measurement]) -> ProcessNoise:
     """Rate of one axis' sites on their own: what is common to all of them at a time is taken out.
 
@@ -64,22 +100,32 @@ def level_noise(measured: Sequence[Measurement]) -> ProcessNoise:
         common = float(np.mean([value - level[place] for place, (value, _) in row.items()]))
         for place, (value, count) in row.items():
             series.setdefault(place, []).append((hour * HOUR, value - common, 0.01 / count**0.5))
-    return learn([_series(rows) for rows in series.values()])
+    return learn(_latest([_series(rows) for rows in series.values()]))
 
 
 def figure_noise(history: History, stage: StageKey, axis: str) -> Mapping[str, ProcessNoise]:
-    """Rate and scatter of every friction figure of one axis, from the trends of all places."""
+    """Rate and scatter of every friction figure of one axis, from the trends of all places.
+
+    Of each hour the last estimate counts: those before it have gone into it.
+    """
     by_name: dict[str, list[Series]] = {}
     for place in history.places(stage):
         trend = history.trend(stage, axis, place)
         for name, values in trend.values.items():
             ok = np.isfinite(values) & (values > 0.0)
-            if ok.sum() >= 2:
-                value = values[ok]
+            last = np.append(np.diff(trend.time[ok] // HOUR) > 0.0, True)
+            if last.sum() >= 2:
+                value = values[ok][last]
                 by_name.setdefault(name, []).append(
-                    Series(trend.time[ok], np.log(value), trend.sigma[name][ok] / value)
+                    Series(trend.time[ok][last], np.log(value), trend.sigma[name][ok][last] / value)
                 )
-    return {name: learn(series) for name, series in by_name.items()}
+    return {name: learn(_latest(series)) for name, series in by_name.items()}
+
+
+def _latest(series: Sequence[Series]) -> list[Series]:
+    """The ends of all series, MOST_STEPS differences together."""
+    most = max(MOST_STEPS // max(len(series), 1), 2) + 1
+    return [Series(s.time[-most:], s.value[-most:], s.sigma[-most:]) for s in series]
 
 
 def _series(rows: Sequence[tuple[float, float, float]]) -> Series:

@@ -73,6 +73,11 @@ class TrackedPlaces:
         settings: of the tracking, by axis.
         origin: of the stage's time [s since 1970].
         on_step: called with each step that is found; may be set later.
+
+    Attributes:
+        sites: places that are known [m].
+        trackers: of the sites, by axis.
+        origin, on_step: as above.
     """
 
     def __init__(
@@ -86,7 +91,7 @@ class TrackedPlaces:
         on_step: Callable[[LevelStepped], object] = lambda _: None,
     ) -> None:
         self._names = tuple(axes)
-        self._origin = origin
+        self.origin = origin
         self.on_step = on_step
         self._settings = {name: settings.get(name, TrackingSettings()) for name in axes}
         low = (travel[0][0], travel[1][0])
@@ -147,7 +152,7 @@ class TrackedPlaces:
             return None
         value, sigma = shown
         seen = self.trackers[name].observe(
-            self._target, math.log(value), sigma / value, self._origin + time
+            self._target, math.log(value), sigma / value, self.origin + time
         )
         if seen.step is None:
             return None
@@ -165,7 +170,7 @@ class TrackedPlaces:
             return None
         tracker = self.trackers[name]
         level = tracker.wander  # as at the last measurement, which is when the estimator's is of
-        tracker.advance(self._origin + time)
+        tracker.advance(self.origin + time)
         mean, sigma = tracker.expected(self._target, wander=False)
         coulomb = math.exp(mean)
         return Expectation(coulomb, sigma * coulomb, level)

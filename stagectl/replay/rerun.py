@@ -15,6 +15,7 @@ from typing import Any
 from stagectl.compensation import Mode
 from stagectl.config.machine import Machine, parse_machine
 from stagectl.errors import UnusableInput
+from stagectl.maps.snapshot import noted
 from stagectl.recipe.load import parse_recipe
 from stagectl.recipe.model import Pair
 from stagectl.replay.bus import Difference, ReplayBus
@@ -89,28 +90,35 @@ def replay(folder: Path) -> Replayed:
                     f"{path}: was run in real time: what the host did then depended on readings of "
                     "the clock that no log has; runs with --simulate can be replayed"
                 )
-            if run.get("map") is not None:
-                raise UnusableInput(
-                    f"{path}: went by friction map {run['map']} of its history and by what that "
-                    "had learned by then, which no log has; runs with --map none can be replayed"
+            seals = [str(e["digest"]) for e in notes.events if e.get("event") == "bus_log"]
+            if run.get("calibration") or run.get("slipped"):
+                what = (
+                    "was a calibration"
+                    if run.get("calibration")
+                    else (f"had {run['slipped']} calibrations slipped into it")
                 )
-            noted = [str(e["digest"]) for e in notes.events if e.get("event") == "bus_log"]
-            if run.get("map") is not None:
                 raise UnusableInput(
-                    f"{path}: went by friction map {run['map']} as it stood then, which the "
-                    "recording does not hold; runs with --map none can be replayed"
+                    f"{path}: {what}: its moves do not come from its recipe alone; other runs with "
+                    "--simulate can be replayed"
+                )
+            if run.get("map") is not None and run.get("map_then") is None:
+                raise UnusableInput(
+                    f"{path}: went by friction map {run['map']} as it stood then, which "
+                    "recordings did not hold yet when it was made"
                 )
             machine = parse_machine(notes.machine, str(run["files"]["machine"]))
             request = _request(notes, run, machine, Path(scratch))
             bus = ReplayBus(log.frames, notes.outcome != "killed")
-            rig = Rig(bus, _Marks(_marks(notes)), _stop(notes))
+            then = run.get("map_then")
+            active = None if then is None else noted(then, machine, str(path))
+            rig = Rig(bus, _Marks(_marks(notes)), _stop(notes), active)
         except (KeyError, TypeError, ValueError, AttributeError) as damage:
             reason = f"{type(damage).__name__}: {damage}"
             raise UnusableInput(f"{path}: /events: damaged ({reason})") from damage
         with bus:
             execute(request, Listener(), rig)
     bus.finish()
-    stated = {s for s in (log.stated, *noted) if s is not None}
+    stated = {s for s in (log.stated, *seals) if s is not None}
     return Replayed(
         len(log.frames),
         bus.compared,

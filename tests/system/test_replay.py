@@ -9,10 +9,14 @@ import h5py
 import pytest
 from click.testing import CliRunner
 
+from estimation.friction_field import Node
 from hil_sim import faults as f
 from stagectl.cli import cli
 from stagectl.compensation import Mode
 from stagectl.errors import UnusableInput
+from stagectl.history.opening import open_history
+from stagectl.history.records import StageKey
+from stagectl.maps.model import FrictionMap, MapAxis, MapSite, to_json
 from stagectl.recipe.load import parse_recipe
 from stagectl.replay.rerun import replay
 from stagectl.request import RunRequest
@@ -84,6 +88,29 @@ def test_the_host_does_the_same_again(machine, tmp_path, faults, retries, outcom
     assert again.compared == sent > 3000
 
 
+def test_a_run_by_a_map_goes_by_it_as_it_stood(machine, tmp_path):
+    """What the sites had shown up to the run goes into its force offsets; the history may go."""
+    stage, begin = StageKey("wafer-xy", True), 1.7e9
+    where = tmp_path / "stage.db"
+    history = open_history(str(where), write=True)
+    places = [(0.0, -0.01), (0.02, -0.01), (0.0, 0.01), (0.02, 0.01)]
+    sites = tuple(MapSite(p, 6.0 + 50 * p[0], 0.02, begin, 4) for p in places)
+    axis = MapAxis(sites, (Node(1.0, "matern 5/2", 0.04, 0.1, 0.02),), {"viscous": (20.0, 0.5)})
+    content = to_json(FrictionMap(stage, begin, {"x": axis, "y": axis}))
+    history.activate(stage, history.save_map(stage, begin, "", content), begin, "activated")
+    history.close()
+    for wafer in range(2):
+        request = RunRequest(
+            parse_recipe(RECIPE, "short.yaml", machine), machine, machine, None, Mode.ESTIMATED,
+            1.0, wafer, tmp_path / str(wafer), datetime.now(UTC), history=str(where),
+        )  # fmt: skip
+        assert execute(request, Listener()).summary["outcome"] == "completed"
+    where.unlink()
+    again = replay(tmp_path / "1")
+    assert again.difference is None
+    assert again.compared > 2000
+
+
 def test_a_stop_by_the_operator_comes_at_the_same_sample(machine, tmp_path):
     begun = []
 
@@ -151,7 +178,10 @@ def test_unusable_runs(folder, tmp_path):
     log.write_text(text)
     for change, reason in (
         ({"simulated": False}, "was run in real time"),
-        ({"map": 3}, "went by friction map 3"),
+        ({"map": 3}, "went by friction map 3 as it stood then"),
+        ({"map": 3, "map_then": {"content": "{}"}}, "/events: damaged"),
+        ({"calibration": True}, "was a calibration"),
+        ({"slipped": 2}, "had 2 calibrations slipped into it"),
         ({"seed": None}, "/events: damaged"),
     ):
         with h5py.File(folder / "recording.h5", "r+") as file:

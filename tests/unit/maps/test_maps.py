@@ -3,13 +3,14 @@
 import csv
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from estimation.split_horizon import Estimate
 from stagectl.config.machine import load_machine
 from stagectl.errors import UnusableInput
+from stagectl.history.measured import measured_level
 from stagectl.history.opening import open_history
 from stagectl.history.records import EstimateRecord, RunEntry, StageKey
 from stagectl.maps.active import load_active, map_versions
@@ -17,6 +18,7 @@ from stagectl.maps.applicable import problems
 from stagectl.maps.build import build_map
 from stagectl.maps.compare import compare
 from stagectl.maps.export import grid_table, sites_table, trend_table, write_table
+from stagectl.maps.learning import figure_drift
 from stagectl.maps.model import MapVersion, from_json, to_json
 from stagectl.maps.places import TrackedPlaces
 from stagectl.maps.report import render
@@ -156,9 +158,54 @@ def test_comparison_tells_a_spot_from_the_whole_table(history):
 
 
 def estimate(value):
-    return Estimate(
-        True, None, None, {}, np.zeros((4, 4)), {}, (8.0, 0.1), 1.0, "A", 1.0, (value, 0.02)
-    )  # fmt: skip
+    return SimpleNamespace(shown=(value, 0.02), zones="A", misfit=0.6)
+
+
+def test_what_a_measurement_is_worth():
+    """A move that hardly slid, and one that the model does not explain, say less of the level."""
+    nothing = SimpleNamespace(shown=None, zones="B", misfit=0.4)
+    assert measured_level(nothing) is None
+    sigmas = [
+        measured_level(SimpleNamespace(shown=(6.0, 0.02), zones=zones, misfit=misfit))[1]
+        for zones, misfit in (("AB", 0.6), ("B", 0.4), ("AB", 1.5), ("B", 1.5))
+    ]
+    assert sigmas[0] == 0.02
+    assert sigmas == sorted(sigmas)
+    assert sigmas[3] > 3 * sigmas[1]
+
+
+def test_how_fast_the_other_figures_drift_is_learnt_per_axis_and_figure(history):
+    """Viscous friction of x walks by 3 % a root day; that of y, and stiffness, stand still."""
+    generator = np.random.default_rng(3)
+    places, days = GRID[:6], 12
+    walk = {
+        axis: rate * generator.standard_normal((days, 6)).cumsum(axis=0)
+        for axis, rate in (("x", 0.03), ("y", 0.0))
+    }
+    for day in range(days):
+        at = BEGIN + day * 86400.0
+        number = history.start_run(
+            RunEntry(STAGE, ("x", "y"), at, "cal", None, None, "s", "f", "calibration")
+        )
+        history.add(
+            [
+                EstimateRecord(
+                    number, axis, "other", i + 1, place, at + i, 1e-3, True, None,
+                    {"coulomb": 6.0, "viscous": 20.0 * math.exp(walk[axis][day, i]),
+                     "stiffness": 7e5},
+                    (0.01, 0, 0, 0, 0.01, 0, 0, 0, 49e6), 1.0, (6.0, 0.02),
+                )
+                for i, place in enumerate(places)
+                for axis in "xy"
+            ]
+        )  # fmt: skip
+    drift = figure_drift(history, STAGE, ("x", "y"), history.measurements(STAGE))
+    assert set(drift["x"]) == {"viscous", "stiffness"}  # the Coulomb force is the tracking's
+    gap = 1.0 / 86400.0  # a day's walk, in the second from one move to the next
+    assert drift["x"]["viscous"] > 0.02 * gap**0.5
+    assert drift["x"]["viscous"] > 3 * max(drift["y"]["viscous"], drift["x"]["stiffness"])
+    few = history.measurements(STAGE, until=BEGIN + 10.0)
+    assert figure_drift(history, STAGE, ("z",), few) == {}
 
 
 def test_in_production_a_site_is_known_on_arrival_and_its_step_is_found(history):

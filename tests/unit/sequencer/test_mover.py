@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -156,3 +157,58 @@ def test_an_axis_that_does_not_follow_is_a_named_fault():
     mover.hold(0.05)
     with pytest.raises(RunFault, match=r"^axis x: 0x6064:00 position actual: 2 mm from"):
         mover.hold(0.05)
+
+
+class Everywhere:
+    """Knows how friction differs from place to place; keeps what it is told of moves."""
+
+    def __init__(self):
+        self.told = []
+
+    def depart(self, target, time):
+        return [None, None] if max(abs(t - 0.01) for t in target) > 2e-3 else None
+
+    def relief(self, axis, path):
+        return np.zeros(len(path))
+
+    def arrived(self, axis, kind, estimate, time):
+        self.told.append((axis, kind))
+
+
+class Learning(Notes):
+    def level_with_target(self, move, relief):
+        return move
+
+    def arrive(self, move, relief):
+        self.arrived = True
+
+    def learn(self, move):
+        super().learn(move)
+        return SimpleNamespace(estimate=None)
+
+
+class EchoOfTwo(Echo):
+    targets = (0.0, 0.01)
+
+    def stream(self, position, offset, until=None):
+        made = super().stream(position, offset, until)
+        shape = made.position.shape
+        made.force, made.valid = np.full(shape, 1.5), np.ones(shape, dtype=bool)
+        made.arrival = np.repeat(made.arrival, 2, axis=1)
+        return made
+
+
+def test_an_axis_that_soon_rested_has_shown_nothing_of_the_place_it_was_taken_to():
+    """While the other one goes on, Fc changes under it; near its place a short move counts."""
+    axes = [MovingAxis(n, Limits(1.0, 10.0, 2000.0), 1e-9, Learning()) for n in "xy"]
+    places = Everywhere()
+    mover = Mover(EchoOfTwo(), axes, TS, lambda: False, places)
+    mover.hold(0.02)
+    for kind, target in (("macro", (0.03, 0.01005)), ("micro", (0.03, 0.0101))):
+        if kind == "micro":
+            places.depart = lambda target, time: None
+        mover.go(kind, 1, target, Limits(0.5, 3.0, 200.0), lambda _: None)
+        mover.hold(0.03)
+        mover.learn()
+    assert places.told == [(0, "macro"), (1, "micro")]
+    assert axes[1].compensation.arrived  # its friction state is followed all the same
