@@ -9,12 +9,15 @@ The same wafers, noise included, with one estimate for the whole table, without 
 compensation, and with an oracle that is told the true level at each site and time.
 
     python benchmarks/shift.py [--wafers 200] [--seed 1] [--modes map,oracle,global,none]
+    python benchmarks/shift.py --folder FOLDER --minutes 30     # and again, until it is through
+
+With a folder it goes on where it was, whatever ended it. The figures are of the wafers that all
+modes have behind them.
 """
 
 from __future__ import annotations
 
 import argparse
-import itertools
 import json
 import math
 import os
@@ -263,8 +266,13 @@ def calibrate(database: str, seed: int) -> None:
     notes.end("completed", None)
 
 
-def produce(mode: str, first: int, last: int, wafers: int, seed: int, folder: Path) -> None:
-    """Wafers first .. last - 1 in this process; a line for each in `folder/MODE.jsonl`."""
+def produce(
+    mode: str, first: int, last: int, wafers: int, seed: int, folder: Path, until: float = math.inf
+) -> None:
+    """Wafers first .. last - 1 in this process; a line for each in `folder/MODE.jsonl`.
+
+    Past `until` (seconds since 1970) no further wafer is begun.
+    """
     machine = load_machine()
     recipe = load_recipe(ROOT / "recipes" / "inspection-20.yaml", machine)
     stage = StageKey(machine.name, True)
@@ -289,7 +297,8 @@ def produce(mode: str, first: int, last: int, wafers: int, seed: int, folder: Pa
             )
         elif mode == "global":
             if compensation is None:
-                compensation = make_compensation(machine, Mode.ESTIMATED)
+                known = json.loads(lines[-1])["figures"] if lines else None
+                compensation = make_compensation(machine, Mode.ESTIMATED, known=known)
             for own in compensation:
                 own.forget_state()
         elif mode == "oracle":
@@ -312,46 +321,78 @@ def produce(mode: str, first: int, last: int, wafers: int, seed: int, folder: Pa
             [e.axis, *e.place, e.change, e.everywhere]
             for e in events if isinstance(e, LevelStepped)
         ]  # fmt: skip
-        line = {"wafer": wafer, "end": now + duration + BETWEEN, "micro": micro, "steps": steps}
+        figures = {
+            name: {
+                key: (getattr(own.estimator.friction, key), sigma)
+                for key, sigma in own.estimator.sigma.items()
+            }
+            for name, own in zip(machine.axes, compensation, strict=True)
+        }  # fmt: skip
+        line = {
+            "wafer": wafer, "end": now + duration + BETWEEN, "micro": micro, "steps": steps,
+            "figures": figures,
+        }  # fmt: skip
         now = float(line["end"])  # type: ignore[arg-type]
         with out.open("a") as file:
             file.write(json.dumps(line) + "\n")
+        if time.time() > until:
+            return
 
 
-def shift(mode: str, wafers: int, seed: int, folder: Path) -> None:
-    """All wafers of one mode; with the map the host is started anew twice and killed once."""
+def done(folder: Path, mode: str) -> int:
+    """Wafers that a mode has behind it; a line that a kill cut off is taken away."""
+    path = folder / f"{mode}.jsonl"
+    if not path.exists():
+        return 0
+    text = path.read_text()
+    whole = text[: text.rfind("\n") + 1]
+    if whole != text:
+        path.write_text(whole)
+    return len(whole.splitlines())
 
-    def host(first: int, last: int) -> subprocess.Popen[bytes]:
+
+def shift(mode: str, last: int, wafers: int, seed: int, folder: Path, until: float) -> None:
+    """A mode's wafers up to `last`; with the map the host is killed once in the last quarter."""
+
+    def host() -> subprocess.Popen[bytes]:
         return subprocess.Popen(
-            [sys.executable, __file__, "--child", mode, str(first), str(last),
-             "--wafers", str(wafers), "--seed", str(seed), "--folder", str(folder)]
+            [sys.executable, __file__, "--child", mode, str(done(folder, mode)), str(last),
+             "--wafers", str(wafers), "--seed", str(seed), "--folder", str(folder),
+             "--until", repr(until)]
         )  # fmt: skip
 
-    def done() -> int:
-        path = folder / f"{mode}.jsonl"
-        return len(path.read_text().splitlines()) if path.exists() else 0
-
-    parts = [0, wafers] if mode != "map" else [0, wafers // 4, wafers // 2, wafers]
-    for first, last in itertools.pairwise(parts):
-        with host(first, last) as child:
-            if mode == "map" and last == wafers:  # this one dies in the middle of a wafer
-                while done() < 3 * wafers // 4 and child.poll() is None:
+    fatal, mark = 3 * wafers // 4, folder / "killed"
+    while done(folder, mode) < last and time.time() < until:
+        with host() as child:
+            if mode == "map" and last > fatal and not mark.exists():
+                while done(folder, mode) < fatal and child.poll() is None:
                     time.sleep(0.05)
-                time.sleep(0.2)
-                os.kill(child.pid, signal.SIGKILL)
+                time.sleep(0.2)  # in the middle of a wafer
+                if child.poll() is None:
+                    os.kill(child.pid, signal.SIGKILL)
+                    mark.write_text(f"in wafer {done(folder, mode) + 1}\n")
         assert child.returncode in (0, -signal.SIGKILL), child.returncode
-    while mode == "map" and done() < wafers:
-        with host(done(), wafers) as child:
-            pass
-        assert child.returncode == 0
 
 
 def report(modes: Sequence[str], wafers: int, folder: Path) -> None:
     """The table, and what was flagged."""
+    common = min(done(folder, mode) for mode in modes)
+    if common == 0:
+        print("no wafer is through in all modes")
+        return
     rows = {
-        mode: [json.loads(line) for line in (folder / f"{mode}.jsonl").read_text().splitlines()]
+        mode: [
+            json.loads(line)
+            for line in (folder / f"{mode}.jsonl").read_text().splitlines()[:common]
+        ]
         for mode in modes
     }
+    killed = folder / "killed"
+    print(
+        f"{common} of {wafers} wafers; the map's host was begun anew behind "
+        f"{', '.join(str(n) for n in (wafers // 4, wafers // 2) if n < common) or 'none'}, killed "
+        f"{killed.read_text().strip() if killed.exists() else 'nowhere yet'}"
+    )
     print(f"{'micro-moves: settling, ms':<28}  ±50 nm median (mean)  ±200 nm  peak, um  moves")
     figures = {}
     for mode, lines in rows.items():
@@ -383,26 +424,40 @@ def main() -> None:
     parser.add_argument("--wafers", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--modes", default="map,oracle,global,none")
-    parser.add_argument("--folder", type=Path)
-    parser.add_argument("--child", nargs=3, metavar=("MODE", "FIRST", "LAST"))
+    parser.add_argument("--folder", type=Path, help="kept; what is there is gone on with")
+    parser.add_argument(
+        "--minutes", type=float, default=math.inf, help="after these no wafer is begun"
+    )
+    parser.add_argument(
+        "--child", nargs=3, metavar=("MODE", "FIRST", "LAST"), help=argparse.SUPPRESS
+    )
+    parser.add_argument("--until", type=float, default=math.inf, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.child:
         mode, first, last = options.child
-        produce(mode, int(first), int(last), options.wafers, options.seed, options.folder)
+        produce(
+            mode, int(first), int(last), options.wafers, options.seed, options.folder, options.until
+        )
         return
     print(machine_facts())
     modes = options.modes.split(",")
+    wafers, until = options.wafers, time.time() + 60.0 * options.minutes
     with tempfile.TemporaryDirectory() as scratch:
         folder = options.folder or Path(scratch)
-        calibrate(str(folder / "stage.db"), options.seed)
-        for mode in modes:
-            begin = time.perf_counter()
-            shift(mode, options.wafers, options.seed, folder)
-            print(
-                f"{mode}: {options.wafers} wafers in {time.perf_counter() - begin:.0f} s",
-                flush=True,
-            )
-        report(modes, options.wafers, folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        begun = folder / "shift.json"
+        asked = {"wafers": wafers, "seed": options.seed}
+        if not begun.exists():
+            (folder / "stage.db").unlink(missing_ok=True)
+            calibrate(str(folder / "stage.db"), options.seed)
+            begun.write_text(json.dumps(asked))
+        elif json.loads(begun.read_text()) != asked:
+            parser.error(f"{folder} holds another shift: {begun.read_text()}")
+        # The host is begun anew at each of these; so all modes get on side by side.
+        for last in (wafers // 4, wafers // 2, wafers):
+            for mode in modes:
+                shift(mode, last, wafers, options.seed, folder, until)
+        report(modes, wafers, folder)
 
 
 if __name__ == "__main__":
