@@ -102,6 +102,7 @@ class RunRequest:
             },
             "retries": self.retries,
             "calibration": bool(self.recipe.excursions),
+            "sites": [list(site) for site in self.recipe.sites] if self.recipe.excursions else None,
             "slipped": len(self.recipe.slipped),
             "resumed": None
             if resumed is None

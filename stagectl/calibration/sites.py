@@ -97,8 +97,6 @@ def load_calibration(path: Path, machine: Machine) -> Calibration:
     document = load_document(path)
     file = validate(document, CalibrationFile)
     sites = _sites(file, path)
-    sequence = choose(machine, file.reach)
-    profile = sequence.excursions[0].profile
     problems = [
         document.problem(
             ("sites",),
@@ -111,6 +109,8 @@ def load_calibration(path: Path, machine: Machine) -> Calibration:
     ]
     if problems:
         raise ConfigError(problems[:20])
+    sequence = choose(machine, file.reach)
+    profile = sequence.excursions[0].profile
     text = _RECIPE.format(
         name=file.calibrate, v=profile.velocity, a=profile.acceleration, j=profile.jerk,
         sites=", ".join(f"[{x!r}, {y!r}]" for x, y in sites), reach=file.reach,

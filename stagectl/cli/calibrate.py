@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
     from stagectl.calibration.sites import Calibration
     from stagectl.history.records import Pair
     from stagectl.maps.compare import AxisChange
-    from stagectl.request import RunRequest
+    from stagectl.recipe.model import Recipe
+    from stagectl.request import Resumed, RunRequest
 
 _STYLES = {"good": "green", "watch": "yellow", "act": "red", "failed": "red"}
 
@@ -72,8 +74,7 @@ def command(
     """  # noqa: D301
     from stagectl.calibration.outcome import predicted_line
     from stagectl.calibration.sites import load_calibration
-    from stagectl.history.opening import default_history
-    from stagectl.resume import load_interrupted
+    from stagectl.history.opening import FILE_NAME, default_history
 
     if simulate is not None and bus is not None:
         raise click.UsageError("--bus: --simulate brings its own bus, in virtual time")
@@ -85,7 +86,7 @@ def command(
     folder = out or Path("runs") / f"{calibration.recipe.name}-{started:%Y%m%d-%H%M%S}"
     where = default_history(history, believed, truth is not None, folder, out is not None)
     if where is None:  # a calibration without a history would be for nothing
-        where = str(folder / "stage.db")
+        where = str((folder if resume is None else resume) / FILE_NAME)
     quiet = json_out is not None and str(json_out) == "-"
     if not quiet:
         click.echo(
@@ -101,25 +102,37 @@ def command(
         calibration.recipe, believed, truth, bus, Mode.ESTIMATED, 1.0, seed, folder, started,
         resumed=None, history=where,
     )  # fmt: skip
-    chosen = _chosen(calibration, request, due, quiet)
-    if not chosen:
-        click.echo("no site is due", err=quiet)
-        return
-    recipe = calibration.at(chosen)
+    before: list[dict[str, Any]] = []
+    if resume is not None:
+        recipe, resumed, before = _gone_on_with(calibration, resume)
+        request = replace(request, resumed=resumed)
+    else:
+        chosen = _chosen(calibration, request, due, quiet)
+        if not chosen:
+            click.echo("no site is due", err=quiet)
+            return
+        recipe = calibration.at(chosen)
     if dry_run:
-        for x, y in recipe.sites:
+        for x, y in recipe.sites[0 if request.resumed is None else request.resumed.done :]:
             click.echo(f"  would visit ({x * 1e3:g}, {y * 1e3:g}) mm")
         return
-    from dataclasses import replace
-
-    request = replace(
-        request,
-        recipe=recipe,
-        resumed=None if resume is None else load_interrupted(resume, recipe),
-    )
-    error = _measure(request, calibration, comment, json_out, quiet)
+    request = replace(request, recipe=recipe)
+    error = _measure(request, calibration, comment, json_out, quiet, before)
     if error is not None:
         raise error
+
+
+def _gone_on_with(
+    calibration: Calibration, folder: Path
+) -> tuple[Recipe, Resumed, list[dict[str, Any]]]:
+    """The sites of an interrupted calibration, whatever is due now, and what it has found."""
+    from stagectl.calibration.interrupted import load_interrupted_calibration
+    from stagectl.resume import load_interrupted
+
+    resumed = load_interrupted(folder, calibration.recipe)
+    interrupted = load_interrupted_calibration(folder)
+    recipe = replace(calibration.recipe, sites=interrupted.sites)
+    return recipe, resumed, list(interrupted.friction)
 
 
 def _chosen(
@@ -140,9 +153,13 @@ def _chosen(
 
 
 def _measure(
-    request: RunRequest, calibration: Calibration, comment: str, json_out: Path | None, quiet: bool
-) -> Exception | None:
-    """Run the calibration, keep the map, say what came of it; returns what ended it early."""
+    request: RunRequest, calibration: Calibration, comment: str, json_out: Path | None, quiet: bool,
+    before: list[dict[str, Any]],
+) -> Exception | None:  # fmt: skip
+    """Run the calibration, keep the map, say what came of it; returns what ended it early.
+
+    `before`: estimates of the interrupted calibration that this one goes on with.
+    """
     from rich.console import Console
 
     from stagectl.calibration.outcome import outcomes, overall
@@ -166,21 +183,22 @@ def _measure(
     changes: list[AxisChange] = []
     built, number = None, None
     try:
-        before = map_versions(history, stage)
+        versions = map_versions(history, stage)
         if result.error is None:
             try:
                 settings = tracking_settings(machine, history.measurements(stage))
                 built = build_map(history, stage, settings=settings)
                 now = datetime.now(UTC).timestamp()
                 number = history.save_map(stage, now, comment, to_json(built))
-                changes = compare(before[-1].map, built) if before else []
+                changes = compare(versions[-1].map, built) if versions else []
             except StagectlError as error:
                 console.print(f"no new map: {error}", style="yellow", markup=False)
     finally:
         history.close()
     found = outcomes(
-        request.recipe.sites, result.summary["friction"], tuple(machine.axes), built, changes
-    )
+        request.recipe.sites, [*before, *result.summary["friction"]], tuple(machine.axes), built,
+        changes,
+    )  # fmt: skip
     console.print(_table(found, calibration.sequence), crop=False, soft_wrap=True)
     for line in overall(changes):
         console.print(line, markup=False)

@@ -257,10 +257,13 @@ def _apply(
     from stagectl.maps.applicable import problems
 
     found = problems(version.map, machine_of(machine))
+    grave = [problem.text for problem in found if problem.grave]
+    if grave:
+        raise UnusableInput(
+            f"{history.name}: map {version.number} cannot be applied: {'; '.join(grave)}"
+        )
     for problem in found:
-        click.echo(f"{'cannot' if problem.grave else 'note'}: {problem.text}", err=problem.grave)
-    if any(problem.grave for problem in found):
-        raise UnusableInput(f"{history.name}: map {version.number} cannot be applied")
+        click.echo(f"note: {problem.text}")
     if reason is None:
         click.echo(f"map {version.number} can be applied")
         return

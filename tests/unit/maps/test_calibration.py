@@ -7,8 +7,8 @@ import pytest
 
 from stagectl.calibration.due import DueSite, due_sites
 from stagectl.calibration.outcome import outcomes
-from stagectl.calibration.sequence import GOALS
-from stagectl.calibration.sites import DAY, load_calibration
+from stagectl.calibration.sequence import GOALS, SiteSequence
+from stagectl.calibration.sites import DAY, Calibration, DueSection, load_calibration
 from stagectl.calibration.slip_in import slip_in
 from stagectl.config.machine import load_machine
 from stagectl.errors import ConfigError
@@ -16,10 +16,18 @@ from stagectl.history.opening import open_history
 from stagectl.history.records import EstimateRecord, RunEntry, StageKey, StepRecord
 from stagectl.maps.compare import AxisChange, SiteChange
 from stagectl.recipe.load import parse_recipe
+from stagectl.recipe.model import Excursion, Profile
 from stagectl.recipe.plan import MoveStep, plan
 
 STAGE = StageKey("wafer-xy", True)
 SITES = ((0.0, 0.0), (0.02, 0.0), (0.02, 0.02), (0.0, 0.02))
+DUE = DueSection(days=10, moves=100, distance=5.0)
+RECIPE = (
+    "recipe: r\nmacro: {{velocity: 0.5, acceleration: 3.0, jerk: 200.0}}\n"
+    "micro: {{velocity: 0.01, acceleration: 0.2, jerk: 20.0}}\n"
+    "settle: {{window: 5.0e-8, hold: 0.005, timeout: 0.15}}\nexpose: 0\n"
+    "sites: [{}]\nfiducial: {{source: none}}\n"
+)
 FILE = "calibrate: weekly\nsites: [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]\n"
 
 
@@ -28,14 +36,22 @@ def machine():
     return load_machine()
 
 
-@pytest.fixture(scope="module")
-def calibration(machine, tmp_path_factory):
-    path = tmp_path_factory.mktemp("c") / "sites.yaml"
+@pytest.fixture
+def sequence():
+    """One by hand: to choose one, the estimator has to be compiled."""
+    slide = Profile(0.5, 3.0, 200.0)
+    moves = tuple(
+        Excursion((offset, offset), "other", slide) for offset in (1.5e-3, 0.0, -1.5e-3, 0.0)
+    )
+    return SiteSequence(moves, 1.2, {})
+
+
+def test_the_sequence_reaches_what_it_is_chosen_for(machine, tmp_path):
+    path = tmp_path / "sites.yaml"
     path.write_text(FILE + "due: {days: 10, moves: 100, distance: 5.0}\n")
-    return load_calibration(path, machine)
-
-
-def test_the_sequence_reaches_what_it_is_chosen_for(calibration):
+    calibration = load_calibration(path, machine)
+    assert calibration.due == DUE
+    assert calibration.recipe.excursions == calibration.sequence.excursions
     sequence = calibration.sequence
     assert sequence.reaches()
     assert sequence.duration < 2.0
@@ -52,8 +68,10 @@ def test_the_sequence_reaches_what_it_is_chosen_for(calibration):
     assert offsets[-1] == 0.0
 
 
-def test_every_site_is_visited_and_the_first_one_again(calibration):
-    recipe = calibration.at(calibration.recipe.sites)
+def test_every_site_is_visited_and_the_first_one_again(machine, sequence):
+    text = RECIPE.format(", ".join(f"[{x}, {y}]" for x, y in SITES))
+    recipe = replace(parse_recipe(text, "r.yaml", machine), excursions=sequence.excursions)
+    recipe = Calibration(recipe, sequence, DUE, None).at(recipe.sites)
     steps = [s for s in plan(recipe) if isinstance(s, MoveStep)]
     macro = [s.target for s in steps if s.kind == "macro"]
     assert macro == [*SITES, SITES[0]]
@@ -106,8 +124,8 @@ def estimates(history, purpose, time, places, distance=0.01):
     return number
 
 
-def test_what_makes_a_site_due(history, calibration):
-    limits, now = calibration.due, 1.7e9
+def test_what_makes_a_site_due(history):
+    limits, now = DUE, 1.7e9
     axes = ("x", "y")
 
     def due(at):
@@ -133,24 +151,18 @@ def test_what_makes_a_site_due(history, calibration):
     assert set(due(now + 900)) == set(SITES)
 
 
-def test_due_sites_are_slipped_in_as_long_as_there_is_time(machine, calibration):
-    text = (
-        "recipe: r\nmacro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}\n"
-        "micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}\n"
-        "settle: {window: 5.0e-8, hold: 0.005, timeout: 0.15}\nexpose: 0.02\n"
-        "sites: [[0, 0], [0.03, 0], [0.03, 0.03]]\nfiducial: {source: none}\n"
-    )
-    recipe = parse_recipe(text, "r.yaml", machine)
+def test_due_sites_are_slipped_in_as_long_as_there_is_time(machine, sequence):
+    recipe = parse_recipe(RECIPE.format("[0, 0], [0.03, 0], [0.03, 0.03]"), "r.yaml", machine)
     due = [DueSite((0.03, 0.028), ("old",), 3.0), DueSite((0.0, 0.001), ("old",), 2.0)]
-    one = calibration.sequence.duration
-    made, spent = slip_in(recipe, due, calibration.sequence, 1.6 * one)
+    one = sequence.duration
+    made, spent = slip_in(recipe, due, sequence, 1.6 * one)
     assert made.slipped == ((3, (0.03, 0.028)),)
     assert one < spent <= 1.6 * one
-    both, spent = slip_in(recipe, due, calibration.sequence, 4 * one)
+    both, spent = slip_in(recipe, due, sequence, 4 * one)
     assert dict(both.slipped) == {3: (0.03, 0.028), 1: (0.0, 0.001)}
     visited = [s.target for s in plan(both) if isinstance(s, MoveStep) and s.kind == "macro"]
     assert visited == [(0.0, 0.0), (0.0, 0.001), (0.03, 0.0), (0.03, 0.03), (0.03, 0.028)]
-    none, spent = slip_in(recipe, due, calibration.sequence, 0.5 * one)
+    none, spent = slip_in(recipe, due, sequence, 0.5 * one)
     assert (none, spent) == (recipe, 0.0)
 
 

@@ -1,0 +1,64 @@
+"""An interrupted calibration: which sites it was to visit, and what it has found so far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from stagectl.errors import UnusableInput
+from stagectl.recipe.model import Pair
+from stagectl.store.recording import RunNotes, read_notes
+from stagectl.store.recovery import RECORDING_NAME
+
+
+@dataclass(frozen=True, slots=True)
+class Interrupted:
+    """What the folder of an interrupted calibration tells.
+
+    Attributes:
+        sites: in the order of the visit, the first one again at the end included [m].
+        friction: its estimates so far, and those of the calibration that it went on with itself,
+            as entries of a summary.
+    """
+
+    sites: tuple[Pair, ...]
+    friction: tuple[dict[str, Any], ...]
+
+
+def load_interrupted_calibration(folder: Path) -> Interrupted:
+    """Read it; `stagectl.resume.load_interrupted` has said before that it can be gone on with.
+
+    Raises:
+        UnusableInput: it was no calibration, or an older version's.
+    """
+    path = folder / RECORDING_NAME
+    notes = read_notes(path)
+    run = next((e for e in notes.events if e.get("event") == "run"), None)
+    if run is None or not run.get("sites"):
+        raise UnusableInput(f"{path}: is not of a calibration that can be gone on with")
+    try:
+        sites = tuple((float(x), float(y)) for x, y in run["sites"])
+        before: tuple[dict[str, Any], ...] = ()
+        if run["resumed"] is not None:
+            earlier = Path(str(run["resumed"]["run"]))
+            if (earlier / RECORDING_NAME).exists():  # thrown away since: its sites say nothing more
+                before = load_interrupted_calibration(earlier).friction
+        return Interrupted(sites, (*before, *_friction(notes)))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise UnusableInput(f"{path}: /events: damaged ({type(error).__name__}: {error})") from None
+
+
+def _friction(notes: RunNotes) -> list[dict[str, Any]]:
+    return [
+        {
+            "site": event["site"], "axis": event["axis"], "accepted": event["accepted"],
+            "reason": event["reason"],
+            "parameters": {
+                name: {"value": float(pair[0]), "sigma": float(pair[1])}
+                for name, pair in event["parameters"].items()
+            },
+        }
+        for event in notes.events
+        if event["event"] == "friction"
+    ]  # fmt: skip

@@ -1,0 +1,164 @@
+"""`stagectl calibrate` and `stagectl map` as they are used: measured, killed, gone on with."""
+
+import csv
+import json
+import os
+import shutil
+import signal
+from datetime import UTC, datetime
+from multiprocessing import get_context
+
+import pytest
+from click.testing import CliRunner
+
+from stagectl.calibration.sites import load_calibration
+from stagectl.cli import cli
+from stagectl.compensation import Mode
+from stagectl.config.machine import load_machine
+from stagectl.errors import StagectlError
+from stagectl.history.opening import open_history
+from stagectl.history.records import StageKey
+from stagectl.request import RunRequest
+from stagectl.sequencer.events import StretchDone
+from stagectl.session import Listener, execute
+from stagectl.store.recording import read_notes
+
+STAGE = StageKey("wafer-xy", True)
+SITES = "calibrate: weekly\nsites: [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]\n"
+RECIPE = """\
+recipe: short
+macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
+micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
+settle: {window: 5.0e-8, hold: 0.005, timeout: 0.15}
+expose: 0.02
+sites: [[0.01, 0.01], [0.015, 0.01]]
+fiducial: {source: simulated, range: 80.0e-6, seed: 1}
+"""
+
+
+def stagectl(*arguments, code=0):
+    """Run a command in this process; what it says."""
+    result = CliRunner().invoke(cli, [str(a) for a in arguments])
+    if code == 0:
+        assert result.exit_code == 0, result.output + repr(result.exception)
+        return result.output
+    assert isinstance(result.exception, StagectlError), result.output
+    assert result.exception.exit_code == code
+    return str(result.exception)
+
+
+def die(happened):
+    if isinstance(happened, StretchDone) and happened.number == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.fixture(scope="module")
+def killed(machine, tmp_path_factory):
+    """A calibration of four sites, killed behind the second one."""
+    folder = tmp_path_factory.mktemp("calibration")
+    (folder / "sites.yaml").write_text(SITES)
+    calibration = load_calibration(folder / "sites.yaml", machine)
+    request = RunRequest(
+        calibration.at(calibration.recipe.sites), machine, machine, None, Mode.ESTIMATED, 1.0, 1,
+        folder / "killed", datetime.now(UTC), history=str(folder / "stage.db"),
+    )  # fmt: skip
+    child = get_context("fork").Process(target=execute, args=(request, Listener(event=die)))
+    child.start()
+    child.join(100)
+    assert child.exitcode == -signal.SIGKILL
+    return folder
+
+
+@pytest.fixture(scope="module")
+def calibrated(killed):
+    """The same gone on with; what was said, and the outcome."""
+    out = killed / "outcome.json"
+    said = stagectl(
+        "calibrate", killed / "sites.yaml", "--simulate", "--resume", killed / "killed", "--due",
+        "--history", killed / "stage.db", "--out", killed / "rest", "--json", out,
+    )  # fmt: skip
+    return killed, said, json.loads(out.read_text())
+
+
+def test_a_killed_calibration_goes_on_behind_the_last_site_and_loses_nothing(calibrated):
+    folder, said, outcome = calibrated
+    assert "map 1 kept in" in said
+    # Every site is told of, those before the kill as well; none is measured twice but the first.
+    assert [(e["site"], e["axis"]) for e in outcome["sites"]] == [
+        (site, axis) for site in (1, 2, 3, 4) for axis in "xy"
+    ]
+    assert {e["severity"] for e in outcome["sites"]} == {"good"}
+    assert all(0.0 < e["sigma"] < 0.03 for e in outcome["sites"])
+    summary = json.loads((folder / "rest" / "summary.json").read_text())
+    assert summary["resumed"]["done"] == 2
+    assert {m["site"] for m in summary["moves"] if m["kind"] == "macro"} == {3, 4, 5}
+    history = open_history(str(folder / "stage.db"))
+    assert [outcome for _, _, outcome in history.runs(STAGE)] == ["completed", None]
+    assert len(history.places(STAGE)) == 4
+    history.close()
+    assert "no site is due" in stagectl(
+        "calibrate", folder / "sites.yaml", "--simulate", "--due", "--history",
+        folder / "stage.db", "--out", folder / "none",
+    )  # fmt: skip
+
+
+def test_what_cannot_be_gone_on_with(calibrated):
+    folder, _, _ = calibrated
+    other = folder / "other.yaml"
+    other.write_text(SITES.replace("weekly", "daily"))
+    for sites, run, reason in (
+        ("sites.yaml", "rest", "that run is complete"),
+        ("other.yaml", "killed", "was made with another recipe"),
+        ("sites.yaml", "nobody", "no such folder"),
+    ):
+        said = stagectl(
+            "calibrate", folder / sites, "--simulate", "--resume", folder / run, "--history",
+            folder / "stage.db", "--out", folder / "again", code=2,
+        )  # fmt: skip
+        assert reason in said
+
+
+def test_a_map_is_looked_at_put_into_use_and_taken_back(calibrated, tmp_path):
+    folder, _, _ = calibrated
+    where = ("--history", shutil.copy(folder / "stage.db", tmp_path / "stage.db"))
+    page = tmp_path / "map.html"
+    said = stagectl("map", "show", *where, "--html", page, "--at", "0.01", "0.01")
+    assert "map 1" in said
+    assert page.read_text().count("<svg") == 2 * (2 + 4)  # two heat maps and the trends of an axis
+    assert "map 2" in stagectl("map", "build", *where, "--comment", "again")
+    assert "map 1 to 2: all sites" in stagectl("map", "compare", "1", "2", *where)
+    stagectl("map", "activate", "1", "--check", *where)
+    assert "no map is in use" in stagectl("map", "rollback", *where, code=2)
+    stagectl("map", "activate", "1", *where)
+    stagectl("map", "activate", "2", *where)
+    assert "map 1" in stagectl("map", "rollback", *where)
+    assert "rolled back" in stagectl("map", "history", *where)
+    out = tmp_path / "grid.csv"
+    stagectl("map", "export", out, "--what", "grid", "--step", "0.005", *where)
+    with out.open() as file:
+        rows = list(csv.DictReader(file))
+    assert {row["inside"] for row in rows} == {"True", "False"}
+    assert "no map 9" in stagectl("map", "activate", "9", *where, code=2)
+    other = tmp_path / "other.yaml"
+    other.write_text(load_machine().text.replace("wafer-xy", "another"))
+    said = stagectl("map", "activate", "1", "--machine", other, *where, code=2)
+    assert "it is of wafer-xy" in said
+
+
+def test_a_run_goes_by_the_map_and_says_so(calibrated, tmp_path):
+    folder, _, _ = calibrated
+    where = ("--history", shutil.copy(folder / "stage.db", tmp_path / "stage.db"))
+    stagectl("map", "activate", *where)
+    (tmp_path / "short.yaml").write_text(RECIPE)
+    run = ("run", tmp_path / "short.yaml", "--simulate", *where)
+    counts = []
+    for name, options, number in (("by-map", (), 1), ("alone", ("--map", "none"), None)):
+        stagectl(*run, "--out", tmp_path / name, *options)
+        begun = read_notes(tmp_path / name / "recording.h5").events[0]
+        assert (begun["event"], begun["map"]) == ("run", number)
+        history = open_history(str(where[1]))
+        seen = [m for m in history.measurements(STAGE) if m.place == (0.015, 0.01)]
+        history.close()
+        counts.append(len(seen))
+    # A macro-move shows the level of its target only where friction on the way is known.
+    assert counts[0] > counts[1] - counts[0]
