@@ -42,8 +42,8 @@ STAMPED = ("socketcan", "udp_multicast", "virtual")
 """Interfaces of python-can whose time stamps are this computer's clock, taken on arrival."""
 _OLDEST = 1_000_000_000
 """A frame that seems to have waited longer [ns] has another clock's stamp."""
-_QUICK = 2_000
-"""Two looks at the one clock with one at the other between them, undisturbed [ns]."""
+_LOOK_NS = 50_000_000
+"""How often the two clocks are compared."""
 
 
 def stamps_of(bus: object) -> Callable[[float, int], int] | None:
@@ -58,15 +58,12 @@ def stamps_of(bus: object) -> Callable[[float, int], int] | None:
     if not any(f".{name}" in type(bus).__module__ for name in STAMPED):
         return None
 
-    apart = _wall_ahead()
+    apart, looked = _wall_ahead(), time.monotonic_ns()
 
     def arrived(stamp: float, now: int) -> int:
-        nonlocal apart
-        before = time.monotonic_ns()
-        wall = time.time_ns()
-        after = time.monotonic_ns()
-        if after - before < _QUICK:  # else something came in between: the last one still holds
-            apart = wall - (before + after) // 2
+        nonlocal apart, looked
+        if now - looked > _LOOK_NS:  # the wall clock is slewed, or set
+            apart, looked = _wall_ahead(), now
         at = int(stamp * 1e9) - apart
         return at if now - _OLDEST < at <= now else now
 
@@ -74,9 +71,12 @@ def stamps_of(bus: object) -> Callable[[float, int], int] | None:
 
 
 def _wall_ahead() -> int:
-    """By how much the wall clock is ahead of the monotonic one [ns]: the quickest look of a few."""
+    """By how much the wall clock is ahead of the monotonic one [ns]: the quickest look of a few.
+
+    Something may come in between two looks; a quick one had nothing.
+    """
     looks = []
-    for _ in range(20):
+    for _ in range(3):
         before = time.monotonic_ns()
         wall = time.time_ns()
         after = time.monotonic_ns()

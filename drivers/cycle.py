@@ -8,8 +8,10 @@ late, whole periods are passed over and counted; nothing is sent in a burst.
 
 from __future__ import annotations
 
+import struct
 from array import array
 from collections.abc import Callable, Iterator, Sequence
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -202,7 +204,7 @@ class Cycle:
         if len(names) > 2:
             block["offset"] = offsets
         data, size = block.tobytes(), block.dtype.itemsize
-        return (data[i : i + size] for i in range(0, len(data), size))
+        return map(itemgetter(0), struct.iter_unpack(f"{size}s", data))
 
     def _stall_before(self, code: int | None) -> str:
         """A demand that stands still for some periods at speed is a following error by itself."""

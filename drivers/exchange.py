@@ -50,6 +50,7 @@ class Exchange:
             self._window = round(_WINDOW_SHARE * 1000 * settings.window_us)
         self._by_id = {c.axis.tpdo_id: c for c in self.channels}
         self._setpoint_ids = frozenset(c.axis.rpdo_id for c in self.channels)
+        self._now_ns = network.clock.now_ns
         self._arrived = stamps_of(network.bus)
         self._at_once = delivers_at_once(network.bus)
         self.offset, self.doubt = 0, -1
@@ -131,7 +132,7 @@ class Exchange:
 
     def _lead(self, bus: can.BusABC, frames: Sequence[bytes]) -> int:
         """One SYNC of our own, at its instant on the grid."""
-        network, now_ns = self._network, self._network.clock.now_ns
+        network, now_ns = self._network, self._now_ns
         send, recv = bus.send, bus.recv
         late = self._open_window(send) if self._strict else 0
         now = now_ns()
@@ -271,16 +272,17 @@ class Exchange:
         self, recv: Callable[[float], can.Message | None], sent: int, deadline: int
     ) -> None:
         """Receives until every axis' TPDO is there, or nothing more has come by the deadline."""
-        by_id, now_ns, tap = self._by_id, self._network.clock.now_ns, self._network.tap
+        by_id, now_ns, tap = self._by_id, self._now_ns, self._network.tap
         arrived = self._arrived
         left = len(self.channels)
         self._sync_at = sent
         for asked in self.channels:
             asked.valid = False
             asked.arrival = -1
-            asked.previous, asked.tardy = asked.tardy, None
         wait = (deadline - sent) * 1e-9
         if arrived is not None:
+            for asked in self.channels:
+                asked.previous, asked.tardy = asked.tardy, None
             wait = max(0.0, (deadline - now_ns()) * 1e-9)
         while left:
             message = recv(wait)

@@ -152,6 +152,7 @@ class Rpdo(_Pdo):
         super().__init__(dictionary, 0x1400 + number, 0x1600 + number)
         self.deadline_key = key(0x1400 + number, 5)
         self.pending: bytes | None = None
+        self.windowed = False
         self._engine = engine
         self._segment = segment
         self._deadline_ns = 0
@@ -197,7 +198,7 @@ class Rpdo(_Pdo):
                 self._timer = self._segment.at(self._due_ns, self._on_deadline)
         if self.transmission > 240:
             self.apply(data)
-        elif self._engine.in_window():
+        elif not self.windowed or self._engine.in_window():
             self.pending = data
 
     def apply(self, data: bytes) -> None:

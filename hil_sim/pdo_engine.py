@@ -73,16 +73,13 @@ class PdoEngine:
         self._arrange()
 
     def on_sync(self) -> None:
-        """Send the synchronous TPDOs that are due; call `latch` afterwards."""
-        if self._late_bus and self._segment.sync_overtaken:  # type: ignore[attr-defined]
-            return  # the host would take them for those of the SYNC that has come meanwhile
-        for cob_id, sample in self._at_every_sync:
-            self._emit(cob_id, sample())
-        for tpdo in self._sync_tpdos:
-            tpdo.on_sync()
-
-    def latch(self) -> None:
-        """Let the synchronous RPDOs received since the last SYNC act."""
+        """Send the synchronous TPDOs that are due, then let the synchronous RPDOs act."""
+        # Overtaken, the host would take them for those of the SYNC that has come meanwhile.
+        if not (self._late_bus and self._segment.sync_overtaken):  # type: ignore[attr-defined]
+            for cob_id, sample in self._at_every_sync:
+                self._emit(cob_id, sample())
+            for tpdo in self._sync_tpdos:
+                tpdo.on_sync()
         for rpdo in self._sync_rpdos:
             data = rpdo.pending
             if data is not None:
@@ -105,8 +102,8 @@ class PdoEngine:
             tpdo.on_event()
 
     def in_window(self) -> bool:
-        """Whether a synchronous RPDO arriving now counts (0x1007, 0: always)."""
-        return not self._window_ns or self._segment.now_ns - self._sync_ns <= self._window_ns
+        """Whether a synchronous RPDO arriving now counts (0x1007)."""
+        return self._segment.now_ns - self._sync_ns <= self._window_ns
 
     def _changed(self, pdo: Rpdo | Tpdo) -> None:
         if not self._running:
@@ -121,6 +118,8 @@ class PdoEngine:
             self._segment.unsubscribe(cob_id, rpdo.on_frame)
         live = self._running
         self._window_ns = self._dictionary.integer(_SYNC_WINDOW) * 1000
+        for rpdo in self._rpdos:
+            rpdo.windowed = self._window_ns > 0
         self._subscribed = [(r.cob_id, r) for r in self._rpdos if live and r.valid]
         for cob_id, rpdo in self._subscribed:
             self._segment.subscribe(cob_id, rpdo.on_frame)

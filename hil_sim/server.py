@@ -26,7 +26,7 @@ _SYNC = 0x080
 _STAMPED = ("socketcan", "udp_multicast", "virtual")  # interfaces with this computer's time stamps
 _OLDEST = 1_000_000_000  # ns, a frame that seems older has another clock's stamp
 _GAIN, _SLEW = 2e-3, 1_000  # of the lock on SYNC: per SYNC, and at most so much [ns]
-_QUICK = 2_000  # ns, two looks at the one clock with one at the other between them, undisturbed
+_LOOK_NS = 50_000_000  # how often the two clocks are compared
 
 
 class StopSignal(Protocol):
@@ -69,7 +69,7 @@ class RealTimeSegment:
         self.sync_overtaken = False
         self._clock = clock
         self._origin = clock()
-        self._wall = time.time_ns()  # at our 0
+        self._look_at_the_clock()
         self._tick_ns, self._gain = tick_ns, 1.0
         self._timers: list[tuple[int, int, PendingAction]] = []
         self._timer_count = 0
@@ -127,13 +127,21 @@ class RealTimeSegment:
         now = self._elapsed()
         came = now
         if self._stamped:
-            before, wall, after = self._clock(), time.time_ns(), self._clock()
-            if after - before < _QUICK:  # else something came in between: the last one still holds
-                self._wall = wall - ((before + after) // 2 - self._origin)
+            if now - self._looked > _LOOK_NS:
+                self._look_at_the_clock()
             came = int(message.timestamp * 1e9) - self._wall
             if not now - _OLDEST < came <= now:
                 came = now
         self._waiting.append((came, message.arbitration_id, bytes(message.data)))
+
+    def _look_at_the_clock(self) -> None:
+        """What the wall clock, which frames are stamped by, reads at our 0."""
+        looks = []
+        for _ in range(3):  # something may come in between: a quick look had nothing
+            before, wall, after = self._clock(), time.time_ns(), self._clock()
+            looks.append((after - before, wall - (before + after) // 2))
+        self._wall = min(looks)[1] + self._origin
+        self._looked = self._elapsed()
 
     def _lock(self, came: int) -> None:
         """Let the drives' control ticks follow SYNC, as a drive's phase-locked loop does.

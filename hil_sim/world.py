@@ -25,6 +25,7 @@ Frame = tuple[int, int, bytes, tuple[bool, bool, bool], object]
 
 DATA_FRAME = (False, False, False)  # extended id, remote, error: what nodes listen to
 
+_NOBODY: tuple[Handler, ...] = ()
 _worlds: weakref.WeakValueDictionary[str, World] = weakref.WeakValueDictionary()
 
 
@@ -71,11 +72,15 @@ class World:
 
     def emit(self, can_id: int, data: bytes) -> None:
         """Send a data frame from a node. A node that listens to its own id hears itself."""
+        if not self._delivering:
+            World.transmit(self, None, can_id, data)
+            return
         frame = (self.now_ns, can_id, data, DATA_FRAME, None)
-        if self._delivering:
+        if self._frames or can_id in self._handlers:
             self._frames.append(frame)
-        else:
-            self._deliver(frame)
+        else:  # only hosts want it, and nothing is ahead of it
+            for _, queue in self._queues:
+                queue.append(frame)
 
     def at(self, time_ns: int, action: Callable[[], None]) -> PendingAction:
         """Call `action` when virtual time reaches `time_ns` (at the next wait if it has)."""
@@ -114,11 +119,26 @@ class World:
         flags: tuple[bool, bool, bool] = DATA_FRAME,
     ) -> None:
         """Send a host's frame and deliver it with everything that follows from it."""
-        frame = (self.now_ns, can_id, data, flags, owner)
+        frame: Frame = (self.now_ns, can_id, data, flags, owner)
+        frames, handlers_of = self._frames, self._handlers.get
         if self._delivering:
-            self._frames.append(frame)
-        else:
-            self._deliver(frame)
+            frames.append(frame)
+            return
+        self._delivering = True
+        try:
+            while True:  # this frame, and all that its receivers send at once, in order
+                for host, queue in self._queues:
+                    if host is not owner:
+                        queue.append(frame)
+                if flags is DATA_FRAME:
+                    for handler in handlers_of(can_id, _NOBODY):
+                        handler(data)
+                if not frames:
+                    return
+                frame = frames.popleft()
+                _, can_id, data, flags, owner = frame
+        finally:
+            self._delivering = False
 
     def step(self, deadline_ns: int | None) -> bool:
         """Move time to the next timer and run all timers of that instant.
@@ -169,25 +189,6 @@ class World:
             return
         while self.step(time_ns):
             pass
-
-    def _deliver(self, frame: Frame) -> None:
-        """Deliver a frame and all that its receivers send at once, in order."""
-        frames, handlers = self._frames, self._handlers
-        self._delivering = True
-        try:
-            while True:
-                _, can_id, data, flags, owner = frame
-                for host, queue in self._queues:
-                    if host is not owner:
-                        queue.append(frame)
-                if flags is DATA_FRAME and can_id in handlers:
-                    for handler in handlers[can_id]:
-                        handler(data)
-                if not frames:
-                    return
-                frame = frames.popleft()
-        finally:
-            self._delivering = False
 
 
 class LockstepClock:
