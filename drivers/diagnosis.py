@@ -150,6 +150,11 @@ def explained(problem: AxisFault, channel: Channel, evidence: Evidence) -> AxisF
         parts.append(f"0x603F:00 error code: {error_text(code)}")
     if register and "error register" not in problem.cause:
         parts.append(f"error register: {register_text(register)}")
+    if evidence.statusword is not None and not evidence.statusword & Status.VOLTAGE_ENABLED:
+        parts.append("no supply voltage (STO, contactor or mains)")
+        inputs = optional(od.DIGITAL_INPUTS)
+        if inputs and inputs & od.INTERLOCK:
+            parts.append("0x60FD:00 digital inputs: interlock active (STO or enable input)")
     older = [f"0x{h:04X}" for h in history if f"0x{h:04X}" not in "".join(parts)]
     if older:
         parts.append("earlier errors: " + ", ".join(older))

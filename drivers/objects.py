@@ -86,6 +86,7 @@ VELOCITY_UNIT = ObjectRef(0x60A9, 0, "SI unit velocity")
 ACCELERATION_UNIT = ObjectRef(0x60AA, 0, "SI unit acceleration")
 VELOCITY_ACTUAL = ObjectRef(0x606C, 0, "velocity actual value")
 DIGITAL_INPUTS = ObjectRef(0x60FD, 0, "digital inputs")
+INTERLOCK = 1 << 3  # of them: STO, or the enable input is open
 DIGITAL_OUTPUTS = ObjectRef(0x60FE, 1, "physical outputs")
 FORCE_OFFSET = ObjectRef(0x60B2, 0, "torque offset")
 INTERPOLATION_VALUE = ObjectRef(0x60C2, 1, "interpolation time period value")

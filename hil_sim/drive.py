@@ -97,6 +97,10 @@ class Drive:
         """The cause of a lasting fault is gone (None: of all): it can be reset from now on."""
         self.motion.cause_ended(code)
 
+    def safe_torque_off(self, active: bool) -> None:
+        """The STO input: force off at once, and SWITCH ON DISABLED for as long as it is active."""
+        self.motion.safe_torque_off(active)
+
     def _hook_up(self) -> None:
         live, motor = self.dictionary.live, self.motor
         live[o.POSITION_ACTUAL] = motor.position
@@ -105,6 +109,7 @@ class Drive:
         live[o.TORQUE_DEMAND] = motor.force
         live[o.POSITION_INTERNAL] = lambda: motor.counter() - self._power_on_counter
         live[o.POSITION_DEMAND] = lambda: motor.to_drive(motor.demand())
+        live[o.DIGITAL_INPUTS] = self.motion.digital_inputs
         live[o.FOLLOWING_ERROR] = lambda: motor.to_drive(motor.demand()) - motor.position()
         self.dictionary.check[o.SYNC_COB_ID] = self._check_sync
         self.dictionary.check[o.SYNC_OVERFLOW] = self._check_overflow

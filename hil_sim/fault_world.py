@@ -116,6 +116,11 @@ class FaultyWorld(World):
             self.at(begin + nanoseconds(fault.duration), lambda: self._bus_on(fault.node, drives))
         elif isinstance(fault, f.Reboot):
             self.at(nanoseconds(fault.at), lambda: self._reboot(entry, fault.node))
+        elif isinstance(fault, f.SafeTorqueOff):
+            drive = drives[fault.node]
+            self.at(nanoseconds(fault.at), lambda: self._torque_off(entry, drive))
+            if fault.until is not None:
+                self.at(nanoseconds(fault.until), lambda: drive.safe_torque_off(False))
         elif isinstance(fault, f.DriveFault):
             drive = drives[fault.node]
             if fault.at is not None:
@@ -142,6 +147,10 @@ class FaultyWorld(World):
     def _reboot(self, entry: Injected, node: int) -> None:
         entry.note(self.now_ns)
         self._transceivers[node].hand_over(0x000, bytes((_RESET_NODE, node)))
+
+    def _torque_off(self, entry: Injected, drive: Drive) -> None:
+        entry.note(self.now_ns)
+        drive.safe_torque_off(True)
 
     def _fault_of_drive(self, entry: Injected, drive: Drive, fault: f.DriveFault) -> None:
         entry.note(self.now_ns)

@@ -227,8 +227,28 @@ class DriveFault:
             _check(self.until > (self.at or 0.0), "until", f"must be > at, is {self.until!r}")
 
 
+@dataclass(frozen=True, slots=True)
+class SafeTorqueOff:
+    """A drive's STO input becomes active, as by an emergency stop or a door.
+
+    Attributes:
+        node: of the drive.
+        at: time [s].
+        until: it stays active until then [s]; None: for good.
+    """
+
+    node: int
+    at: float
+    until: float | None = None
+
+    def __post_init__(self) -> None:
+        _check_time(self.at, "at")
+        if self.until is not None:
+            _check(self.until > self.at, "until", f"must be > at, is {self.until!r}")
+
+
 FrameFault = Drop | Duplicate | Delay | Reorder | Resize | Freeze
-Fault = FrameFault | SdoAbort | BusOff | Reboot | DriveFault
+Fault = FrameFault | SdoAbort | BusOff | Reboot | DriveFault | SafeTorqueOff
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,10 @@ the option codes 0x605A to 0x605E and 0x6007: 1 means the ramp 0x6084, 2 and up 
 Faults that come by themselves: following error, end switch (over-travel), full force for too long
 (over-current), lost host. Encoder and supply fail only when told to (`Drive.inject_fault`).
 
-Not modelled: brake, current limits other than the loop's peak force; cst.
+Safe torque off takes the force away and the drive to SWITCH ON DISABLED, where it stays as long:
+statusword bit 4 is 0, 0x60FD bit 3 is 1. Bits 0 and 1 there are the end switches.
+
+Not modelled: brake, current limits other than the loop's peak force.
 """
 
 from __future__ import annotations
@@ -106,6 +109,7 @@ class MotionControl:
         self._beyond = False
         self._syncs = 0
         self._causes: set[int] = set()
+        self._torque_off = False
         settings = motor.settings
         self._switches = tuple(
             round((limit + side * SWITCH_DISTANCE) / settings.increment)
@@ -201,6 +205,8 @@ class MotionControl:
         self._publish()
 
     def _command(self, word: int) -> None:
+        if self._torque_off:
+            return
         stopping = self._after_stop is not None
         if stopping and self.state is State.ENABLED:
             # on the way out by a ramp: only what is quicker still counts
@@ -293,6 +299,21 @@ class MotionControl:
         """The cause of a lasting fault is gone (None: of all); the fault itself stays."""
         self._causes = set() if code is None else self._causes - {code}
         self._publish()
+
+    def safe_torque_off(self, active: bool) -> None:
+        """The STO input; what it takes away is not a fault, and nothing comes back by itself."""
+        self._advance_to(self._segment.now_ns)
+        self._torque_off = active
+        if active and self.state not in (State.FAULT, State.FAULT_REACTION):
+            self._power_off(State.SWITCH_ON_DISABLED)
+        elif active:
+            self._power_off(State.FAULT)
+        self._publish()
+
+    def digital_inputs(self) -> int:
+        """0x60FD: end switches and interlock."""
+        counter, (low, high) = self._motor.counter(), self._switches
+        return (counter <= low) | (counter >= high) << 1 | self._torque_off << 3
 
     def notice_causes(self) -> None:
         """After a boot: causes that are still there are faults again."""
@@ -448,7 +469,7 @@ class MotionControl:
     def _publish(self) -> None:
         """Renew the statusword; a change is an event for TPDOs."""
         word = self.state.value | self._sticky
-        if UNDER_VOLTAGE not in self._causes:
+        if UNDER_VOLTAGE not in self._causes and not self._torque_off:
             word |= _VOLTAGE
         if self._remote:
             word |= _REMOTE

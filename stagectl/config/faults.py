@@ -197,9 +197,19 @@ class DriveFault(Section):
     until: NotNegativeTime | None = None
 
 
+class SafeTorqueOff(Section):
+    """`fault: sto`."""
+
+    fault: Literal["sto"]
+    axis: str
+    at: NotNegativeTime
+    until: NotNegativeTime | None = None
+
+
 FaultSection = Annotated[
     Drop | Duplicate | Delay | Reorder | Resize | Freeze | SyncJitter | SyncMiss
-    | HeartbeatSilence | BusOff | Reboot | SdoAbort | DriveFault,
+    | HeartbeatSilence | BusOff | Reboot | SdoAbort | DriveFault
+    | SafeTorqueOff,
     Field(discriminator="fault"),
 ]  # fmt: skip
 
@@ -283,6 +293,11 @@ class _Mapping:
                     self._node(section.axis), section.nth, section.times, section.code,
                     section.object, section.after,
                 )  # fmt: skip
+            case SafeTorqueOff():
+                if section.until is not None and section.until <= section.at:
+                    self._refuse("until", "must be later than at")
+                else:
+                    made = sim.SafeTorqueOff(self._node(section.axis), section.at, section.until)
             case DriveFault():
                 made = self._drive(section)
         return made if len(self.problems) == before else None

@@ -8,6 +8,7 @@ import pytest
 
 from drivers.errors import AxisFault, BusError
 from drivers.stage import Stage
+from drivers.status import status_of
 from hil_sim import faults as f
 from hil_sim.fault_world import FaultyWorld
 from hil_sim.stage import VirtualStage
@@ -135,3 +136,18 @@ def test_a_drive_that_answers_to_nothing_is_said_to_be_loose(bench):
     b.stage.close()
     b.world.sleep_until_ns(b.world.now_ns + 600_000_000)
     assert b.enabled == []
+
+
+def test_safe_torque_off_stops_both_and_is_named(bench):
+    b = bench(f.SafeTorqueOff(2, at=1.1, until=6.0))
+    with pytest.raises(AxisFault, match=r"^axis y: .*STO.*0x60FD:00 .*interlock") as caught:
+        b.hold(500)
+    assert b.enabled == []
+    assert "last commands: " in str(caught.value)
+    assert "interlock active (STO" in status_of(b.stage.axes[1]).words
+    with pytest.raises(AxisFault, match=r"^axis y: .*STO"):
+        b.stage.enable()
+    b.stage.idle(6.1 - b.now)
+    b.stage.enable()
+    assert b.stage.hold(0.01).valid.all()
+    assert "interlock" not in status_of(b.stage.axes[1]).words

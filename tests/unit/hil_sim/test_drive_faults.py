@@ -134,3 +134,39 @@ def test_the_sync_counter(host):
     host.nmt(1)
     host.send(0x080)
     assert len(host.take(0x181)) == 1
+
+
+def test_safe_torque_off_takes_the_force_and_keeps_it(host, stage, plant):
+    host.enable(8)
+    stage.drives[0].safe_torque_off(True)
+    assert not plant.powered[0]
+    assert host.statusword() & 0x5F == DISABLED  # and no supply
+    assert host.read_object(1, 0x60FD, 0, "I") == 1 << 3
+    assert emergencies(host) == []
+    for command in (6, 7, 15):
+        assert host.control(command) & 0x5F == DISABLED
+    stage.drives[0].safe_torque_off(False)
+    assert host.statusword() & 0x5F == DISABLED | 0x10  # nothing comes back by itself
+    assert host.read_object(1, 0x60FD, 0, "I") == 0
+    host.enable(8)
+    assert plant.powered[0]
+
+
+def test_safe_torque_off_goes_before_what_would_brake(host, stage, plant):
+    host.write(1, 0x6084, 0, "I", 1_000_000)
+    host.write(1, 0x60FF, 0, "i", 50_000_000)
+    host.enable(3)
+    host.wait(200)
+    stage.drives[0].inject_fault(0x4310)
+    assert plant.powered[0]
+    stage.drives[0].safe_torque_off(True)
+    assert not plant.powered[0]
+    assert host.statusword() & 0x4F == FAULT
+
+
+def test_end_switches_show_in_the_digital_inputs(host, plant):
+    assert host.read_object(1, 0x60FD, 0, "I") == 0
+    plant.actual[0] = -0.156
+    assert host.read_object(1, 0x60FD, 0, "I") == 1
+    plant.actual[0] = 0.156
+    assert host.read_object(1, 0x60FD, 0, "I") == 2
