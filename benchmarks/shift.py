@@ -2,11 +2,11 @@
 
 A table whose Coulomb level varies by +-25 % over XY with a correlation length of 40 mm (effect
 `friction_map`, another field for each axis), 30 % more of it when cold, falling with 120 s, and
-half way through a spot of 20 % at one site (`friction_spot`). 25 sites are calibrated warm and
-mapped; then wafers of 20 sites, whole moves over the lock-step CAN bus. The host is started anew
-twice, and once killed (SIGKILL) in the middle of a wafer; its successor goes on from the history.
-The same wafers, noise included, with one estimate for the whole table, without friction
-compensation, and with an oracle that is told the true level at each site and time.
+half way through a spot of 20 % (`--spot`) at one site (`friction_spot`). 25 sites are calibrated
+warm and mapped; then wafers of 20 sites, whole moves over the lock-step CAN bus. The host is
+started anew twice, and once killed (SIGKILL) in the middle of a wafer; its successor goes on from
+the history. The same wafers, noise included, with one estimate for the whole table, without
+friction compensation, and with an oracle that is told the true level at each site and time.
 
     python benchmarks/shift.py [--wafers 200] [--seed 1] [--modes map,oracle,global,none]
     python benchmarks/shift.py --folder FOLDER --minutes 30     # and again, until it is through
@@ -71,7 +71,7 @@ ROOT = Path(__file__).parents[1]
 EPOCH = 1.8e9
 """When the shift begins [s since 1970]; all times are virtual."""
 SWING, LENGTH, WARM, TAU = 0.25, 0.04, 0.3, 120.0
-SPOT, SPOT_SIZE, SPOT_WIDTH = (0.0, 0.0), 0.2, 6e-3
+SPOT, SPOT_WIDTH = (0.0, 0.0), 6e-3
 BETWEEN = 3.0
 """Time between two wafers [s]."""
 SITES = """calibrate: before the shift
@@ -93,10 +93,10 @@ class Table:
     Args:
         seed: of the fields.
         time: of the shift when the stage's own time is 0 [s]; infinite: warm.
-        spot: whether the spot is there.
+        spot: how much higher the level is at the spot; 0 where there is none.
     """
 
-    def __init__(self, machine: Machine, seed: int, time: float, spot: bool) -> None:
+    def __init__(self, machine: Machine, seed: int, time: float, spot: float) -> None:
         self.machine, self.seed, self.time, self.spot = machine, seed, time, spot
         self._place: F64 | None = None
 
@@ -120,7 +120,7 @@ class Table:
                 )
             if self.spot and axis == "x":
                 effects.append(
-                    f"{{effect: friction_spot, amplitude: {SPOT_SIZE}, center: {SPOT[0]}, "
+                    f"{{effect: friction_spot, amplitude: {self.spot}, center: {SPOT[0]}, "
                     f"other: {SPOT[1]}, width: {SPOT_WIDTH}}}"
                 )
             lines.append(f"    effects: [{', '.join(effects)}]")
@@ -134,7 +134,7 @@ class Table:
         factor = _field(self._field(axis))(path[:, [axis, 1 - axis]])
         if self.spot and axis == 0:
             away = ((path - np.array(SPOT)) ** 2).sum(axis=1)
-            factor = factor * (1.0 + SPOT_SIZE * np.exp(-0.5 * away / SPOT_WIDTH**2))
+            factor = factor * (1.0 + self.spot * np.exp(-0.5 * away / SPOT_WIDTH**2))
         return factor
 
     # The oracle: `Places` that is told.
@@ -242,7 +242,7 @@ def calibrate(database: str, seed: int) -> None:
     notes = RunHistory(history, entry(stage, begin, recipe, "calibration", 0))
     compensation = make_compensation(machine, Mode.ESTIMATED)
     coulomb = {n: a.plant.friction.coulomb for n, a in machine.axes.items()}
-    table = Table(machine, seed, math.inf, False)
+    table = Table(machine, seed, math.inf, 0.0)
 
     def note(event: Event) -> None:
         if isinstance(event, FrictionUpdated):
@@ -267,8 +267,9 @@ def calibrate(database: str, seed: int) -> None:
 
 
 def produce(
-    mode: str, first: int, last: int, wafers: int, seed: int, folder: Path, until: float = math.inf
-) -> None:
+    mode: str, first: int, last: int, wafers: int, seed: int, folder: Path, spot: float,
+    until: float = math.inf,
+) -> None:  # fmt: skip
     """Wafers first .. last - 1 in this process; a line for each in `folder/MODE.jsonl`.
 
     Past `until` (seconds since 1970) no further wafer is begun.
@@ -281,7 +282,7 @@ def produce(
     now = float(json.loads(lines[-1])["end"]) if lines else 0.0
     compensation = None
     for wafer in range(first, last):
-        table = Table(machine, seed, now, wafer >= wafers // 2)
+        table = Table(machine, seed, now, spot if wafer >= wafers // 2 else 0.0)
         events: list[Event] = []
         notes: RunHistory | None = None
         places: Places | None = None
@@ -351,14 +352,16 @@ def done(folder: Path, mode: str) -> int:
     return len(whole.splitlines())
 
 
-def shift(mode: str, last: int, wafers: int, seed: int, folder: Path, until: float) -> None:
+def shift(
+    mode: str, last: int, wafers: int, seed: int, folder: Path, spot: float, until: float
+) -> None:
     """A mode's wafers up to `last`; with the map the host is killed once in the last quarter."""
 
     def host() -> subprocess.Popen[bytes]:
         return subprocess.Popen(
             [sys.executable, __file__, "--child", mode, str(done(folder, mode)), str(last),
              "--wafers", str(wafers), "--seed", str(seed), "--folder", str(folder),
-             "--until", repr(until)]
+             "--spot", repr(spot), "--until", repr(until)]
         )  # fmt: skip
 
     fatal, mark = 3 * wafers // 4, folder / "killed"
@@ -374,7 +377,7 @@ def shift(mode: str, last: int, wafers: int, seed: int, folder: Path, until: flo
         assert child.returncode in (0, -signal.SIGKILL), child.returncode
 
 
-def report(modes: Sequence[str], wafers: int, folder: Path) -> None:
+def report(modes: Sequence[str], wafers: int, folder: Path, spot: float) -> None:
     """The table, and what was flagged."""
     common = min(done(folder, mode) for mode in modes)
     if common == 0:
@@ -414,7 +417,7 @@ def report(modes: Sequence[str], wafers: int, folder: Path) -> None:
         true = [f for f in there if f[0] >= wafers // 2]
         visits = "never" if not true else f"after {true[0][0] - wafers // 2 + 1} move(s) there"
         moves = sum(len(line["micro"]) for line in rows["map"])
-        print(f"spot of {SPOT_SIZE:.0%}: flagged {visits}")
+        print(f"spot of {spot:.0%}: flagged {visits}")
         print(f"other flags: {len(flagged) - len(true[:1])} in {moves} moves: {flagged[:8]}")
 
 
@@ -423,6 +426,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--wafers", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--spot", type=float, default=0.2, help="level at the spot, relative")
     parser.add_argument("--modes", default="map,oracle,global,none")
     parser.add_argument("--folder", type=Path, help="kept; what is there is gone on with")
     parser.add_argument(
@@ -436,8 +440,9 @@ def main() -> None:
     if options.child:
         mode, first, last = options.child
         produce(
-            mode, int(first), int(last), options.wafers, options.seed, options.folder, options.until
-        )
+            mode, int(first), int(last), options.wafers, options.seed, options.folder, options.spot,
+            options.until,
+        )  # fmt: skip
         return
     print(machine_facts())
     modes = options.modes.split(",")
@@ -446,7 +451,7 @@ def main() -> None:
         folder = options.folder or Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
         begun = folder / "shift.json"
-        asked = {"wafers": wafers, "seed": options.seed}
+        asked = {"wafers": wafers, "seed": options.seed, "spot": options.spot}
         if not begun.exists():
             (folder / "stage.db").unlink(missing_ok=True)
             calibrate(str(folder / "stage.db"), options.seed)
@@ -456,8 +461,8 @@ def main() -> None:
         # The host is begun anew at each of these; so all modes get on side by side.
         for last in (wafers // 4, wafers // 2, wafers):
             for mode in modes:
-                shift(mode, last, wafers, options.seed, folder, until)
-        report(modes, wafers, folder)
+                shift(mode, last, wafers, options.seed, folder, options.spot, until)
+        report(modes, wafers, folder, options.spot)
 
 
 if __name__ == "__main__":

@@ -2,8 +2,8 @@
 
 S+ <- max(0, S+ + z - k), S- <- max(0, S- - z - k); an alarm where one passes h (E. S. Page,
 Biometrika 41, 1954). z is what a tracker did not expect over what it thought possible: standard
-normal while nothing steps, drift being the tracker's business. With k = 1.25 and h = 4.3 there is a
-false alarm in 140,000 normal z (Siegmund's approximation below). A single z of 5.6 is enough by
+normal while nothing steps, drift being the tracker's business. With k = 1.25 and h = 3.9 there is a
+false alarm in 50,000 normal z (Siegmund's approximation below). A single z of 5.2 is enough by
 itself, and a step of 4 standard deviations takes two or three.
 """
 
@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 
 ALLOWANCE = 1.25
-THRESHOLD = 4.3
+THRESHOLD = 3.9
 
 
 @dataclass(slots=True)
