@@ -2,7 +2,8 @@
 
 numba keeps a function's machine code beside its file and makes it anew when that file changes, but
 not when a function or constant that it took from another file does. So whenever any file of a
-package with kernels is newer than a kept kernel, that package's kept kernels are dropped.
+package with kernels, or of one that it takes functions from, is newer than a kept kernel, that
+package's kept kernels are dropped.
 """
 
 from __future__ import annotations
@@ -10,7 +11,13 @@ from __future__ import annotations
 from pathlib import Path
 
 _ROOT = Path(__file__).resolve().parent.parent
-_FOLDERS = ("estimation", "hil_sim", "stagectl/paper")
+_TAKES_FROM: dict[str, tuple[str, ...]] = {
+    "estimation": (),
+    "hil_sim": (),
+    "sim2real": ("hil_sim",),
+    "stagectl/paper": ("hil_sim",),
+}
+"""Of each folder with kernels, the folders whose code is compiled into them."""
 
 
 def drop_stale() -> int:
@@ -19,12 +26,13 @@ def drop_stale() -> int:
     Kernels that cannot be deleted (a read-only installation) are left: such files do not change.
     """
     dropped = 0
-    for name in _FOLDERS:
+    for name, others in _TAKES_FROM.items():
         folder = _ROOT / name
         kept = [*folder.rglob("__pycache__/*.nbi"), *folder.rglob("__pycache__/*.nbc")]
         if not kept:
             continue
-        newest = max(path.stat().st_mtime for path in folder.rglob("*.py"))
+        sources = (p for n in (name, *others) for p in (_ROOT / n).rglob("*.py"))
+        newest = max(path.stat().st_mtime for path in sources)
         if min(path.stat().st_mtime for path in kept) >= newest:
             continue
         for path in kept:

@@ -33,3 +33,18 @@ def test_fresh_kernels_stay(package):
     os.utime(package / "gms.py", (earlier, earlier))
     assert kernel_cache.drop_stale() == 0
     assert len(list((package / "__pycache__").iterdir())) == 3
+
+
+def test_kernels_with_the_code_of_another_package_go_with_it(package, tmp_path):
+    for name in ("hil_sim", "sim2real"):
+        (tmp_path / name / "__pycache__").mkdir(parents=True)
+        (tmp_path / name / "code.py").write_text("")
+        kept = tmp_path / name / "__pycache__" / "code.f-1.py311.nbi"
+        kept.write_text("")
+        os.utime(tmp_path / name / "code.py", (1, 1))
+    os.utime(package / "gms.py", (1, 1))
+    assert kernel_cache.drop_stale() == 0
+    later = time.time() + 10
+    os.utime(tmp_path / "hil_sim" / "code.py", (later, later))
+    assert kernel_cache.drop_stale() == 2
+    assert not kept.exists()
