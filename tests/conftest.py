@@ -21,6 +21,9 @@ from tests.starvation import DisturbedError, Watch
 
 REQUIRED = "STAGECTL_REQUIRE_VCAN"
 REPEATS = 5
+COMPILING = ("test_mistakes.py", "test_gap_input.py", "test_ports.py", "test_identify.py")
+"""In a fresh clone these compile most kernels, no two the same ones: before all that need them, and
+side by side where there are workers."""
 _outcome = pytest.StashKey[list[str]]()
 _ran = pytest.StashKey[bool]()
 _watch = pytest.StashKey[Watch]()
@@ -50,6 +53,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: COMPILING.index(n) if (n := item.path.name) in COMPILING else 99)
     for item in items:
         if _judged(item):
             item.add_marker(pytest.mark.flaky(reruns=REPEATS, only_rerun=["DisturbedError"]))

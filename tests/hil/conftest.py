@@ -145,7 +145,7 @@ def _virtual(machine: Machine) -> Iterator[Rig]:
         thread.start()
         yield Rig(_in_real_time(bus, "virtual", channel, REAL_TIME_PERIOD), axes, False)
         stop.set()
-        thread.join(5.0)
+        thread.join(60.0)
         assert not thread.is_alive()
         realtime.end()
 
@@ -185,7 +185,7 @@ def _process(
         assert server.stdout.readline() == b"ready\n"
         yield Rig(_in_real_time(bus, interface, channel, period), axes, False)
         server.stdin.close()
-        assert server.wait(10.0) == 0
+        assert server.wait(60.0) == 0
 
 
 def _udp_multicast(machine: Machine) -> Iterator[Rig]:

@@ -5,6 +5,7 @@ The figures: oracle micro ±50 nm median 8 ms, mean 30 ms, ±200 nm 1 ms, peak 0
 0.3 um, ±50 nm mean 60 ms, macro ±200 nm 5 ms. benchmarks/run_figures.py has them with all seeds.
 """
 
+import time
 from statistics import mean, median
 
 import pytest
@@ -69,10 +70,13 @@ def test_never_updated_is_much_worse(run):
 
 
 def test_virtual_time_is_faster_than_real_time(run):
-    # The ratio itself is a benchmark's business; here only that nothing has gone badly wrong.
-    run("none")
+    # The ratio itself, 25 and more, is a benchmark's business; here only that nothing has gone
+    # badly wrong. In processor time: what others do on this machine takes wall time only.
+    run("none")  # compiled
+    begin = time.process_time()
     summary = run("estimated").summary
-    assert summary["duration"] / summary["wall_time"] > 5
+    assert summary["duration"] / (time.process_time() - begin) > 5
+    assert summary["wall_time"] > 0
 
 
 def test_same_seed_same_bytes_other_seed_other_samples(run):

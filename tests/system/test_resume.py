@@ -131,7 +131,7 @@ def test_a_run_that_was_killed_goes_on_and_can_be_interrupted_again(go, sites, t
         target=go, args=(sites, "killed"), kwargs={"listener": Listener(event=die)}
     )
     child.start()
-    child.join(60)
+    child.join(250)
     assert child.exitcode == -signal.SIGKILL
     assert (tmp_path / "killed" / "recording.journal").exists()
 
