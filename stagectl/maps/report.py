@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from pathlib import Path
 
 import jinja2
 import numpy as np
 from markupsafe import Markup
 
-from stagectl.errors import StagectlError
 from stagectl.history.port import History
 from stagectl.history.records import StageKey
 from stagectl.maps.compare import AxisChange, compare
@@ -19,6 +17,7 @@ from stagectl.maps.learning import figure_noise
 from stagectl.maps.model import MapAxis, MapVersion
 from stagectl.maps.tables import day
 from stagectl.maps.trend_chart import draw_trend
+from stagectl.store.atomic import write_atomically
 
 _STYLE = Path(__file__).parents[1] / "report" / "static" / "report.css"
 _TEMPLATES = Path(__file__).parents[1] / "report" / "templates"
@@ -42,14 +41,7 @@ def write_map_report(
         StagectlError: it cannot be written.
     """
     text = render(history, stage, version, before)
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        with suppress(OSError):
-            part.unlink()
-        raise StagectlError(f"{path}: cannot write the page: {error.strerror}") from error
+    write_atomically(path, text, "page")
 
 
 def render(

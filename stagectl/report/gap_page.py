@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,10 +17,10 @@ from sim2real.gap import combined
 from sim2real.likeness import Pairs
 from sim2real.replay import Signals
 from sim2real.report import GapReport
-from stagectl.errors import StagectlError
 from stagectl.report import gap_traces
 from stagectl.report.content import Notice
 from stagectl.report.gap_charts import legend, matrix
+from stagectl.store.atomic import write_atomically
 
 _HERE = Path(__file__).parent
 _CANDIDATES = 12
@@ -65,14 +64,7 @@ def write_gap_page(
     text = render_gap_page(
         report, examined, machine, explained=explained, left=left, likeness=likeness
     )
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        with suppress(OSError):
-            part.unlink()
-        raise StagectlError(f"{path}: cannot write the report: {error.strerror}") from error
+    write_atomically(path, text, "report")
 
 
 def render_gap_page(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,9 @@ import jinja2
 from markupsafe import Markup
 
 from sim2real.recording import Recording
-from stagectl.errors import StagectlError
 from stagectl.report import content
 from stagectl.report.traces import chart_data
+from stagectl.store.atomic import write_atomically
 
 _HERE = Path(__file__).parent
 _INLINE = ("uPlot.min.css", "uPlot.iife.min.js", "report.css", "report.js")
@@ -36,14 +35,7 @@ def write_report(
         ValueError: the summary is that of another recording.
     """
     text = render(recording, summary, control_period=control_period)
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        with suppress(OSError):
-            part.unlink()
-        raise StagectlError(f"{path}: cannot write the report: {error.strerror}") from error
+    write_atomically(path, text, "report")
 
 
 def render(recording: Recording, summary: Mapping[str, Any], *, control_period: float) -> str:

@@ -11,7 +11,7 @@ import io
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from sim2real.recording import MOVE_KINDS, AxisSignals, Move, Recording
 from stagectl.errors import StagectlError, UnusableInput
+from stagectl.store.atomic import write_atomically
 from stagectl.store.ledger import CycleLedger
 
 FORMAT = "stagectl-recording"
@@ -180,7 +181,6 @@ def write_recording(
         StagectlError: the file cannot be written.
     """
     path = Path(path)
-    part = path.with_name(path.name + ".part")
     # In memory first: where the disk is full, closing an HDF5 file can take the process with it.
     image = io.BytesIO()
     try:
@@ -192,15 +192,9 @@ def write_recording(
                 file["events"].attrs["unit"] = "1"
             if outcome is not None:
                 file.attrs["outcome"] = outcome
-        with part.open("wb") as written:
-            written.write(image.getbuffer())
-            written.flush()
-            os.fsync(written.fileno())
-        part.replace(path)
     except OSError as error:
-        with suppress(OSError):  # whatever is in the way of the part file, too
-            part.unlink()
         raise StagectlError(f"{path}: cannot write the recording: {_line(error)}") from error
+    write_atomically(path, image.getbuffer(), "recording", durable=True)
 
 
 def _write(file: h5py.File, recording: Recording, ledger: CycleLedger | None) -> None:

@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim2real.recording import Recording
-from stagectl.errors import StagectlError
 from stagectl.sequencer.settling import (
     WINDOWS,
     MoveResult,
@@ -28,6 +26,7 @@ from stagectl.sequencer.settling import (
     statistics,
     summarise_moves,
 )
+from stagectl.store.atomic import write_atomically
 from stagectl.store.ledger import CycleLedger
 
 FORMAT = "stagectl-run-summary"
@@ -197,14 +196,7 @@ def write_summary(summary: Mapping[str, Any], path: Path) -> None:
         StagectlError: it cannot be written.
     """
     text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        with suppress(OSError):
-            part.unlink()
-        raise StagectlError(f"{path}: cannot write the summary: {error.strerror}") from error
+    write_atomically(path, text, "summary")
 
 
 def window_key(window: float) -> str:
