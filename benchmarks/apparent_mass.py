@@ -8,10 +8,10 @@ acceleration plus viscous friction plus a constant.
 
 from __future__ import annotations
 
+import argparse
 import math
 
 import numpy as np
-from estimation.kinematics import differentiate
 
 from estimation.trajectory import Limits, plan
 from hil_sim.simulate import simulate
@@ -24,6 +24,7 @@ SLIDING = 0.02
 
 def main() -> None:
     """Print the fitted mass of each axis relative to the true one."""
+    argparse.ArgumentParser(description=__doc__.partition("\n")[0]).parse_args()
     settings = stage_settings(load_machine(None))
     period = settings.sync_period
     motion = plan(0.0, 0.05, Limits(velocity=0.5, acceleration=3.0, jerk=200.0))
@@ -34,9 +35,12 @@ def main() -> None:
     offset = np.column_stack([axis.mass * acceleration for axis in settings.axes])
     response = simulate(settings, demand, offset, seed=None)
     for a, axis in enumerate(settings.axes):
-        moved = differentiate(response.position[:, a], period)
-        slides = moved.velocity > SLIDING
-        columns = np.column_stack([moved.acceleration, moved.velocity, np.ones(len(slides))])
+        before, at, after = (response.position[n : n + samples - 2, a] for n in range(3))
+        velocity = (after - before) / (2 * period)
+        slides = velocity > SLIDING
+        columns = np.column_stack(
+            [(after - 2 * at + before) / period**2, velocity, np.ones(samples - 2)]
+        )
         mass = np.linalg.lstsq(columns[slides], response.force[1:-1, a][slides], rcond=None)[0][0]
         print(f"axis {axis.name}: {mass / axis.mass - 1.0:+.1%} of the mass")
 

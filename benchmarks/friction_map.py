@@ -116,7 +116,7 @@ def sites(kind: str, generator: np.random.Generator) -> F64:
 
 def main() -> None:
     """Error rms and share of truths inside the 95 % band, by kind of field and of sites."""
-    parser = argparse.ArgumentParser()
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--tables", type=int, default=60, help="of each kind")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--noise", type=float, default=0.01, help="relative error of an estimate")

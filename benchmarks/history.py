@@ -147,7 +147,7 @@ def speed(history: History, label: str) -> None:
 
 def main() -> None:
     """Both parts."""
-    parser = argparse.ArgumentParser()
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--url", help="also time this (empty) PostgreSQL database")
     options = parser.parse_args()

@@ -423,7 +423,7 @@ def report(modes: Sequence[str], wafers: int, folder: Path, spot: float) -> None
 
 def main() -> None:
     """Parent: everything. Child: some wafers."""
-    parser = argparse.ArgumentParser()
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--wafers", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--spot", type=float, default=0.2, help="level at the spot, relative")

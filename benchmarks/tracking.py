@@ -54,7 +54,7 @@ def shift(seed: int, wafers: int, wander: float, size: float = 0.0) -> tuple[int
 
 def main() -> None:
     """False alarms of quiet moves, then steps of several sizes."""
-    parser = argparse.ArgumentParser()
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--moves", type=int, default=30_000)
     parser.add_argument("--steps", type=int, default=100, help="of each size")
     parser.add_argument("--wander", type=float, default=0.01, help="the stage's; told: 0.01")
