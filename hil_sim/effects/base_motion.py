@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Effect
+from hil_sim.effects.mode import mode_parameters
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -17,36 +18,10 @@ class BaseMotion(Effect):
 
     name = "base_motion"
     group = "dynamics"
-    parameters = (
-        Parameter(
-            "frequency",
-            "Hz",
-            "of the base on its isolators",
-            (5.0, 15.0),
-            role="shape",
-            above=0.0,
-            below=1500.0,
-            log=True,
-        ),
-        Parameter(
-            "damping",
-            "",
-            "ratio of that mode",
-            (0.04, 0.15),
-            role="shape",
-            least=0.0,
-            below=1.0,
-            log=True,
-        ),
-        Parameter(
-            "mass_ratio",
-            "",
-            "moved mass over the base's",
-            (0.01, 0.05),
-            neutral=0.0,
-            least=0.0,
-            below=1.0,
-        ),
+    parameters = mode_parameters(
+        frequency=("of the base on its isolators", (5.0, 15.0)),
+        damping=("ratio of that mode", (0.04, 0.15)),
+        mass_ratio=("moved mass over the base's", (0.01, 0.05)),
     )
     equation = (
         "base of mass m/mass_ratio on isolators takes the reaction of F_motor - F_f - F_d; x "

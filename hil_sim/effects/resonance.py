@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Effect
+from hil_sim.effects.mode import mode_parameters
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -17,36 +18,10 @@ class Resonance(Effect):
 
     name = "resonance"
     group = "dynamics"
-    parameters = (
-        Parameter(
-            "frequency",
-            "Hz",
-            "of the free-free mode",
-            (70.0, 160.0),
-            role="shape",
-            above=0.0,
-            below=1500.0,
-            log=True,
-        ),
-        Parameter(
-            "damping",
-            "",
-            "ratio of the free-free mode",
-            (0.01, 0.04),
-            role="shape",
-            least=0.0,
-            below=1.0,
-            log=True,
-        ),
-        Parameter(
-            "mass_ratio",
-            "",
-            "swinging mass over moved mass",
-            (0.1, 0.3),
-            neutral=0.0,
-            least=0.0,
-            below=1.0,
-        ),
+    parameters = mode_parameters(
+        frequency=("of the free-free mode", (70.0, 160.0)),
+        damping=("ratio of the free-free mode", (0.01, 0.04)),
+        mass_ratio=("swinging mass over moved mass", (0.1, 0.3)),
     )
     equation = (
         "mass_ratio * m hangs on a spring and damper from the carriage that motor and encoder "

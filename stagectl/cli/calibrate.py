@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.options import FILE, BusType, write_json
-from stagectl.cli.run import PACKAGED, _check_truth, _machine, _stop_on_signal
+from stagectl.cli.motion import machines_of, simulated_or_real, stop_on_signal
+from stagectl.cli.options import FILE, write_json
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -29,18 +29,7 @@ _STYLES = {"good": "green", "watch": "yellow", "act": "red", "failed": "red"}
 @click.command(short_help="Friction measured at fixed sites.")
 @click.argument("sites", type=FILE)
 @click.option("--due", is_flag=True, help="Only sites that are due (the file's limits).")
-@click.option("--machine", type=FILE, help="What the host believes of the stage [wafer-xy].")
-@click.option(
-    "--simulate",
-    type=FILE,
-    is_flag=False,
-    flag_value=Path(PACKAGED),
-    metavar="[TRUTH]",
-    help="Run on virtual drives whose plant is this machine file [the packaged wafer-xy].",
-)
-@click.option("--bus", type=BusType(), help="Instead of the machine file's, e.g. socketcan:can0.")
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True,
-              help="Of the simulation's noise and repeatability.")  # fmt: skip
+@simulated_or_real
 @click.option("--history", metavar="FILE|URL", help="As of 'stagectl run'.")
 @click.option(
     "--out",
@@ -76,11 +65,7 @@ def command(
     from stagectl.calibration.sites import load_calibration
     from stagectl.history.opening import FILE_NAME, default_history
 
-    if simulate is not None and bus is not None:
-        raise click.UsageError("--bus: --simulate brings its own bus, in virtual time")
-    believed = _machine(machine)
-    truth = None if simulate is None else _machine(simulate)
-    _check_truth(believed, truth)
+    believed, truth = machines_of(machine, simulate, bus)
     calibration = load_calibration(sites, believed)
     started = datetime.now(UTC).astimezone()
     folder = out or Path("runs") / f"{calibration.recipe.name}-{started:%Y%m%d-%H%M%S}"
@@ -177,7 +162,7 @@ def _measure(
     console = Console(stderr=quiet)
     machine = request.machine
     with RunProgress(console, request.recipe, tuple(machine.axes)) as progress:
-        result = execute(request, Listener(progress.phase, progress.event, _stop_on_signal))
+        result = execute(request, Listener(progress.phase, progress.event, stop_on_signal))
     stage = StageKey(machine.name, request.truth is not None)
     history = open_history(str(request.history), write=True)
     changes: list[AxisChange] = []

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 import os
-import signal
-from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from stagectl.cli.options import FILE, BusType, write_json
+from stagectl.cli.motion import machines_of, simulated_or_real, stop_on_signal
+from stagectl.cli.options import FILE, write_json
 
 if TYPE_CHECKING:
     from hil_sim.faults import FaultPlan
@@ -20,23 +19,13 @@ if TYPE_CHECKING:
     from stagectl.recipe.model import Recipe
     from stagectl.request import RunRequest
 
-PACKAGED = "wafer-xy"
 USUAL_BUDGET = 5.0
 """Time for sites slipped into a run, where neither option nor file says [s]."""
 
 
 @click.command(short_help="Run a recipe on the stage, or on its simulation.")
 @click.argument("recipe", type=FILE)
-@click.option("--machine", type=FILE, help="What the host believes of the stage [wafer-xy].")
-@click.option(
-    "--simulate",
-    type=FILE,
-    is_flag=False,
-    flag_value=Path(PACKAGED),
-    metavar="[TRUTH]",
-    help="Run on virtual drives whose plant is this machine file [the packaged wafer-xy].",
-)
-@click.option("--bus", type=BusType(), help="Instead of the machine file's, e.g. socketcan:can0.")
+@simulated_or_real
 @click.option(
     "--compensation",
     type=click.Choice(["none", "model", "estimated", "oracle"]),
@@ -51,13 +40,6 @@ USUAL_BUDGET = 5.0
     default=1.0,
     show_default=True,
     help="Start from the machine file's friction figures times this.",
-)
-@click.option(
-    "--seed",
-    type=click.IntRange(0),
-    default=1,
-    show_default=True,
-    help="Of the simulation's noise and repeatability.",
 )
 @click.option(
     "--faults",
@@ -154,12 +136,8 @@ def command(
             raise click.BadParameter(f"{json_out}: cannot be written", param_hint="--json")
     if compensation == "oracle" and simulate is None:
         raise click.UsageError("--compensation oracle needs --simulate: nobody knows a real truth")
-    if simulate is not None and bus is not None:
-        raise click.UsageError("--bus: --simulate brings its own bus, in virtual time")
-    believed = _machine(machine)
+    believed, truth = machines_of(machine, simulate, bus)
     loaded = load_recipe(recipe, believed)
-    truth = None if simulate is None else _machine(simulate)
-    _check_truth(believed, truth)
     plan = None if faults is None else _faults(faults, believed, seed)
     if dry_run:
         if resume is not None:
@@ -217,41 +195,10 @@ def _with_due_sites(request: RunRequest, path: Path, budget: float | None) -> Ru
     return replace(request, recipe=recipe)
 
 
-def _machine(path: Path | None) -> Machine:
-    from stagectl.config.machine import load_machine
-
-    packaged = path is None or (str(path) == PACKAGED and not path.exists())
-    return load_machine(None if packaged else path)
-
-
 def _faults(path: Path, machine: Machine, seed: int) -> FaultPlan:
     from stagectl.config.faults import load_faults
 
     return load_faults(path, machine, seed)
-
-
-def _check_truth(believed: Machine, truth: Machine | None) -> None:
-    """The same axes and SYNC, so that host and virtual drives can work together."""
-    from stagectl.errors import ConfigError
-
-    if truth is None:
-        return
-    if list(truth.axes) != list(believed.axes):
-        raise ConfigError(
-            f"{truth.source}: axes: {', '.join(truth.axes)}; "
-            f"the host's machine file has {', '.join(believed.axes)}"
-        )
-    for name, axis in truth.axes.items():
-        if axis.node != believed.axes[name].node:
-            raise ConfigError(
-                f"{truth.source}: axes.{name}.node: {axis.node}; "
-                f"the host's machine file has {believed.axes[name].node}"
-            )
-    if truth.bus.sync_period != believed.bus.sync_period:
-        raise ConfigError(
-            f"{truth.source}: bus.sync_period: {truth.bus.sync_period:g} s; "
-            f"the host's machine file has {believed.bus.sync_period:g} s"
-        )
 
 
 def _dry_run(recipe: Recipe, machine: Machine, json_out: Path | None) -> None:
@@ -284,20 +231,9 @@ def _run(request: RunRequest, json_out: Path | None) -> None:
     quiet = json_out is not None and str(json_out) == "-"
     console = Console(stderr=quiet)
     with RunProgress(console, request.recipe, tuple(request.machine.axes)) as progress:
-        result = execute(request, Listener(progress.phase, progress.event, _stop_on_signal))
+        result = execute(request, Listener(progress.phase, progress.event, stop_on_signal))
     if json_out is not None:
         write_json(result.summary, json_out)
     console.print(closing(result, request.folder), crop=False)
     if result.error is not None:
         raise result.error
-
-
-def _stop_on_signal(stop: Callable[[str], None]) -> None:
-    """Ctrl-C, SIGTERM and a lost terminal ask for a controlled stop from now on."""
-
-    def handler(number: int, _: Any) -> None:
-        name = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
-        stop(f"stopped by the operator ({name})")
-
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, handler)
