@@ -16,7 +16,6 @@ import numpy as np
 from hil_sim import faults as f
 from hil_sim.drive import Drive
 from hil_sim.fault_rules import Injected, Line, Rule, SdoAborts, nanoseconds
-from hil_sim.motor import UNIT
 from hil_sim.stage import VirtualStage
 from hil_sim.subscriptions import Handler, PendingAction, Subscriptions
 from hil_sim.world import DATA_FRAME, World
@@ -223,7 +222,7 @@ class _Crossing:
         self._world = world
         self._stage = stage
         self._drive = drive
-        self._limit = position / UNIT
+        self._limit = position / drive.motor.unit
         self._below: bool | None = None
 
     def look(self) -> None:

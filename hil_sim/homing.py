@@ -118,14 +118,14 @@ class Homing(Mode):
         self._go(here + self._direction * _FAR, o.HOMING_SPEED_SEARCH)
 
     def _go(self, target: float, speed_key: int) -> None:
-        speed = max(1, self.integer(speed_key)) * 1e-9
+        speed = max(1, self.integer(speed_key)) * self.context.motor.speed_unit
         rate = self._deceleration()
         self.context.generator.move(target, speed, rate, rate)
 
     def _set_home(self, counter: int) -> None:
         motor = self.context.motor
         offset = self.integer(o.HOME_OFFSET)
-        motor.origin = counter + round(offset * 1e-9 / motor.settings.increment)
+        motor.origin = counter + round(offset * motor.unit / motor.settings.increment)
         self._phase = _Phase.IDLE
         self.set_bits(ATTAINED | (TARGET_REACHED if self.context.generator.done else 0))
 
@@ -135,4 +135,4 @@ class Homing(Mode):
         self.set_bits(ERROR)
 
     def _deceleration(self) -> float:
-        return max(1, self.integer(o.HOMING_ACCELERATION)) * 1e-6
+        return max(1, self.integer(o.HOMING_ACCELERATION)) * self.context.motor.rate_unit

@@ -13,7 +13,7 @@ from enum import IntEnum
 
 from hil_sim import objects as o
 from hil_sim.dictionary import Dictionary
-from hil_sim.motor import UNIT, Motor
+from hil_sim.motor import Motor
 from hil_sim.ports import CanSegment
 from hil_sim.profile import ProfileGenerator
 
@@ -151,7 +151,7 @@ class CyclicPosition(Mode):
         if self.halted:
             return super().velocity()
         period = self._ticks * self.context.motor.tick_ns * 1e-9
-        return (self._last - self._before) * UNIT / period
+        return (self._last - self._before) * self.context.motor.unit / period
 
     def halt(self, deceleration: float) -> None:
         """Brake; setpoints are passed over meanwhile."""

@@ -55,8 +55,8 @@ SWITCH_DISTANCE = 5e-3
 """End switches beyond the travel, where the mechanics are [m]."""
 OVERLOAD_SHARE, OVERLOAD_NS = 0.98, 200_000_000
 """Over-current: this share of the peak force for so long ..."""
-OVERLOAD_ERROR = 10_000.0
-"""... at more than this following error [nm]."""
+OVERLOAD_ERROR = 10e-6
+"""... at more than this following error [m]."""
 
 _VOLTAGE, _REMOTE = 1 << 4, 1 << 9
 _POWERED = (State.ENABLED, State.QUICK_STOP, State.FAULT_REACTION)
@@ -110,6 +110,7 @@ class MotionControl:
         self._syncs = 0
         self._causes: set[int] = set()
         self._torque_off = False
+        self._overload = OVERLOAD_ERROR / motor.unit
         settings = motor.settings
         self._switches = tuple(
             round((limit + side * SWITCH_DISTANCE) / settings.increment)
@@ -276,7 +277,7 @@ class MotionControl:
         if self.following:
             self._generator.take_over(self._motor.demand(), self._mode.velocity())
         self._dictionary.values[o.TORQUE_OFFSET] = 0
-        self._generator.stop(max(1, self._dictionary.integer(ramp)) * 1e-6)
+        self._generator.stop(max(1, self._dictionary.integer(ramp)) * self._motor.rate_unit)
         self._after_stop = then
         self._mode.bits &= ~TARGET_REACHED
         self._arm()
@@ -352,7 +353,7 @@ class MotionControl:
         if halt and not mode.halted:
             quick = self._dictionary.integer(o.HALT_OPTION) != 1
             ramp = o.QUICK_STOP_DECELERATION if quick else o.PROFILE_DECELERATION
-            mode.halt(max(1, self._dictionary.integer(ramp)) * 1e-6)
+            mode.halt(max(1, self._dictionary.integer(ramp)) * self._motor.rate_unit)
             self._arm()
         elif not halt and mode.halted:
             mode.resume()
@@ -365,7 +366,9 @@ class MotionControl:
         if self.state is State.ENABLED and self._after_stop is None:
             if self.following:
                 self._generator.take_over(self._motor.demand(), self._mode.velocity())
-            self._generator.stop(max(1, self._dictionary.integer(o.PROFILE_DECELERATION)) * 1e-6)
+            self._generator.stop(
+                max(1, self._dictionary.integer(o.PROFILE_DECELERATION)) * self._motor.rate_unit
+            )
             self._dictionary.values[o.TORQUE_OFFSET] = 0
             new.halted = self._mode.halted
             self._mode = new
@@ -436,7 +439,7 @@ class MotionControl:
 
     def _supervise(self) -> None:
         worst = self._motor.worst_following_error()
-        if worst > OVERLOAD_ERROR:
+        if worst > self._overload:
             self._watch_force()
         else:
             self._overloaded_ns = None

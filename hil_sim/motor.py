@@ -1,16 +1,14 @@
-"""One axis of the plant in the drive's units: nm, nm/s and 1/1000 of the rated force.
+"""One axis of the plant in the drive's units of length and speed, and 1/1000 of the rated force.
 
 The incremental encoder counts from 0 where it was powered on; `origin` is the true counter value
 where the position actual value reads 0, moved by homing. Positions of commands are added up as
-integers, so that a target in nm reaches the loop as exactly that many nm.
+integers, so that a target reaches the loop as exactly that many units.
 """
 
 from __future__ import annotations
 
 from hil_sim.ports import PlantPort
 from hil_sim.settings import AxisSettings, StageSettings
-
-UNIT = 1e-9  # position unit of the drive [m]
 
 
 def _int32(value: float) -> int:
@@ -22,6 +20,7 @@ class Motor:
 
     Attributes:
         settings: of the axis.
+        unit, speed_unit, rate_unit: one unit of position, velocity, acceleration [m, m/s, m/s^2].
         tick_ns: control period [ns].
         open: the force alone is commanded.
         origin: true counter value at position 0 [increments].
@@ -29,10 +28,13 @@ class Motor:
 
     def __init__(self, plant: PlantPort, axis: int, stage: StageSettings) -> None:
         self.settings: AxisSettings = stage.axes[axis]
+        self.unit = self.settings.unit
+        self.speed_unit = self.settings.velocity_unit
+        self.rate_unit = self.settings.acceleration_unit
         self.tick_ns = round(stage.control_period * 1e9)
         self._plant = plant
         self._axis = axis
-        self._scale = self.settings.increment / UNIT
+        self._scale = self.settings.increment / self.unit
         self._whole = round(self._scale) if abs(self._scale - round(self._scale)) < 1e-9 else None
         self._permille = self.settings.control.rated_force / 1000.0
         self.origin = plant.encoder(axis)
@@ -44,14 +46,14 @@ class Motor:
         return self._plant.encoder(self._axis)
 
     def position(self) -> int:
-        """Position actual value [nm], INTEGER32."""
+        """Position actual value [units], INTEGER32."""
         counts = self._plant.encoder(self._axis) - self.origin
         value = counts * self._whole if self._whole else round(counts * self._scale)
         return value if -0x80000000 <= value <= 0x7FFFFFFF else _int32(value)
 
     def velocity(self) -> int:
-        """Velocity actual value [nm/s], INTEGER32."""
-        return _int32(self._plant.velocity(self._axis) / UNIT)
+        """Velocity actual value [velocity units], INTEGER32."""
+        return _int32(self._plant.velocity(self._axis) / self.speed_unit)
 
     def force(self) -> int:
         """Torque actual value [1/1000 of the rated force], INTEGER16."""
@@ -63,18 +65,18 @@ class Motor:
         return self._plant.demand(self._axis)
 
     def worst_following_error(self) -> float:
-        """Largest following error since this was last called [nm]."""
-        return self._plant.following_error(self._axis) / UNIT
+        """Largest following error since this was last called [units]."""
+        return self._plant.following_error(self._axis) / self.unit
 
     def to_true(self, position: int) -> float:
-        """A position in the drive's coordinate [nm] as true coordinate [m]."""
+        """A position in the drive's coordinate [units] as true coordinate [m]."""
         if self._whole:
-            return (position + self.origin * self._whole) * UNIT
-        return position * UNIT + self.origin * self.settings.increment
+            return (position + self.origin * self._whole) * self.unit
+        return position * self.unit + self.origin * self.settings.increment
 
     def to_drive(self, position: float) -> int:
-        """A true coordinate [m] in the drive's coordinate [nm], INTEGER32."""
-        return _int32((position - self.origin * self.settings.increment) / UNIT)
+        """A true coordinate [m] in the drive's coordinate [units], INTEGER32."""
+        return _int32((position - self.origin * self.settings.increment) / self.unit)
 
     def power(self, on: bool) -> None:
         """Close the loop at the present position, or take the force off."""
@@ -82,14 +84,14 @@ class Motor:
         self.open = False
 
     def command(self, position: int, permille: int, ticks: int) -> None:
-        """Ramp to a target [nm] and force offset [1/1000 rated] within `ticks` control ticks."""
+        """Ramp to a target [units] and force offset [1/1000 rated] within `ticks` control ticks."""
         if not self._streamed:
             self._streamed = True
             self._plant.start_clock()
         if self.open:
             self.power(True)
         whole = self._whole
-        true = (position + self.origin * whole) * UNIT if whole else self.to_true(position)
+        true = (position + self.origin * whole) * self.unit if whole else self.to_true(position)
         self._plant.command(self._axis, true, permille * self._permille, ticks)
 
     def command_true(self, position: float, ticks: int) -> None:

@@ -1,10 +1,12 @@
 """Keys of the device-profile objects (CiA 402) in the process image, and the axis' own values.
 
-Forces take the place of torques: 1/1000 of the rated force, 0x6076 in mN. Positions are in nm,
-velocities in nm/s, accelerations in um/s^2, jerk in um/s^3.
+Forces take the place of torques: 1/1000 of the rated force, 0x6076 in mN. Positions, velocities and
+accelerations are in the units of the axis' settings: nm, nm/s and um/s^2 where nothing is said.
 """
 
 from __future__ import annotations
+
+import math
 
 from hil_sim.dictionary import Value, key
 from hil_sim.settings import AxisSettings
@@ -69,7 +71,7 @@ def axis_parameters(axis: AxisSettings) -> dict[int, Value]:
     """What this unit's objects hold after power-on in place of the EDS' examples."""
     control = axis.control
     peak = round(1000 * control.peak_force / control.rated_force)
-    low, high = (round(limit * 1e9) for limit in axis.travel)
+    low, high = (round(limit / axis.unit) for limit in axis.travel)
     return {
         key(0x1018, 4): axis.node,
         key(0x2000, 1): control.kp,
@@ -87,12 +89,29 @@ def axis_parameters(axis: AxisSettings) -> dict[int, Value]:
         key(0x6073): peak,
         key(0x6076): round(control.rated_force * 1e3),
         key(0x608F, 1): round(_MAGNET_PITCH / axis.increment),
-        key(0x6092, 1): round(_MAGNET_PITCH * 1e9),
-        FOLLOWING_WINDOW: round(axis.following_error * 1e9),
+        key(0x6092, 1): round(_MAGNET_PITCH / axis.unit),
+        FOLLOWING_WINDOW: round(axis.following_error / axis.unit),
         SOFT_LIMIT_LOW: low,
         SOFT_LIMIT_HIGH: high,
-        PROFILE_ACCELERATION: round(axis.acceleration * 1e6 / 10),
-        PROFILE_DECELERATION: round(axis.acceleration * 1e6 / 10),
-        QUICK_STOP_DECELERATION: round(axis.acceleration * 1e6),
-        PROFILE_JERK: min(round(axis.jerk * 1e6), 0xFFFFFFFF),
+        POSITION_WINDOW: round(1e-6 / axis.unit),
+        VELOCITY_WINDOW: round(50e-6 / axis.velocity_unit),
+        VELOCITY_THRESHOLD: round(50e-6 / axis.velocity_unit),
+        PROFILE_VELOCITY: round(0.1 / axis.velocity_unit),
+        HOMING_SPEED_SEARCH: round(0.01 / axis.velocity_unit),
+        HOMING_SPEED_INDEX: round(0.002 / axis.velocity_unit),
+        HOMING_ACCELERATION: round(0.5 / axis.acceleration_unit),
+        key(0x60A8): _si_unit(axis.unit, 0x00),
+        key(0x60A9): _si_unit(axis.velocity_unit, 0x03),
+        PROFILE_ACCELERATION: round(axis.acceleration / axis.acceleration_unit / 10),
+        PROFILE_DECELERATION: round(axis.acceleration / axis.acceleration_unit / 10),
+        QUICK_STOP_DECELERATION: round(axis.acceleration / axis.acceleration_unit),
+        PROFILE_JERK: min(round(axis.jerk / axis.acceleration_unit), 0xFFFFFFFF),
     }
+
+
+def _si_unit(unit: float, per: int) -> int:
+    """Notation of CiA 303-2: a power of ten of metres, per second (3) or not (0); else 0."""
+    power = round(math.log10(unit))
+    if not math.isclose(unit, 10.0**power, rel_tol=1e-9) or not -128 <= power <= 127:
+        return 0
+    return (power & 0xFF) << 24 | 0x01 << 16 | per << 8

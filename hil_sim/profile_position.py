@@ -100,14 +100,15 @@ class ProfilePosition(Mode):
         wanted = base + self.integer(o.TARGET_POSITION)
         low, high = self.soft_limits()
         target = min(max(wanted, low), high)
+        motor = self.context.motor
         jerk_limited = self.integer(o.PROFILE_TYPE) == JERK_LIMITED
         setpoint = Setpoint(
             target,
             target != wanted,
-            max(1, self.integer(o.PROFILE_VELOCITY)) * 1e-9,
-            max(1, self.integer(o.PROFILE_ACCELERATION)) * 1e-6,
-            max(1, self.integer(o.PROFILE_DECELERATION)) * 1e-6,
-            max(1, self.integer(o.PROFILE_JERK)) * 1e-6 if jerk_limited else None,
+            max(1, self.integer(o.PROFILE_VELOCITY)) * motor.speed_unit,
+            max(1, self.integer(o.PROFILE_ACCELERATION)) * motor.rate_unit,
+            max(1, self.integer(o.PROFILE_DECELERATION)) * motor.rate_unit,
+            max(1, self.integer(o.PROFILE_JERK)) * motor.rate_unit if jerk_limited else None,
         )
         busy = self._active is not None and not self.context.generator.done
         if busy and not immediately:

@@ -137,6 +137,8 @@ class AxisSettings:
         velocity, acceleration, jerk: limits [m/s, m/s^2, m/s^3].
         following_error: window [m].
         effects: what else acts on the axis.
+        unit, velocity_unit, acceleration_unit: of the drive's integers on the bus [m, m/s, m/s^2];
+            jerk in acceleration units per second.
     """
 
     name: str
@@ -152,8 +154,12 @@ class AxisSettings:
     jerk: float
     following_error: float
     effects: tuple[AppliedEffect, ...] = ()
+    unit: float = 1e-9
+    velocity_unit: float = 1e-9
+    acceleration_unit: float = 1e-6
 
     def __post_init__(self) -> None:
+        _positive(self, "unit", "velocity_unit", "acceleration_unit")
         _require(1 <= self.node <= 127, "node", f"must be 1..127, is {self.node!r}")
         _positive(self, "mass", "increment", "velocity", "acceleration", "jerk", "following_error")
         _not_negative(self, "noise")

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from hil_sim import objects as o
 from hil_sim.modes import INTERNAL_LIMIT, MODE_BIT_12, CyclicPosition
-from hil_sim.motor import UNIT
 
 
 class CyclicTorque(CyclicPosition):
@@ -19,7 +18,8 @@ class CyclicTorque(CyclicPosition):
         """Velocity of the axis [m/s]: there is no demand to brake."""
         if self.halted:
             return super().velocity()
-        return self.context.motor.velocity() * UNIT
+        motor = self.context.motor
+        return motor.velocity() * motor.speed_unit
 
     def on_sync(self) -> None:
         """Take over the force of this SYNC."""

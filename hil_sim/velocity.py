@@ -8,6 +8,8 @@ force offset 0x60B2, and stops at the soft limits.
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 from hil_sim import objects as o
 from hil_sim.modes import (
     INTERNAL_LIMIT,
@@ -73,14 +75,14 @@ class ProfileVelocity(Mode):
 
     def _run(self, target: int, acceleration: int, deceleration: int) -> None:
         generator, motor = self.context.generator, self.context.motor
-        up, down = max(1, acceleration) * 1e-6, max(1, deceleration) * 1e-6
+        up, down = (max(1, rate) * motor.rate_unit for rate in (acceleration, deceleration))
         low, high = self.soft_limits()
         limit = motor.to_true(high if target > 0 else low)
         beyond = generator.position >= limit if target > 0 else generator.position <= limit
         if target == 0 or beyond:
             generator.stop(down)
         else:
-            generator.move(limit, abs(target) * 1e-9, up, down)
+            generator.move(limit, abs(target) * motor.speed_unit, up, down)
 
 
 class CyclicVelocity(CyclicPosition):
@@ -89,7 +91,10 @@ class CyclicVelocity(CyclicPosition):
     def start(self) -> None:
         """Follow from the next SYNC on, from where the demand is."""
         super().start()
-        self._fine = self._last * _NANO  # nm and their fractions, added up exactly
+        motor = self.context.motor
+        ratio = Fraction(repr(motor.speed_unit)) / Fraction(repr(motor.unit)) / _NANO
+        self._per, self._whole = ratio.numerator, ratio.denominator
+        self._fine = self._last * self._whole  # units and their fractions, added up exactly
 
     def on_sync(self) -> None:
         """Take over the velocity of this SYNC."""
@@ -98,11 +103,11 @@ class CyclicVelocity(CyclicPosition):
         velocity = self.integer(o.TARGET_VELOCITY)
         force = self.integer(o.TORQUE_OFFSET)
         bits = MODE_BIT_12
-        self._fine += velocity * self._ticks * self.context.motor.tick_ns
-        target = (self._fine + _NANO // 2) // _NANO
+        self._fine += velocity * self._ticks * self.context.motor.tick_ns * self._per
+        target = (self._fine + self._whole // 2) // self._whole
         if not self._low <= target <= self._high:
             target = min(max(target, self._low), self._high)
-            self._fine = target * _NANO
+            self._fine = target * self._whole
             bits = INTERNAL_LIMIT
         force = min(max(force, -self._force_limit), self._force_limit)
         self._before, self._last = self._last, target

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from stagectl.config.machine import Machine
 
 _PACKAGED = "wafer-xy"
+_HOSTS_OWN = Path("the host's own")
 
 
 def simulated_or_real(command: Callable[..., None]) -> Callable[..., None]:
@@ -24,9 +25,9 @@ def simulated_or_real(command: Callable[..., None]) -> Callable[..., None]:
                      help="Of the simulation's noise and repeatability."),
         click.option("--bus", type=BusType(),
                      help="Instead of the machine file's, e.g. socketcan:can0."),
-        click.option("--simulate", type=FILE, is_flag=False, flag_value=Path(_PACKAGED),
+        click.option("--simulate", type=FILE, is_flag=False, flag_value=_HOSTS_OWN,
                      metavar="[TRUTH]", help="Run on virtual drives whose plant is this machine "
-                     "file [the packaged wafer-xy]."),
+                     "file [the host's own]."),
         click.option("--machine", type=FILE,
                      help="What the host believes of the stage [wafer-xy]."),
     ):  # fmt: skip
@@ -46,9 +47,10 @@ def machines_of(
     if simulate is not None and bus is not None:
         raise click.UsageError("--bus: --simulate brings its own bus, in virtual time")
     believed = _load(machine)
-    truth = None if simulate is None else _load(simulate)
-    if truth is not None:
-        _check_truth(believed, truth)
+    if simulate is None:
+        return believed, None
+    truth = believed if simulate == _HOSTS_OWN else _load(simulate)
+    _check_truth(believed, truth)
     return believed, truth
 
 

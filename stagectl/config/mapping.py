@@ -53,6 +53,9 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
                 acceleration=axis.limits.acceleration,
                 jerk=axis.limits.jerk,
                 following_error=axis.limits.following_error,
+                unit=drive.position_unit,
+                velocity_unit=drive.velocity_unit or drive.position_unit,
+                acceleration_unit=drive.acceleration_unit,
             )
         )
     if any(axis.effects for axis in machine.axes.values()):

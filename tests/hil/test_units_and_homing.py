@@ -51,12 +51,50 @@ def test_encoder_increments_other_than_1_nm(stage_machine: Machine, increment: s
         np.testing.assert_allclose(rest.position[-1], ramp[-1], atol=50e-9)
 
 
+UNITS = [
+    "position_unit: 5 nm",
+    "position_unit: 0.5 nm",
+    "position_unit: 4.8828125 nm",
+    "position_unit: 10 nm\n      velocity_unit: 1 um/s\n      acceleration_unit: 1 mm/s^2",
+]
+
+
+@pytest.mark.parametrize("units", UNITS)
+def test_drives_of_other_units(stage_machine: Machine, units: str) -> None:
+    text = stage_machine.text
+    for rated in ("rated_force: 40.0", "rated_force: 60.0"):
+        text = text.replace(rated, f"{units}\n      {rated}")
+    bench = Bench(parse_machine(text, "other.yaml"))
+    with bench.open() as stage:
+        stage.boot()
+        stage.home()
+        stage.enable()
+        assert max(map(abs, stage.positions)) < 1e-6
+        start = np.array(stage.targets)
+        ramp = start + np.linspace(0, 1e-3, 200)[:, None]
+        stage.stream(ramp, np.zeros_like(ramp))
+        rest = stage.hold(0.3)
+        np.testing.assert_allclose(rest.position[-1], ramp[-1], atol=50e-9)
+        stage.move_to("x", 2e-3, velocity=0.02, acceleration=0.5)
+        assert stage.positions[0] == pytest.approx(2e-3, abs=1.1e-6)
+        before = stage.positions[0]
+        speed = np.full((200, 2), 0.0)
+        speed[:100, 0] = np.linspace(0.0, 5e-3, 100)
+        speed[100:, 0] = np.linspace(5e-3, 0.0, 100)
+        stage.stream_velocity(speed)
+        stage.enable()
+        stage.hold(0.2)
+        assert stage.positions[0] - before == pytest.approx(speed[:, 0].sum() * 1e-3, abs=2e-6)
+
+
 def test_a_unit_that_the_machine_file_has_wrong(stage_machine: Machine) -> None:
     machine = stage_machine.text.replace(
         "rated_force: 40.0", "position_unit: 2 nm\n      rated_force: 40.0"
     )
+    drives = Bench(stage_machine)
+    drives.machine = parse_machine(machine, "wrong.yaml")
     with (
-        Bench(parse_machine(machine, "wrong.yaml")).open() as stage,
+        drives.open() as stage,
         pytest.raises(
             ConfigurationError, match=r"^axis x: 0x6092:01 .*which is 1e-09 m; .* 2e-09 m"
         ),

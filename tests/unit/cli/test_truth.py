@@ -1,0 +1,30 @@
+"""What `--simulate` simulates."""
+
+from pathlib import Path
+
+import click
+from click.testing import CliRunner
+
+from stagectl.cli.motion import machines_of, simulated_or_real
+from stagectl.config.machine import load_machine
+
+
+def test_without_a_file_it_is_what_the_host_believes(tmp_path: Path):
+    own = tmp_path / "coarse.yaml"
+    text = load_machine(None).text
+    own.write_text(text.replace("increment: 1.0e-9", "increment: 5.0e-9"))
+    seen = []
+
+    @click.command()
+    @simulated_or_real
+    def command(machine, simulate, bus, seed):
+        seen.append(machines_of(machine, simulate, bus))
+
+    for arguments in (["--simulate"], ["--simulate", "wafer-xy"], []):
+        done = CliRunner().invoke(command, ["--machine", str(own), *arguments])
+        assert done.exit_code == 0, done.output
+    (host, its_own), (_, packaged), (_, real) = seen
+    assert its_own is host
+    assert host.axes["x"].encoder.increment == 5e-9
+    assert packaged.axes["x"].encoder.increment == 1e-9
+    assert real is None
