@@ -40,7 +40,7 @@ def meaning(can_id: int, data: bytes, machine: Machine) -> str:
         drive = machine.axes[axis].drive
         return (
             f"RPDO 1 of {of}: {command_text(word)} (0x{word:04X}), "
-            f"target {target * drive.position_unit:.12g} m, "
+            f"target {target * drive.position_unit:.10f} m, "
             f"force offset {offset * drive.force_unit:.4g} N"
         )
     if function == 0x180 and len(data) == _TPDO.size and axis is not None:
@@ -48,7 +48,7 @@ def meaning(can_id: int, data: bytes, machine: Machine) -> str:
         drive = machine.axes[axis].drive
         return (
             f"TPDO 1 of {of}: {decode(word)} (0x{word:04X}), "
-            f"position {position * drive.position_unit:.12g} m, "
+            f"position {position * drive.position_unit:.10f} m, "
             f"force {force * drive.force_unit:.4g} N"
         )
     if function in (0x580, 0x600) and len(data) == 8:

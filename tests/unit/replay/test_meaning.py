@@ -36,7 +36,7 @@ def test_process_data_in_si_units():
     machine = load_machine()
     unit = machine.axes["y"].drive.rated_force / 1000
     sent = meaning(0x202, struct.pack("<Hih", 0x000F, -12_345_678, 25), machine)
-    assert "RPDO 1 of axis y: enable operation (0x000F), target -0.012345678 m" in sent
+    assert "RPDO 1 of axis y: enable operation (0x000F), target -0.0123456780 m" in sent
     assert f"force offset {25 * unit:.4g} N" in sent
     got = meaning(0x181, struct.pack("<Hih", 0x1237, 1, 0), machine)
-    assert "TPDO 1 of axis x: OPERATION ENABLED (0x1237), position 0.000000001 m" in got
+    assert "TPDO 1 of axis x: OPERATION ENABLED (0x1237), position 0.0000000010 m" in got
