@@ -73,13 +73,16 @@ class PdoEngine:
         self._arrange()
 
     def on_sync(self) -> None:
-        """Send the synchronous TPDOs that are due, then let the synchronous RPDOs act."""
+        """Send the synchronous TPDOs that are due; call `latch` afterwards."""
         # Overtaken, the host would take them for those of the SYNC that has come meanwhile.
         if not (self._late_bus and self._segment.sync_overtaken):  # type: ignore[attr-defined]
             for cob_id, sample in self._at_every_sync:
                 self._emit(cob_id, sample())
             for tpdo in self._sync_tpdos:
                 tpdo.on_sync()
+
+    def latch(self) -> None:
+        """Let the synchronous RPDOs received since the last SYNC act."""
         for rpdo in self._sync_rpdos:
             data = rpdo.pending
             if data is not None:
