@@ -57,13 +57,15 @@ CASES = (
 )
 
 
-def run(case: Case, recipe: Recipe, machine: Machine, seed: int) -> dict[str, Any]:
-    """The summary of one run."""
+def run(
+    case: Case, recipe: Recipe, machine: Machine, seed: int, truth: Machine | None = None
+) -> dict[str, Any]:
+    """The summary of one run; `truth` is the stage as it is, if not as the machine file says."""
     with tempfile.TemporaryDirectory() as folder:
         request = RunRequest(
             recipe=recipe,
             machine=machine,
-            truth=machine,
+            truth=truth or machine,
             bus=None,
             mode=case.mode,
             friction_scale=case.friction_scale,

@@ -188,6 +188,7 @@ class SplitHorizonEstimator:
         self._start = friction
         self._belief = Belief.at_start(settings.belief)
         self._time: float | None = None
+        self._rest: float | None = None
         self._jump: F64 | None = None
         self._jumps = 0
         # What the kernel takes, made once.
@@ -279,7 +280,7 @@ class SplitHorizonEstimator:
 
         The figures stay; the level is forgotten.
         """
-        self.state = self._time = None
+        self.state = self._time = self._rest = None
         self._belief = self._belief.predicted(math.inf, self.settings.belief)
 
     def effective(self, time: float) -> Friction:
@@ -293,7 +294,12 @@ class SplitHorizonEstimator:
         """Take the force measured at rest [N] as the sum of the element forces.
 
         The first call initialises the state, at `position` [m]; `time` [s] is that of the rest.
+        The position is also where the next move begins, should its first samples be lost.
         """
+        self._rest = position
+        return self._corrected(position, force, time)
+
+    def _corrected(self, position: float, force: float, time: float) -> FrictionState:
         if self.state is None:
             self.state = FrictionState.relaxed(self.friction.elements, position)
         self.state.correct(force, self.effective(time))
@@ -311,9 +317,10 @@ class SplitHorizonEstimator:
         count = len(move.position)
         if len(move.force) != count or len(move.valid) != count:
             raise ValueError("position, force and valid must have the same length")
-        position, force, valid = _cleaned(move)
+        position, force, valid = _cleaned(move, self._rest)
+        self._rest = None
         first_move = self._time is None
-        state = self.at_rest(float(position[0]), move.rest_force, move.time)
+        state = self._corrected(float(position[0]), move.rest_force, move.time)
         elapsed = 0.0 if self._time is None else move.time - self._time
         prior = self._belief.predicted(elapsed, self.settings.belief)
         found = Belief(prior.mean.copy(), prior.covariance.copy())
@@ -382,7 +389,7 @@ class SplitHorizonEstimator:
         """
         if self.state is None:
             return None
-        position, force, valid = _cleaned(move)
+        position, force, valid = _cleaned(move, self._rest)
         elapsed = 0.0 if self._time is None else move.time - self._time
         prior = self._belief.predicted(elapsed, self.settings.belief)
         found = Belief(prior.mean.copy(), prior.covariance.copy())
@@ -466,8 +473,11 @@ def _sliding(belief: Belief) -> tuple[float, float]:
     return coulomb * level, float(variance)
 
 
-def _cleaned(move: MoveData) -> tuple[F64, F64, NDArray[np.bool_]]:
+def _cleaned(move: MoveData, rest: float | None) -> tuple[F64, F64, NDArray[np.bool_]]:
     """Position, force and valid without anything that is not finite; holes in position bridged.
+
+    Where the first sample is lost, the bridge begins at `rest`, where the axis was before [m]: all
+    that it moved stretched its elements, seen or not.
 
     Raises:
         ValueError: fewer than three valid samples.
@@ -475,9 +485,12 @@ def _cleaned(move: MoveData) -> tuple[F64, F64, NDArray[np.bool_]]:
     position, force, valid = move.position, move.force, move.valid
     if not (valid.all() and math.isfinite(float(position.sum() + force.sum()))):
         valid = valid & np.isfinite(position) & np.isfinite(force)
-        index = np.arange(len(position))
+        index, known = np.arange(len(position)), valid
         if valid.sum() >= 3:
-            position = np.interp(index, index[valid], position[valid])
+            if rest is not None and not valid[0]:
+                known, position = valid.copy(), position.copy()
+                known[0], position[0] = True, rest
+            position = np.interp(index, index[known], position[known])
         force = np.where(valid, force, 0.0)
     if valid.sum() < 3:
         raise ValueError("fewer than three valid samples")

@@ -264,6 +264,19 @@ class TestRefusals:
         assert found.accepted
         assert found.friction.coulomb == pytest.approx(expected.friction.coulomb, rel=0.01)
 
+    @pytest.mark.parametrize(("number", "lost"), [(1, 8), (1, 12), (1, 20), (2, 8), (2, 20)])
+    def test_lost_first_samples_leave_the_stiffness_right(self, data, number, lost):
+        # As the stream has it: nothing has come. Only the rest says how far it is by then.
+        estimator = SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS)
+        learn(estimator, data, range(number))
+        move = data.move(number)
+        estimator.at_rest(float(move.position[0]), move.rest_force, move.time)
+        valid, position = move.valid.copy(), move.position.copy()
+        valid[:lost] = False
+        position[:lost] = 0.0
+        estimate = estimator.update(replace(move, valid=valid, position=position))
+        assert estimate.friction.stiffness == pytest.approx(TRUE.stiffness, rel=0.06)
+
     def test_a_move_with_too_many_holes_is_followed_only(self, data):
         estimator = self.settled(data)
         before = estimator.friction
