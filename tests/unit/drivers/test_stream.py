@@ -1,0 +1,181 @@
+"""Setpoints streamed on a scripted bus: what goes out, and what is made of what comes back."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drivers.errors import (
+    AxisFault,
+    LimitError,
+)
+from drivers.stage import Stage
+
+X, Y = 0, 1
+
+
+def rest(stage: Stage, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Setpoints that hold where the stage stands."""
+    return np.tile(stage.targets, (count, 1)), np.zeros((count, len(stage.axes)))
+
+
+def test_enable_targets_the_actual_position_and_stream_returns_what_was_sent(
+    stage: Stage, scripted: Any
+) -> None:
+    scripted.drives[X].position, scripted.drives[Y].position = 5_000, -7_000
+    stage.enable()
+    assert stage.targets == pytest.approx((5e-6, -7e-6))
+    position, offset = rest(stage, 4)
+    position[:, X] += np.arange(4) * 1.4e-9
+    offset[:, Y] = 0.1234
+    scripted.drives[X].force, scripted.drives[Y].force = 25, -50
+    seen: list[tuple[int, ...]] = []
+    stage.sink = seen.append
+    samples = stage.stream(position, offset)
+    np.testing.assert_allclose(
+        samples.position_demand[:, X], [5e-6, 5.001e-6, 5.003e-6, 5.004e-6], atol=1e-15
+    )
+    np.testing.assert_allclose(samples.force_offset[:, Y], 0.12)  # 2 x 60 N / 1000
+    np.testing.assert_allclose(samples.time, [0, 1e-3, 2e-3, 3e-3])
+    assert scripted.drives[Y].latched == (0x0F, -7000, 2)
+    np.testing.assert_allclose(samples.force, np.tile((1.0, -3.0), (4, 1)))
+    # the drive samples before it takes the setpoint over
+    np.testing.assert_allclose(samples.position[1:, X], samples.position_demand[:-1, X])
+    assert samples.valid.all()
+    assert not samples.late.any()
+    assert seen[2] == (
+        2_000_000,
+        0,
+        0,
+        -1,
+        5003,
+        0,
+        5001,
+        25,
+        0x227,
+        1,
+        0,
+        0,
+        -7000,
+        2,
+        -7000,
+        -50,
+        0x227,
+        1,
+        0,
+        0,
+    )
+
+
+def test_streams_continue_the_sync_grid_and_until_ends_one(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+    first = stage.stream(*rest(stage, 3))
+    counted: list[tuple[float, ...]] = []
+
+    def until(position: tuple[float, ...]) -> bool:
+        counted.append(position)
+        return len(counted) == 2
+
+    second = stage.stream(*rest(stage, 50), until=until)
+    assert len(second) == 2
+    np.testing.assert_allclose(np.r_[first.time, second.time], np.arange(5) * 1e-3)
+    syncs = [t for t, can_id, _ in scripted.sent if can_id == 0x80]
+    assert set(np.diff(syncs[-5:])) == {1_000_000}
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (lambda p: p.__setitem__((3, X), np.nan), r"axis x: 0x607A:00 .*row 3: nan m"),
+        (lambda p: p.__setitem__((slice(2, None), Y), 0.2), r"axis y: 0x607D:02 .*row 2.*above"),
+        (lambda p: p.__setitem__((0, X), 0.01), r"axis x: 0x607A:00 .*row 0.*velocity limit 1 m/s"),
+    ],
+)
+def test_setpoints_outside_the_limits_send_nothing(
+    stage: Stage, scripted: Any, change: Any, text: str
+) -> None:
+    stage.enable()
+    before = len(scripted.sent)
+    position, offset = rest(stage, 5)
+    change(position)
+    with pytest.raises(LimitError, match=text):
+        stage.stream(position, offset)
+    assert len(scripted.sent) == before
+
+
+def test_a_few_missed_tpdos_are_marked_and_the_last_values_stand(
+    stage: Stage, scripted: Any
+) -> None:
+    stage.enable()
+
+    def drop(drive: Any, count: int) -> None:
+        drive.position += 7
+        drive.mute_tpdo = 1 if count == start + 3 else 0
+
+    start = scripted.drives[X].syncs
+    scripted.drives[X].on_sync = drop
+    samples = stage.stream(*rest(stage, 6))
+    assert samples.valid[:, X].tolist() == [True, True, False, True, True, True]
+    assert samples.valid[:, Y].all()
+    assert samples.position[2, X] == samples.position[1, X]
+    assert np.isnan(samples.arrival[2, X])
+    assert stage.missed == 1
+    np.testing.assert_allclose(np.diff(samples.time), 1e-3)
+
+
+def test_streaming_before_enable_is_refused(stage: Stage) -> None:
+    with pytest.raises(AxisFault, match="axis x: the stage is not enabled"):
+        stage.stream(np.zeros((1, 2)), np.zeros((1, 2)))
+
+
+def test_no_sdo_while_streaming(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+    before = len(scripted.sent)
+    stage.stream(*rest(stage, 300))
+    ids = {can_id for _, can_id, _ in scripted.sent[before:]}
+    assert ids == {0x080, 0x201, 0x202, 0x77F}
+
+
+def test_late_cycles_are_counted_and_never_sent_in_a_burst(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+
+    def slow(position: tuple[float, ...]) -> bool:
+        calls.append(position)
+        if len(calls) == 3:
+            scripted.clock.now += 3_700_000
+        return False
+
+    calls: list[tuple[float, ...]] = []
+    samples = stage.stream(*rest(stage, 6), until=slow)
+    assert samples.late.tolist() == [False, False, False, True, False, False]
+    np.testing.assert_allclose(samples.time, np.array([0, 1, 2, 5, 6, 7]) * 1e-3)
+    syncs = [t for t, can_id, _ in scripted.sent if can_id == 0x80][-6:]
+    assert min(np.diff(syncs)) >= 300_000
+    assert stage.late == 1
+
+
+def test_a_duplicate_of_an_old_tpdo_is_not_taken_for_the_new_one(
+    stage: Stage, scripted: Any
+) -> None:
+    """Of the axis that answers last: its old frame would end the cycle before its new one."""
+    stage.enable()
+    stage.sink = lambda sample: scripted.deliver(
+        0x182, struct.pack("<Hih", 0x227, sample[11] - 5, 0)
+    )
+    position, offset = rest(stage, 6)
+    position[:, Y] += np.arange(6) * 1e-7
+    samples = stage.stream(position, offset)
+    np.testing.assert_allclose(samples.position[1:, Y], samples.position_demand[:-1, Y])
+    assert samples.valid.all()
+
+
+def test_the_host_beats_every_100_ms_while_streaming(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+    start = scripted.clock.now
+    stage.stream(*rest(stage, 1000))
+    beats = [t for t, can_id, _ in scripted.sent if can_id == 0x77F and t > start]
+    assert len(beats) in (9, 10, 11)
+    assert max(np.diff(beats)) <= 130_000_000
