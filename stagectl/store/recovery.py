@@ -194,8 +194,12 @@ def _parse(data: bytes, path: Path) -> JournalContent | None:
     if not blocks:
         return None
     samples = np.concatenate(blocks)
+    try:
+        recording = _recording(header, samples, moves, path)
+    except ValueError as error:  # header and moves contradict each other
+        raise UnusableInput(f"{path}: it is damaged: {error}") from error
     return JournalContent(
-        recording=_recording(header, samples, moves, path),
+        recording=recording,
         ledger=_ledger(header, samples),
         events=tuple(events),
         outcome=outcome,

@@ -249,6 +249,16 @@ def test_what_is_no_journal_is_refused_and_kept(tmp_path: Path):
         recover(tmp_path / "absent.journal")
 
 
+def test_a_journal_that_contradicts_itself_is_refused_and_kept(tmp_path: Path):
+    journal = written(tmp_path)
+    journal.close()
+    data = journal.path.read_bytes()
+    journal.path.write_bytes(data.replace(b'"name": "x"', b'"name": "q"', 1))
+    with pytest.raises(UnusableInput, match=r"recording.journal: it is damaged: moves\[0\]"):
+        recover(journal.path)
+    assert journal.path.exists()
+
+
 def test_a_full_disk_is_an_error_not_a_hole(tmp_path: Path):
     journal = Journal(tmp_path, HEADER)
     os.close(journal._fd)  # noqa: SLF001 (the only disk at hand that refuses everything)
