@@ -229,7 +229,9 @@ class SiteTracker:
         """The level's wander w and its standard deviation."""
         return float(self.state[WANDER]), math.sqrt(float(self.covariance[WANDER, WANDER]))
 
-    def observe(self, site: int, value: float, sigma: float, time: float) -> Observation:
+    def observe(
+        self, site: int, value: float, sigma: float, time: float, doubt: float = 0.0
+    ) -> Observation:
         """A move has measured the level at a site.
 
         Args:
@@ -237,6 +239,8 @@ class SiteTracker:
             value: logarithm of the level measured.
             sigma: its standard deviation, the wander not included.
             time: of it [s].
+            doubt: what it may be off by besides where something has stepped; the surprise is
+                judged without it.
         """
         self.advance(time)
         self.moves[site] += 1
@@ -265,7 +269,7 @@ class SiteTracker:
                 self._last_step = (site, sign, off, float(self.state[SITES + site]))
         elif self._last_step is not None and self._last_step[0] != site:
             self._last_step = None  # elsewhere nothing has stepped: it was that site's own
-        self._correct(self._row(site, True), off, noise)
+        self._correct(self._row(site, True), off, noise + doubt**2)
         if step == "site" and self._last_step is not None:
             taken = float(self.state[SITES + site]) - self._last_step[3]
             self._last_step = (site, sign, off, taken)

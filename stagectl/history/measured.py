@@ -12,9 +12,9 @@ from typing import Protocol
 PRESLIDING_ERROR = 0.006
 """What the level of a move that hardly slid is off by beside its sigma, relative (measured)."""
 PRESLIDING_MISFIT, SLIDING_MISFIT = (0.5, 0.1), (0.7, 0.06)
-"""A usual misfit (`Shown.misfit`), and what the level is off by for each unit beyond it,
-relative (measured): moves that hardly slid, where an element sticks a sample earlier or later than
-the sampled positions tell; moves that slid, over something that the map does not know."""
+"""A usual misfit (`Shown.misfit`), and what the level is off by for each unit beyond it, relative
+(measured): moves that hardly slid, where an element sticks a sample earlier or later than the
+sampled positions tell; moves that slid, over something that the map does not know."""
 
 
 class Shown(Protocol):
@@ -42,8 +42,21 @@ def measured_level(estimate: Shown) -> tuple[float, float] | None:
     if estimate.shown is None:
         return None
     value, sigma = estimate.shown
-    slid = "A" in estimate.zones
-    usual, error = SLIDING_MISFIT if slid else PRESLIDING_MISFIT
-    unexplained = error * max(estimate.misfit - usual, 0.0)
-    beside = 0.0 if slid else PRESLIDING_ERROR
-    return value, math.hypot(sigma, beside * value, unexplained * value)
+    if "A" in estimate.zones:
+        return value, sigma
+    unexplained = _unexplained(estimate, PRESLIDING_MISFIT)
+    return value, math.hypot(sigma, PRESLIDING_ERROR * value, unexplained * value)
+
+
+def doubt(estimate: Shown) -> float:
+    """What the level that a sliding move shows may be off by beside its sigma, relative.
+
+    Where the model does not explain it, friction on the way may not be as it was: that is no reason
+    to be less surprised, only to believe the figure less.
+    """
+    return _unexplained(estimate, SLIDING_MISFIT) if "A" in estimate.zones else 0.0
+
+
+def _unexplained(estimate: Shown, misfit: tuple[float, float]) -> float:
+    usual, error = misfit
+    return error * max(estimate.misfit - usual, 0.0)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from estimation.friction_field import FrictionField
 from estimation.site_tracking import Observation, SiteTracker, TrackingSettings
 from estimation.split_horizon import Estimate
-from stagectl.history.measured import measured_level
+from stagectl.history.measured import doubt, measured_level
 from stagectl.history.records import Measurement, Pair
 from stagectl.maps.model import FrictionMap
 from stagectl.sequencer.events import LevelStepped
@@ -152,7 +152,7 @@ class TrackedPlaces:
             return None
         value, sigma = shown
         seen = self.trackers[name].observe(
-            self._target, math.log(value), sigma / value, self.origin + time
+            self._target, math.log(value), sigma / value, self.origin + time, doubt(estimate)
         )
         if seen.step is None:
             return None

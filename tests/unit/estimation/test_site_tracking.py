@@ -107,3 +107,18 @@ def test_the_detector_sums_small_surprises_and_begins_anew():
     assert (detector.up, detector.down) == (0.0, 0.0)
     assert detector.update(-8.0) == -1
     assert false_alarm_rate() * 10_000 < 0.5  # 5 are allowed, and real surprises have tails
+
+
+def test_a_doubtful_measurement_surprises_as_much_and_is_believed_less():
+    """20 % up over a spot that the model does not know shows as 30 %: one step, not two."""
+
+    def made(doubt):
+        tracker = SiteTracker(np.zeros(3), 1e-4 * np.eye(3), TrackingSettings(pause=0.02), 0.0)
+        steps = [tracker.observe(1, 0.26, 0.004, 1.0, doubt).step]
+        steps.append(tracker.observe(1, 0.18, 0.004, 1.4).step)
+        return steps, tracker.expected(1, wander=False)[0]
+
+    believed, doubted = made(0.0), made(0.05)
+    assert believed[0] == ["site", "site"]
+    assert doubted[0] == ["site", None]
+    assert abs(doubted[1] - 0.18) < 0.02

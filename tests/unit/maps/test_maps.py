@@ -10,7 +10,7 @@ import pytest
 
 from stagectl.config.machine import load_machine
 from stagectl.errors import UnusableInput
-from stagectl.history.measured import measured_level
+from stagectl.history.measured import doubt, measured_level
 from stagectl.history.opening import open_history
 from stagectl.history.records import EstimateRecord, RunEntry, StageKey
 from stagectl.maps.active import load_active, map_versions
@@ -167,11 +167,14 @@ def test_what_a_measurement_is_worth():
     assert measured_level(nothing) is None
     sigmas = [
         measured_level(SimpleNamespace(shown=(6.0, 0.02), zones=zones, misfit=misfit))[1]
-        for zones, misfit in (("AB", 0.6), ("B", 0.4), ("AB", 1.5), ("B", 1.5))
+        for zones, misfit in (("AB", 0.6), ("AB", 1.5), ("B", 0.4), ("B", 1.5))
     ]
-    assert sigmas[0] == 0.02
-    assert sigmas == sorted(sigmas)
-    assert sigmas[3] > 3 * sigmas[1]
+    assert sigmas[0] == sigmas[1] == 0.02
+    assert 0.02 < 3 * sigmas[2] < sigmas[3]
+    assert [
+        doubt(SimpleNamespace(zones=zones, misfit=misfit)) > 0.0
+        for zones, misfit in (("AB", 0.6), ("AB", 1.5), ("B", 1.5))
+    ] == [False, True, False]
 
 
 def test_how_fast_the_other_figures_drift_is_learnt_per_axis_and_figure(history):
