@@ -347,7 +347,7 @@ class SplitHorizonEstimator:
         reason = reason or jumped
         if reason is None:
             self._jump, self._jumps = None, 0
-            self._belief = found
+            self._belief = found = _tempered(prior, found, misfit)
             self.friction = found.friction(self._start)
         else:
             self._belief = self._after_refusal(prior, found, jumped is not None)
@@ -495,3 +495,27 @@ def _cleaned(move: MoveData, rest: float | None) -> tuple[F64, F64, NDArray[np.b
     if valid.sum() < 3:
         raise ValueError("fewer than three valid samples")
     return position, force, valid
+
+
+def _tempered(prior: Belief, found: Belief, misfit: float) -> Belief:
+    """What is believed where the residual is `misfit` times what noise explains.
+
+    The move's information counts by 1/misfit^2, as if its noise had been that much larger. A
+    figure of which nothing is free keeps what was found.
+    """
+    if misfit <= 1.0:
+        return found
+    free = found.covariance.diagonal() < prior.covariance.diagonal() * (1.0 - 1e-9)
+    if not free.any():
+        return found
+    chosen = np.ix_(free, free)
+    before = np.linalg.inv(prior.covariance[chosen])
+    after = np.linalg.inv(found.covariance[chosen])
+    share = 1.0 / misfit**2
+    information = before + share * (after - before)
+    covariance = np.linalg.inv(information)
+    pull = (1.0 - share) * before @ prior.mean[free] + share * after @ found.mean[free]
+    mean, whole = found.mean.copy(), found.covariance.copy()
+    mean[free] = covariance @ pull
+    whole[chosen] = covariance
+    return Belief(mean, whole)
