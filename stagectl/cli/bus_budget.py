@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.options import FILE, write_json
+from stagectl.cli.options import FILE, OUTPUT, write_json
 
 if TYPE_CHECKING:
     from drivers.bus_budget import BusBudget
@@ -22,7 +22,7 @@ _BYTES = click.IntRange(0, 8)
 @click.option("--rpdo", type=_BYTES, multiple=True, help="Bytes of an RPDO of every axis [8].")
 @click.option("--tpdo", type=_BYTES, multiple=True, help="Bytes of a TPDO of every axis [8].")
 @click.option("--sync-counter", is_flag=True, help="SYNC carries a counter (0x1019).")
-@click.option("--json", "json_out", type=FILE, help="Write the figures here; - is stdout.")
+@click.option("--json", "json_out", type=OUTPUT, help="Write the figures here; - is stdout.")
 def command(
     machine: Path | None, sync_period: float | None, bitrate: int | None,
     rpdo: tuple[int, ...], tpdo: tuple[int, ...], sync_counter: bool, json_out: Path | None,

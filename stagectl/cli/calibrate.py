@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.motion import machines_of, simulated_or_real, stop_on_signal
-from stagectl.cli.options import FILE, write_json
+from stagectl.cli.options import FILE, OUTPUT, write_json
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -43,7 +43,7 @@ _STYLES = {"good": "green", "watch": "yellow", "act": "red", "failed": "red"}
     help="Go on with the interrupted calibration in this folder.",
 )
 @click.option("--comment", default="", help="Kept with the new map.")
-@click.option("--json", "json_out", type=FILE, help="Also write the outcome here; - is stdout.")
+@click.option("--json", "json_out", type=OUTPUT, help="Also write the outcome here; - is stdout.")
 @click.option("--dry-run", is_flag=True, help="Only say what would be done; nothing moves.")
 def command(
     sites: Path, due: bool, machine: Path | None, simulate: Path | None,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.bus_access import Bench, bus_options
-from stagectl.cli.options import FILE, write_json
+from stagectl.cli.options import OUTPUT, write_json
 
 if TYPE_CHECKING:
     from drivers.conformance import Finding
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @click.option("--homing", is_flag=True,
               help="Also home at the present position: the drive's zero changes.")  # fmt: skip
 @click.option("--failures", is_flag=True, help="Show only what is not a pass.")
-@click.option("--json", "json_out", type=FILE, help="Write the findings here; - is stdout.")
+@click.option("--json", "json_out", type=OUTPUT, help="Write the findings here; - is stdout.")
 def command(
     node: int, machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int,
     power: bool, homing: bool, failures: bool, json_out: Path | None,

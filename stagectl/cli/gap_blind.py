@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.gap_measure import console_for
-from stagectl.cli.options import FILE, write_json
+from stagectl.cli.options import FILE, OUTPUT, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -37,10 +37,10 @@ if TYPE_CHECKING:
 @click.option(
     "--jobs", type=click.IntRange(1), default=2, show_default=True, help="Axes searched at a time."
 )
-@click.option("--lines", type=FILE, help="Append each trial here; trials that it holds are kept.")
+@click.option("--lines", type=OUTPUT, help="Append each trial here; trials that it holds are kept.")
 @click.option("--label", default="", help="Version that is checked, for lines and page.")
-@click.option("--json", "json_out", type=FILE, help="Write the figures here; - is stdout.")
-@click.option("--docs", type=FILE, help="Write the page of all trials in --lines here (Markdown).")
+@click.option("--json", "json_out", type=OUTPUT, help="Write the figures here; - is stdout.")
+@click.option("--docs", type=OUTPUT, help="Write the page of all trials in --lines (Markdown).")
 def blind(
     trials: int,
     seed: int,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from stagectl.cli.gap_measure import console_for, gap_table, machine_of
-from stagectl.cli.options import FILE, write_json
+from stagectl.cli.options import FILE, OUTPUT, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -36,9 +36,9 @@ _VERDICTS = {
 @click.command("diagnose", short_help="Where the gap lies, and what causes it.")
 @click.argument("recordings", type=FILE, nargs=-1, required=True, metavar="REC.h5...")
 @click.option("--machine", type=FILE, help="Machine file to compare [the recordings' own].")
-@click.option("--json", "json_out", type=FILE, help="Write the report here; - is stdout.")
-@click.option("--html", "html_out", type=FILE, help="Write the report as a page to look at.")
-@click.option("--twin", type=FILE, help="Write the machine file with the effects found.")
+@click.option("--json", "json_out", type=OUTPUT, help="Write the report here; - is stdout.")
+@click.option("--html", "html_out", type=OUTPUT, help="Write the report as a page to look at.")
+@click.option("--twin", type=OUTPUT, help="Write the machine file with the effects found.")
 @click.option(
     "--jobs", type=click.IntRange(1), default=2, show_default=True, help="Axes searched at a time."
 )

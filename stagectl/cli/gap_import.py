@@ -6,13 +6,13 @@ from pathlib import Path
 
 import click
 
-from stagectl.cli.options import FILE
+from stagectl.cli.options import FILE, OUTPUT
 
 
 @click.command("import", short_help="Foreign data (.mat, .csv) as a recording.")
 @click.argument("data", type=FILE)
 @click.option("--map", "how", type=FILE, required=True, help="Which column is what, in what unit.")
-@click.option("--out", type=FILE, help="Recording to write [DATA.h5, here].")
+@click.option("--out", type=OUTPUT, help="Recording to write [DATA.h5, here].")
 def import_data(data: Path, how: Path, out: Path | None) -> None:
     """Make a recording out of DATA, a .mat or .csv file, by a map.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.options import FILE, write_json
+from stagectl.cli.options import FILE, OUTPUT, write_json
 
 if TYPE_CHECKING:
     from estimation.offline.identify import Figure, Identification
@@ -25,7 +25,7 @@ FORMAT, VERSION = "stagectl-friction", 1
     "--elements", type=click.IntRange(1, 64), help="Maxwell-slip elements [the machine file's]."
 )
 @click.option("--shape/--no-shape", default=True, help="Print every k_i and nu_i too.")
-@click.option("--json", "json_out", type=FILE, help="Write the figures here; - is stdout.")
+@click.option("--json", "json_out", type=OUTPUT, help="Write the figures here; - is stdout.")
 def command(
     recordings: tuple[Path, ...],
     machine: Path | None,

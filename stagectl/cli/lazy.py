@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from difflib import get_close_matches
 from importlib import import_module
 from typing import Any
 
@@ -28,6 +29,9 @@ class LazyGroup(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """The command, imported now."""
         if cmd_name not in self._lazy:
+            near = get_close_matches(cmd_name, self._lazy, 1)
+            if near and not ctx.resilient_parsing:
+                ctx.fail(f"no such command '{cmd_name}'; did you mean '{near[0]}'?")
             return None
         module, _, attribute = self._lazy[cmd_name][0].partition(":")
         command: click.Command = getattr(import_module(module), attribute or "command")

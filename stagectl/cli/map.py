@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from stagectl.cli.history_access import history_options, machine_of, open_for
-from stagectl.cli.options import FILE
+from stagectl.cli.options import FILE, OUTPUT
 
 if TYPE_CHECKING:
     from stagectl.history.port import History
@@ -61,7 +61,7 @@ def build(
 @command.command(short_help="A version: its figures, sites, and an HTML page.")
 @click.argument("number", type=int, required=False)
 @history_options
-@click.option("--html", type=FILE, help="Write heat maps, trends and changes here.")
+@click.option("--html", type=OUTPUT, help="Write heat maps, trends and changes here.")
 @click.option("--at", nargs=2, type=float, metavar="X Y", help="Also the value at this place [m].")
 def show(
     number: int | None, history: str | None, stage_name: str | None, simulated: bool | None,
@@ -147,7 +147,7 @@ def rollback(
 
 
 @command.command(short_help="A version as CSV or Parquet.")
-@click.argument("out", type=FILE)
+@click.argument("out", type=OUTPUT)
 @click.option("--number", type=int, help="Version [the active one, else the last].")
 @click.option(
     "--what",

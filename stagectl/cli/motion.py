@@ -48,6 +48,9 @@ def machines_of(
         raise click.UsageError("--bus: --simulate brings its own bus, in virtual time")
     believed = _load(machine)
     if simulate is None:
+        if (bus[0] if bus else believed.bus.interface) == "virtual":
+            click.echo("a virtual bus is this process' own, without drives: --simulate has them",
+                       err=True)  # fmt: skip
         return believed, None
     truth = believed if simulate == _HOSTS_OWN else _load(simulate)
     _check_truth(believed, truth)

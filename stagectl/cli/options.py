@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,32 @@ import click
 
 FILE = click.Path(path_type=Path, dir_okay=True)
 """A file to read; that it can be read is checked where it is read, with a better message."""
+
+
+class _Output(click.Path):
+    """A file to write, or - for standard output: refused before a long computation, not after."""
+
+    def convert(
+        self,
+        value: str | os.PathLike[str],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> str | bytes | os.PathLike[str]:
+        """Its folder is there, and it can be written."""
+        path = Path(value)
+        if str(path) == "-":
+            return path
+        if path.is_dir():
+            self.fail(f"{path}: is a directory", param, ctx)
+        if not path.absolute().parent.is_dir():
+            self.fail(f"{path}: there is no folder {path.parent}", param, ctx)
+        if not os.access(path if path.exists() else path.absolute().parent, os.W_OK):
+            self.fail(f"{path}: cannot be written", param, ctx)
+        return path
+
+
+OUTPUT = _Output(path_type=Path)
+"""A file to write; - is standard output where the command says so."""
 
 
 class BusType(click.ParamType[tuple[str, str]]):

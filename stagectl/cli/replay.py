@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.options import FILE, write_json
+from stagectl.cli.options import OUTPUT, write_json
 
 if TYPE_CHECKING:
     from stagectl.replay.rerun import Replayed
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @click.command(short_help="A recorded bus log drives the host again.")
 @click.argument("run", type=click.Path(path_type=Path, file_okay=False))
-@click.option("--json", "json_out", type=FILE, help="Also write the outcome here; - is stdout.")
+@click.option("--json", "json_out", type=OUTPUT, help="Also write the outcome here; - is stdout.")
 def command(run: Path, json_out: Path | None) -> None:
     """Run the host again on the bus log in folder RUN, and tell the first frame that differs.
 

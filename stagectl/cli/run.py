@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from stagectl.cli.motion import machines_of, simulated_or_real, stop_on_signal
-from stagectl.cli.options import FILE, write_json
+from stagectl.cli.options import FILE, OUTPUT, write_json
 
 if TYPE_CHECKING:
     from hil_sim.faults import FaultPlan
@@ -89,7 +88,7 @@ USUAL_BUDGET = 5.0
     type=click.FloatRange(0.0),
     help="Time for them [s; the calibration file's, else 5].",
 )
-@click.option("--json", "json_out", type=FILE, help="Also write the summary here; - is stdout.")
+@click.option("--json", "json_out", type=OUTPUT, help="Also write the summary here; - is stdout.")
 @click.option("--dry-run", is_flag=True, help="Only say what would be done; nothing moves.")
 def command(
     recipe: Path,
@@ -131,9 +130,6 @@ def command(
         raise click.UsageError("--faults needs --simulate: real faults come by themselves")
     if not math.isfinite(friction_scale):
         raise click.BadParameter("must be a number", param_hint="--friction-scale")
-    if json_out is not None and str(json_out) != "-":
-        if json_out.is_dir() or not os.access(json_out.absolute().parent, os.W_OK):
-            raise click.BadParameter(f"{json_out}: cannot be written", param_hint="--json")
     if compensation == "oracle" and simulate is None:
         raise click.UsageError("--compensation oracle needs --simulate: nobody knows a real truth")
     believed, truth = machines_of(machine, simulate, bus)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from statistics import fmean, median
 from typing import Any
 
@@ -56,6 +57,14 @@ class Refusal:
     site: int | None
     axis: str
     reason: str
+
+
+def date(started: str) -> str:
+    """An ISO 8601 date to the second, for people; as it is where it is something else."""
+    try:
+        return f"{datetime.fromisoformat(started):%Y-%m-%d %H:%M:%S %Z}".strip()
+    except ValueError:
+        return started
 
 
 def micrometres(value: float | None) -> str:

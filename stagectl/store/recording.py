@@ -262,7 +262,8 @@ def _opened(path: Path | str) -> Iterator[h5py.File]:
     """Open for reading; every failure inside becomes one line that starts with the file's name."""
     if not Path(path).is_file():
         missing = "is not a file" if Path(path).exists() else "no such file"
-        raise UnusableInput(f"{path}: {missing}")
+        inside = Path(path) / "recording.h5"
+        raise UnusableInput(f"{path}: {missing}{f'; {inside} is' if inside.is_file() else ''}")
     try:
         with h5py.File(path, "r") as file:
             yield file

@@ -350,3 +350,24 @@ def test_gap_diagnose(stagectl, tmp_path):
     assert report["recordings"] == [str(recording)]
     assert (report["channels"], report["causes"]) == ([], [])
     assert load_machine(twin).axes["x"].plant == load_machine().axes["x"].plant
+
+
+@pytest.mark.parametrize("where", ["none/x.json", "."])
+def test_what_could_not_be_written_is_refused_before_the_work(stagectl, tmp_path, where):
+    done = stagectl("gap", "diagnose", DATA / "null-2.h5", "--json", tmp_path / where)
+    assert done.returncode == 2
+    assert "--json" in done.stderr
+    assert str(tmp_path) in done.stderr
+
+
+def test_a_mistyped_command_has_a_neighbour(stagectl):
+    done = stagectl("rum")
+    assert done.returncode == 2
+    assert "no such command 'rum'; did you mean 'run'?" in done.stderr
+
+
+def test_a_folder_of_a_run_is_no_recording_but_has_one(stagectl, tmp_path):
+    (tmp_path / "recording.h5").touch()
+    done = stagectl("gap", "measure", tmp_path)
+    assert done.returncode == 2
+    assert f"is not a file; {tmp_path / 'recording.h5'} is" in done.stderr

@@ -4,6 +4,7 @@ import json
 import re
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner
 
@@ -83,6 +84,6 @@ def test_what_is_left_open_is_an_option():
      (["--cut-off", "-3"], "cut_off"), (["--out", "no/such/folder/p.md"], "no folder")],
 )  # fmt: skip
 def test_unusable_options_are_one_line(args, said):
-    with pytest.raises(UnusableInput, match=said) as problem:
-        CliRunner().invoke(command, ["--quick", *args], catch_exceptions=False)
+    with pytest.raises((UnusableInput, click.BadParameter), match=said) as problem:
+        command.main(["--quick", *args], standalone_mode=False)
     assert "\n" not in str(problem.value)

@@ -1,0 +1,43 @@
+"""Whole or not at all; and a device stays a device."""
+
+import os
+import threading
+
+import pytest
+
+from stagectl.errors import StagectlError
+from stagectl.store.atomic import write_atomically
+
+
+def test_a_file_is_replaced_and_nothing_is_left_beside_it(tmp_path):
+    path = tmp_path / "page.html"
+    path.write_text("old")
+    write_atomically(path, "µ", "page", durable=True)
+    assert path.read_bytes() == "µ".encode()
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_cannot_be_written_is_named_and_the_old_one_stays(tmp_path):
+    with pytest.raises(StagectlError, match=r"none/page: cannot write the page: No such file"):
+        write_atomically(tmp_path / "none" / "page", "", "page")
+    (tmp_path / "page").write_text("old")
+    (tmp_path / "page.part").mkdir()
+    with pytest.raises(StagectlError, match="Is a directory"):
+        write_atomically(tmp_path / "page", "new", "page")
+    assert (tmp_path / "page").read_text() == "old"
+
+
+def test_a_folder_is_not_written_over(tmp_path):
+    with pytest.raises(StagectlError, match="Is a directory"):
+        write_atomically(tmp_path, "", "page")
+
+
+def test_a_pipe_is_written_to_and_stays(tmp_path):
+    path, seen = tmp_path / "pipe", []
+    os.mkfifo(path)
+    reader = threading.Thread(target=lambda: seen.append(path.read_text()))
+    reader.start()
+    write_atomically(path, "text", "page")
+    reader.join(60)
+    assert seen == ["text"]
+    assert path.is_fifo()
