@@ -92,14 +92,10 @@ def replay(folder: Path) -> Replayed:
                 )
             seals = [str(e["digest"]) for e in notes.events if e.get("event") == "bus_log"]
             if run.get("calibration") or run.get("slipped"):
-                what = (
-                    "was a calibration"
-                    if run.get("calibration")
-                    else (f"had {run['slipped']} calibrations slipped into it")
-                )
+                what = "was a calibration" if run.get("calibration") else "had some slipped into it"
                 raise UnusableInput(
-                    f"{path}: {what}: its moves do not come from its recipe alone; other runs with "
-                    "--simulate can be replayed"
+                    f"{path}: {what}: a calibration's moves are not in the recipe; runs with "
+                    "--simulate and without any can be replayed"
                 )
             if run.get("map") is not None and run.get("map_then") is None:
                 raise UnusableInput(

@@ -162,3 +162,19 @@ def test_a_run_goes_by_the_map_and_says_so(calibrated, tmp_path):
         counts.append(len(seen))
     # A macro-move shows the level of its target only where friction on the way is known.
     assert counts[0] > counts[1] - counts[0]
+
+
+def test_due_sites_are_slipped_into_a_run_within_its_budget(calibrated, tmp_path):
+    folder, _, _ = calibrated
+    where = ("--history", shutil.copy(folder / "stage.db", tmp_path / "stage.db"))
+    (tmp_path / "short.yaml").write_text(RECIPE)
+    run = ("run", tmp_path / "short.yaml", "--simulate", *where)
+    stagectl(*run, "--out", tmp_path / "wear")
+    (tmp_path / "sites.yaml").write_text(SITES + "due: {distance: 10 mm}\n")
+    calibrate = ("--calibrate", tmp_path / "sites.yaml", "--budget", "2.0")
+    said = stagectl(*run, *calibrate, "--out", tmp_path / "slipped")
+    assert "4 sites due, 1 slipped in" in said
+    moves = json.loads((tmp_path / "slipped" / "summary.json").read_text())["moves"]
+    assert sum(m["kind"] == "creep" or m["kind"] == "other" for m in moves) >= 8
+    said = stagectl("replay", tmp_path / "slipped", code=2)
+    assert "had some slipped into it" in said
