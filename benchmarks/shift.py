@@ -396,7 +396,10 @@ def report(modes: Sequence[str], wafers: int, folder: Path, spot: float) -> None
         f"{', '.join(str(n) for n in (wafers // 4, wafers // 2) if n < common) or 'none'}, killed "
         f"{killed.read_text().strip() if killed.exists() else 'nowhere yet'}"
     )
-    print(f"{'micro-moves: settling, ms':<28}  ±50 nm median (mean)  ±200 nm  peak, um  moves")
+    print(
+        f"{'micro-moves: settling, ms':<28}  ±50 nm median (mean)  within 5 ms  ±200 nm  peak, um  "
+        "moves"
+    )
     figures = {}
     for mode, lines in rows.items():
         micro = [m for line in lines for m in line["micro"]]
@@ -404,6 +407,7 @@ def report(modes: Sequence[str], wafers: int, folder: Path, spot: float) -> None
         figures[mode] = (median(fine), mean(fine))
         print(
             f"{mode:<28}  {median(fine):8.1f} ({mean(fine):5.1f})   "
+            f"{mean(t <= 5.0 for t in fine):10.1%}  "
             f"{median(m['200'] for m in micro) * 1e3:8.1f}  "
             f"{median(m['peak'] for m in micro) * 1e6:6.3f}  {len(micro)}"
         )
