@@ -13,7 +13,6 @@ each seed and axis (`drawn`).
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 
 import numpy as np
 from machine_facts import machine_facts
@@ -42,9 +41,12 @@ def drawn(machine: Machine, seed: int) -> Machine:
                 strict=True,
             )
         )
-        friction = replace(friction, **{k: getattr(friction, k) * f for k, f in factor.items()})
-        axes[name] = replace(axis, plant=replace(axis.plant, friction=friction))
-    return replace(machine, axes=axes)
+        friction = friction.model_copy(
+            update={name: getattr(friction, name) * f for name, f in factor.items()}
+        )
+        plant = axis.plant.model_copy(update={"friction": friction})
+        axes[name] = axis.model_copy(update={"plant": plant})
+    return machine.model_copy(update={"axes": axes})
 
 
 def figures(mode: Mode, which: str, seeds: int) -> dict[str, np.ndarray]:

@@ -31,6 +31,7 @@ from estimation.belief import (
 )
 from estimation.gms import COULOMB as MODEL_COULOMB
 from estimation.gms import F64, Friction, FrictionState, element_shares
+from estimation.restlessness import Restlessness
 from estimation.window import (
     R_BOUND,
     R_CHI_A,
@@ -43,6 +44,8 @@ from estimation.window import (
     final_state,
 )
 
+_LEARNED = 0.05
+"""A level believed to this is not being learned any more: what it does then, the stage does."""
 _TELLING = 0.5
 """A move that leaves more than this of the level's variance does not show the level."""
 _ZONE_A = (COULOMB, VISCOUS, MASS)
@@ -189,6 +192,8 @@ class SplitHorizonEstimator:
         self._belief = Belief.at_start(settings.belief)
         self._time: float | None = None
         self._rest: float | None = None
+        self._restless = Restlessness()
+        self._frozen = frozen
         self._jump: F64 | None = None
         self._jumps = 0
         # What the kernel takes, made once.
@@ -262,6 +267,7 @@ class SplitHorizonEstimator:
             level: w at the end of the last move and its standard deviation, where it is known
                 better than from the moves of this axis.
         """
+        self._restless.calm()
         mean, covariance = self._belief.mean, self._belief.covariance
         factor = coulomb / self.friction.coulomb
         figure = float(self._figures[COULOMB])
@@ -281,6 +287,7 @@ class SplitHorizonEstimator:
         The figures stay; the level is forgotten.
         """
         self.state = self._time = self._rest = None
+        self._restless.calm()
         self._belief = self._belief.predicted(math.inf, self.settings.belief)
 
     def effective(self, time: float) -> Friction:
@@ -322,7 +329,7 @@ class SplitHorizonEstimator:
         first_move = self._time is None
         state = self._corrected(float(position[0]), move.rest_force, move.time)
         elapsed = 0.0 if self._time is None else move.time - self._time
-        prior = self._belief.predicted(elapsed, self.settings.belief)
+        prior = self._aged(elapsed)
         found = Belief(prior.mean.copy(), prior.covariance.copy())
         known, report = self.friction.coulomb, self._report
         # The first state after enabling is only known by its sum: its onset says nothing.
@@ -358,12 +365,35 @@ class SplitHorizonEstimator:
             state.slipping, state.memory, move.rest_force,
         )  # fmt: skip
         self._time = move.time + (count - 1) * self.settings.period
+        alone = self._shown(prior, shown)
+        if reason is None:
+            self._watch(prior, alone, (count - 1) * self.settings.period)
         narrowed = np.sqrt(prior.covariance.diagonal() / self._belief.covariance.diagonal())
         return Estimate(
             reason is None, reason, self.friction, self.sigma, self.covariance,
             dict(zip(FIGURES, narrowed.tolist(), strict=False)), self._mass(), self.level, used,
-            misfit, self._shown(prior, shown),
+            misfit, alone,
         )  # fmt: skip
+
+    def _aged(self, elapsed: float) -> Belief:
+        """The belief one move later."""
+        prior = self._belief.predicted(elapsed, self.settings.belief)
+        prior.covariance[COULOMB, COULOMB] += (
+            self._restless.variance * float(prior.mean[COULOMB]) ** 2
+        )
+        return prior
+
+    def _watch(self, prior: Belief, shown: tuple[float, float] | None, duration: float) -> None:
+        """Compare the level that a sound move showed with the one expected."""
+        if shown is None or self._frozen:
+            return
+        before, variance = _sliding(prior)
+        value = shown[0] / float(self._figures[COULOMB]) / before
+        _, wandered = self.settings.belief.wander_variance(duration)
+        believed = variance / before**2 - self._restless.variance
+        if believed < _LEARNED**2:
+            sigma = shown[1] / float(self._figures[COULOMB]) / before
+            self._restless.saw(value - 1.0, believed + wandered + sigma**2)
 
     def _shown(self, prior: Belief, found: Belief) -> tuple[float, float] | None:
         """The sliding level that the move alone shows [N]: belief after minus belief before."""
@@ -391,7 +421,7 @@ class SplitHorizonEstimator:
             return None
         position, force, valid = _cleaned(move, self._rest)
         elapsed = 0.0 if self._time is None else move.time - self._time
-        prior = self._belief.predicted(elapsed, self.settings.belief)
+        prior = self._aged(elapsed)
         found = Belief(prior.mean.copy(), prior.covariance.copy())
         known, report, state = self.friction.coulomb, self._report, self.state.copy()
         estimate_move(
