@@ -20,7 +20,10 @@ REVERSAL_BAND = 20e-9
 STILL_BAND = 5e-9
 """Less than this from sample to sample is rest [m]."""
 SLIP_MARGIN = 6.0
-"""Zone A begins after so many breakaway travels (2 would do, were the model right)."""
+"""Zone A begins after so many breakaway travels (2 would do, were the model right) ..."""
+SLIP_PART, SLIP_LEAST = 0.25, 1.1
+"""... but not after more than this part of the move, as long as that is past the breakaway: a soft
+contact needs millimetres ..."""
 SLIP_VELOCITIES = 4.0
 """... and above so many Stribeck velocities."""
 
@@ -75,6 +78,7 @@ def mark_zones(position, velocity, breakaway, stribeck_velocity, zone):  # type:
             last = k
     if first < 0:
         return
+    least = max(min(SLIP_MARGIN * breakaway, SLIP_PART * abs(farthest)), SLIP_LEAST * breakaway)
     summit, begun, turned = 0.0, False, False
     for k in range(first, last + 1):
         along = (position[k + 1] - origin) * heading
@@ -83,7 +87,7 @@ def mark_zones(position, velocity, breakaway, stribeck_velocity, zone):  # type:
         turned = turned or (begun and summit - along > REVERSAL_BAND)
         sliding = (
             not turned
-            and along > SLIP_MARGIN * breakaway
+            and along > least
             and velocity[k] * heading > SLIP_VELOCITIES * stribeck_velocity
         )
         zone[k] = SLIDE if sliding else STICK
