@@ -69,7 +69,7 @@ def main() -> None:
     found = {}
     for name in ("DATA_EMPS", "DATA_EMPS_PULSES"):
         recording = import_recording(Path(folder) / f"{name}.mat", how, machine)
-        found[name] = examine([recording], settings, tolerance, correct=True)
+        found[name] = examine([recording], settings, correct=True)
     page = [HEAD, *_gap(found), *_channels(found), *_where(found["DATA_EMPS"])]
     page += _causes(found, settings, tolerance)
     (docs / "images" / "emps.svg").write_text(_picture(found["DATA_EMPS"]), encoding="utf-8")

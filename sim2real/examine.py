@@ -1,29 +1,25 @@
 """What is known of a gap before any effect is suspected: channels, floor, gap, and where it lies.
 
-Also whether the recordings can support a diagnosis at all, and whether the gap is more than the
-machine file's own tolerance and repeatability would give.
+Also whether the recordings can support a diagnosis at all.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
-from hil_sim.settings import AxisSettings, StageSettings
+from hil_sim.settings import StageSettings
 from sim2real.channels import BEYOND, Audit, applied, audit
 from sim2real.gap import Gap, Measured, combined, compare_with, pooled
 from sim2real.phases import blocks
 from sim2real.recording import Recording
-from sim2real.replay import residual, rms
 from sim2real.report import (
     INSUFFICIENT,
-    NO_GAP,
     UNEXPLAINED,
     ChannelFinding,
-    GapFigures,
     GapReport,
 )
 from sim2real.where import Located, locate
@@ -36,11 +32,6 @@ _FEWEST_VALID = 0.5
 _EXCITED = 1e-6
 _LARGEST = 1e15
 """No position in any unit and no force is larger."""
-_LIKELY = 6
-"""Draws of tolerance and repeatability that the gap is held against."""
-_SIGMAS = 4.0
-_SEED = 101
-
 _T = TypeVar("_T")
 Progress = Callable[[str, int, int], object]
 """Called with what is being done, steps done, all steps."""
@@ -59,7 +50,6 @@ class Examination:
         gap: of all recordings together; empty where insufficient.
         located: where it lies.
         current_paths: axis -> dead time and bandwidth where the logged force says they differ.
-        likely: largest combined gap that tolerance and repeatability of the machine file give.
     """
 
     recordings: tuple[str, ...]
@@ -70,13 +60,11 @@ class Examination:
     gap: Gap | None = None
     located: Located | None = None
     audits: tuple[Audit, ...] = ()
-    likely: float = 0.0
 
 
 def examine(
     recordings: Sequence[Recording],
     settings: StageSettings,
-    tolerance: Mapping[str, float],
     *,
     correct: bool = False,
     progress: Progress = lambda *_: None,
@@ -86,7 +74,6 @@ def examine(
     Args:
         recordings: at least one.
         settings: of the machine file.
-        tolerance: axis -> how well the plant's figures are known (relative, 1 sigma).
         correct: go on with what channels are found to mean, instead of giving up.
         progress: called along the way.
 
@@ -125,7 +112,7 @@ def examine(
     ratio = settings.control_period / settings.sync_period
     return Examination(
         names, findings, None, settings, tuple(measured), gap, locate(measured, ratio),
-        tuple(audits), _likely(measured, settings, tolerance),
+        tuple(audits),
     )  # fmt: skip
 
 
@@ -170,7 +157,7 @@ def insufficient(recording: Recording, settings: StageSettings) -> str | None:
 def without_causes(examined: Examination) -> GapReport:
     """The report as far as it is known without suspecting any effect.
 
-    `unexplained` where there is a gap: no cause has been found (nor looked for).
+    `unexplained` where there could be one: no cause has been found (nor looked for).
     """
     if examined.insufficient is not None or examined.gap is None:
         return GapReport(
@@ -179,65 +166,9 @@ def without_causes(examined: Examination) -> GapReport:
         )  # fmt: skip
     gap = combined(examined.gap)
     located = () if examined.located is None else examined.located.cells
-    if gap <= examined.likely:
-        reason = (
-            f"the combined gap is {gap**0.5:.2g} times the floor: no more than the machine file's "
-            "tolerance and repeatability give"
-        )
-        return GapReport(examined.recordings, NO_GAP, reason, examined.findings, examined.gap)
     reason = f"the combined gap is {gap**0.5:.3g} times the floor; no cause has been looked for"
     return GapReport(
         examined.recordings, UNEXPLAINED, reason, examined.findings, examined.gap, where=located
-    )
-
-
-def _likely(
-    measured: Sequence[Measured], settings: StageSettings, tolerance: Mapping[str, float]
-) -> float:
-    """Largest combined gap that a stage within tolerance shows, by draws from it."""
-    first = measured[0]
-    drawn = []
-    for draw in range(_LIKELY):
-        rng = np.random.default_rng([_SEED, draw])
-        axes = tuple(_within(axis, tolerance.get(axis.name, 0.0), rng) for axis in settings.axes)
-        run = first.replay.run(replace(settings, axes=axes), _SEED + draw)
-        left = residual(run, first.floor.nominal)
-        drawn.append(
-            combined(
-                {
-                    axis: {
-                        signal: GapFigures(
-                            rms(left[axis][signal], first.replay.valid(axis)), f.floor, f.unit
-                        )
-                        for signal, f in signals.items()
-                    }
-                    for axis, signals in first.gap.items()
-                }
-            )
-        )
-    logs = np.log(drawn)
-    return float(np.exp(logs.mean() + _SIGMAS * max(float(logs.std(ddof=1)), 0.1)))
-
-
-def _within(axis: AxisSettings, tolerance: float, rng: np.random.Generator) -> AxisSettings:
-    """An axis whose plant is off by a draw of its tolerance, each figure on its own."""
-
-    def off(value: float) -> float:
-        return value * (1.0 + tolerance * float(rng.standard_normal()))
-
-    friction = axis.friction
-    return replace(
-        axis,
-        mass=off(axis.mass),
-        friction=replace(
-            friction,
-            coulomb=off(friction.coulomb),
-            static_ratio=off(friction.static_ratio),
-            stribeck_velocity=off(friction.stribeck_velocity),
-            stiffness=off(friction.stiffness),
-            attraction=off(friction.attraction),
-            viscous=off(friction.viscous),
-        ),
     )
 
 

@@ -228,7 +228,7 @@ def run_trial(
     error = ""
     found = None
     try:
-        examined = examine([trial.first], setup.settings, setup.tolerance, progress=progress)
+        examined = examine([trial.first], setup.settings, progress=progress)
         found = diagnose(examined, setup.tolerance, library, jobs=setup.jobs, progress=progress)
     except Exception as problem:  # noqa: BLE001 - one bad trial must not end a long check; it counts
         error = f"{type(problem).__name__}: {problem}"
