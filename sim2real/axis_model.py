@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.effects.dead_time import DeadTime
 from hil_sim.effects.effect import Effect, Parameter
 from hil_sim.settings import AxisSettings
 
@@ -25,6 +26,10 @@ BASE = (
 )
 """Plant figures that are known to the machine file's tolerance, relative deviations of which are
 nuisance parameters."""
+LAG = len(BASE)
+"""Where the last nuisance parameter stands: dead time that comes of the steps in which a stage is
+integrated [control periods]. No figure of the plant, and in no twin."""
+NUISANCES = LAG + 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +44,10 @@ class Term:
         """Of the effect."""
         return self.effect.name
 
+    def is_size_or_shape(self, key: str) -> bool:
+        """Whether a parameter says how much or how long, not where or at what angle."""
+        return any(p.key == key and p.role in ("size", "shape") for p in self.effect.parameters)
+
     def mapping(self) -> dict[str, float]:
         """Key -> value."""
         return {p.key: v for p, v in zip(self.effect.parameters, self.values, strict=True)}
@@ -49,7 +58,7 @@ class AxisModel:
     """Base parameters and effects of one axis.
 
     Attributes:
-        base: relative deviations from the machine file, float64[len(BASE)].
+        base: relative deviations from the machine file, then the lag, float64[NUISANCES].
         terms: effects, in the order they were found.
     """
 
@@ -64,6 +73,18 @@ class AxisModel:
         """
         return with_effects(with_base(nominal, self.base), self.terms)
 
+    def tracked(self, nominal: AxisSettings) -> AxisSettings:
+        """The axis as it is tracked: with the lag, unless dead time is among the effects.
+
+        Raises:
+            ValueError: values that physics does not allow.
+        """
+        settings = self.settings(nominal)
+        lag = float(self.base[LAG]) * nominal.control.period
+        if lag <= 0.0 or any(isinstance(term.effect, DeadTime) for term in self.terms):
+            return settings
+        return replace(settings, effects=(*settings.effects, DeadTime().at(delay=lag)))
+
     def names(self) -> tuple[str, ...]:
         """Of the effects."""
         return tuple(term.name for term in self.terms)
@@ -72,6 +93,13 @@ class AxisModel:
         """With one effect more."""
         return replace(self, terms=(*self.terms, term))
 
+    def with_value(self, index: int, key: str, value: float) -> AxisModel:
+        """With one parameter of one effect at another value."""
+        term = self.terms[index]
+        values = {**term.mapping(), key: value}
+        changed = Term(term.effect, tuple(values[p.key] for p in term.effect.parameters))
+        return replace(self, terms=(*self.terms[:index], changed, *self.terms[index + 1 :]))
+
     def without(self, index: int) -> AxisModel:
         """With one effect fewer."""
         return replace(self, terms=self.terms[:index] + self.terms[index + 1 :])
@@ -79,7 +107,7 @@ class AxisModel:
 
 def with_base(nominal: AxisSettings, base: F64) -> AxisSettings:
     """The axis with its base parameters moved by relative deviations."""
-    factor = dict(zip(BASE, 1.0 + base, strict=True))
+    factor = dict(zip(BASE, 1.0 + base[:LAG], strict=True))
     friction = nominal.friction
     return replace(
         nominal,
@@ -126,7 +154,12 @@ class Coordinate:
 
     def outward(self, coordinate: float) -> float:
         """Value of a fitted coordinate, inside the limits."""
-        value = math.exp(min(coordinate, 100.0)) if self.log else coordinate * self.scale
+        return self.clipped(
+            math.exp(min(coordinate, 100.0)) if self.log else coordinate * self.scale
+        )
+
+    def clipped(self, value: float) -> float:
+        """The value, or the limit that it lies beyond."""
         return min(max(value, self.low), self.high)
 
     def slope(self, value: float) -> float:
@@ -155,7 +188,9 @@ def coordinates(effect: Effect, axis: AxisSettings) -> tuple[Coordinate, ...]:
             entry = Coordinate(parameter, 1.0, False, -math.inf, math.inf, 0.01, 0.7)
         elif parameter.role == "place":
             margin = 0.5 * width
-            entry = Coordinate(parameter, 0.01, False, low - margin, high + margin, 0.01, 0.5)
+            # Where nothing is wide or narrow, the place is only an offset and may go far.
+            reach = 0.5 if any(p.role == "shape" for p in effect.parameters) else 5.0
+            entry = Coordinate(parameter, 0.01, False, low - margin, high + margin, 0.01, reach)
         elif parameter.log:
             entry = Coordinate(
                 parameter, 1.0, True, max(floor, low / _LIMIT), high * _LIMIT, 0.003, 0.3
@@ -170,6 +205,11 @@ def coordinates(effect: Effect, axis: AxisSettings) -> tuple[Coordinate, ...]:
             )  # fmt: skip
         found.append(entry)
     return tuple(found)
+
+
+def coordinate(effect: Effect, key: str, axis: AxisSettings) -> Coordinate:
+    """How one parameter is fitted."""
+    return next(c for c in coordinates(effect, axis) if c.parameter.key == key)
 
 
 def fitted(term: Term, axis: AxisSettings) -> F64:

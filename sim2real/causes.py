@@ -3,27 +3,35 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
 from hil_sim.settings import AxisSettings
-from sim2real.axis_model import BASE, Coordinate, coordinates, parameters
+from sim2real.axis_model import NUISANCES, Coordinate, coordinates, parameters
 from sim2real.held_out import HeldOut, given_back
 from sim2real.report import Candidate, Cause, Confusable, Parameter
-from sim2real.search import AxisSearch
+from sim2real.search import AxisSearch, score, sets_of
 
 F64 = NDArray[np.float64]
 
 _TEMPER = 40.0
 """The log likelihood counts for so much less than it says: innovations of the true model are white,
 those of a model that is right but for details are not."""
-_SCATTER, _LIKENESS, _WANDERS, _STEP = 1.5, 0.003, 0.25, 0.05
+_SIMPLER = 40.0
+"""Cost that a parameter more is worth in the odds of names: a simple cause is a little likelier."""
+_RIVALRY = 0.9
+"""Odds of all rivals together, at most: what was chosen is the likeliest, or the simplest."""
+_SCATTER, _LIKENESS, _WANDERS, _STEP, _DAMPED, _TUNED = 1.5, 0.003, 0.25, 0.05, 0.02, 5e-4
 """What a fit's own sigma leaves out: see `_sigma`."""
-_STEEP = 1.6
-"""How fast trust in a name falls with the share of the gap that is left."""
+_STEEP = 3.5
+"""How fast trust in the only name falls with the share of the gap that is left."""
+_FAMILY = 0.55
+"""Share of an axis' gap that an effect of the right family closes in the wrong shape, at least."""
+_CLOSED = 0.8
+"""Share of an axis' gap from which it counts as closed, for trust."""
 _SHOWN = 8
 """Candidates shown per axis."""
 
@@ -48,7 +56,7 @@ def causes_of(
     """
     problem, best = found.problem, found.best
     causes, alike = [], []
-    at = len(BASE)
+    at = NUISANCES
     for index, term in enumerate(best.model.terms):
         entries = coordinates(term.effect, problem.axis)
         spread = (
@@ -69,9 +77,7 @@ def causes_of(
                 {
                     entry.parameter.key: Parameter(
                         values[entry.parameter.key],
-                        _sigma(
-                            term.effect, entry, values[entry.parameter.key], float(s), problem.axis
-                        ),
+                        _sigma(term.effect, entry, values, float(s), problem.axis),
                         entry.parameter.unit,
                     )
                     for entry, s in zip(entries, spread, strict=True)
@@ -93,19 +99,32 @@ def causes_of(
 
 
 def _sigma(
-    effect: Effect, entry: Coordinate, value: float, fitted: float, axis: AxisSettings
+    effect: Effect,
+    entry: Coordinate,
+    values: Mapping[str, float],
+    fitted: float,
+    axis: AxisSettings,
 ) -> float:
     """One sigma of a parameter: of the fit, of the models' likeness, and of the friction's wander.
 
     Trials on simulated stages scatter half as much again as the fit says; sizes are known to a few
     parts in a thousand at best, what scales Coulomb friction to a quarter of its wander, and
-    delays to a twentieth of the control period, by which integrators differ.
+    delays to a twentieth of the control period, by which integrators differ; they damp or feed
+    what swings, and detune it, too.
     """
-    own = _SCATTER * fitted * abs(entry.slope(value))
     parameter = entry.parameter
+    value = values[parameter.key]
+    own = _SCATTER * fitted * abs(entry.slope(value))
+    if parameter.key == "damping" and "frequency" in values:
+        turned = 2.0 * math.pi * values["frequency"] * axis.control.period
+        return math.hypot(own, _DAMPED * turned)
+    if parameter.key == "frequency" and effect.group == "dynamics":
+        return math.hypot(own, _TUNED * value)
     neutral = parameter.neutral_on(axis)
-    if parameter.role != "size" or neutral is None or not math.isfinite(neutral):
+    if parameter.role != "size" or neutral is None:
         return own
+    if not math.isfinite(neutral):
+        return math.hypot(own, _LIKENESS * abs(value))
     wander = _WANDERS * axis.friction.wander if effect.group == "friction" else 0.0
     step = _STEP * axis.control.period if parameter.unit == "s" else 0.0
     return math.hypot(own, _LIKENESS * abs(value - neutral), wander, step)
@@ -117,36 +136,54 @@ def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
     best = found.best
     names = best.model.names()
     rest = tuple(sorted(n for n in names if n != effect))
-    cost = problem.cost(best.model, best.residual)
+    reached = [r for r in found.rivals if set(r.model.names()) == set(names)] or found.rivals[:1]
+    least = min(score(problem, r, _SIMPLER) for r in reached)
     weight, rivals = 0.0, []
     for rival in found.rivals:
         others = tuple(sorted(rival.model.names()))
         if effect in others:
             continue
-        worse = problem.cost(rival.model, problem.residual(rival.model)) - cost
+        worse = score(problem, rival, _SIMPLER) - least
         odds = math.exp(-max(worse, 0.0) / (2.0 * _TEMPER))
         weight += odds
         swapped = [n for n in others if n not in rest]
         if odds > 0.05 and len(others) == len(names) and len(swapped) == 1:
             rivals.append(swapped[0])
-    told = 1.0 / (1.0 + weight)
-    return told * _trust(found), rivals
+    told = 1.0 / (1.0 + min(weight, _RIVALRY))
+    return told * _trust(found, effect), rivals
 
 
-def _trust(found: AxisSearch) -> float:
+def _trust(found: AxisSearch, effect: str) -> float:
     """How far a name can be trusted: nearly whole, or as much of the gap as it closes tells.
 
-    An effect of the right family in another shape closes most of the gap, a stranger's nearest kin
-    less (docs/blind.md).
+    An effect of the right family in another shape closes most of the gap, and its own kind takes
+    up the rest; a stranger's nearest kin closes less, two of them together more (docs/blind.md).
     """
-    if found.whole:
+    if effect in found.repeats and found.repeats[effect].departs and found.closes > _FAMILY:
+        return 0.97
+    if found.whole and found.closes > _CLOSED:
         return 0.99
-    return float(np.clip(_STEEP * found.closes + 1.0 - _STEEP, 0.05, 0.95))
+    steep = _STEEP * len(found.best.model.terms)
+    return float(np.clip(1.0 - steep * (1.0 - found.closes), 0.05, 0.95))
 
 
-def candidates_of(name: str, found: AxisSearch, causes: Sequence[Cause]) -> list[Candidate]:
-    """The effects that looked most promising on an axis, causes or not."""
+def candidates_of(
+    name: str, found: AxisSearch, causes: Sequence[Cause], gap: float
+) -> list[Candidate]:
+    """The effects that looked most promising on an axis, causes or not.
+
+    Args:
+        name: of the axis.
+        found: its search.
+        causes: found on it.
+        gap: combined squared gap less its floor, of all axes.
+    """
     probabilities = {cause.effect: cause.probability for cause in causes}
+    closes = {
+        rival.model.names()[0]: (found.open_gap - rival.gap) / max(gap, 1e-9)
+        for rival in sets_of(found.rivals, 1)
+    }
+    closes |= {cause.effect: cause.gap_closed or 0.0 for cause in causes}
     ranked = sorted(found.scanned.items(), key=lambda item: -item[1])[:_SHOWN]
     left = max(0.0, 1.0 - sum(probabilities.values()))
     total = sum(math.log1p(max(gain, 0.0)) for n, gain in ranked if n not in probabilities) + 1e-9
@@ -155,7 +192,7 @@ def candidates_of(name: str, found: AxisSearch, causes: Sequence[Cause]) -> list
             name,
             effect,
             probabilities.get(effect, left * 0.1 * math.log1p(max(gain, 0.0)) / total),
-            None,
+            closes.get(effect),
         )
         for effect, gain in ranked
     ]

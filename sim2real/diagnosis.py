@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +21,13 @@ from hil_sim.settings import StageSettings
 from sim2real.axis_model import (
     BASE,
     AxisModel,
+    coordinate,
     with_base,
 )
 from sim2real.causes import candidates_of, causes_of
+from sim2real.closed_loop import axis_gap, friction_profile
 from sim2real.examine import Examination, without_causes
+from sim2real.experiment import next_experiment
 from sim2real.fit import AxisProblem
 from sim2real.gate import gate
 from sim2real.held_out import FOLDS, HeldOut, closed, combined
@@ -36,8 +40,10 @@ from sim2real.report import (
     Cause,
     GapFigures,
     GapReport,
+    NextExperiment,
 )
-from sim2real.search import AxisSearch, search
+from sim2real.search import AxisSearch, search, sets_of
+from sim2real.shape import repeats
 from sim2real.tracking import Tracker
 
 F64 = NDArray[np.float64]
@@ -47,6 +53,9 @@ _ENOUGH = 0.9
 _SMALL, _SMALLER = 3.0, 2.0
 """Combined gap over floor, squared, of what base parameters leave, up to which there is no gap:
 where the innovations are white, and where they are not quite."""
+
+_POOR, _DOUBT = 0.15, 3.0
+"""A figure is poorly known whose sigma is this share of it; sigmas that an experiment must tell."""
 
 Progress = Callable[[str, int, int], object]
 
@@ -105,13 +114,28 @@ def diagnose(
             shares[name] = share
             progress("effects", round(100 * sum(shares.values())), 100 * len(names))
 
-        return search(problem, library, told)
+        return search(problem, library, partial(looped, name), told)
+
+    def looped(name: str, model: AxisModel) -> float:
+        return axis_gap(name, {name: model}, examined.measured, settings)
+
+    def repeated(name: str) -> None:
+        found = searches[name]
+        models = {name: other.best.model for name, other in searches.items()}
+
+        def profile(model: AxisModel) -> float:
+            return friction_profile(name, {**models, name: model}, examined.measured, settings)
+
+        found.repeats = repeats(
+            found.problem, found.best.model, library, partial(looped, name), profile
+        )
 
     library = {name: effect for name, effect in library.items() if effect.searched}
     with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
         searches = dict(zip(names, pool.map(searched, names), strict=True))
         progress("held-out moves", 0, FOLDS)
         gate(searches, examined.measured, settings)
+        list(pool.map(repeated, names))
         held_out = HeldOut(examined.measured, settings, searches, pool)
     return _concluded(examined, plain, searches, held_out, settings)
 
@@ -137,8 +161,8 @@ def _concluded(
         own, alike = causes_of(name, found, held_out, before, after, samples)
         causes += own
         confusable += alike
-        candidates += candidates_of(name, found, own)
-        whole &= found.whole
+        candidates += candidates_of(name, found, own, total - signals)
+        whole &= found.whole and not any(r.departs for r in found.repeats.values())
     causes.sort(key=lambda cause: -(cause.gap_closed or 0.0))
     models = {name: found.best.model for name, found in searches.items()}
     confident = [cause for cause in causes if cause.probability > 0.5]
@@ -155,18 +179,63 @@ def _concluded(
     report = replace(
         plain,
         verdict=verdict,
-        reason=reason,
+        reason=reason + _departed(searches) if confident else reason,
         gap=_figures(examined, held_out, bool(confident)),
         gap_closed=share if confident else None,
         gap_closed_interval=interval if confident else None,
         gap_closed_in_sample=in_sample if confident else None,
+        where=() if verdict == NO_GAP else plain.where,
         causes=tuple(confident),
         candidates=tuple(candidates),
         confusable=tuple(confusable),
     )
+    report = replace(report, next_experiment=_next(report, searches, models, examined, settings))
     if not confident:
         return Diagnosis(report, models, searches)
     return Diagnosis(report, models, searches, held_out.explained(), _plant(settings, models))
+
+
+def _next(
+    report: GapReport,
+    searches: Mapping[str, AxisSearch],
+    models: Mapping[str, AxisModel],
+    examined: Examination,
+    settings: StageSettings,
+) -> NextExperiment | None:
+    """Moves that would tell apart what these recordings leave open; None where nothing is."""
+
+    def between(why: str, axis: str, one: AxisModel, other: AxisModel) -> NextExperiment | None:
+        return next_experiment(
+            why, {**models, axis: one}, {**models, axis: other}, axis, examined.measured, settings
+        )
+
+    for alike in report.confusable:
+        found = searches[alike.axis]
+        effect, kin = alike.effects[:2]
+        swapped = {*found.best.model.names(), kin} - {effect}
+        for rival in found.rivals:
+            if set(rival.model.names()) == swapped:
+                why = f"{effect} and {kin} on {alike.axis} fit nearly as well"
+                return between(why, alike.axis, found.best.model, rival.model)
+    if report.verdict == UNEXPLAINED:
+        axis = max(searches, key=lambda name: searches[name].open_gap)
+        nearest = [rival.model for rival in sets_of(searches[axis].rivals, 1)[:2]]
+        if len(nearest) == 2:
+            names = " nor ".join(model.names()[0] for model in nearest)
+            return between(f"neither {names} explains {axis}", axis, *nearest)
+    for cause in report.causes:
+        model = models[cause.axis]
+        index = model.names().index(cause.effect)
+        for key, poor in cause.parameters.items():
+            if poor.sigma > _POOR * abs(poor.value) and model.terms[index].is_size_or_shape(key):
+                why = f"{key} of {cause.effect} on {cause.axis} is known to {poor.sigma:.2g} only"
+                within = coordinate(
+                    model.terms[index].effect, key, searches[cause.axis].problem.axis
+                )
+                farther = within.clipped(poor.value + _DOUBT * poor.sigma)
+                other = model.with_value(index, key, farther)
+                return between(why, cause.axis, model, other)
+    return None
 
 
 def _plant(settings: StageSettings, models: Mapping[str, AxisModel]) -> dict[str, dict[str, float]]:
@@ -179,6 +248,17 @@ def _plant(settings: StageSettings, models: Mapping[str, AxisModel]) -> dict[str
             for name in BASE
         }
     return out
+
+
+def _departed(searches: Mapping[str, AxisSearch]) -> str:
+    """Which effects have another shape than the library's, for the reason."""
+    names = [
+        f"{effect} on {axis}"
+        for axis, found in searches.items()
+        for effect, repeat in found.repeats.items()
+        if repeat.departs
+    ]
+    return f"; {' and '.join(names)} in another shape than the library's" if names else ""
 
 
 def _figures(

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim2real.axis_model import (
-    BASE,
+    LAG,
+    NUISANCES,
     AxisModel,
     coordinates,
     fitted,
@@ -28,6 +29,8 @@ F64 = NDArray[np.float64]
 
 _BASE_STEP = 0.01
 """Relative step of the base parameters for differences: wide enough for single slips to average."""
+_LAG, _LAG_STEP = 0.2, 0.1
+"""Standard deviation of the lag and its step for differences [control periods]."""
 _COLUMN = 0.05
 """A parameter's step for differences changes so much of its effect's signature."""
 _REACH = 0.6
@@ -86,8 +89,8 @@ class AxisProblem:
     def __init__(self, trackers: Sequence[Tracker], tolerance: float) -> None:
         self.trackers = tuple(trackers)
         self.axis = trackers[0].axis
-        self.tolerance = tolerance
-        self.start = AxisModel(np.zeros(len(BASE)))
+        self.spread: F64 = np.append(np.full(LAG, tolerance), _LAG)
+        self.start = AxisModel(np.zeros(NUISANCES))
         first = [tracker.run(self.axis) for tracker in trackers]
         self.gains: tuple[Gains, ...] = tuple(gains for _, gains in first)
         self.tracks: tuple[Track, ...] = tuple(track for track, _ in first)
@@ -114,7 +117,7 @@ class AxisProblem:
 
     def track(self, model: AxisModel) -> tuple[Track, ...]:
         """The recordings tracked under a model."""
-        settings = model.settings(self.axis)
+        settings = model.tracked(self.axis)
         self.evaluations += len(self.trackers)
         return tuple(
             tracker.run(settings, gains)[0]
@@ -134,7 +137,14 @@ class AxisProblem:
     def cost(self, model: AxisModel, residual: F64) -> float:
         """Twice the negative log posterior."""
         loss = self.outlier**2 * np.log1p(np.square(residual / self.outlier)).sum()
-        return float(loss) + float(np.square(model.base / self.tolerance).sum())
+        return float(loss) + float(np.square(model.base / self.spread).sum())
+
+    def expected(self) -> float:
+        """Cost of a model that leaves nothing but noise."""
+        samples = 2 * sum(int(mask.sum()) for mask in self.masks)
+        nodes, weights = np.polynomial.hermite_e.hermegauss(40)
+        loss = self.outlier**2 * np.log1p(np.square(nodes / self.outlier))
+        return float(samples * (weights @ loss) / weights.sum())
 
     def weights(self, residual: F64) -> F64:
         """Weights with which least squares has the gradient of the cost, float64[R]."""
@@ -167,11 +177,11 @@ class AxisProblem:
         return residual[: sum(int(m.sum()) for m in self.masks)]
 
     def base_columns(self, model: AxisModel, residual: F64) -> F64:
-        """Derivatives of the residual by the base parameters, float64[R, len(BASE)]."""
-        columns = np.empty((len(residual), len(BASE)))
-        for j in range(len(BASE)):
+        """Derivatives of the residual by the nuisance parameters, float64[R, NUISANCES]."""
+        columns = np.empty((len(residual), NUISANCES))
+        for j in range(NUISANCES):
             sides = []
-            for step in (_BASE_STEP, -_BASE_STEP):
+            for step in (_BASE_STEP, -_BASE_STEP) if j < LAG else (_LAG_STEP, 2.0 * _LAG_STEP):
                 base = model.base.copy()
                 base[j] += step
                 sides.append((self.residual(replace(model, base=base)) - residual) / step)
@@ -217,14 +227,14 @@ def fit(
             [len(t.values) for t in model.terms],
         )
         prior = np.zeros(jacobian.shape[1])
-        prior[: len(BASE)] = 1.0 / problem.tolerance**2
+        prior[:NUISANCES] = 1.0 / problem.spread**2
         normal = information + np.diag(prior)
         if last:
             scores = jacobian * (weights * residual)[:, None]
             covariance = _robust(_inverse(normal), scores)
             return Fitted(model, cost, residual, covariance, problem.evaluations - before)
-        gradient[: len(BASE)] += model.base / problem.tolerance**2
-        limit = np.concatenate((np.full(len(BASE), 10.0 * problem.tolerance), *reach))
+        gradient[:NUISANCES] += model.base / problem.spread**2
+        limit = np.concatenate((10.0 * problem.spread, *reach))
         step = -_solve(normal, gradient)
         done += 1
         if not np.isfinite(step).all():
@@ -301,13 +311,15 @@ def _with_term(problem: AxisProblem, model: AxisModel, index: int, where: F64) -
 
 def _moved(model: AxisModel, problem: AxisProblem, step: F64) -> AxisModel:
     """The model after a step of base parameters and all effects' coordinates."""
-    terms, at = [], len(BASE)
+    terms, at = [], NUISANCES
     for term in model.terms:
         width = len(term.values)
         terms.append(moved(term, problem.axis, fitted(term, problem.axis) + step[at : at + width]))
         at += width
-    limit = _FARTHEST * problem.tolerance
-    return AxisModel(np.clip(model.base + step[: len(BASE)], -limit, limit), tuple(terms))
+    limit = _FARTHEST * problem.spread
+    base = np.clip(model.base + step[:NUISANCES], -limit, limit)
+    base[LAG] = max(base[LAG], 0.0)
+    return AxisModel(base, tuple(terms))
 
 
 def structure(innovations: F64) -> float:
@@ -330,9 +342,10 @@ def _information(jacobian: F64, gradient: F64, blocks: Sequence[int]) -> tuple[F
     """
     count = jacobian.shape[1]
     back = np.zeros((count, count))
-    for j in range(len(BASE)):
-        back[j, j] = 1.0 / (np.linalg.norm(jacobian[:, j]) + 1e-300)
-    at = len(BASE)
+    for j in range(NUISANCES):
+        size = np.linalg.norm(jacobian[:, j])
+        back[j, j] = 1.0 / size if size > 1e-100 else 0.0  # nothing is known of it
+    at = NUISANCES
     for width in blocks:
         own = slice(at, at + width)
         back[own, own] = np.linalg.pinv(np.linalg.qr(jacobian[:, own], mode="r"), rcond=1e-9)

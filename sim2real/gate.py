@@ -9,21 +9,18 @@ more only if it closes much of what is left, and none if none closes enough.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 from hil_sim.settings import StageSettings
 from sim2real.axis_model import AxisModel
+from sim2real.closed_loop import SIGNALS, axis_gap
 from sim2real.fit import fit
 from sim2real.gap import Measured
-from sim2real.replay import residual, rms
-from sim2real.search import AxisSearch
+from sim2real.search import AxisSearch, sets_of
 
 _CLOSES = 0.4
 """Share of the gap, or of what is left of it, that an effect must close where structure is left."""
 _VISIBLE = 0.25
 """Rise of the squared gap over floor that an effect's removal must bring."""
-_SIGNALS = 2.0
-"""Squared gap over floor of an axis that is explained: one for each signal."""
 _SETS = 4
 """Sets of effects that are simulated."""
 
@@ -47,8 +44,8 @@ def gate(
         models[name] = found.best.model
         before = axis_gap(name, {**models, name: found.problem.start}, measured, settings)
         after = axis_gap(name, models, measured, settings)
-        if before > _SIGNALS + _VISIBLE:
-            found.closes = 1.0 - (after - _SIGNALS) / (before - _SIGNALS)
+        if before > SIGNALS + _VISIBLE:
+            found.closes = 1.0 - (after - SIGNALS) / (before - SIGNALS)
 
 
 def _visible(
@@ -78,33 +75,12 @@ def _closing(
     best = found.problem.start
     least = axis_gap(name, {**models, name: best}, measured, settings)
     for size in (1, 2):
-        sets = [r.model for r in found.rivals if len(r.model.terms) == size][:_SETS]
+        sets = [r.model for r in sets_of(found.rivals, size)][:_SETS]
         gaps = [axis_gap(name, {**models, name: m}, measured, settings) for m in sets]
         if not gaps:
             continue
         lowest = min(gaps)
-        left = max(least - _SIGNALS, 0.0)
+        left = max(least - SIGNALS, 0.0)
         if least - lowest > max(_VISIBLE, _CLOSES * left):
             best, least = sets[gaps.index(lowest)], lowest
     return best
-
-
-def axis_gap(
-    name: str,
-    models: Mapping[str, AxisModel],
-    measured: Sequence[Measured],
-    settings: StageSettings,
-) -> float:
-    """Squared gap over floor of one axis, summed over its signals, mean over recordings."""
-    stage = replace(settings, axes=tuple(models[a.name].settings(a) for a in settings.axes))
-    total = samples = 0.0
-    for m in measured:
-        left = residual(m.replay.measured(), m.replay.run(stage))[name]
-        valid = m.replay.valid(name)
-        count = float(valid.sum())
-        total += count * sum(
-            (rms(values, valid) / max(m.floor.rms[name][signal], 1e-12)) ** 2
-            for signal, values in left.items()
-        )
-        samples += count
-    return total / samples

@@ -176,7 +176,13 @@ class Cause:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """An effect that was looked at, in the ranking: also those that were not taken."""
+    """An effect that was looked at, in the ranking: also those that were not taken.
+
+    Attributes:
+        axis, effect, probability: as of a cause.
+        gap_closed: what it closes alone, on the moves that it was fitted to; of a cause what its
+            removal gives back, on held-out moves; None where it was not fitted.
+    """
 
     axis: str
     effect: str
@@ -221,15 +227,35 @@ class NextExperiment:
 
     Attributes:
         why: one sentence.
-        moves: as under `moves` of a recipe, ready for `stagectl run`.
+        moves: as under `moves` of a recipe.
+        macro, micro: velocity, acceleration and jerk of these moves (SI), as in a recipe.
     """
 
     why: str
     moves: tuple[Mapping[str, Any], ...]
+    macro: Mapping[str, float]
+    micro: Mapping[str, float]
+
+    def recipe(self) -> dict[str, Any]:
+        """A recipe that `stagectl run` takes."""
+        return {
+            "recipe": "next-experiment",
+            "macro": dict(self.macro),
+            "micro": dict(self.micro),
+            "settle": {"window": 1e-6, "hold": 0.005, "timeout": 0.5},
+            "moves": self._moves(),
+        }
 
     def to_json(self) -> Json:
         """The value of `next_experiment`."""
-        return {"why": self.why, "moves": [dict(move) for move in self.moves]}
+        return {"why": self.why, "moves": self._moves()}
+
+    def _moves(self) -> list[Json]:
+        """Copies of their own: YAML would write what is shared as an alias."""
+        return [
+            {key: list(value) if isinstance(value, list) else value for key, value in move.items()}
+            for move in self.moves
+        ]
 
 
 @dataclass(frozen=True, slots=True)

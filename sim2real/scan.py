@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +29,13 @@ _FINE, _COARSE, _SIMULATED_NODES = 48, 6, 3
 of the cheap ones are simulated in the end."""
 _PEAKS = 4
 """Frequencies of a vibration that are tried: the highest peaks of the innovations' spectrum."""
+_SHIFT = 0.05
+"""Distance to a second place, between which a place that only shifts an effect is found [m]."""
+_BEYOND = 0.8
+"""Nodes begin at this share of what is plausible, and end as far beyond it."""
+_APART, _NEARLY = 1.2, 0.6
+"""Shapes of one effect this far apart are different starts, as far as the second one's gain is this
+share of the first one's: a wave and its harmonic."""
 _WIDEST = 3.0
 """Sizes are sought up to so many times the node's."""
 
@@ -84,7 +91,7 @@ class Scanner:
                 ((problem.residual(model.without(term)) - residual) * self._root)[:, None]
             )
         # The prior of the base parameters stands beside the data as rows of its own.
-        self._rows = np.eye(base_columns.shape[1]) / problem.tolerance
+        self._rows = np.diag(1.0 / problem.spread)
         beside = np.vstack(
             [
                 np.hstack(nuisance),
@@ -92,14 +99,24 @@ class Scanner:
             ]
         )
         self._basis = np.linalg.qr(beside)[0]
-        target = np.concatenate((residual * self._root, model.base / problem.tolerance))
+        target = np.concatenate((residual * self._root, model.base / problem.spread))
         self._target = self._free(target)
 
-    def best(self, effect: Effect, count: int = 1) -> list[Start]:
-        """The most promising parameters of an effect; none where it changes nothing."""
+    def best(
+        self, effect: Effect, count: int = 1, nodes: Sequence[tuple[float, ...]] | None = None
+    ) -> list[Start]:
+        """The most promising parameters of an effect; none where it changes nothing.
+
+        Args:
+            effect: to be scanned.
+            count: starts given back, at most.
+            nodes: parameters to start from, each of which is given back that saves something;
+                None takes a grid over what is plausible.
+        """
+        given = nodes is not None
         cheap = self._cheap(effect)
-        nodes = list(self._nodes(effect, cheap))
-        if cheap and len(nodes) > _SIMULATED_NODES:
+        nodes = list(self._nodes(effect, cheap)) if nodes is None else nodes
+        if cheap and not given and len(nodes) > _SIMULATED_NODES:
             tried = [(self._tried(effect, values, self._signature), values) for values in nodes]
             ranked = sorted(
                 ((start.gain, values) for start, values in tried if start is not None),
@@ -114,7 +131,7 @@ class Scanner:
         if not cheap:
             found = [self._actual(start) for start in found]
         found.sort(key=lambda start: -start.gain)
-        return found[:count]
+        return found if given else _distinct(found, effect)[:count]
 
     def _actual(self, start: Start) -> Start:
         """With the gain that the node or the size sought from it really has, whichever is more."""
@@ -142,11 +159,12 @@ class Scanner:
         signature: Callable[[Term], F64 | None],
     ) -> Start | None:
         phase = next((i for i, p in enumerate(effect.parameters) if p.role == "phase"), None)
+        place = _offset(effect)
         sets = [values]
         if phase is not None:
-            turned = list(values)
-            turned[phase] += 0.5 * math.pi
-            sets.append(tuple(turned))
+            sets.append(_changed(values, phase, values[phase] + 0.5 * math.pi))
+        elif place is not None:
+            sets.append(_changed(values, place, values[place] + _SHIFT))
         raw = [signature(Term(effect, v)) for v in sets]
         if any(r is None for r in raw):
             return None
@@ -161,16 +179,20 @@ class Scanner:
         )
         if phase is not None:
             size = float(np.hypot(*amount))
-            turned = list(values)
-            turned[phase] = math.atan2(float(amount[1]), float(amount[0])) % (2.0 * math.pi)
-            values = tuple(turned)
+            turned = math.atan2(float(amount[1]), float(amount[0])) % (2.0 * math.pi)
+            values = _changed(values, phase, turned)
+            column = free @ (amount / (size + 1e-300))
+        elif place is not None:
+            size = float(amount.sum())
+            share = float(amount[1]) / (size + 1e-300)
+            values = _changed(values, place, values[place] + _SHIFT * share)
+            column = free @ np.array([1.0 - share, share])
         else:
             size = float(amount[0])
+            column = free[:, 0]
         size = min(max(size, 0.0), _WIDEST)
         if size < 1e-4:
             return None
-        direction = amount / (np.linalg.norm(amount) + 1e-300)
-        column = free @ direction * (1.0 if phase is not None else math.copysign(1.0, amount[0]))
         gain = -2.0 * size * float(column @ self._target) - size**2 * float(column @ column)
         term = Term(effect, self._scaled(effect, values, size))
         return Start(term, gain, size * column, values)
@@ -253,7 +275,7 @@ class Scanner:
         if count == 1:
             return [_middle(parameter, axis)]
         if parameter.log:
-            return list(np.geomspace(0.7 * low, 1.4 * high, count))
+            return list(np.geomspace(_BEYOND * low, high / _BEYOND, count))
         return list(np.linspace(low, high, count))
 
     def _periodic_in_time(self, effect: Effect) -> bool:
@@ -278,6 +300,35 @@ class Scanner:
             found.append(peak)
             power[np.abs(frequency - peak) < width] = 0.0
         return found
+
+
+def _distinct(found: list[Start], effect: Effect) -> list[Start]:
+    """The best start, and the next one of quite another shape that promises nearly as much."""
+    kept = found[:1]
+    for start in found[1:]:
+        ratios = [
+            value / other
+            for parameter, value, other in zip(
+                effect.parameters, start.node, kept[0].node, strict=True
+            )
+            if parameter.role == "shape" and other > 0.0
+        ]
+        apart = any(max(r, 1.0 / r) > _APART for r in ratios if r > 0.0)
+        if apart and start.gain > _NEARLY * kept[0].gain:
+            kept.append(start)
+    return kept[:2]
+
+
+def _offset(effect: Effect) -> int | None:
+    """Index of a place that only shifts the effect: where nothing else gives it a shape."""
+    roles = [p.role for p in effect.parameters]
+    if "shape" in roles or "phase" in roles or "place" not in roles:
+        return None
+    return roles.index("place")
+
+
+def _changed(values: tuple[float, ...], index: int, value: float) -> tuple[float, ...]:
+    return (*values[:index], value, *values[index + 1 :])
 
 
 def _middle(parameter: Parameter, axis: AxisSettings) -> float:

@@ -1,34 +1,50 @@
-"""Which effects act on an axis: forward selection on the innovations, each step looked back on.
+"""Which effects act on an axis: forward selection, each step looked back on.
 
 Every effect of the library is scanned, the most promising ones are fitted beside what was found
-before, and the best one stays if the recording asks for it. Afterwards each effect found is put to
-the test again: would another one do as well in its place? What rivals come close to is kept, for
-the probabilities and for the list of what these recordings cannot tell apart.
+before, and the best one stays if the recording asks for it. Two things count: what the innovations
+say (sharp, but blind to what the filter follows, as another friction level), and the free
+closed-loop gap (blunt, but what people see). Afterwards each effect found is put to the test
+again: would another one do as well in its place? What rivals come close to is kept, for the
+probabilities and for the list of what these recordings cannot tell apart.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
 from sim2real.axis_model import AxisModel
+from sim2real.closed_loop import SIGNALS
 from sim2real.fit import AxisProblem, Fitted, fit
 from sim2real.scan import Scanner, Start
+from sim2real.shape import Repeat
 
 F64 = NDArray[np.float64]
+Loop = Callable[[AxisModel], float]
+"""Squared closed-loop gap over floor of the axis under a model (`sim2real.closed_loop`)."""
 
 MOST_EFFECTS = 2
 """Effects sought on one axis, at most."""
-_FITTED = 4
-"""Most promising effects that are fitted in each step."""
+_FITTED, _FITTED_FAINT = 4, 7
+"""Most promising effects that are fitted in each step; where all of them promise little."""
 _PROMISING = 0.03
 """Effects are fitted whose first-order gain is at least this share of the best one's."""
 _LEAST_GAIN = 600.0
-"""Cost that an effect must save: nominal stages show accidental ones up to half of it."""
+"""Score that an effect must save: nominal stages show accidental ones up to half of it."""
+_OCCAM = 300.0
+"""Score that each parameter of an effect but the first must save: about what chance does."""
+_FAINT = 60.0
+"""First-order gain from which effects are fitted where the closed loop shows a gap."""
+_OPEN = 2.5
+"""Squared gap over floor per signal from which the closed loop shows one."""
+_SHRUNK = (0.5, 0.0)
+"""Shares of the fitted base parameters that are tried in the closed loop."""
+_COHERENT = 50.0
+"""Samples over which the closed loop's deviations repeat themselves, for their weight."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,12 +52,17 @@ class Rival:
     """One way to explain an axis.
 
     Attributes:
-        model: fitted.
-        cost: of it, comparable within one stage.
+        fitted: the fit.
+        gap: its squared closed-loop gap over floor.
     """
 
-    model: AxisModel
-    cost: float
+    fitted: Fitted
+    gap: float
+
+    @property
+    def model(self) -> AxisModel:
+        """The model that was fitted."""
+        return self.fitted.model
 
 
 @dataclass(slots=True, eq=False)
@@ -52,8 +73,10 @@ class AxisSearch:
         problem: that was searched.
         plain: base parameters alone.
         best: the effects found, fitted; equal to `plain` where there are none.
-        whole: whether `best` leaves nothing but noise.
+        open_gap: squared closed-loop gap over floor of the machine file on this axis.
+        whole: whether `best` leaves nothing but noise, or there was nothing to explain.
         closes: share of the axis' free closed-loop gap that `best` closes (`sim2real.gate`).
+        repeats: effects found, each once more beside itself (`sim2real.shape`).
         rivals: sets of effects that were fitted, without duplicates, best first.
         scanned: effect -> first-order gain in the first scan.
         signatures: effect -> signature in the first scan, float64[R].
@@ -62,16 +85,58 @@ class AxisSearch:
     problem: AxisProblem
     plain: Fitted
     best: Fitted
+    open_gap: float = 0.0
     whole: bool = True
     closes: float = 0.0
+    repeats: dict[str, Repeat] = field(default_factory=dict)
     rivals: list[Rival] = field(default_factory=list)
     scanned: dict[str, float] = field(default_factory=dict)
     signatures: dict[str, F64] = field(default_factory=dict)
 
 
+def score(problem: AxisProblem, rival: Rival, each: float = _OCCAM) -> float:
+    """What is to be least: the cost of the innovations and of the closed-loop gap.
+
+    The latter counts as twice a negative log likelihood too, of as many samples as are on their
+    own; both as outliers count by now. The simpler one wins where both fit: each parameter of an
+    effect but the first has to save `each`.
+    """
+    samples = sum(int(mask.sum()) for mask in problem.masks)
+    loop = samples / _COHERENT * rival.gap
+    simpler = each * sum(len(term.values) - 1 for term in rival.model.terms)
+    return problem.cost(rival.model, rival.fitted.residual) + loop + simpler
+
+
+class _Book:
+    """Every set of effects that was fitted, the best fit of each."""
+
+    def __init__(self, problem: AxisProblem, loop: Loop) -> None:
+        self._problem = problem
+        self._loop = loop
+        self._kept: dict[tuple[str, ...], Rival] = {}
+
+    def entered(self, fitted: Fitted) -> Rival:
+        rival = Rival(fitted, self._loop(fitted.model))
+        key = tuple(sorted(fitted.model.names()))
+        if key not in self._kept or self.score(rival) < self.score(self._kept[key]):
+            self._kept[key] = rival
+        return rival
+
+    def score(self, rival: Rival) -> float:
+        return score(self._problem, rival)
+
+    def best(self, names: tuple[str, ...]) -> Rival:
+        """The best fit of a set of effects that was entered."""
+        return self._kept[tuple(sorted(names))]
+
+    def ranked(self) -> list[Rival]:
+        return sorted(self._kept.values(), key=self.score)
+
+
 def search(
     problem: AxisProblem,
     library: Mapping[str, Effect],
+    loop: Loop,
     progress: Callable[[float], object] = lambda _: None,
 ) -> AxisSearch:
     """Find the effects of an axis.
@@ -79,51 +144,47 @@ def search(
     Args:
         problem: the axis.
         library: effects to consider.
+        loop: closed-loop gap of the axis under a model.
         progress: called with the share done.
     """
     columns = problem.base_columns(problem.start, problem.residual(problem.start))
     plain = fit(problem, problem.start, 2, columns, thorough=False)
-    found = AxisSearch(problem, plain, plain)
-    current = plain
-    seen: dict[tuple[str, ...], Rival] = {}
-
-    def note(fitted: Fitted) -> None:
-        key = tuple(sorted(fitted.model.names()))
-        if key not in seen or fitted.cost < seen[key].cost:
-            seen[key] = Rival(fitted.model, fitted.cost)
-
-    note(plain)
-    path = [plain]
+    found = AxisSearch(problem, plain, plain, loop(problem.start))
+    book = _Book(problem, loop)
+    path = [_no_worse(problem, book, plain)]
     for depth in range(MOST_EFFECTS):
         # A plain fit to a stage with an effect bends the base parameters: start from none.
-        current = path[-1] if depth else problem.at_start()
+        current = path[-1].fitted if depth else problem.at_start()
         problem.rescale(current.residual)
-        current = problem.recosted(current)
-        candidates, columns = _candidates(problem, current, library, found if depth == 0 else None)
+        is_open = path[-1].gap > _OPEN * SIGNALS
+        candidates, columns = _candidates(
+            problem, current, library, is_open, found if depth == 0 else None
+        )
         progress((depth + 0.4) / MOST_EFFECTS)
         if not candidates:
             break
-        trials = []
-        for start in candidates:
-            trial = fit(problem, current.model.added(start.term), 5, columns, thorough=False)
-            note(trial)
-            trials.append(trial)
-        best = fit(problem, min(trials, key=lambda t: t.cost).model, 4, thorough=False)
-        note(best)
-        if problem.recosted(path[-1]).cost - best.cost < _LEAST_GAIN:
+        trials = [
+            book.entered(fit(problem, current.model.added(s.term), 5, columns, thorough=False))
+            for s in candidates
+        ]
+        best = min(trials, key=book.score)
+        best = min(best, book.entered(fit(problem, best.model, 4, thorough=False)), key=book.score)
+        if book.score(path[-1]) - book.score(best) < _LEAST_GAIN:
             break
         if depth > 0:
-            best = _looked_back(problem, best, library, note)
+            best = _looked_back(problem, best, library, book, is_open)
         path.append(best)
         progress((depth + 1) / MOST_EFFECTS)
-        problem.rescale(best.residual)
-        if problem.white(best.residual):
+        problem.rescale(best.fitted.residual)
+        if problem.white(best.fitted.residual) and best.gap < _OPEN * SIGNALS:
             break
-    current = path[-1]
-    problem.rescale(current.residual)
-    found.best = fit(problem.finer(), current.model, 2) if current.model.terms else current
-    found.whole = problem.nearly_white(found.best.residual)
-    found.rivals = sorted(seen.values(), key=lambda rival: rival.cost)
+    problem.rescale(path[-1].fitted.residual)
+    settled = _no_worse(problem, book, path[-1].fitted)
+    last = settled.fitted
+    found.best = fit(problem.finer(), last.model, 2) if last.model.terms else last
+    nothing = not last.model.terms and settled.gap < _OPEN * SIGNALS
+    found.whole = nothing or problem.nearly_white(found.best.residual)
+    found.rivals = book.ranked()
     return found
 
 
@@ -131,8 +192,10 @@ def _candidates(
     problem: AxisProblem,
     current: Fitted,
     library: Mapping[str, Effect],
+    is_open: bool,
     found: AxisSearch | None,
 ) -> tuple[list[Start], F64]:
+    """Where to start fitting the most promising effects, and derivatives by base parameters."""
     columns = problem.base_columns(current.model, current.residual)
     scanner = Scanner(
         problem, current.model, current.residual, columns, problem.weights(current.residual)
@@ -141,36 +204,58 @@ def _candidates(
     for name, effect in library.items():
         if name in current.model.names():
             continue
-        tried = scanner.best(effect)
+        tried = scanner.best(effect, 2)
         starts += tried
         if found is not None and tried:
             found.scanned[name] = tried[0].gain
             found.signatures[name] = tried[0].signature
     starts.sort(key=lambda start: -start.gain)
-    if not starts or starts[0].gain < _LEAST_GAIN:
+    needed = _FAINT if is_open else _LEAST_GAIN
+    if not starts or starts[0].gain < needed:
         return [], columns
-    least = max(_LEAST_GAIN, _PROMISING * starts[0].gain)
-    return [start for start in starts[:_FITTED] if start.gain >= least], columns
+    least = max(needed, _PROMISING * starts[0].gain)
+    most = _FITTED_FAINT if starts[0].gain < 10.0 * _LEAST_GAIN else _FITTED
+    return [start for start in starts[:most] if start.gain >= least], columns
+
+
+def _no_worse(problem: AxisProblem, book: _Book, fitted: Fitted) -> Rival:
+    """The fit, or with its base parameters nearer to the machine file where the loop asks for it.
+
+    What the innovations hardly weigh may bend base parameters by all that their tolerance allows.
+    """
+    tried = [book.entered(fitted)]
+    for share in _SHRUNK:
+        model = replace(fitted.model, base=share * fitted.model.base)
+        residual = problem.residual(model)
+        tried.append(book.entered(Fitted(model, problem.cost(model, residual), residual, None, 1)))
+    return min(tried, key=book.score)
 
 
 def _looked_back(
     problem: AxisProblem,
-    current: Fitted,
+    current: Rival,
     library: Mapping[str, Effect],
-    note: Callable[[Fitted], None],
-) -> Fitted:
+    book: _Book,
+    is_open: bool,
+) -> Rival:
     """Each earlier effect put to the test beside the later ones."""
     for index in range(len(current.model.terms) - 1):
-        rest = fit(problem, current.model.without(index), 2, thorough=False)
-        note(rest)
-        if current.cost > rest.cost - _LEAST_GAIN:
+        book.entered(fit(problem, current.model.without(index), 2, thorough=False))
+        rest = book.best(current.model.without(index).names())
+        if book.score(current) > book.score(rest) - _LEAST_GAIN:
             return rest
-        starts, columns = _candidates(problem, rest, library, None)
+        starts, columns = _candidates(problem, rest.fitted, library, is_open, None)
         own = current.model.terms[index].name
         for start in [s for s in starts if s.term.name != own][:2]:
-            trial = fit(problem, rest.model.added(start.term), 3, columns, thorough=False)
-            note(trial)
-            if trial.cost < current.cost:
+            trial = book.entered(
+                fit(problem, rest.model.added(start.term), 3, columns, thorough=False)
+            )
+            if book.score(trial) < book.score(current):
                 current = trial
                 break
     return current
+
+
+def sets_of(rivals: Sequence[Rival], size: int) -> list[Rival]:
+    """The rivals of so many effects, in their order."""
+    return [rival for rival in rivals if len(rival.model.terms) == size]

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from sim2real.diagnosis import Diagnosis
     from sim2real.examine import Progress
     from sim2real.likeness import Pairs
-    from sim2real.report import GapReport
+    from sim2real.report import GapReport, NextExperiment
     from stagectl.config.machine import Machine
 
 _WHERE_SHOWN = 6
@@ -39,6 +39,7 @@ _VERDICTS = {
 @click.option("--json", "json_out", type=OUTPUT, help="Write the report here; - is stdout.")
 @click.option("--html", "html_out", type=OUTPUT, help="Write the report as a page to look at.")
 @click.option("--twin", type=OUTPUT, help="Write the machine file with the effects found.")
+@click.option("--next", "next_out", type=OUTPUT, help="Write the moves that would tell most next.")
 @click.option(
     "--jobs", type=click.IntRange(1), default=2, show_default=True, help="Axes searched at a time."
 )
@@ -53,6 +54,7 @@ def diagnose(
     json_out: Path | None,
     html_out: Path | None,
     twin: Path | None,
+    next_out: Path | None,
     jobs: int,
     correct: bool,
 ) -> None:
@@ -79,7 +81,7 @@ def diagnose(
     with _diagnosing(console) as progress:
         try:
             effects = library()
-            examined = examine(recorded, settings, tolerance, correct=correct, progress=progress)
+            examined = examine(recorded, settings, correct=correct, progress=progress)
             found = diagnosis.diagnose(examined, tolerance, effects, jobs=jobs, progress=progress)
         except EffectError as error:
             raise ConfigError(f"effects: {error}") from error
@@ -97,8 +99,12 @@ def diagnose(
         )  # fmt: skip
     if twin is not None:
         _write_twin(twin, model, report, found.plant)
+    if next_out is not None and report.next_experiment is not None:
+        next_out.write_text(_recipe(report.next_experiment), encoding="utf-8")
     if not quiet:
         _show(console, report, model.name)
+        if next_out is not None and report.next_experiment is None:
+            console.print(f"{next_out} is not written: no moves are called for", markup=False)
 
 
 def _likeness(found: Diagnosis) -> dict[str, Pairs]:
@@ -127,6 +133,15 @@ def _write_twin(
         parameters = {key: p.value for key, p in cause.parameters.items()}
         effects.setdefault(cause.axis, []).append((cause.effect, parameters))
     path.write_text(twin_text(machine, effects, plant), encoding="utf-8")
+
+
+def _recipe(experiment: NextExperiment) -> str:
+    """A recipe file with the reason above it."""
+    import yaml
+
+    return f"# {experiment.why}\n" + yaml.safe_dump(
+        experiment.recipe(), sort_keys=False, default_flow_style=None
+    )
 
 
 @contextmanager

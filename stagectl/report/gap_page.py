@@ -108,7 +108,7 @@ def render_gap_page(
         ]
         move_name, move_panels = gap_traces.telling_move(measured, explained, order[0][1], ratio)
     ranked = sorted(report.candidates, key=lambda c: -c.probability)
-    moves = report.next_experiment.moves if report.next_experiment else ()
+    moves = report.next_experiment.to_json()["moves"] if report.next_experiment else ()
     return environment.get_template("gap.html.j2").render(
         static={name: _inline(name) for name in ("report.css", "gap.css")},
         report=report,

@@ -61,7 +61,7 @@ def shortened(recorded, samples):
 @pytest.fixture(scope="module")
 def examined():
     recorded = shortened(read_recording(DATA / "null-2.h5"), 2500)
-    return examine([recorded], stage_settings(load_machine()), {"x": 0.003, "y": 0.003})
+    return examine([recorded], stage_settings(load_machine()))
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +94,9 @@ def explained(examined):
                 "y", ("force_ripple", "cogging"), "both waves", {("force_ripple", "cogging"): 0.8}
             ),
         ),
-        next_experiment=NextExperiment("move slowly", ({"kind": "macro", "to": [0.0, 0.1]},)),
+        next_experiment=NextExperiment(
+            "move slowly", ({"kind": "macro", "to": [0.0, 0.1]},), {}, {}
+        ),
     )  # fmt: skip
 
 
@@ -121,7 +123,8 @@ def test_verdict_comes_first(examined, explained):
 
 
 def test_without_causes_there_is_no_after(examined):
-    page = render_gap_page(without_causes(examined), examined, "m")
+    report = replace(without_causes(examined), verdict="no_gap")
+    page = render_gap_page(report, examined, "m")
     Balanced().feed(page)
     assert 'class="line after"' not in page
     assert "describes this stage" in page

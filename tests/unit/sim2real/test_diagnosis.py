@@ -7,19 +7,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
 from hil_sim.simulate import simulate
-from sim2real.axis_model import BASE, AxisModel, Term, coordinates, fitted, moved
+from sim2real.axis_model import NUISANCES, AxisModel, Term, coordinates, fitted, moved
 from sim2real.diagnosis import Diagnosis, diagnose
 from sim2real.examine import examine
+from sim2real.experiment import next_experiment
 from sim2real.fit import AxisProblem, fit, structure
+from sim2real.gap import compare_with
 from sim2real.recording import Recording
 from sim2real.replay import prepare
+from sim2real.strangers import KIN
 from sim2real.tracking import Tracker, respond
-from stagectl.config.machine import parse_machine
+from stagectl.config.machine import load_machine, parse_machine
 from stagectl.config.mapping import stage_settings
+from stagectl.recipe.load import load_recipe
 from stagectl.store.recording import read_recording
 
 DATA = Path(__file__).parents[2] / "data"
@@ -40,7 +45,7 @@ def stage_with(
     recording, settings = nominal
     count = round(SECONDS / settings.sync_period)
     rng = np.random.default_rng(seed)
-    known = library()
+    known = {e.name: e for e in KIN} | dict(library())
     axes = []
     for axis in settings.axes:
         terms = tuple(
@@ -48,7 +53,7 @@ def stage_with(
             for name, values in effects.get(axis.name, {}).items()
         )
         axes.append(
-            AxisModel(TOLERANCE[axis.name] * rng.standard_normal(len(BASE)), terms).settings(axis)
+            AxisModel(TOLERANCE[axis.name] * rng.standard_normal(NUISANCES), terms).settings(axis)
         )
     replay = prepare(recording, settings)
     run = simulate(
@@ -76,7 +81,7 @@ def stage_with(
 def told(recording: Recording, settings: StageSettings, *names: str) -> Diagnosis:
     """The diagnosis with a library of these effects."""
     known = library()
-    examined = examine([recording], settings, TOLERANCE)
+    examined = examine([recording], settings)
     return diagnose(examined, TOLERANCE, {name: known[name] for name in names})
 
 
@@ -101,7 +106,7 @@ def test_response_to_a_force_is_what_a_simulation_shows(
     problem = AxisProblem([Tracker(prepare(recording, settings), settings, "x")], 0.003)
     track, gains = problem.tracks[0], problem.gains[0]
     term = Term(library()["cogging"], (0.3, 0.03, 1.0))
-    simulated = problem.track(AxisModel(np.zeros(len(BASE)), (term,)))[0].position - track.position
+    simulated = problem.track(AxisModel(np.zeros(NUISANCES), (term,)))[0].position - track.position
     force = -0.3 * np.sin(2.0 * np.pi * track.x / 0.03 + 1.0)
     predicted = -respond(gains, gains.force, force)
     assert np.corrcoef(simulated, predicted)[0, 1] > 0.9
@@ -157,3 +162,58 @@ def test_an_effect_outside_the_library_is_not_explained(
     )
     found = told(recording, nominal[1], "force_constant", "dead_time", "cross_coupling")
     assert found.report.verdict in ("unexplained", "partly_explained")
+
+
+def test_what_the_filter_follows_is_told_by_the_closed_loop(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    """Innovations hardly see another friction level: it is a state of the filter."""
+    recording = stage_with(nominal, 14, x={"coulomb_level": {"ratio": 0.87}})
+    found = told(recording, nominal[1], "coulomb_level", "dead_time", "force_constant")
+    assert [(c.axis, c.effect) for c in found.report.causes] == [("x", "coulomb_level")]
+    assert found.report.gap_closed is not None
+    assert found.report.gap_closed > 0.9
+    ranked = {c.effect: c.gap_closed for c in found.report.candidates if c.axis == "x"}
+    assert ranked["coulomb_level"] == pytest.approx(found.report.causes[0].gap_closed)
+
+
+def test_a_spring_with_a_far_center_is_no_offset(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    spring = {"stiffness": 12.0, "center": -0.09}
+    recording = stage_with(nominal, 15, y={"cable_stiffness": spring})
+    found = told(recording, nominal[1], "cable_stiffness", "force_offset")
+    assert [(c.axis, c.effect) for c in found.report.causes] == [("y", "cable_stiffness")]
+    for key, true in spring.items():
+        parameter = found.report.causes[0].parameters[key]
+        assert abs(parameter.value - true) < 3.0 * parameter.sigma
+
+
+def test_an_effect_in_another_shape_keeps_its_name_and_leaves_something(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    harmonics = {"amplitude": 1.5, "pitch": 0.03, "phase": 0.7, "second": 0.4, "third": 0.2}
+    recording = stage_with(nominal, 16, y={"cogging_harmonics": harmonics})
+    found = told(recording, nominal[1], "cogging", "payload_mass")
+    assert found.report.verdict == "partly_explained"
+    assert [(c.axis, c.effect) for c in found.report.causes] == [("y", "cogging")]
+    assert found.report.causes[0].probability > 0.9
+    assert "another shape" in found.report.reason
+
+
+def test_moves_that_would_tell_two_models_apart_are_a_recipe(
+    nominal: tuple[Recording, StageSettings], tmp_path: Path
+) -> None:
+    recording, settings = nominal
+    known = library()
+    measured = [compare_with(recording, settings)]
+    plain = {axis.name: AxisModel(np.zeros(NUISANCES)) for axis in settings.axes}
+    coupled = {**plain, "y": plain["y"].added(Term(known["cross_coupling"], (0.4,)))}
+    asked = next_experiment("y is pulled", plain, coupled, "y", measured, settings)
+    assert asked is not None
+    assert asked.why.startswith("y is pulled")
+    assert len({move["to"][0] for move in asked.moves if "to" in move}) > 1  # x moves
+    path = tmp_path / "next.yaml"
+    path.write_text(yaml.safe_dump(asked.recipe()), encoding="utf-8")
+    assert load_recipe(path, load_machine()).name == "next-experiment"
+    assert next_experiment("nothing", plain, plain, "y", measured, settings) is None

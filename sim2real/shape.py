@@ -1,0 +1,159 @@
+"""Whether an effect departs from its equation: the same one once more, beside itself.
+
+A real effect of a family need not have the library's shape: cogging has harmonics, a worn spot is
+no bell, a warm-up has two time constants, a cable two strands. What such an effect leaves over is
+best taken up by its own kind again; what a stranger leaves over, on whose place the nearest effect
+was put, is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.settings import AxisSettings
+from sim2real.axis_model import AxisModel, Term, coordinates
+from sim2real.closed_loop import SIGNALS
+from sim2real.fit import AxisProblem, fit, structure
+from sim2real.scan import Scanner
+
+_WAVES = (2.0, 3.0)
+"""Harmonics that are tried of what is periodic."""
+
+_LEAST_GAIN, _MOST = 300.0, 0.5
+"""Cost that a repeat must save, and the share of what is left (of the closed-loop gap, too), for an
+effect to depart."""
+_CLOSED = 3.0 * SIGNALS
+"""Squared closed-loop gap over floor of an axis that asks for nothing more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Repeat:
+    """An effect that was found, fitted once more beside itself.
+
+    Attributes:
+        gain: cost that the repeat saves.
+        profile: share of the force left in motion that any friction profile over position would
+            take up; 0 where the effect is none.
+        excess: cost beyond what noise would have, before.
+        gap, before: squared closed-loop gap over floor with it and without.
+        structure: of the innovations with it.
+    """
+
+    gain: float
+    profile: float
+    excess: float
+    gap: float
+    before: float
+    structure: float
+
+    @property
+    def departs(self) -> bool:
+        """Whether the repeat takes up most of what is left, which is more than chance."""
+        if self.profile > _MOST and self.before > _CLOSED:
+            return True
+        closes = self.before - self.gap >= _MOST * (self.before - _CLOSED)
+        return closes and self.gain > max(_LEAST_GAIN, _MOST * self.excess)
+
+
+def repeats(
+    problem: AxisProblem,
+    model: AxisModel,
+    library: Mapping[str, Effect],
+    loop: Callable[[AxisModel], float],
+    profile: Callable[[AxisModel], float],
+) -> dict[str, Repeat]:
+    """Each effect found, fitted once more beside all of them; effects without a shape left out.
+
+    Args:
+        problem: the axis.
+        model: with the effects found.
+        library: effects by name.
+        loop: squared closed-loop gap of the axis under a model.
+        profile: see `sim2real.closed_loop.friction_profile`.
+    """
+    found = fit(problem, model, 1, thorough=False)
+    problem.rescale(found.residual)
+    found = problem.recosted(found)
+    columns = problem.base_columns(found.model, found.residual)
+    scanner = Scanner(
+        problem, found.model, found.residual, columns, problem.weights(found.residual)
+    )
+    out = {}
+    for index, term in enumerate(model.terms):
+        if term.effect.group == "dynamics" or not _shaped(term.effect):
+            continue
+        starts = _again(found.model, index, scanner, library[term.name], problem.axis)
+        trials = [fit(problem, start, 10, columns, thorough=False) for start in starts]
+        if not trials:
+            continue
+        best = min(trials, key=lambda trial: trial.cost)
+        out[term.name] = Repeat(
+            found.cost - best.cost,
+            profile(found.model) if _is_profile(term.effect) else 0.0,
+            found.cost - problem.expected(),
+            loop(best.model),
+            loop(found.model),
+            structure(problem.positions(best.residual)),
+        )
+    return out
+
+
+def _again(
+    model: AxisModel, index: int, scanner: Scanner, effect: Effect, axis: AxisSettings
+) -> list[AxisModel]:
+    """Where to start with one effect twice: beside what is there, or split in two."""
+    term = model.terms[index]
+    nodes = _harmonics(term)
+    found = []
+    if starts := scanner.best(effect, nodes=nodes or None):
+        found.append(replace(model, terms=(*model.terms, *(s.term for s in starts))))
+    if not nodes:
+        halves = tuple(_half(term, side, axis) for side in (-1.0, 1.0))
+        rest = model.without(index)
+        found.append(replace(rest, terms=(*rest.terms, *halves)))
+    return found
+
+
+def _half(term: Term, side: float, axis: AxisSettings) -> Term:
+    """One of two: side by side and narrower where there is a place, else a fast and a slow one."""
+    values = term.mapping()
+    roles = {p.role: p.key for p in term.effect.parameters}
+    if "place" in roles:
+        values[roles["place"]] += side * 0.8 * values[roles["shape"]]
+        factors = {"size": 0.8, "shape": 0.6}
+    else:
+        factors = {"size": 0.5, "shape": 2.0**side}
+    return Term(
+        term.effect,
+        tuple(
+            entry.clipped(values[entry.parameter.key] * factors.get(entry.parameter.role, 1.0))
+            for entry in coordinates(term.effect, axis)
+        ),
+    )
+
+
+def _is_profile(effect: Effect) -> bool:
+    return effect.group == "friction" and any(p.role == "place" for p in effect.parameters)
+
+
+def _shaped(effect: Effect) -> bool:
+    return any(p.role == "shape" for p in effect.parameters)
+
+
+def _harmonics(term: Term) -> list[tuple[float, ...]]:
+    """Shorter pitches or higher frequencies of what is periodic; nothing for what is not."""
+    parameters = term.effect.parameters
+    if not any(p.role == "phase" for p in parameters):
+        return []
+    return [
+        tuple(v * _factor(p, order) for p, v in zip(parameters, term.values, strict=True))
+        for order in _WAVES
+    ]
+
+
+def _factor(parameter: Parameter, order: float) -> float:
+    if parameter.role != "shape":
+        return 1.0
+    return order if parameter.unit == "Hz" else 1.0 / order
