@@ -1,0 +1,119 @@
+"""A diagnosis against fitting each candidate by itself: time, on one recording in one run.
+
+The peer is what one would write first: for each effect of the library on each axis,
+`scipy.optimize.least_squares` on the free closed-loop residual of the same simulator, base
+parameters beside the effect's own with the machine file's tolerance as prior. Where an effect has
+places, pitches or frequencies it would need many starts; here it is given one, so its time is a
+lower bound. Only every n-th candidate is run; the sum over all is told from those.
+
+    python benchmarks/diagnosis.py [REC.h5] [--every 7]
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from dataclasses import replace
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from hil_sim.effects.library import library
+from hil_sim.settings import StageSettings
+from sim2real.axis_model import LAG, AxisModel, Term, coordinates, moved
+from sim2real.blind.draw import Drawn, Key, draw_base, stage_of
+from sim2real.blind.moves import draw_demands
+from sim2real.blind.stage import record
+from sim2real.diagnosis import diagnose
+from sim2real.examine import examine
+from sim2real.gap import Measured
+from sim2real.recording import Recording
+from sim2real.replay import residual
+from stagectl.config.machine import load_machine, parse_machine
+from stagectl.config.mapping import stage_settings
+from stagectl.store.recording import read_recording
+
+F64 = NDArray[np.float64]
+EFFECT = "cogging"
+VALUES = {"amplitude": 1.2, "pitch": 0.031, "phase": 0.5}
+
+
+def example() -> Recording:
+    """Ten seconds of the reference stage with cogging on y."""
+    machine = load_machine()
+    settings = stage_settings(machine)
+    rng = np.random.default_rng(1)
+    demands = draw_demands(rng, settings)
+    base = {a.name: draw_base(rng, 0.003) for a in settings.axes}
+    key = Key("one", (Drawn("y", EFFECT, VALUES, 0.0, EFFECT),), base)
+    stage = stage_of(settings, key, library())
+    return record(stage, demands, 1, 8, machine.text, "example")
+
+
+def by_scipy(
+    name: str, axis: str, measured: Measured, settings: StageSettings, tolerance: float
+) -> tuple[float, int]:
+    """Time [s] and simulations of fitting one effect from the middle of its ranges."""
+    effect = library()[name]
+    own = next(a for a in settings.axes if a.name == axis)
+    entries = coordinates(effect, own)
+    values = tuple(0.5 * (p.ranges(own)[-1][0] + p.ranges(own)[-1][1]) for p in effect.parameters)
+    start = np.array([e.inward(v) for e, v in zip(entries, values, strict=True)])
+    runs = 0
+
+    def deviations(at: F64) -> F64:
+        nonlocal runs
+        runs += 1
+        term = moved(Term(effect, values), own, at[LAG:])
+        model = AxisModel(np.append(at[:LAG], 0.0), (term,))
+        stage = replace(
+            settings, axes=tuple(model.settings(a) if a.name == axis else a for a in settings.axes)
+        )
+        left = residual(measured.replay.measured(), measured.replay.run(stage))[axis]
+        parts = [v / measured.floor.rms[axis][signal] for signal, v in left.items()]
+        return np.nan_to_num(np.concatenate((*parts, at[:LAG] / tolerance)), nan=1e4)
+
+    begun = time.perf_counter()
+    least_squares(
+        deviations, np.append(np.zeros(LAG), start), x_scale="jac", max_nfev=30, diff_step=1e-3
+    )
+    return time.perf_counter() - begun, runs
+
+
+def main() -> None:
+    """Time both on the same recording and tell the ratio."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("recording", type=Path, nargs="?", help="[ten seconds with cogging]")
+    parser.add_argument("--every", type=int, default=7, help="candidates that are run: each n-th")
+    arguments = parser.parse_args()
+    recording = read_recording(arguments.recording) if arguments.recording else example()
+    machine = parse_machine(recording.machine, recording.source)
+    settings = stage_settings(machine)
+    tolerance = {name: axis.plant.tolerance for name, axis in machine.axes.items()}
+    known = {name: effect for name, effect in library().items() if effect.searched}
+    diagnose(examine([recording], settings), tolerance, known)  # compiles
+    begun = time.perf_counter()
+    examined = examine([recording], settings)
+    report = diagnose(examined, tolerance, known).report
+    whole = time.perf_counter() - begun
+    print(f"whole diagnosis: {whole:.1f} s, {report.verdict}: {report.reason}")
+    candidates = [(name, axis.name) for axis in settings.axes for name in known]
+    spent = []
+    for name, axis in candidates[:: arguments.every]:
+        took, runs = by_scipy(name, axis, examined.measured[0], settings, tolerance[axis])
+        spent.append(took)
+        print(f"scipy, {name} on {axis}: {took:.1f} s, {runs} simulations", flush=True)
+    everything = float(np.mean(spent)) * len(candidates) / 2
+    print(
+        f"scipy, all {len(candidates)} candidates on two cores: {everything:.0f} s; "
+        f"{everything / whole:.1f} times the whole diagnosis"
+    )
+
+
+if __name__ == "__main__":
+    main()
