@@ -20,16 +20,19 @@ from stagectl.store.recovery import recover
 
 def _fuzz():
     path = Path(__file__).parents[2] / "benchmarks" / "fuzz.py"
+    sys.path.insert(0, str(path.parent))
     spec = importlib.util.spec_from_file_location("fuzz", path)
     module = sys.modules["fuzz"] = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
+    sys.path.remove(str(path.parent))
     return module
 
 
 fuzz = _fuzz()
+made = sys.modules["fuzz_input"]
 share = st.floats(0.0, 1.0, allow_nan=False)
 edits = st.lists(
-    st.tuples(st.sampled_from(fuzz.EDITS), share, share, st.integers(0, 255)),
+    st.tuples(st.sampled_from(made.EDITS), share, share, st.integers(0, 255)),
     min_size=1,
     max_size=6,
 )
@@ -61,14 +64,14 @@ def few(examples):
 
 
 @few(12)
-@given(st.lists(frames(fuzz.AT_DRIVES), max_size=40), st.booleans())
+@given(st.lists(frames(made.AT_DRIVES), max_size=40), st.booleans())
 def test_arbitrary_frames_at_the_drives(sequence, operational):
     begin = [(0x000, b"\x01\x00")] if operational else []
-    fuzz.strike_drives([fuzz.calm(frame) for frame in [*begin, *sequence]])
+    fuzz.strike_drives([made.calm(frame) for frame in [*begin, *sequence]])
 
 
 @few(5)
-@given(st.lists(st.tuples(st.floats(0.0, 1.0), frames(fuzz.AT_DRIVER)), max_size=12))
+@given(st.lists(st.tuples(st.floats(0.0, 1.0), frames(made.AT_DRIVER)), max_size=12))
 def test_arbitrary_frames_at_the_driver(sequence):
     sequence.sort(key=lambda entry: entry[0])
     fuzz.strike_driver([frame for _, frame in sequence], [moment for moment, _ in sequence])
@@ -77,7 +80,7 @@ def test_arbitrary_frames_at_the_driver(sequence):
 @few(12)
 @given(edits)
 def test_arbitrary_eds(tmp_path, changes):
-    fuzz.read_eds(fuzz.edited(fuzz.sound("eds"), changes), tmp_path)
+    fuzz.read_eds(made.edited(fuzz.sound("eds"), changes), tmp_path)
 
 
 @pytest.mark.parametrize("what", ["machine", "recipe", "faults"])
@@ -89,13 +92,13 @@ def test_arbitrary_yaml(machine, what, changes):
         "recipe": lambda text, name: parse_recipe(text, name, machine),
         "faults": lambda text, name: parse_faults(text, name, machine, 1),
     }[what]
-    fuzz.read_text(parse, fuzz.edited(fuzz.sound(what), changes), f"{what}.yaml")
+    fuzz.read_text(parse, made.edited(fuzz.sound(what), changes), f"{what}.yaml")
 
 
 @few(25)
 @given(edits)
 def test_arbitrary_recordings(tmp_path, changes):
-    data = fuzz.edited(fuzz.sound("recording"), changes)
+    data = made.edited(fuzz.sound("recording"), changes)
     fuzz.read_files(data, tmp_path, "recording.h5", read_recording, read_ledger, read_notes)
 
 
@@ -107,7 +110,7 @@ def test_arbitrary_logs_and_journals(tmp_path, changes):
         ("frames", "bus.frames", lambda path: recover_log(path.parent)),
         ("journal", "recording.journal", recover),
     ):
-        fuzz.read_files(fuzz.edited(fuzz.sound(what), changes), tmp_path, name, reader)
+        fuzz.read_files(made.edited(fuzz.sound(what), changes), tmp_path, name, reader)
 
 
 def test_a_log_from_no_year(tmp_path):
