@@ -46,6 +46,8 @@ class TrackingSettings:
         model_error: rms of what a measurement misses beside its own sigma.
         doubt: surprises [standard deviations] are never counted for more than this in the sums
             of a common step.
+        vague: measurements whose own sigma is at least this are of moves that hardly slid; a share
+            `astray` of them is off by `outlier` (rms) without showing it.
     """
 
     wander: float = 0.01
@@ -58,6 +60,9 @@ class TrackingSettings:
     pause_time: float = 600.0
     model_error: float = 0.004
     doubt: float = 3.0
+    vague: float = 0.006
+    astray: float = 0.01
+    outlier: float = 0.03
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +70,8 @@ class Observation:
     """What one measurement at a site brought.
 
     Attributes:
-        surprise: measured minus expected over its standard deviation.
+        surprise: measured minus expected over its standard deviation; where the measurement may be
+            astray, the normal z that is as unlikely.
         change: measured over expected, minus 1.
         step: "site" or "common" where the level has stepped, else None; a "common" one takes the
             last "site" one back.
@@ -247,8 +253,11 @@ class SiteTracker:
         noise = sigma**2 + self.settings.model_error**2
         expected, spread = self.expected(site)
         off = value - expected
-        deviation = math.sqrt(spread**2 + noise)
-        surprise = off / deviation
+        surprise, weight = off / math.sqrt(spread**2 + noise), 1.0
+        if sigma >= self.settings.vague:
+            surprise, weight = self._heavy_tailed(off, spread**2 + noise)
+            wide = noise + self.settings.outlier**2
+            noise = 1.0 / (weight / noise + (1.0 - weight) / wide)
         sign = self._detectors[site].update(surprise)
         step: Literal["site", "common"] | None = None
         revoked: int | None = None
@@ -274,6 +283,24 @@ class SiteTracker:
             taken = float(self.state[SITES + site]) - self._last_step[3]
             self._last_step = (site, sign, off, taken)
         return Observation(surprise, math.expm1(off), step, revoked)
+
+    def _heavy_tailed(self, off: float, variance: float) -> tuple[float, float]:
+        """The normal z that is as unlikely as a measurement that may be astray; and that it is not.
+
+        Args:
+            off: measured minus expected.
+            variance: of that, where it is not astray.
+
+        Returns:
+            z, and the probability that the measurement is sound.
+        """
+        share, wide = self.settings.astray, variance + self.settings.outlier**2
+        sound, astray = (1.0 - share) / math.sqrt(variance), share / math.sqrt(wide)
+        most = sound + astray
+        sound *= math.exp(-0.5 * off**2 / variance)
+        astray *= math.exp(-0.5 * min(off**2 / wide, 1e3))
+        z = math.sqrt(2.0 * math.log(most / (sound + astray)))
+        return math.copysign(z, off), sound / (sound + astray)
 
     def _open(self, place: int, size: float) -> None:
         """Doubt one entry of the state by as much as it may have stepped."""

@@ -122,3 +122,32 @@ def test_a_doubtful_measurement_surprises_as_much_and_is_believed_less():
     assert believed[0] == ["site", "site"]
     assert doubted[0] == ["site", None]
     assert abs(doubted[1] - 0.18) < 0.02
+
+
+def settled(seed):
+    """Five sites that were each seen often, quiet; next moment, and a generator."""
+    generator = np.random.default_rng(seed)
+    tracker = SiteTracker(np.zeros(5), 1e-4 * np.eye(5), TrackingSettings(pause=0.02), 0.0)
+    for k in range(60):
+        tracker.observe(k % 5, generator.normal(0.0, 0.011), 0.008, 0.35 * k)
+    return tracker, 21.0, generator
+
+
+def test_a_vague_measurement_astray_is_no_step():
+    """Of moves that hardly slid one in some dozens is off by 8 % without showing it."""
+    for seed in range(20):
+        tracker, now, _ = settled(seed)
+        before = tracker.expected(2, wander=False)[0]
+        assert tracker.observe(2, -0.08, 0.008, now).step is None
+        assert abs(tracker.expected(2, wander=False)[0] - before) < 0.012
+
+
+@pytest.mark.parametrize(("size", "most"), [(0.2, 1), (-0.2, 1), (0.1, 3), (-0.1, 3)])
+def test_vague_measurements_tell_large_steps_as_well(size, most):
+    for seed in range(20):
+        tracker, now, generator = settled(seed)
+        for visit in range(1, 9):
+            shown = math.log1p(size) + generator.normal(0.0, 0.011)
+            if tracker.observe(2, shown, 0.008, now + 5.0 * visit).step:
+                break
+        assert visit <= most
