@@ -210,7 +210,7 @@ def _table(found: list[SiteOutcome], sequence: SiteSequence) -> RenderableType:
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))  # fits into 80 columns
     for title in (
         "site",
         "x, mm",
@@ -219,7 +219,7 @@ def _table(found: list[SiteOutcome], sequence: SiteSequence) -> RenderableType:
         "Fc, N",
         "±1 sigma",
         "change",
-        "learnt (exp.)",
+        "bit (exp.)",
         "",
     ):
         table.add_column(title, justify="left" if title == "" else "right", no_wrap=True)
@@ -232,7 +232,7 @@ def _table(found: list[SiteOutcome], sequence: SiteSequence) -> RenderableType:
             "" if entry.coulomb is None else f"{entry.coulomb:.3f}",
             "" if entry.sigma is None else f"{entry.sigma:.1%}",
             "" if entry.change is None else f"{entry.change:+.1%}",
-            f"{bits:.1f} ({expected:.1f}) bit", Text(entry.severity, _STYLES[entry.severity]),
+            f"{bits:.1f} ({expected:.1f})", Text(entry.severity, _STYLES[entry.severity]),
         )  # fmt: skip
         if entry.severity != "good":
             lines.append(Text(f"site {entry.site}, axis {entry.axis}: {entry.suggestion}"))

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -191,3 +192,8 @@ def test_what_a_calibration_says_of_a_site():
     assert found[0].gains["coulomb"].bits == pytest.approx(math.log2(0.3 / 0.01))
     down = [replace(changes[0], sites=(SiteChange(SITES[0], -0.2, 0.01),))]
     assert "grease" in outcomes(SITES[:1], friction, ("x",), None, down)[0].suggestion
+
+
+def test_the_calibration_that_comes_with_us_fits_the_packaged_machine(machine):
+    path = Path(__file__).parents[3] / "recipes" / "calibration-9.yaml"
+    assert len(load_calibration(path, machine).recipe.sites) == 9
