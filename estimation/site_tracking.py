@@ -44,8 +44,6 @@ class TrackingSettings:
         pause, pause_time: rms by which the common level may have changed in a long pause, and how
             long it takes for that [s].
         model_error: rms of what a measurement misses beside its own sigma.
-        doubt: surprises [standard deviations] are never counted for more than this in the sums
-            of a common step.
         vague: measurements whose own sigma is at least this are of moves that hardly slid; a share
             `astray` of them is off by `outlier` (rms) without showing it.
     """
@@ -59,7 +57,6 @@ class TrackingSettings:
     pause: float = 0.2
     pause_time: float = 600.0
     model_error: float = 0.004
-    doubt: float = 3.0
     vague: float = 0.006
     astray: float = 0.01
     outlier: float = 0.03

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,9 @@ from stagectl.config.machine import Machine
 from stagectl.maps.active import ActiveMap
 from stagectl.maps.model import MapVersion, from_json, to_json
 from stagectl.maps.places import TrackedPlaces
+
+_SETTINGS = {field.name for field in fields(TrackingSettings)}
+"""Of another version's settings those that there still are: a replay then shows the difference."""
 
 
 def as_noted(active: ActiveMap) -> dict[str, Any]:
@@ -69,7 +72,7 @@ def noted(note: Mapping[str, Any], machine: Machine, name: str) -> ActiveMap:
                 for key, value in entry.items()
                 if key not in ("settings", "time")
             },
-            TrackingSettings(**entry["settings"]),
+            TrackingSettings(**{k: v for k, v in entry["settings"].items() if k in _SETTINGS}),
             float(entry["time"]),
         )
         for axis, entry in note["trackers"].items()
