@@ -87,7 +87,7 @@ def stagectl() -> Stagectl:
     def call(*arguments: str | Path, **options: object) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
             [sys.executable, "-m", "stagectl", *map(str, arguments)],
-            capture_output=True, text=True, timeout=250, check=False, **options,
+            capture_output=True, text=True, timeout=500, check=False, **options,
         )  # type: ignore[call-overload, no-any-return]  # fmt: skip
 
     return call

@@ -194,7 +194,7 @@ def start_long(folder: Path) -> subprocess.Popen[str]:
         env={**os.environ, "PYTHONPATH": str(ROOT)},
     )  # fmt: skip
     journal = folder / "out" / "recording.journal"
-    deadline = time.monotonic() + 200
+    deadline = time.monotonic() + 400
     while time.monotonic() < deadline:
         if journal.exists() and journal.stat().st_size > 100_000:
             return process
@@ -291,7 +291,7 @@ def test_a_closed_pipe_does_not_stop_a_run(short, tmp_path):
     ]  # fmt: skip
     read, write = os.pipe()
     os.close(read)
-    subprocess.run(command, stdout=write, stderr=subprocess.DEVNULL, check=False, timeout=250)
+    subprocess.run(command, stdout=write, stderr=subprocess.DEVNULL, check=False, timeout=500)
     os.close(write)
     assert json.loads((tmp_path / "summary.json").read_text())["outcome"] == "completed"
 
@@ -305,7 +305,7 @@ def test_ctrl_c_before_anything_moves(tmp_path):
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
     )  # fmt: skip
-    deadline = time.monotonic() + 200
+    deadline = time.monotonic() + 400
     while not (tmp_path / "out" / "bus.frames").exists() and time.monotonic() < deadline:
         time.sleep(0.02)
     time.sleep(0.3)  # nobody answers: it waits for boot-up messages

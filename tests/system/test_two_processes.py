@@ -76,7 +76,7 @@ def test_a_run_completes(bus: str, machine: Path, tmp_path: Path) -> None:
             sys.executable, "-m", "stagectl", "run", recipe, "--machine", machine, "--bus", bus,
             "--out", tmp_path / "out",
         ],
-        capture_output=True, text=True, timeout=250, check=False,
+        capture_output=True, text=True, timeout=500, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     recording = read_recording(tmp_path / "out" / "recording.h5")
