@@ -24,7 +24,7 @@ _SIMPLER = 40.0
 """Cost that a parameter more is worth in the odds of names: a simple cause is a little likelier."""
 _RIVALRY = 0.9
 """Odds of all rivals together, at most: what was chosen is the likeliest, or the simplest."""
-_SCATTER, _LIKENESS, _WANDERS, _STEP, _DAMPED, _TUNED = 2.2, 0.003, 0.25, 0.05, 0.02, 5e-4
+_SCATTER, _LIKENESS, _WANDERS, _STEP, _DAMPED, _TUNED = 2.2, 0.003, 0.4, 0.05, 0.02, 5e-4
 """What a fit's own sigma leaves out: see `_sigma`."""
 _STEEP = 3.5
 """How fast trust in the only name falls with the share of the gap that is left."""
@@ -108,7 +108,7 @@ def _sigma(
     """One sigma of a parameter: of the fit, of the models' likeness, and of the friction's wander.
 
     Trials on simulated stages scatter twice as much as the fit says; sizes are known to a few
-    parts in a thousand at best, what scales Coulomb friction to a quarter of its wander, and
+    parts in a thousand at best, what scales Coulomb friction to two fifths of its wander, and
     delays to a twentieth of the control period, by which integrators differ; they damp or feed
     what swings, and detune it, too.
     """
