@@ -49,12 +49,14 @@ class Start:
         gain: cost that it would save, to first order.
         signature: its weighted share in the residual, beside the base parameters, float64[R].
         node: of the grid that it came from.
+        followed: whether the gain is of the filter's wander, not of its innovations.
     """
 
     term: Term
     gain: float
     signature: F64
     node: tuple[float, ...]
+    followed: bool = False
 
 
 class Scanner:
@@ -107,6 +109,8 @@ class Scanner:
     ) -> list[Start]:
         """The most promising parameters of an effect; none where it changes nothing.
 
+        Besides, what the filter's wander says of it.
+
         Args:
             effect: to be scanned.
             count: starts given back, at most.
@@ -130,8 +134,46 @@ class Scanner:
         ]
         if not cheap:
             found = [self._actual(start) for start in found]
+        elif not given and (followed := self._followed(effect)) is not None:
+            found.append(followed)
         found.sort(key=lambda start: -start.gain)
-        return found if given else _distinct(found, effect)[:count]
+        if given:
+            return found
+        kept = _distinct(found, effect)[:count]
+        return kept + [start for start in found if start.followed and start not in kept]
+
+    def _followed(self, effect: Effect) -> Start | None:
+        """What the wander that the filter found says of an effect that scales Coulomb friction.
+
+        The innovations are silent there: the filter follows. But a wander that has the effect's
+        course is less likely than the effect, by the machine file's `repeatability`.
+        """
+        friction = self._problem.axis.friction
+        if friction.wander <= 0.0:
+            return None
+        best: tuple[float, float, tuple[float, ...]] | None = None
+        for values in self._nodes(effect, True):
+            along = square = 0.0
+            for tracker, track, acceleration in zip(
+                self._problem.trackers, self._tracks, self._accelerations, strict=True
+            ):
+                term = Term(effect, values)
+                course = inputs(self._axis, term, track, tracker.time, acceleration)
+                if course is None or course.level is None or course.force is not None:
+                    return None
+                along += float(course.level @ track.level)
+                square += float(course.level @ course.level)
+            if along > 0.0 and (best is None or along**2 / square > best[0]):
+                best = (along**2 / square, along / square, values)
+        if best is None:
+            return None
+        energy, size, values = best
+        apart = 2.0 * friction.correlation_time / float(self._problem.trackers[0].time[1])
+        term = Term(effect, self._scaled(effect, values, min(size, _WIDEST)))
+        signature = self._signature(term)
+        if signature is None:
+            return None
+        return Start(term, energy / (apart * friction.wander**2), signature, values, True)
 
     def _actual(self, start: Start) -> Start:
         """With the gain that the node or the size sought from it really has, whichever is more."""

@@ -31,6 +31,8 @@ MOST_EFFECTS = 2
 """Effects sought on one axis, at most."""
 _FITTED, _FITTED_FAINT = 4, 7
 """Most promising effects that are fitted in each step; where all of them promise little."""
+_WANDERS = 2
+"""And so many of those that the filter's wander speaks for."""
 _PROMISING = 0.03
 """Effects are fitted whose first-order gain is at least this share of the best one's."""
 _LEAST_GAIN = 600.0
@@ -215,7 +217,11 @@ def _candidates(
         return [], columns
     least = max(needed, _PROMISING * starts[0].gain)
     most = _FITTED_FAINT if starts[0].gain < 10.0 * _LEAST_GAIN else _FITTED
-    return [start for start in starts[:most] if start.gain >= least], columns
+    chosen = [start for start in starts[:most] if start.gain >= least]
+    if is_open:  # a wander weighs little beside innovations, whatever it does to the loop
+        wanders = [s for s in starts if s.followed and s.gain >= needed and s not in chosen]
+        chosen += wanders[:_WANDERS]
+    return chosen, columns
 
 
 def _no_worse(problem: AxisProblem, book: _Book, fitted: Fitted) -> Rival:

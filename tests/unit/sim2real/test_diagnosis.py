@@ -20,6 +20,7 @@ from sim2real.fit import AxisProblem, fit, structure
 from sim2real.gap import compare_with
 from sim2real.recording import Recording
 from sim2real.replay import prepare
+from sim2real.scan import Scanner
 from sim2real.strangers import KIN
 from sim2real.tracking import Tracker, respond
 from stagectl.config.machine import load_machine, parse_machine
@@ -217,3 +218,21 @@ def test_moves_that_would_tell_two_models_apart_are_a_recipe(
     path.write_text(yaml.safe_dump(asked.recipe()), encoding="utf-8")
     assert load_recipe(path, load_machine()).name == "next-experiment"
     assert next_experiment("nothing", plain, plain, "y", measured, settings) is None
+
+
+def test_a_wander_with_a_course_is_a_start_for_what_scales_friction(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    recording = stage_with(nominal, 17, y={"coulomb_level": {"ratio": 0.9}})
+    settings = nominal[1]
+    problem = AxisProblem([Tracker(prepare(recording, settings), settings, "y")], 0.003)
+    start = problem.at_start()
+    scanner = Scanner(
+        problem, start.model, start.residual,
+        problem.base_columns(start.model, start.residual), problem.weights(start.residual),
+    )  # fmt: skip
+    known = library()
+    followed = [s for s in scanner.best(known["coulomb_level"]) if s.followed]
+    assert len(followed) == 1
+    assert followed[0].term.values[0] == pytest.approx(0.9, abs=0.03)
+    assert not [s for s in scanner.best(known["force_offset"]) if s.followed]
