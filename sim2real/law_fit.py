@@ -37,6 +37,8 @@ _GRIDS = {
     "demand": _SHIFTS,
     "drift": _DRIFTS,
 }
+_DEAD_TIMES, _CORNERS = (1e-4, 3e-4, 5e-4, 7e-4, 9e-4), (120.0, 180.0, 270.0, 400.0, 700.0)
+"""Where dead time and bandwidth together are sought from [s, Hz]."""
 GAINS = ("", "scale", *TERMS, "all")
 """What may be free in the law: nothing, all parts by one factor, one part, every part."""
 _MOVING = 0.02
@@ -112,20 +114,22 @@ def explain(law: Law, expected: float) -> Supposition:
 
 
 def _current_path(law: Law, part: Law, tried: list[Supposition]) -> Supposition:
-    """Dead time and current bandwidth together, from the better of both alone."""
+    """Dead time and current bandwidth together: each alone may have taken the other's part."""
     alone = {s.timing: s for s in tried if s.timing in ("lag", "bandwidth")}
     lag, bandwidth = alone["lag"], alone["bandwidth"]
     stated = law.bandwidth
-    start = (lag.value, stated) if lag.left < bandwidth.left else (0.0, bandwidth.value)
+    starts = [(lag.value, stated), (0.0, bandwidth.value)]
+    starts += [(dead, corner) for dead in _DEAD_TIMES for corner in _CORNERS]
 
     def at(of: Law, figures: FloatArray) -> Supposition:
         lag, corner = float(figures[0]) * 1e-3, float(np.exp(figures[1]))
         products = _products(of, "lag", lag, corner)
         return replace(_fitted(products, "lag", lag, ""), bandwidth=corner)
 
+    first = [np.array((dead * 1e3, np.log(corner))) for dead, corner in starts]
     found = minimize(
         lambda figures: at(part, figures).left,
-        (start[0] * 1e3, np.log(start[1])),
+        min(first, key=lambda figures: at(part, figures).left),
         method="Nelder-Mead",
         options={"maxfev": 80, "xatol": 1e-4, "fatol": 1e-6},
     )
