@@ -36,6 +36,9 @@ _BEYOND = 0.8
 _APART, _NEARLY = 1.2, 0.6
 """Shapes of one effect this far apart are different starts, as far as the second one's gain is this
 share of the first one's: a wave and its harmonic."""
+_STIFF = 5.0
+"""Base parameters are held so many times tighter than tolerance says: a fit keeps them in bounds,
+which first order does not know."""
 _WIDEST = 3.0
 """Sizes are sought up to so many times the node's."""
 
@@ -93,7 +96,8 @@ class Scanner:
                 ((problem.residual(model.without(term)) - residual) * self._root)[:, None]
             )
         # The prior of the base parameters stands beside the data as rows of its own.
-        self._rows = np.diag(1.0 / problem.spread)
+        # Stiffer than it is: else a mass 5 % off would be taken for a base parameter's.
+        self._rows = np.diag(_STIFF / problem.spread)
         beside = np.vstack(
             [
                 np.hstack(nuisance),
@@ -101,7 +105,7 @@ class Scanner:
             ]
         )
         self._basis = np.linalg.qr(beside)[0]
-        target = np.concatenate((residual * self._root, model.base / problem.spread))
+        target = np.concatenate((residual * self._root, _STIFF * model.base / problem.spread))
         self._target = self._free(target)
 
     def best(
