@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,13 +124,12 @@ class Scanner:
         given = nodes is not None
         cheap = self._cheap(effect)
         nodes = list(self._nodes(effect, cheap)) if nodes is None else nodes
-        if cheap and not given and len(nodes) > _SIMULATED_NODES:
-            tried = [(self._tried(effect, values, self._signature), values) for values in nodes]
-            ranked = sorted(
-                ((start.gain, values) for start, values in tried if start is not None),
-                reverse=True,
-            )
-            nodes = [values for _, values in ranked[:_SIMULATED_NODES]]
+        linear: list[Start] = []
+        if cheap:
+            tried = [self._tried(effect, values, self._signature) for values in nodes]
+            linear = sorted((t for t in tried if t is not None), key=lambda start: -start.gain)
+            if not given and len(nodes) > _SIMULATED_NODES:
+                nodes = [start.node for start in linear[:_SIMULATED_NODES]]
         found = [
             start
             for values in nodes
@@ -138,7 +137,11 @@ class Scanner:
         ]
         if not cheap:
             found = [self._actual(start) for start in found]
-        elif not given and (followed := self._followed(effect)) is not None:
+        elif linear and not given:
+            # A node in the wrong phase may make elements slip that do not: then the error
+            # equations know better than a simulation, which the cost at their start shows.
+            found += self._proven(linear[0])
+        if cheap and not given and (followed := self._followed(effect)) is not None:
             found.append(followed)
         found.sort(key=lambda start: -start.gain)
         if given:
@@ -178,6 +181,15 @@ class Scanner:
         if signature is None:
             return None
         return Start(term, energy / (apart * friction.wander**2), signature, values, True)
+
+    def _proven(self, start: Start) -> list[Start]:
+        """The start with the gain that it really has, where it has one."""
+        try:
+            residual = self._problem.residual(self._model.added(start.term))
+        except ValueError:
+            return []
+        gain = self._cost - self._problem.cost(self._model, residual)
+        return [replace(start, gain=gain)] if gain > 0.0 else []
 
     def _actual(self, start: Start) -> Start:
         """With the gain that the node or the size sought from it really has, whichever is more."""
