@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hil_sim.effects.dead_time import DeadTime
 from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import AxisSettings
 
 F64 = NDArray[np.float64]
@@ -26,6 +27,8 @@ BASE = (
 )
 """Plant figures that are known to the machine file's tolerance, relative deviations of which are
 nuisance parameters."""
+FARTHEST = 5.0
+"""Plant figures stay within so many standard deviations: what lies beyond is an effect."""
 LAG = len(BASE)
 """Where the last nuisance parameter stands: dead time that comes of the steps in which a stage is
 integrated [control periods]. No figure of the plant, and in no twin."""
@@ -210,6 +213,24 @@ def coordinates(effect: Effect, axis: AxisSettings) -> tuple[Coordinate, ...]:
 def coordinate(effect: Effect, key: str, axis: AxisSettings) -> Coordinate:
     """How one parameter is fitted."""
     return next(c for c in coordinates(effect, axis) if c.parameter.key == key)
+
+
+_PLAIN = ("mass", "coulomb", "viscous", "stiffness", "static_ratio")
+"""Ports that are figures of the plant."""
+
+
+def within_tolerance(term: Term, axis: AxisSettings, tolerance: float) -> bool:
+    """Whether an effect is but a plant figure off by what the machine file allows.
+
+    A deviation beyond `FARTHEST` sigma is an effect (docs/formats/gap-report.md).
+    """
+    plain, ports = EffectPorts(axis, 1e-3, 1.0), EffectPorts(axis, 1e-3, 1.0)
+    if len(term.values) != 1:
+        return False
+    term.effect.apply(ports, term.mapping())
+    pairs = [(float(getattr(plain, name)), float(getattr(ports, name))) for name in _PLAIN]
+    largest = max(abs(now - was) / was if was else abs(now) for was, now in pairs)
+    return 0.0 < largest < FARTHEST * tolerance
 
 
 def fitted(term: Term, axis: AxisSettings) -> F64:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim2real.axis_model import (
+    FARTHEST,
     LAG,
     NUISANCES,
     AxisModel,
@@ -35,8 +36,6 @@ _COLUMN = 0.05
 """A parameter's step for differences changes so much of its effect's signature."""
 _REACH = 0.6
 """The most of its signature that an effect's parameter may change in one iteration."""
-_FARTHEST = 5.0
-"""Base parameters stay within so many standard deviations: what lies beyond is an effect."""
 _CANCELLED = 5e-2
 """Share of squared columns that is left where they cancel, below which it is their error."""
 _OUTLIER = 4.0
@@ -316,7 +315,7 @@ def _moved(model: AxisModel, problem: AxisProblem, step: F64) -> AxisModel:
         width = len(term.values)
         terms.append(moved(term, problem.axis, fitted(term, problem.axis) + step[at : at + width]))
         at += width
-    limit = _FARTHEST * problem.spread
+    limit = FARTHEST * problem.spread
     base = np.clip(model.base + step[:NUISANCES], -limit, limit)
     base[LAG] = max(base[LAG], 0.0)
     return AxisModel(base, tuple(terms))

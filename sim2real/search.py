@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
-from sim2real.axis_model import AxisModel
+from sim2real.axis_model import AxisModel, within_tolerance
 from sim2real.closed_loop import SIGNALS
 from sim2real.fit import AxisProblem, Fitted, fit
 from sim2real.scan import Scanner, Start
@@ -154,7 +154,8 @@ def search(
     found = AxisSearch(problem, plain, plain, loop(problem.start))
     book = _Book(problem, loop)
     path = [_no_worse(problem, book, plain)]
-    for depth in range(MOST_EFFECTS):
+    # What nobody sees in the closed loop is no gap, whatever the innovations say.
+    for depth in range(MOST_EFFECTS if found.open_gap > _OPEN * SIGNALS else 0):
         # A plain fit to a stage with an effect bends the base parameters: start from none.
         current = path[-1].fitted if depth else problem.at_start()
         problem.rescale(current.residual)
@@ -172,6 +173,8 @@ def search(
         best = min(trials, key=book.score)
         best = min(best, book.entered(fit(problem, best.model, 4, thorough=False)), key=book.score)
         if book.score(path[-1]) - book.score(best) < _LEAST_GAIN:
+            break
+        if within_tolerance(best.model.terms[-1], problem.axis, float(problem.spread[0])):
             break
         if depth > 0:
             best = _looked_back(problem, best, library, book, is_open)

@@ -12,7 +12,15 @@ import yaml
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
 from hil_sim.simulate import simulate
-from sim2real.axis_model import NUISANCES, AxisModel, Term, coordinates, fitted, moved
+from sim2real.axis_model import (
+    NUISANCES,
+    AxisModel,
+    Term,
+    coordinates,
+    fitted,
+    moved,
+    within_tolerance,
+)
 from sim2real.diagnosis import Diagnosis, diagnose
 from sim2real.examine import examine
 from sim2real.experiment import next_experiment
@@ -218,6 +226,27 @@ def test_moves_that_would_tell_two_models_apart_are_a_recipe(
     path.write_text(yaml.safe_dump(asked.recipe()), encoding="utf-8")
     assert load_recipe(path, load_machine()).name == "next-experiment"
     assert next_experiment("nothing", plain, plain, "y", measured, settings) is None
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "within"),
+    [
+        ("payload_mass", (0.05,), True),
+        ("payload_mass", (-0.3,), False),
+        ("coulomb_level", (1.01,), True),
+        ("coulomb_level", (0.97,), False),
+        ("dead_time", (1e-6,), False),
+        ("cable_stiffness", (0.1, 0.0), False),
+    ],
+)
+def test_a_figure_off_by_tolerance_is_no_effect(
+    nominal: tuple[Recording, StageSettings],
+    effect: str,
+    values: tuple[float, ...],
+    within: bool,
+) -> None:
+    axis = nominal[1].axes[0]
+    assert within_tolerance(Term(library()[effect], values), axis, 0.003) is within
 
 
 def test_a_wander_with_a_course_is_a_start_for_what_scales_friction(
