@@ -1,15 +1,25 @@
 """How close the estimator's spread comes to the Cramer-Rao bound, and how honest its sigma is.
 
-The N = 4 model on its own data at 1 kHz, no wander: 25 mm out of rest and settling, encoder noise
-1 nm rms, force exact or in steps of 0.04 N. The bound is computed here from a dense covariance and
-finite differences, apart from the estimator's own normal equations.
+The N = 4 model on its own data at 1 kHz, no wander: about 25 mm out of rest and settling, encoder
+noise 1 nm rms, force exact or in steps of 0.04 N, through `SplitHorizonEstimator.update`, started
+at half of all figures. Every run draws the true figures (10 %), the length of the move, its
+direction and where the samples fall anew; errors count in units of that run's bound, so the spread
+over the bound is their rms about their mean.
 
-    python benchmarks/monte_carlo.py [--runs 1000]
+The bound is computed here, from finite differences of the model and a dense covariance: what the
+encoder adds through second difference, viscous friction and every element that sticks, first
+position included; rounding as white noise. Unknown besides the four figures: the force at rest
+before the move, measured there once; the force behind the stop (nobody knows from samples how long
+the elements still slip in the last one) and its sample.
+
+    python benchmarks/monte_carlo.py [--runs 1000] [--stage reference|paper] [--jobs 1]
 """
 
 from __future__ import annotations
 
 import argparse
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
 
 import numpy as np
 from machine_facts import machine_facts
@@ -20,110 +30,187 @@ from estimation.gms import Friction, FrictionState, follow
 from estimation.noise import quantisation
 from estimation.split_horizon import EstimatorSettings, MoveData, SplitHorizonEstimator
 from estimation.trajectory import Limits, plan
-from estimation.zones import REST, split
 
 F64 = NDArray[np.float64]
-TS, MASS, ENCODER = 1e-3, 8.0, 1e-9
-TRUE = Friction(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+TS, ENCODER, REST = 1e-3, 1e-9, 5
+EXACT = 1e-9
+"""What is left of the force's noise where it is exact [N]."""
 NAMES = ("coulomb", "viscous", "stiffness", "mass")
+STAGES = {
+    "reference": (8.0, Friction(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)),
+    "paper": (1.0, Friction(4, 2.0, 1.0, 1e3, 2.0, 0.5, 1e-3, 1.0)),
+}
 
 
-def positions() -> F64:
-    """The move, sampled; at rest at both ends."""
-    motion = plan(0.0, 25e-3, Limits(0.5, 3.0, 200.0))
-    return motion.sample(np.arange(-3, int(motion.duration / TS) + 50) * TS)[0]
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One row of runs: stage, profile of the move, force resolution [N] (0: exact), run numbers."""
+
+    stage: str
+    profile: str
+    step: float
+    first: int
+    runs: int
 
 
-def force(position: F64, figures: F64) -> F64:
-    """What the model predicts at the inner samples, for (Fc, sigma_v, sigma0, mass)."""
-    model = Friction(4, figures[0], figures[1], figures[2], 100.0, 0.4, 2e-3, 1.0)
-    velocity = (position[2:] - position[:-2]) / (2 * TS)
-    acceleration = (position[2:] - 2 * position[1:-1] + position[:-2]) / TS**2
-    state = FrictionState.relaxed(4, float(position[0]))
-    elements, _ = follow(model, state, position[1:-1], velocity, TS)
-    result: F64 = elements + figures[1] * velocity + figures[3] * acceleration
+def sine(length: float, time: F64) -> F64:
+    """Sine acceleration of 3 m/s^2 peak: positions at `time` [s]."""
+    total = np.sqrt(2.0 * np.pi * length / 3.0)
+    t = np.clip(time, 0.0, total)
+    w = 2.0 * np.pi / total
+    result: F64 = length / total * (t - np.sin(w * t) / w)
     return result
 
 
-def bound(position: F64, force_noise: float) -> F64:
+def positions(profile: str, length: float, phase: float) -> F64:
+    """A move from rest to rest, sampled; `phase` of a sample period into the first one."""
+    time = (np.arange(-REST, 320) + phase) * TS
+    if profile == "sine":
+        return sine(length, time)
+    return plan(0.0, length, Limits(0.5, 3.0, 200.0)).sample(time)[0]
+
+
+def force(position: F64, model: Friction, mass: float, before: float = 0.0) -> F64:
+    """What the model says at every inner sample; the ends repeat their neighbours.
+
+    `before`: sum of the element forces at rest before the move [N], shared evenly.
+    """
+    velocity = (position[2:] - position[:-2]) / (2 * TS)
+    acceleration = (position[2:] - 2 * position[1:-1] + position[:-2]) / TS**2
+    state = FrictionState.relaxed(model.elements, float(position[0]))
+    state.forces += before / model.elements
+    elements, _ = follow(model, state, position[1:-1], velocity, TS, band=0.0)
+    inner = elements + model.viscous * velocity + mass * acceleration
+    return np.concatenate([inner[:1], inner, inner[-1:]])
+
+
+def model_at(model: Friction, figures: F64) -> Friction:
+    """The model with the first three of the figures."""
+    return replace(model, coulomb=figures[0], viscous=figures[1], stiffness=figures[2])
+
+
+def bound(position: F64, model: Friction, mass: float, force_noise: float) -> F64:
     """Cramer-Rao standard deviations of the four figures."""
-    truth = np.array([TRUE.coulomb, TRUE.viscous, TRUE.stiffness, MASS])
-    moving = np.flatnonzero(split(position, TRUE, TS) != REST)
+    truth = np.array([model.coulomb, model.viscous, model.stiffness, mass])
+    count = len(position)
+
+    def predicted(figures: F64, x: F64) -> F64:
+        return force(x, model_at(model, figures), figures[3])[1:-1]
+
     jacobian = np.column_stack(
         [
-            (force(position, truth + step) - force(position, truth - step))[moving]
-            / (2 * step.max())
-            for step in np.diag(1e-5 * truth)
+            (predicted(truth + d, position) - predicted(truth - d, position)) / (2 * d.max())
+            for d in np.diag(1e-5 * truth)
         ]
     )
-    count = len(moving)
-    difference = np.zeros((count, count + 2))
-    for i in range(count):
-        difference[i, i : i + 3] = [1.0, -2.0, 1.0]
-    covariance = (MASS * ENCODER / TS**2) ** 2 * difference @ difference.T
-    covariance += force_noise**2 * np.eye(count)
-    whitened = np.linalg.solve(np.linalg.cholesky(covariance), jacobian)
-    return np.sqrt(np.diag(np.linalg.inv(whitened.T @ whitened)))
+    # What one position's error does: by finite differences too, but not behind the stop, where the
+    # direction of a nanometre means nothing; there it is a spring.
+    last = int(np.flatnonzero(np.abs(np.diff(position)) > 20e-9)[-1]) + 1
+    by_position = np.zeros((count - 2, count))
+    for k in range(last + 1):
+        d = np.zeros(count)
+        d[k] = 2e-11
+        by_position[:, k] = (
+            predicted(truth, position + d) - predicted(truth, position - d)
+        ) / 4e-11
+    for k in range(last + 1, count):
+        for row, share in ((k - 2, 1.0), (k - 1, -2.0), (k, 1.0)):
+            if row < count - 2:
+                by_position[row, k] = share * mass / TS**2
+        if k <= count - 2:
+            by_position[k - 1, k] += model.stiffness
+    covariance = ENCODER**2 * by_position @ by_position.T + force_noise**2 * np.eye(count - 2)
+    stop = np.zeros((count - 2, 2))
+    stop[last - 1 :, 0] = 1.0
+    stop[last - 2, 1] = 1.0
+    by_rest = (force(position, model, mass, 1e-6) - force(position, model, mass, -1e-6)) / 2e-6
+    # All in units of what they come to, so that the equations stay well conditioned.
+    whitened = np.linalg.solve(
+        np.linalg.cholesky(covariance),
+        np.column_stack([jacobian * truth, 1e-2 * stop, force_noise * by_rest[1:-1]]),
+    )
+    whitened = np.vstack([whitened, np.eye(7)[6:]])  # the force at rest was measured once
+    whitened = np.linalg.qr(whitened, mode="r")
+    spread: F64 = truth * np.linalg.norm(np.linalg.inv(whitened)[:4], axis=1)
+    return spread
 
 
-def run(runs: int, step: float) -> None:
-    """Print spread over bound, bias over bound and coverage for one force resolution."""
-    clean = positions()
-    truth = np.array([TRUE.coulomb, TRUE.viscous, TRUE.stiffness, MASS])
-    exact = force(clean, truth)
-    exact = np.concatenate([[0.0], exact, [exact[-1]]])
-    noise = quantisation(step) if step else 1e-9
+def one(case: Case, number: int) -> tuple[F64, F64] | None:
+    """Errors over the bound and over the reported sigma; None where the move was refused."""
+    rng = np.random.default_rng([number, case.stage == "paper", case.profile == "sine"])
+    mass, nominal = STAGES[case.stage]
+    truth = np.array([nominal.coulomb, nominal.viscous, nominal.stiffness, mass])
+    truth *= rng.uniform(0.9, 1.1, 4)
+    truth[3] = mass * rng.uniform(0.98, 1.02)
+    model = model_at(nominal, truth)
+    sign = rng.choice([-1.0, 1.0])
+    clean = sign * positions(case.profile, 25e-3 * rng.uniform(0.9, 1.1), rng.uniform())
+    exact = force(clean, model, truth[3])
+    noise = quantisation(case.step) if case.step else EXACT
+    phase = rng.uniform(0.0, case.step) if case.step else 0.0
+    seen = np.round((exact + phase) / case.step) * case.step - phase if case.step else exact
+    measured = clean + rng.normal(0.0, ENCODER, len(clean))
     settings = EstimatorSettings(
-        MASS, TS, ENCODER, noise, model_error=0.0, belief=BeliefSettings(wander=0.0),
+        mass, TS, ENCODER, noise, model_error=0.0, belief=BeliefSettings(wander=0.0),
         fixed=("relaxation_rate",),
     )  # fmt: skip
-    rng = np.random.default_rng(1)
-    found, inside = np.empty((runs, 4)), np.empty((runs, 4), dtype=bool)
-    for i in range(runs):
-        measured = clean + rng.normal(0.0, ENCODER, len(clean))
-        # A fresh phase of the rounding in each run, as on a stage at other forces.
-        phase = rng.uniform(0.0, step) if step else 0.0
-        seen = np.round((exact + phase) / step) * step - phase if step else exact
-        estimator = SplitHorizonEstimator(TRUE.scaled(0.5), settings)
-        estimator.at_rest(0.0, 0.0, -1.0)
-        rest = MoveData(np.zeros(5), np.zeros(5), np.ones(5, dtype=bool), -1.0, 0.0)
-        estimator.update(rest)  # the state before the move is known
-        estimate = estimator.update(
-            MoveData(measured, seen, np.ones(len(clean), dtype=bool), 1.0, 0.0)
+    estimator = SplitHorizonEstimator(
+        nominal.scaled(0.5), settings, state=FrictionState.relaxed(nominal.elements)
+    )
+    estimate = estimator.update(
+        MoveData(
+            measured, seen, np.ones(len(clean), dtype=bool), 1.0, float(seen[: REST - 1].mean())
         )
-        if not estimate.accepted:
-            found[i] = np.nan
-            continue
-        model, sigma = estimate.friction, estimate.sigma
-        found[i] = (model.coulomb, model.viscous, model.stiffness, estimate.mass[0])
-        spread = np.array(
-            [sigma["coulomb"], sigma["viscous"], sigma["stiffness"], estimate.mass[1]]
-        )
-        inside[i] = np.abs(found[i] - truth) < 1.96 * spread
-    kept = np.isfinite(found[:, 0])
-    found, inside = found[kept], inside[kept]
-    limits = bound(clean, noise)
-    print(f"| force {'in steps of ' + format(step, 'g') + ' N' if step else 'exact'} | spread/bound"
-          " | bias/bound | inside 95 % |")  # fmt: skip
-    print("| --- | --- | --- | --- |")
-    for name, values, value, limit, hits in zip(
-        NAMES, found.T, truth, limits, inside.T, strict=True
-    ):
+    )
+    if not estimate.accepted:
+        return None
+    found, sigma = estimate.friction, estimate.sigma
+    error = np.array([found.coulomb, found.viscous, found.stiffness, estimate.mass[0]]) - truth
+    spread = np.array([*(sigma[name] for name in NAMES[:3]), estimate.mass[1]])
+    return error / bound(clean, model, truth[3], noise), error / spread
+
+
+def some(case: Case) -> list[tuple[F64, F64] | None]:
+    """The runs of a case, in order."""
+    return [one(case, number) for number in range(case.first, case.first + case.runs)]
+
+
+def table(stage: str, profile: str, step: float, runs: int, jobs: int) -> None:
+    """Print one table."""
+    parts = [
+        Case(stage, profile, step, runs * j // jobs, runs * (j + 1) // jobs - runs * j // jobs)
+        for j in range(jobs)
+    ]
+    if jobs == 1:
+        results = some(parts[0])
+    else:
+        with ProcessPoolExecutor(jobs) as pool:
+            results = [result for part in pool.map(some, parts) for result in part]
+    kept = [result for result in results if result is not None]
+    errors, scores = np.array([e for e, _ in kept]), np.array([s for _, s in kept])
+    resolution = f"steps of {step:g} N" if step else "exact"
+    print(f"| {stage} stage, {profile}, force {resolution} | spread/bound | bias/bound "
+          "| inside 95 % |\n| --- | --- | --- | --- |")  # fmt: skip
+    for name, error, score in zip(NAMES, errors.T, scores.T, strict=True):
         print(
-            f"| {name} | {values.std() / limit:.2f} | {(values.mean() - value) / limit:+.2f} "
-            f"| {hits.mean():.1%} |"
+            f"| {name} | {error.std():.2f} | {error.mean():+.2f} "
+            f"| {np.mean(np.abs(score) < 1.96):.1%} |"
         )
-    print(f"\n{runs - int(kept.sum())} of {runs} moves refused by the estimator\n")
+    print(f"\n{runs - len(kept)} of {runs} moves refused\n", flush=True)
 
 
 def main() -> None:
-    """Both force resolutions."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    """All tables."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--runs", type=int, default=1000)
-    runs = parser.parse_args().runs
-    print(f"{runs} runs; {machine_facts()}\n")
-    for step in (0.0, 0.04):
-        run(runs, step)
+    parser.add_argument("--stage", choices=list(STAGES), help="one of them [both]")
+    parser.add_argument("--jobs", type=int, default=1)
+    arguments = parser.parse_args()
+    print(f"{arguments.runs} runs each; {machine_facts()}\n")
+    for stage in [arguments.stage] if arguments.stage else list(STAGES):
+        for profile in ("sine", "s-curve"):
+            for step in (0.0, 0.04):
+                table(stage, profile, step, arguments.runs, arguments.jobs)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,10 @@
 """What is believed of an axis' friction between moves: the arrival cost of the next one.
 
 Five figures relative to the model the axis started from (Coulomb force, viscous coefficient,
-presliding stiffness, relaxation rate C/Fc, apparent mass) and the level: the Coulomb force of a
-real stage wanders by itself, a stationary Gauss-Markov factor 1 + w. The figures drift slowly from
-move to move; w is forgotten with its correlation time.
+presliding stiffness, relaxation rate C/Fc, apparent mass), two as they are (alpha; lag of the force
+behind the position, in sample periods), and the level: the Coulomb force of a real stage wanders by
+itself, a stationary Gauss-Markov factor 1 + w. The figures drift slowly from move to move; w is
+forgotten with its correlation time (`update.age`).
 
 The apparent mass is what the sampled force shows of the mass. The drive interpolates the setpoints
 linearly between SYNCs, the ripple of force that this causes has a fixed phase to the sampling, so
@@ -20,9 +21,9 @@ import numpy as np
 
 from estimation.gms import F64, Friction
 
-FIGURES = ("coulomb", "viscous", "stiffness", "relaxation_rate", "mass")
-COULOMB, VISCOUS, STIFFNESS, RATE, MASS = range(5)
-LEVEL = 5
+FIGURES = ("coulomb", "viscous", "stiffness", "relaxation_rate", "mass", "static_ratio", "lag")
+COULOMB, VISCOUS, STIFFNESS, RATE, MASS, ALPHA, LAG = range(7)
+LEVEL = 7
 """Place of w behind the figures."""
 
 
@@ -31,14 +32,15 @@ class BeliefSettings:
     """How belief starts and ages.
 
     Attributes:
-        start_spread: relative 1-sigma of each of `FIGURES` before the first move.
-        drift: relative 1-sigma by which each may change from move to move.
+        start_spread: 1-sigma of each of `FIGURES` before the first move, in its unit: relative,
+            but for the static ratio and the lag [sample periods].
+        drift: 1-sigma by which each may change from move to move.
         wander: rms of the Gauss-Markov factor on the Coulomb force.
         correlation_time: of it [s].
     """
 
-    start_spread: tuple[float, float, float, float, float] = (0.6, 0.8, 0.8, 0.2, 0.05)
-    drift: tuple[float, float, float, float, float] = (0.002, 0.004, 0.005, 0.002, 0.0005)
+    start_spread: tuple[float, ...] = (0.6, 0.8, 0.8, 0.2, 0.05, 0.3, 0.5)
+    drift: tuple[float, ...] = (0.002, 0.004, 0.005, 0.002, 0.0005, 0.002, 0.001)
     wander: float = 0.01
     correlation_time: float = 0.5
 
@@ -50,48 +52,38 @@ class BeliefSettings:
 
 @dataclass(frozen=True, slots=True)
 class Belief:
-    """Mean and covariance of the figures and the level.
+    """Mean and covariance of the figures and the level; changed in place by an update.
 
     Attributes:
-        mean: relative figures and w, shape (6,).
-        covariance: of them, shape (6, 6).
+        mean: figures and w, shape (LEVEL + 1,).
+        covariance: of them, shape (LEVEL + 1, LEVEL + 1).
     """
 
     mean: F64
     covariance: F64
 
     @classmethod
-    def at_start(cls, settings: BeliefSettings) -> Belief:
-        """Before any move."""
-        variance = [s * s for s in (*settings.start_spread, settings.wander)]
-        return cls(np.array([1.0] * len(FIGURES) + [0.0]), np.diag(variance) + 1e-12 * np.eye(6))
+    def at_start(cls, settings: BeliefSettings, friction: Friction) -> Belief:
+        """Before any move; `friction` is what the figures are relative to."""
+        spread = np.array([*settings.start_spread, settings.wander])
+        mean = np.array([1.0, 1.0, 1.0, 1.0, 1.0, friction.static_ratio, 0.0, 0.0])
+        return cls(mean, np.diag(spread**2) + 1e-12 * np.eye(LEVEL + 1))
 
-    def predicted(self, elapsed: float, settings: BeliefSettings) -> Belief:
-        """The belief one move later, `elapsed` seconds on: drifted, the level half forgotten."""
-        mean, covariance = self.mean.copy(), self.covariance.copy()
-        keep, gained = settings.wander_variance(elapsed)
-        mean[LEVEL] *= keep
-        covariance[LEVEL, :] *= keep
-        covariance[:, LEVEL] *= keep
-        covariance[LEVEL, LEVEL] += gained
-        covariance[range(LEVEL), range(LEVEL)] += np.square(settings.drift)
-        return Belief(mean, covariance)
-
-    def spread(self, figure: int) -> float:
-        """Relative standard deviation of one figure."""
-        return math.sqrt(float(self.covariance[figure, figure]))
-
-    def friction(self, start: Friction) -> Friction:
-        """The believed model; `start` is what the figures are relative to."""
-        return model_at(start, self.mean)
+    def set_apart(self, figure: int, value: float, sigma: float) -> None:
+        """Take one figure, or the level, from elsewhere: independent of all others."""
+        self.covariance[figure, :] = 0.0
+        self.covariance[:, figure] = 0.0
+        self.mean[figure] = value
+        self.covariance[figure, figure] = sigma**2 + 1e-12
 
 
-def model_at(start: Friction, relative: F64) -> Friction:
-    """The model whose figures are `relative` times those of `start`."""
+def model_at(start: Friction, mean: F64) -> Friction:
+    """The model with these figures, relative to those of `start`."""
     return replace(
         start,
-        coulomb=start.coulomb * float(relative[COULOMB]),
-        viscous=start.viscous * float(relative[VISCOUS]),
-        stiffness=start.stiffness * float(relative[STIFFNESS]),
-        relaxation_rate=start.relaxation_rate * float(relative[RATE]),
+        coulomb=start.coulomb * float(mean[COULOMB]),
+        viscous=start.viscous * float(mean[VISCOUS]),
+        stiffness=start.stiffness * float(mean[STIFFNESS]),
+        relaxation_rate=start.relaxation_rate * float(mean[RATE]),
+        static_ratio=float(mean[ALPHA]),
     )

@@ -29,49 +29,20 @@ def gauss_newton_step(  # type: ignore[no-untyped-def]
     for i in range(n):
         for j in range(n):
             gradient[i] += information[i, j] * (value[j] - prior[j])
-    step = np.zeros(n)
-    free = np.ones(n, dtype=np.bool_)
-    for _ in range(4 * n):
-        chosen = np.nonzero(free)[0]
-        m = chosen.shape[0]
-        matrix, rhs = np.empty((m, m)), np.empty(m)
-        for a in range(m):
-            i = chosen[a]
-            rhs[a] = -gradient[i]
-            for j in range(n):
-                if not free[j]:
-                    rhs[a] -= normal[i, j] * step[j]
-            for b in range(m):
-                matrix[a, b] = normal[i, chosen[b]]
-        if not _factor(matrix):
-            return step, math.nan
-        _substitute(matrix, rhs)
-        # The one that leaves the box farthest is fixed on its bound ...
-        worst, excess = -1, 0.0
-        for a in range(m):
-            i = chosen[a]
-            step[i] = rhs[a]
-            beyond = max(lower[i] - value[i] - step[i], step[i] - upper[i] + value[i])
-            if beyond > excess:
-                worst, excess = i, beyond
-        if worst >= 0:
-            step[worst] = min(max(step[worst], lower[worst] - value[worst]),
-                              upper[worst] - value[worst])  # fmt: skip
-            free[worst] = False
-            continue
-        # ... and one that the slope would pull off its bound into the box is freed again.
-        pulled, pull = -1, 0.0
-        for i in range(n):
-            if not free[i]:
-                rise = gradient[i]
-                for j in range(n):
-                    rise += normal[i, j] * step[j]
-                inward = -rise if step[i] <= lower[i] - value[i] else rise
-                if inward > pull * (1.0 + 1e-9) + 1e-12 * abs(gradient[i]):
-                    pulled, pull = i, inward
-        if pulled < 0:
-            break
-        free[pulled] = True
+    step = np.empty(n)
+    factor = normal.copy()
+    if not _factor(factor):
+        step[:] = 0.0
+        return step, math.nan
+    inside = True
+    for i in range(n):
+        step[i] = -gradient[i]
+    _substitute(factor, step)
+    for i in range(n):
+        inside = inside and lower[i] - value[i] <= step[i] <= upper[i] - value[i]
+    if not inside and not _active_set(normal, gradient, value, lower, upper, step):
+        step[:] = 0.0
+        return step, math.nan
     size = 0.0
     for i in range(n):
         for j in range(n):
@@ -128,3 +99,53 @@ def _substitute(factor, rhs):  # type: ignore[no-untyped-def]
         for k in range(i + 1, n):
             rhs[i] -= factor[k, i] * rhs[k]
         rhs[i] /= factor[i, i]
+
+
+@numba.njit(cache=True)
+def _active_set(normal, gradient, value, lower, upper, step):  # type: ignore[no-untyped-def]
+    """Fill the step that stays in the box; False where there is no minimum."""
+    n = value.shape[0]
+    step[:] = 0.0
+    free = np.ones(n, dtype=np.bool_)
+    for _ in range(4 * n):
+        chosen = np.nonzero(free)[0]
+        m = chosen.shape[0]
+        matrix, rhs = np.empty((m, m)), np.empty(m)
+        for a in range(m):
+            i = chosen[a]
+            rhs[a] = -gradient[i]
+            for j in range(n):
+                if not free[j]:
+                    rhs[a] -= normal[i, j] * step[j]
+            for b in range(m):
+                matrix[a, b] = normal[i, chosen[b]]
+        if not _factor(matrix):
+            return False
+        _substitute(matrix, rhs)
+        # The one that leaves the box farthest is fixed on its bound ...
+        worst, excess = -1, 0.0
+        for a in range(m):
+            i = chosen[a]
+            step[i] = rhs[a]
+            beyond = max(lower[i] - value[i] - step[i], step[i] - upper[i] + value[i])
+            if beyond > excess:
+                worst, excess = i, beyond
+        if worst >= 0:
+            step[worst] = min(max(step[worst], lower[worst] - value[worst]),
+                              upper[worst] - value[worst])  # fmt: skip
+            free[worst] = False
+            continue
+        # ... and one that the slope would pull off its bound into the box is freed again.
+        pulled, pull = -1, 0.0
+        for i in range(n):
+            if not free[i]:
+                rise = gradient[i]
+                for j in range(n):
+                    rise += normal[i, j] * step[j]
+                inward = -rise if step[i] <= lower[i] - value[i] else rise
+                if inward > pull * (1.0 + 1e-9) + 1e-12 * abs(gradient[i]):
+                    pulled, pull = i, inward
+        if pulled < 0:
+            break
+        free[pulled] = True
+    return True

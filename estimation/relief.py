@@ -9,23 +9,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numba
 import numpy as np
 
 from estimation.gms import (
-    COULOMB,
     F64,
     REST_BAND,
-    S_REFERENCE,
-    S_TOTAL,
     Friction,
     FrictionState,
-    advance,
-    catch_up,
     element_shares,
     follow,
-    pack,
-    unpack,
+    follow_positions,
 )
 from estimation.split_horizon import MoveData
 from estimation.trajectory import Trajectory
@@ -57,10 +50,10 @@ def follow_relief(
         band: displacement below which nothing moves [m].
     """
     force = np.empty(len(position))
-    _follow(
+    follow_positions(
         friction.vector(), friction.coulomb * (1.0 + relief), element_shares(friction.elements),
         state.forces, state.slipping, state.memory, np.ascontiguousarray(position),
-        np.ascontiguousarray(velocity), period, substeps, band, force,
+        np.ascontiguousarray(velocity), period, substeps, band, force, np.empty((len(position), 3)),
     )  # fmt: skip
     return force
 
@@ -154,19 +147,3 @@ def _path(move: MoveData, period: float) -> tuple[F64, F64]:
     index = np.arange(len(move.position))
     position = np.interp(index, index[move.valid], move.position[move.valid])
     return np.asarray(position, np.float64), np.asarray(np.gradient(position, period), np.float64)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _follow(  # type: ignore[no-untyped-def]
-    p, coulomb, shares, forces, slipping, memory, position, velocity, period, substeps, band, force
-):
-    elements, scalars = pack(p, shares, forces, slipping, memory[0], memory[1], period)
-    for k in range(position.shape[0]):
-        if abs(position[k] - scalars[S_REFERENCE]) > band:
-            catch_up(elements, scalars)  # what is owed is of the Coulomb force until now
-            scalars[COULOMB] = coulomb[k]
-            v1 = velocity[k]
-            v0 = velocity[k - 1] if k > 0 else v1
-            advance(elements, scalars, position[k], v0, v1, period, substeps)
-        force[k] = scalars[S_TOTAL]
-    unpack(elements, scalars, forces, slipping, memory)

@@ -1,12 +1,12 @@
 """The split-horizon estimator: one move in, an updated friction model (or a reason) out.
 
-Zone A (all elements slip) gives Coulomb force and viscous coefficient; then the stick zones (the
-onset and what follows the first reversal) give presliding stiffness and relaxation rate, from zone
-A's result. Each is a bounded least-squares problem with an arrival cost (source paper, equation
-(4)); what the unknowns are and how belief ages: `belief`, how a move is solved: `window`.
+Zone A (all elements slip) gives Coulomb force, viscous coefficient and apparent mass; then all that
+is usable gives the rest, from zone A's result. Each is a bounded least-squares problem with an
+arrival cost (source paper, equation (4)). What the unknowns are: `belief`; how a move is solved:
+`window`; how belief ages and an estimate is judged: `update`.
 
 An estimate is accepted or refused as a whole; a refused one leaves the last good model in force.
-Not here: Stribeck figures, direction asymmetry, shape of the hysteresis.
+Not here: Stribeck velocity and shape, direction asymmetry, shape of the hysteresis.
 """
 
 from __future__ import annotations
@@ -19,8 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.belief import (
+    ALPHA,
     COULOMB,
     FIGURES,
+    LAG,
     LEVEL,
     MASS,
     RATE,
@@ -28,29 +30,52 @@ from estimation.belief import (
     VISCOUS,
     Belief,
     BeliefSettings,
+    model_at,
 )
-from estimation.gms import COULOMB as MODEL_COULOMB
+from estimation.elements import ELEMENT_ROWS, FORCE, SHARES, SLIPS
+from estimation.estimate import Estimate, in_units, spreads
 from estimation.gms import F64, Friction, FrictionState, element_shares
 from estimation.restlessness import Restlessness
+from estimation.rows import KNOTS, T_POSITION, TABLES, fill_rows
+from estimation.update import (
+    ACCEPTED,
+    F_DRIFT,
+    JUMP,
+    U_FOUND,
+    U_LEVEL,
+    U_MEAN,
+    U_NUMBER,
+    U_VERDICT,
+    UPDATE_SIZE,
+    begin_update,
+    end_update,
+)
 from estimation.window import (
+    F_UNIT,
     R_BOUND,
     R_CHI_A,
     R_CHI_B,
     R_FAILED,
+    R_KNOWN,
     R_SLIDE,
     R_STICK,
-    REPORT_SIZE,
-    estimate_move,
-    final_state,
+    fit,
+    knots_of,
 )
+from estimation.zones import SLIDE, STICK
+
+__all__ = ["Estimate", "EstimatorSettings", "MoveData", "Preview", "SplitHorizonEstimator"]
 
 _LEARNED = 0.05
 """A level believed to this is not being learned any more: what it does then, the stage does."""
-_TELLING = 0.5
-"""A move that leaves more than this of the level's variance does not show the level."""
+FULL_SLIP = 2.0
+"""C/Fc is learned from moves of so many breakaway travels and more: shorter ones end among elements
+of which only the sum was known at rest, and what that leaves open would go into it."""
+_BYTE = np.int8
 _ZONE_A = (COULOMB, VISCOUS, MASS)
 _ZONE_B = (COULOMB, VISCOUS, STIFFNESS, RATE, MASS)
 _ZONE_AB = (COULOMB, VISCOUS, STIFFNESS, MASS)  # a fast move hardly tells C; slow ones do
+_REQUESTS = ("relaxation_rate", "static_ratio", "lag")
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +98,13 @@ class EstimatorSettings:
             not learned from.
         patience: so many jumps in a row, the same way, mean that the stage has changed.
         fixed: figures that are never estimated, of `FIGURES`.
+        request: figures to estimate in every move beside the usual ones: relaxation_rate (that is
+            C; else from moves without zone A only), static_ratio (alpha), lag.
+        least_gain: a figure of which a move says less than this times its prior's information
+            stays at its prior; 0 updates whatever it says.
+        slip_spread: deviation of the element forces where zone A begins from what a fresh slip
+            leaves, relative to the Coulomb force; 0 takes them from the onset.
+        force_step: resolution of the force [N]; None: found out where rounding is all its noise.
     """
 
     mass: float
@@ -89,15 +121,56 @@ class EstimatorSettings:
     complete: float = 0.8
     patience: int = 2
     fixed: tuple[str, ...] = ()
+    request: tuple[str, ...] = ()
+    least_gain: float = 0.05
+    slip_spread: float = 0.0
+    force_step: float | None = None
 
-    def vector(self) -> F64:
-        """The constants as `window.estimate_move` takes them."""
+    def constants(self, friction: Friction) -> F64:
+        """The constants as `update_move` takes them, shape (ALL_CONSTANTS,)."""
         return np.array(
             [
-                self.period, self.mass, self.position_noise, self.force_noise, self.model_error,
-                self.belief.wander, self.belief.correlation_time, *self.bounds, self.peak_force,
+                self.period, self.position_noise, self.force_noise, self.model_error,
+                self.belief.wander, self.belief.correlation_time, self.peak_force,
+                self.slip_spread, -1.0 if self.force_step is None else self.force_step,
+                friction.stribeck_velocity, friction.stribeck_shape, self.complete, self.misfit,
+                self.jump, self.jump_share, self.least_gain,
             ]
         )  # fmt: skip
+
+    def units(self, friction: Friction) -> F64:
+        """The table of figures as `update_move` takes it, shape (4, LEVEL)."""
+        unit = [
+            friction.coulomb, friction.viscous, friction.stiffness, friction.relaxation_rate,
+            self.mass, 1.0, 1.0,
+        ]  # fmt: skip
+        low, high = self.bounds
+        return np.array(
+            [
+                unit, [low] * 5 + [-0.9, -1.5], [high] * 5 + [5.0, 1.5], self.belief.drift,
+            ]
+        )  # fmt: skip
+
+    def masks(self, frozen: bool) -> NDArray[np.bool_]:
+        """Figures to solve for in zone A, without it, and with both, shape (3, LEVEL).
+
+        Raises:
+            ValueError: a name that there is not.
+        """
+        for name in (*self.fixed, *self.request):
+            if name not in FIGURES:
+                raise ValueError(f"{name}: no such figure; there are {', '.join(FIGURES)}")
+        fixed = {FIGURES.index(name) for name in self.fixed}
+        if frozen:
+            fixed |= {COULOMB, VISCOUS, STIFFNESS, RATE, ALPHA, LAG}
+        wanted = {FIGURES.index(name) for name in self.request if name in _REQUESTS}
+        masks = np.zeros((3, LEVEL), dtype=np.bool_)
+        zones = (
+            {*_ZONE_A, *(wanted & {LAG})}, {*_ZONE_B, *wanted}, {*_ZONE_AB, *wanted},
+        )  # fmt: skip
+        for row, zone in enumerate(zones):
+            masks[row, sorted(zone - fixed)] = True
+        return masks
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,41 +190,6 @@ class MoveData:
     valid: NDArray[np.bool_]
     time: float
     rest_force: float
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """What one move said.
-
-    Attributes:
-        accepted: whether the model was updated.
-        reason: why not, else None.
-        friction: the model in force afterwards.
-        sigma: standard deviation of its coulomb [N], viscous [N s/m], stiffness [N/m] and
-            relaxation_rate [1/s], by name.
-        covariance: of those four in that order, shape (4, 4).
-        gain: by how much the move narrowed each figure: standard deviation before over after,
-            1 where it said nothing; by name, apparent mass included.
-        mass: apparent mass and its standard deviation [kg] (see `belief`).
-        level: factor on the Coulomb force at the end of the move, 1 + w.
-        zones: which zones were used: "A", "B", "AB" or "".
-        misfit: rms of the whitened residual over all samples used.
-        shown: sliding level Fc (1 + w) at the move's end as the move alone shows it, what was
-            believed before taken out again, and its standard deviation [N]; whether or not it was
-            accepted. None where the move says nothing of it.
-    """
-
-    accepted: bool
-    reason: str | None
-    friction: Friction
-    sigma: Mapping[str, float]
-    covariance: F64
-    gain: Mapping[str, float]
-    mass: tuple[float, float]
-    level: float
-    zones: str
-    misfit: float
-    shown: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,44 +214,49 @@ class SplitHorizonEstimator:
         friction: the model to start from.
         settings: of the estimation.
         frozen: keep the friction figures; only the friction state and the level are tracked.
+        state: friction state before the first move where it is known, as after a slip; else only
+            the sum of the element forces is, and the onset of the first move says nothing.
 
     Attributes:
-        friction: the model in force.
-        state: friction state at rest after the last move; None until `at_rest` was called.
+        settings: of the estimation.
+        state: friction state at rest after the last move; None until it is known.
+
+    Raises:
+        ValueError: settings that name a figure that there is not.
     """
 
     def __init__(
-        self, friction: Friction, settings: EstimatorSettings, frozen: bool = False
+        self,
+        friction: Friction,
+        settings: EstimatorSettings,
+        frozen: bool = False,
+        state: FrictionState | None = None,
     ) -> None:
         self.settings = settings
-        self.friction = friction
-        self.state: FrictionState | None = None
+        self.state = state
         self._start = friction
-        self._belief = Belief.at_start(settings.belief)
-        self._time: float | None = None
+        self._belief = Belief.at_start(settings.belief, friction)
+        self._known = state is not None
+        self._end: float | None = None
         self._rest: float | None = None
         self._restless = Restlessness()
         self._frozen = frozen
         self._jump: F64 | None = None
         self._jumps = 0
         # What the kernel takes, made once.
-        self._constants = settings.vector()
-        self._figures = np.array(
-            [
-                friction.coulomb, friction.viscous, friction.stiffness, friction.relaxation_rate,
-                settings.mass,
-            ]
-        )  # fmt: skip
-        self._shape = friction.vector()
-        self._shares = element_shares(friction.elements)
-        self._report = np.zeros(REPORT_SIZE)
-        fixed = {FIGURES.index(name) for name in settings.fixed}
-        if frozen:
-            fixed |= {COULOMB, VISCOUS, STIFFNESS, RATE}
-        self._zone_a, self._zone_b, self._zone_ab = (
-            np.array([i in zone and i not in fixed for i in range(LEVEL)])
-            for zone in (_ZONE_A, _ZONE_B, _ZONE_AB)
-        )
+        self._constants = settings.constants(friction)
+        self._units = settings.units(friction)
+        self._figures = np.ascontiguousarray(self._units[F_UNIT])
+        self._shape = np.array([friction.stribeck_velocity, friction.stribeck_shape])
+        self._masks = settings.masks(frozen)
+        self._masks_short = self._masks.copy()
+        self._masks_short[:, RATE] = False
+        self._shares = element_shares(friction.elements).copy()  # as the kernels take it
+
+    @property
+    def friction(self) -> Friction:
+        """The model in force."""
+        return model_at(self._start, self._belief.mean)
 
     @property
     def level(self) -> float:
@@ -223,19 +266,12 @@ class SplitHorizonEstimator:
     @property
     def sigma(self) -> dict[str, float]:
         """Standard deviations of the friction figures, by name, in their units."""
-        spread = np.sqrt(self._belief.covariance.diagonal()[:MASS]) * self._figures[:MASS]
-        return dict(zip(FIGURES, spread.tolist(), strict=False))
+        return spreads(np.sqrt(self._belief.covariance.diagonal()), self._start)
 
     @property
     def covariance(self) -> F64:
         """Of the four friction figures, in their units, shape (4, 4)."""
-        scale = self._figures[:MASS]
-        covariance: F64 = self._belief.covariance[:MASS, :MASS] * np.outer(scale, scale)
-        return covariance
-
-    def _mass(self) -> tuple[float, float]:
-        mass = float(self._figures[MASS])
-        return mass * float(self._belief.mean[MASS]), mass * self._belief.spread(MASS)
+        return in_units(self._belief.covariance, self._start)
 
     def believe(self, figures: Mapping[str, tuple[float, float]]) -> None:
         """Begin from figures that were learned before instead of from the start model.
@@ -249,9 +285,8 @@ class SplitHorizonEstimator:
         for i, name in enumerate(FIGURES[:MASS]):
             if name in figures:
                 value, sigma = figures[name]
-                self._belief.mean[i] = value / self._figures[i]
-                self._belief.covariance[i, i] = (sigma / self._figures[i]) ** 2
-        self.friction = self._belief.friction(self._start)
+                unit = float(self._units[F_UNIT, i])
+                self._belief.set_apart(i, value / unit, sigma / unit)
 
     def expect(
         self, coulomb: float, sigma: float, level: tuple[float, float] | None = None
@@ -268,16 +303,11 @@ class SplitHorizonEstimator:
                 better than from the moves of this axis.
         """
         self._restless.calm()
-        mean, covariance = self._belief.mean, self._belief.covariance
         factor = coulomb / self.friction.coulomb
-        figure = float(self._figures[COULOMB])
-        for i, entry in ((COULOMB, (coulomb / figure, sigma / figure)), (LEVEL, level)):
-            if entry is not None:
-                covariance[i, :] = 0.0
-                covariance[:, i] = 0.0
-                mean[i] = entry[0]
-                covariance[i, i] = entry[1] ** 2 + 1e-12
-        self.friction = self._belief.friction(self._start)
+        unit = self._start.coulomb
+        self._belief.set_apart(COULOMB, coulomb / unit, sigma / unit)
+        if level is not None:
+            self._belief.set_apart(LEVEL, *level)
         if self.state is not None:
             self.state.rescale(factor)
 
@@ -286,16 +316,18 @@ class SplitHorizonEstimator:
 
         The figures stay; the level is forgotten.
         """
-        self.state = self._time = self._rest = None
+        self.state = self._end = self._rest = None
         self._restless.calm()
-        self._belief = self._belief.predicted(math.inf, self.settings.belief)
+        self._known = False
+        self._belief.set_apart(LEVEL, 0.0, self.settings.belief.wander)
 
     def effective(self, time: float) -> Friction:
         """The model with the level expected at `time` [s]: what feedforward should use."""
-        elapsed = 0.0 if self._time is None else time - self._time
-        keep, _ = self.settings.belief.wander_variance(elapsed)
+        elapsed = 0.0 if self._end is None else max(time - self._end, 0.0)
+        keep = math.exp(-elapsed / self.settings.belief.correlation_time)
+        friction = self.friction
         level = 1.0 + keep * float(self._belief.mean[LEVEL])
-        return replace(self.friction, coulomb=self.friction.coulomb * level)
+        return replace(friction, coulomb=friction.coulomb * level)
 
     def at_rest(self, position: float, force: float, time: float) -> FrictionState:
         """Take the force measured at rest [N] as the sum of the element forces.
@@ -304,11 +336,8 @@ class SplitHorizonEstimator:
         The position is also where the next move begins, should its first samples be lost.
         """
         self._rest = position
-        return self._corrected(position, force, time)
-
-    def _corrected(self, position: float, force: float, time: float) -> FrictionState:
         if self.state is None:
-            self.state = FrictionState.relaxed(self.friction.elements, position)
+            self.state = FrictionState.relaxed(self._start.elements, position)
         self.state.correct(force, self.effective(time))
         return self.state
 
@@ -319,94 +348,34 @@ class SplitHorizonEstimator:
         follows the measured positions in any case.
 
         Raises:
-            ValueError: shapes that differ, or fewer than three samples.
+            ValueError: shapes that differ, or fewer than three valid samples.
         """
-        count = len(move.position)
-        if len(move.force) != count or len(move.valid) != count:
-            raise ValueError("position, force and valid must have the same length")
-        position, force, valid = _cleaned(move, self._rest)
-        self._rest = None
-        first_move = self._time is None
-        state = self._corrected(float(position[0]), move.rest_force, move.time)
-        elapsed = 0.0 if self._time is None else move.time - self._time
-        prior = self._aged(elapsed)
-        found = Belief(prior.mean.copy(), prior.covariance.copy())
-        known, report = self.friction.coulomb, self._report
-        # The first state after enabling is only known by its sum: its onset says nothing.
-        estimate_move(
-            position, force, valid, self._constants, self._figures, self._shape, self._shares,
-            known, state.forces, state.slipping, state.memory[0], move.rest_force, found.mean,
-            found.covariance, self._zone_a, self._zone_b, self._zone_ab, not first_move, report,
-        )  # fmt: skip
-        share = float(valid.mean())
-        slide, stick = report[R_SLIDE] > 0, report[R_STICK] > 0
-        used = ("A" if slide else "") + ("B" if stick else "")
-        # Zone A alone still has the old stiffness in its beginning: the whole move judges.
-        misfit = math.sqrt(report[R_CHI_B] if stick else report[R_CHI_A])
-        if share < self.settings.complete:
-            reason: str | None = f"only {share:.0%} of the samples can be used"
-        elif used:
-            reason = self._doubt(found, misfit)
-        else:
-            reason = "too little motion to learn from"
-        shown = Belief(found.mean.copy(), found.covariance.copy())
-        jumped = None if reason is not None else self._jumped(prior, found)
-        reason = reason or jumped
-        if reason is None:
-            self._jump, self._jumps = None, 0
-            self._belief = found = _tempered(prior, found, misfit)
-            self.friction = found.friction(self._start)
-        else:
-            self._belief = self._after_refusal(prior, found, jumped is not None)
-        model = self.friction.vector()
-        model[MODEL_COULOMB] *= self.level
-        final_state(
-            position, valid, self.settings.period, model, self._shares, known, state.forces,
-            state.slipping, state.memory, move.rest_force,
-        )  # fmt: skip
-        self._time = move.time + (count - 1) * self.settings.period
-        alone = self._shown(prior, shown)
-        if reason is None:
-            self._watch(prior, alone, (count - 1) * self.settings.period)
-        narrowed = np.sqrt(prior.covariance.diagonal() / self._belief.covariance.diagonal())
-        return Estimate(
-            reason is None, reason, self.friction, self.sigma, self.covariance,
-            dict(zip(FIGURES, narrowed.tolist(), strict=False)), self._mass(), self.level, used,
-            misfit, alone,
-        )  # fmt: skip
+        state = self.state
+        if state is None:
+            state = self.state = FrictionState.relaxed(self._start.elements)
+        result = self._run(move, state, self._known, True)
+        if result[U_VERDICT] == ACCEPTED:
+            self._jumps = 0
+        elif result[U_VERDICT] == JUMP:
+            self._open_up(result)
+        self._end = move.time + (len(move.position) - 1) * self.settings.period
+        self._known, self._rest = True, None
+        estimate = Estimate(result, self._start, self.settings.mass, self.settings.period)
+        if estimate.accepted and not self._frozen:
+            self._watch(estimate, self._end - move.time)
+        return estimate
 
-    def _aged(self, elapsed: float) -> Belief:
-        """The belief one move later."""
-        prior = self._belief.predicted(elapsed, self.settings.belief)
-        prior.covariance[COULOMB, COULOMB] += (
-            self._restless.variance * float(prior.mean[COULOMB]) ** 2
-        )
-        return prior
-
-    def _watch(self, prior: Belief, shown: tuple[float, float] | None, duration: float) -> None:
+    def _watch(self, estimate: Estimate, duration: float) -> None:
         """Compare the level that a sound move showed with the one expected."""
-        if shown is None or self._frozen:
+        shown = estimate.shown
+        if shown is None:
             return
-        before, variance = _sliding(prior)
-        value = shown[0] / float(self._figures[COULOMB]) / before
+        expected, sigma = estimate.expected
+        believed = (sigma / expected) ** 2 - self._restless.variance
         _, wandered = self.settings.belief.wander_variance(duration)
-        believed = variance / before**2 - self._restless.variance
         if believed < _LEARNED**2:
-            sigma = shown[1] / float(self._figures[COULOMB]) / before
-            self._restless.saw(value - 1.0, believed + wandered + sigma**2)
-
-    def _shown(self, prior: Belief, found: Belief) -> tuple[float, float] | None:
-        """The sliding level that the move alone shows [N]: belief after minus belief before."""
-        if self._report[R_FAILED] or not np.isfinite(found.mean).all():
-            return None
-        before, variance_before = _sliding(prior)
-        after, variance = _sliding(found)
-        if not 0.0 < variance < _TELLING * variance_before:
-            return None
-        figure = float(self._figures[COULOMB])
-        share = variance_before / (variance_before - variance)
-        value = before + (after - before) * share
-        return (value * figure, math.sqrt(variance * share) * figure) if value > 0.0 else None
+            variance = believed + wandered + (shown[1] / expected) ** 2
+            self._restless.saw(shown[0] / expected - 1.0, variance)
 
     def preview(self, move: MoveData) -> Preview | None:
         """Solve zone A of a move that is not over; None where it says nothing sound yet.
@@ -419,112 +388,116 @@ class SplitHorizonEstimator:
         """
         if self.state is None:
             return None
-        position, force, valid = _cleaned(move, self._rest)
-        elapsed = 0.0 if self._time is None else move.time - self._time
-        prior = self._aged(elapsed)
-        found = Belief(prior.mean.copy(), prior.covariance.copy())
-        known, report, state = self.friction.coulomb, self._report, self.state.copy()
-        estimate_move(
-            position, force, valid, self._constants, self._figures, self._shape, self._shares,
-            known, state.forces, state.slipping, state.memory[0], move.rest_force, found.mean,
-            found.covariance, self._zone_a, self._zone_b, self._zone_ab, False, report,
-        )  # fmt: skip
-        misfit = math.sqrt(report[R_CHI_A])
-        if report[R_SLIDE] <= 0 or self._doubt(found, misfit) is not None:
+        state = self.state.copy()
+        result = self._run(move, state, False, False)
+        if result[U_VERDICT] != ACCEPTED or result[R_SLIDE] <= 0.0:
             return None
-        model = found.friction(self._start)
-        model = replace(model, coulomb=model.coulomb * (1.0 + float(found.mean[LEVEL])))
-        final_state(
-            position, valid, self.settings.period, model.vector(), self._shares, known,
-            state.forces, state.slipping, state.memory, move.rest_force,
-        )  # fmt: skip
-        speed = float(np.abs(np.diff(position)).max()) / self.settings.period
+        model = model_at(self._start, result[U_MEAN : U_MEAN + LEVEL])
+        model = replace(model, coulomb=model.coulomb * float(result[U_LEVEL]))
+        speed = float(np.nanmax(np.abs(np.diff(move.position)))) / self.settings.period
         before = self.effective(move.time)
         change = (model.coulomb + model.viscous * speed) / (
             before.coulomb + before.viscous * speed
         ) - 1.0
         return Preview(model, state, change)
 
-    def _doubt(self, found: Belief, misfit: float) -> str | None:
-        """Why a fit cannot be trusted, or None."""
-        report = self._report
-        if report[R_FAILED] or not (
-            np.isfinite(found.mean).all() and np.isfinite(found.covariance).all()
-        ):
-            return "the problem has no solution"
-        if not misfit <= self.settings.misfit:
-            return f"residual {misfit:.1f} times what noise and wander explain"
-        if report[R_BOUND] >= 0:
-            return f"{FIGURES[int(report[R_BOUND])]} ran into its bound"
-        return None
+    def _run(self, move: MoveData, state: FrictionState, known: bool, whole: bool) -> F64:
+        """Learn from a move, unless it is not over (`whole`), and carry `state` to its end."""
+        samples = len(move.position)
+        if len(move.force) != samples or len(move.valid) != samples:
+            raise ValueError("position, force and valid must have the same length")
+        rows = max(samples - 2, 0)
+        result = np.empty(UPDATE_SIZE)
+        tables, heading, zone = (
+            np.empty((TABLES, samples)),
+            np.empty(rows, _BYTE),
+            np.empty(rows, _BYTE),
+        )
+        usable, ready = np.empty(rows, np.bool_), np.zeros(rows, np.bool_)
+        size = LEVEL + 1
+        before, found = np.empty(size), np.empty(size)
+        spread, uncertain = np.empty((size, size)), np.empty((size, size))
+        mean, covariance = self._belief.mean, self._belief.covariance
+        constants, units, shares = self._constants, self._units, self._shares
+        elapsed = -1.0 if self._end is None else move.time - self._end
+        restless = self._restless.variance * float(mean[COULOMB]) ** 2
+        units[F_DRIFT, COULOMB] = math.hypot(
+            self.settings.belief.drift[COULOMB], math.sqrt(restless)
+        )
+        begin_update(
+            move.position, move.force, move.valid, math.nan if self._rest is None else self._rest,
+            move.rest_force, elapsed, constants, units,
+            shares, mean, covariance, state.forces, known, whole, tables, heading, zone, usable,
+            before, spread, result,
+        )  # fmt: skip
+        if result[U_NUMBER] < 3:
+            raise ValueError("fewer than three valid samples")
+        wander = self.settings.belief.wander
+        p = np.zeros(KNOTS + knots_of(rows, self.settings.period, wander))
+        p[:LEVEL] = before[:LEVEL]
+        found[:], uncertain[:] = before, spread
+        slide, stick = result[R_SLIDE] > 0.0, result[R_STICK] > 0.0
+        travel = abs(float(tables[T_POSITION, -1] - tables[T_POSITION, 0]))
+        masks = self._masks if travel > FULL_SLIP * self._breakaway(before) else self._masks_short
+        for zone_from, mask in ((SLIDE, masks[0]), (STICK, masks[2 if slide else 1])):
+            if not (stick if zone_from == STICK else slide):
+                continue
+            if result[R_FAILED] == 0.0 and result[R_BOUND] < 0.0:
+                fit(
+                    zone_from, tables, heading, zone, usable, ready, constants, units, shares,
+                    state.forces, before, spread, found, uncertain, mask, p, result,
+                )  # fmt: skip
+        misfit = math.sqrt(result[R_CHI_B] if stick else result[R_CHI_A])
+        if whole and result[R_FAILED] == 0.0 and 1.0 < misfit <= self.settings.misfit:
+            belief = _tempered(Belief(before, spread), Belief(found, uncertain), misfit)
+            found[:], uncertain[:] = belief.mean, belief.covariance
+        at_end = np.empty(KNOTS)
+        end_update(
+            samples, constants, self._masks, before, spread, found, uncertain, whole, mean,
+            covariance, at_end, result,
+        )  # fmt: skip
+        ready[:] = False
+        elements = np.empty((ELEMENT_ROWS, len(shares) + 1))
+        elements[SHARES, :-1] = shares
+        fill_rows(
+            at_end, 0, self._figures, self._shape, self.settings.position_noise,
+            self.settings.period, state.forces, result[R_KNOWN], move.rest_force, tables, heading,
+            ready, False, np.empty((KNOTS, rows)), elements,
+        )  # fmt: skip
+        state.forces[:] = elements[FORCE, :-1]
+        state.slipping[:] = elements[SLIPS, :-1] > 0.0
+        state.memory[1] = tables[T_POSITION, -2]
+        going = heading[heading != 0]
+        if len(going):
+            state.memory[0] = going[-1]
+        return result
 
-    def _after_refusal(self, prior: Belief, found: Belief, jumped: bool) -> Belief:
-        """What is believed after a refused move.
+    def _breakaway(self, mean: F64) -> float:
+        """Travel from rest to where all elements slip, at most [m]."""
+        shares, alpha = self._shares, float(mean[ALPHA])
+        stiffness = float(self._figures[STIFFNESS] * mean[STIFFNESS])
+        coulomb = float(self._figures[COULOMB] * mean[COULOMB])
+        return float(shares[-1]) * (1.0 + alpha) * coulomb * len(shares) / stiffness
 
-        Sound moves in a row that jump the same way: the stage has changed. Belief opens up to
-        where it began, so that the next sound move is learned from; the model in force stays.
-        Moves that could not be trusted say nothing.
+    def _open_up(self, result: F64) -> None:
+        """Sound moves in a row that jump the same way: the stage has changed.
+
+        Belief opens up to where it began, so that the next sound move is learned from; the model in
+        force stays. Moves that could not be trusted say nothing.
         """
-        if not jumped:
-            return prior
-        change = found.mean[:MASS] / prior.mean[:MASS] - 1.0
-        same_way = self._jump is not None and float(change @ self._jump) > 0.5 * float(
-            np.linalg.norm(change) * np.linalg.norm(self._jump)
+        change = result[U_FOUND : U_FOUND + MASS] / result[U_MEAN : U_MEAN + MASS] - 1.0
+        same_way = (
+            self._jumps > 0
+            and self._jump is not None
+            and float(change @ self._jump)
+            > 0.5 * float(np.linalg.norm(change) * np.linalg.norm(self._jump))
         )
         self._jumps = self._jumps + 1 if same_way else 1
         self._jump = change
-        if self._jumps < self.settings.patience:
-            return prior
-        self._jump, self._jumps = None, 0
-        return Belief(prior.mean, Belief.at_start(self.settings.belief).covariance)
-
-    def _jumped(self, prior: Belief, belief: Belief) -> str | None:
-        """A change that drift cannot explain."""
-        for i, name in enumerate(FIGURES[:MASS]):
-            change = float(belief.mean[i] / prior.mean[i] - 1.0)
-            allowed = max(
-                self.settings.jump * prior.spread(i) / float(prior.mean[i]),
-                self.settings.jump_share,
-            )
-            if abs(change) > allowed:
-                return f"{name} jumps by {change:+.0%}"
-        return None
-
-
-def _sliding(belief: Belief) -> tuple[float, float]:
-    """Fc (1 + w), relative, and its variance."""
-    coulomb, level = float(belief.mean[COULOMB]), 1.0 + float(belief.mean[LEVEL])
-    c = belief.covariance
-    variance = (
-        level**2 * c[COULOMB, COULOMB]
-        + 2.0 * level * coulomb * c[COULOMB, LEVEL]
-        + coulomb**2 * c[LEVEL, LEVEL]
-    )
-    return coulomb * level, float(variance)
-
-
-def _cleaned(move: MoveData, rest: float | None) -> tuple[F64, F64, NDArray[np.bool_]]:
-    """Position, force and valid without anything that is not finite; holes in position bridged.
-
-    Where the first sample is lost, the bridge begins at `rest`, where the axis was before [m]: all
-    that it moved stretched its elements, seen or not.
-
-    Raises:
-        ValueError: fewer than three valid samples.
-    """
-    position, force, valid = move.position, move.force, move.valid
-    if not (valid.all() and math.isfinite(float(position.sum() + force.sum()))):
-        valid = valid & np.isfinite(position) & np.isfinite(force)
-        index, known = np.arange(len(position)), valid
-        if valid.sum() >= 3:
-            if rest is not None and not valid[0]:
-                known, position = valid.copy(), position.copy()
-                known[0], position[0] = True, rest
-            position = np.interp(index, index[known], position[known])
-        force = np.where(valid, force, 0.0)
-    if valid.sum() < 3:
-        raise ValueError("fewer than three valid samples")
-    return position, force, valid
+        if self._jumps >= self.settings.patience:
+            self._jumps = 0
+            start = Belief.at_start(self.settings.belief, self._start)
+            self._belief.covariance[:] = start.covariance
 
 
 def _tempered(prior: Belief, found: Belief, misfit: float) -> Belief:

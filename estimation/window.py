@@ -1,14 +1,13 @@
 """One move as two bounded least-squares problems with an arrival cost, compiled as a whole.
 
-The residual is measured force minus friction model minus apparent mass times acceleration, the
-model driven by the measured positions from the friction state at rest before the move. Encoder
-noise enters it through the second difference, so neighbouring residuals are correlated: they are
-whitened by the Cholesky factor of their covariance, not low-pass filtered. Inside the move the
-level w is an unknown at a few knots, joined by its Gauss-Markov process, so that the wander of a
-real stage is modelled and not averaged into the figures.
+First zone A alone: it is linear in Coulomb force, viscous coefficient and mass, so one pass solves
+it. Then all that is usable, from onset to rest, from zone A's solution and with the same arrival
+cost: each sample counts once. Unknown besides the figures: the elements' force at rest before the
+move and behind the last turn (what a position and a measured force there leave open), on request
+the one at the beginning of zone A, and the level at knots joined by its Gauss-Markov process.
 
-First zone A alone, then all that moved from its solution and with the same arrival cost: each
-sample counts once.
+Residual and derivatives: `rows`; weights and normal equations: `whitening`; steps in a box:
+`least_squares`.
 """
 
 from __future__ import annotations
@@ -18,237 +17,368 @@ import math
 import numba
 import numpy as np
 
-from estimation.belief import COULOMB, LEVEL, MASS, RATE, STIFFNESS, VISCOUS
-from estimation.gms import (
-    ALPHA,
-    E_BY_COULOMB,
-    REST_BAND,
-    S_BY_COULOMB,
-    S_BY_RATE,
-    S_BY_STIFFNESS,
-    S_REFERENCE,
-    S_TOTAL,
-    advance,
-    correct_forces,
-    follow_positions,
-    pack,
-)
-from estimation.gms import COULOMB as MODEL_COULOMB
-from estimation.gms import RATE as MODEL_RATE
-from estimation.gms import STIFFNESS as MODEL_STIFFNESS
+from estimation.belief import ALPHA, COULOMB, LAG, LEVEL, MASS, RATE, STIFFNESS, VISCOUS
+from estimation.elements import ELEMENT_ROWS, SHARES
 from estimation.least_squares import cholesky_inverse, gauss_newton_step
-from estimation.zones import SLIDE, STICK, differences, mark_zones
+from estimation.rows import (
+    KNOTS,
+    OFFSETS,
+    RESIDUAL,
+    REST_FORCE,
+    T_ACCELERATION,
+    T_AT,
+    T_FORCE,
+    T_HAZE,
+    T_POSITION,
+    T_SCALE,
+    T_SHARE,
+    T_SHARP,
+    T_STUCK,
+    T_VELOCITY,
+    fill_rows,
+)
+from estimation.whitening import (
+    factor_weights,
+    normal_equations,
+    rounding_covariance,
+    whiten,
+)
+from estimation.zones import REST, SLIDE, STICK, differences, find_turns, mark_zones
 
 KNOT_SPACING = 0.1
 """Of the level's knots [s]: a fifth of its usual correlation time."""
+MOST_KNOTS = 8
 LEVEL_BOUND = 0.2
-SUBSTEPS = 4
-"""Of the friction model inside a sample that is not far above the Stribeck velocity."""
+FREE_SLIP = 0.3
+"""Spread of the element forces where zone A begins, in a solve of zone A alone [Coulomb force]."""
+REST_AFTER = 0.05
+"""How much of the rest behind a motion is used [s]."""
 MIN_SLIDE, MIN_STICK = 12, 6
 """Fewest samples of a zone that is worth solving."""
-MAX_ITERATIONS, HALVINGS, TOLERANCE = 20, 10, 0.05
+MAX_ITERATIONS, HALVINGS, TOLERANCE = 20, 10, 1e-3
 """Of Gauss-Newton; a step below TOLERANCE posterior standard deviations ends it."""
 
-_STATIONARY = 1e-6  # the Cholesky factor has become so constant that it is not renewed
+# Constants of an axis, as a vector for the kernels.
+(
+    C_PERIOD, C_POSITION_NOISE, C_FORCE_NOISE, C_MODEL_ERROR, C_WANDER, C_CORRELATION, C_PEAK,
+    C_SLIP_SPREAD, C_STEP, C_VS, C_DELTA,
+) = range(11)  # fmt: skip
+CONSTANTS = 11
+# Rows of an axis' table of figures.
+F_UNIT, F_LOWER, F_UPPER = range(3)
 
-# Constants of an axis, as a vector for the kernel.
-C_PERIOD, C_MASS, C_POSITION_NOISE, C_FORCE_NOISE, C_MODEL_ERROR = range(5)
-C_WANDER, C_CORRELATION, C_LOWER, C_UPPER, C_PEAK = range(5, 10)
-
-# What the kernel reports.
-R_SLIDE, R_STICK, R_CHI_A, R_CHI_B, R_BOUND, R_EVALUATIONS, R_FAILED = range(7)
-REPORT_SIZE = 7
+# What the kernels report.
+(
+    R_SLIDE, R_STICK, R_CHI_A, R_CHI_B, R_BOUND, R_EVALUATIONS, R_FAILED, R_SAMPLES, R_KNOWN,
+    R_REST_FORCE, R_STEP, R_END,
+) = range(12)  # fmt: skip
+REPORT_SIZE = 12
+"""Also what is passed on: Coulomb force in force before the move and force measured at rest [N],
+resolution of the force [N], and up to which row the move is used."""
 
 
 @numba.njit(cache=True, error_model="numpy")
-def estimate_move(  # type: ignore[no-untyped-def]
-    position, force, valid, constants, figures, shape, shares, known_coulomb, forces, slipping,
-    direction, rest_force, mean, covariance, free_a, free_b, free_ab, stick_counts, report,
+def prepare(  # type: ignore[no-untyped-def]
+    valid, constants, units, shares, mean, state_known, zone_b, tables, heading, zone, usable,
+    report,
 ):  # fmt: skip
-    """Both zones of one move.
+    """Kinematics and zones of a move; which samples count, and what can be solved.
 
-    `figures`: what the relative figures are relative to; `shape`: `Friction.vector` whose Coulomb
-    force, stiffness and rate the figures replace; `forces`, `slipping`, `direction`: friction state
-    at rest before the move under a Coulomb force of `known_coulomb`; `mean`, `covariance`: belief
-    before the move, overwritten by the belief after it; `free_a`, `free_b`, `free_ab`: figures to
-    solve for in zone A, in a move without zone A, and in one that has both.
-    Chi-squares in `report` are means over their zones' samples; R_BOUND is a figure on its bound,
-    or -1; R_FAILED is 1 where a problem had no solution.
+    Args:
+        valid: samples that can be used, shape (K,).
+        constants: C_*.
+        units: what the figures are relative to, their lowest and highest values, shape (3, LEVEL).
+        shares: nu_i.
+        mean: belief before the move.
+        state_known: False where only the sum of the element forces is known: the onset then says
+            nothing.
+        zone_b: whether the stick zones are solved at all.
+        tables: positions and forces are there, shape (TABLES, K); the other T_* of the data are
+            written.
+        heading: written, shape (K - 2,).
+        zone: the same.
+        usable: the same.
+        report: R_*; R_KNOWN is there, what can be solved is written.
     """
-    count = position.shape[0] - 2
-    velocity, acceleration = np.empty(count), np.empty(count)
-    usable = np.empty(count, dtype=np.bool_)
-    differences(position, valid, constants[C_PERIOD], velocity, acceleration, usable)
-    zone = np.zeros(count, dtype=np.int8)
-    breakaway = (
-        2.0 / (shares.shape[0] + 1) * (1.0 + shape[ALPHA]) * known_coulomb * shares.shape[0]
-        / (figures[STIFFNESS] * mean[STIFFNESS])
+    count = heading.shape[0]
+    period, noise = constants[C_PERIOD], constants[C_POSITION_NOISE]
+    position, force, velocity = tables[T_POSITION], tables[T_FORCE], tables[T_VELOCITY, :count]
+    differences(position, valid, period, velocity, tables[T_ACCELERATION, :count], usable)
+    find_turns(
+        position, noise, heading, tables[T_SHARE, :count], tables[T_AT, :count],
+        tables[T_SHARP, :count],
     )  # fmt: skip
-    mark_zones(position, velocity, breakaway, shape[3], zone)
-    slide = stick = 0
+    n = shares.shape[0]
+    travel = (
+        shares[n - 1] * (1.0 + mean[ALPHA]) * report[R_KNOWN] * n
+        / (units[F_UNIT, STIFFNESS] * mean[STIFFNESS])
+    )  # fmt: skip
+    mark_zones(position, velocity, heading, travel, constants[C_VS], zone)
+    slide = stick = seen = end = 0
     for k in range(count):
         if abs(force[k + 1]) >= constants[C_PEAK]:
+            usable[k] = False
+        seen += zone[k] == SLIDE
+        if zone[k] != REST:
+            end = k + 1
+        if zone[k] != SLIDE and not state_known and seen == 0:
             usable[k] = False
         if usable[k]:
             slide += zone[k] == SLIDE
             stick += zone[k] == STICK
     report[R_SLIDE] = slide if slide >= MIN_SLIDE else 0.0
-    report[R_STICK] = stick if stick_counts and stick >= MIN_STICK else 0.0
-    report[R_CHI_A] = report[R_CHI_B] = report[R_EVALUATIONS] = report[R_FAILED] = 0.0
+    report[R_STICK] = stick if zone_b and stick >= MIN_STICK else 0.0
     report[R_BOUND] = -1.0
-    wandering = constants[C_WANDER] > 0.0
-    knots = max(2, 1 + round(count * constants[C_PERIOD] / KNOT_SPACING)) if wandering else 0
-    p = np.zeros(LEVEL + knots)
-    p[:LEVEL] = mean[:LEVEL]
-    prior_mean, prior_covariance = mean.copy(), covariance.copy()
-    data = (
-        position, velocity, acceleration, force, usable, zone, constants, figures, shape, shares,
-        known_coulomb, forces, slipping, direction, rest_force,
-    )  # fmt: skip
-    if report[R_SLIDE] > 0.0:
-        report[R_CHI_A] = _fit(
-            p, prior_mean, prior_covariance, mean, covariance, free_a, SLIDE, knots, data, report
-        )
-    if report[R_STICK] > 0.0 and report[R_FAILED] == 0.0 and report[R_BOUND] < 0.0:
-        report[R_CHI_B] = _fit(
-            p,
-            prior_mean,
-            prior_covariance,
-            mean,
-            covariance,
-            free_ab if report[R_SLIDE] > 0.0 else free_b,
-            STICK,
-            knots,
-            data,
-            report,
-        )
+    report[R_END] = min(count, end + int(REST_AFTER / period + 0.5))
+
+
+def knots_of(count: int, period: float, wander: float) -> int:
+    """How many knots the level has in a move of so many rows."""
+    if wander <= 0.0:
+        return 0
+    return min(max(2, 1 + round(count * period / KNOT_SPACING)), MOST_KNOTS)
 
 
 @numba.njit(cache=True, error_model="numpy")
-def final_state(  # type: ignore[no-untyped-def]
-    position, valid, period, model, shares, known_coulomb, forces, slipping, memory, rest_force
-):
-    """Carry the friction state in place from the rest before a move to its end under `model`.
+def fit(  # type: ignore[no-untyped-def]
+    zone_from, tables, heading, zone, usable, ready, constants, units, shares, forces, prior_mean,
+    prior_covariance, mean, covariance, mask, p, report,
+):  # fmt: skip
+    """Gauss-Newton over the free figures and what goes with them.
 
-    The state is scaled from a Coulomb force of `known_coulomb` and made to agree with the force
-    measured at rest.
+    Args:
+        zone_from: SLIDE for zone A alone, STICK for all that is usable.
+        tables: of `prepare`.
+        heading: the same.
+        zone: the same.
+        usable: the same.
+        ready: of `rows.fill_rows`.
+        constants: C_*.
+        units: as there.
+        shares: nu_i.
+        forces: of the elements at rest before the move, under R_KNOWN [N], shape (N,).
+        prior_mean: belief before the move.
+        prior_covariance: of it.
+        mean: belief after it, written.
+        covariance: the same.
+        mask: figures to solve for, shape (LEVEL,).
+        p: first iterate, shape (KNOTS + knots,); becomes the solution.
+        report: R_*. Chi-squares are means over their zones' samples; R_BOUND is a figure on its
+            bound, or -1; R_FAILED is 1 where the problem has no solution.
     """
-    count = position.shape[0] - 2
-    velocity, acceleration = np.empty(count), np.empty(count)
-    usable = np.empty(count, dtype=np.bool_)
-    differences(position, valid, period, velocity, acceleration, usable)
-    forces *= model[MODEL_COULOMB] / known_coulomb
-    correct_forces(forces, shares, model[MODEL_COULOMB] * (1.0 + model[ALPHA]), rest_force)
-    memory[1] = position[0]
-    follow_positions(
-        model, shares, forces, slipping, memory, position[1:-1], velocity, period, SUBSTEPS,
-        REST_BAND, np.empty(count), np.empty((count, 3)),
-    )  # fmt: skip
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _fit(  # type: ignore[no-untyped-def]
-    p, prior_mean, prior_covariance, mean, covariance, free, zone_from, knots, data, report
-):
-    """Gauss-Newton over the free figures and the level's knots; returns the mean chi-square.
-
-    `p` is the first iterate and becomes the solution; `mean`, `covariance` become the belief.
-    """
-    constants = data[6]
-    chosen = np.nonzero(free)[0]
-    figures, n = chosen.shape[0], chosen.shape[0] + knots
-    active = np.empty(n, dtype=np.int64)
-    active[:figures] = chosen
-    for j in range(knots):
-        active[figures + j] = LEVEL + j
-    prior, information = _arrival_cost(
-        prior_mean, prior_covariance, chosen, knots, data[0].shape[0] - 2, constants
+    count, elements_n = heading.shape[0], shares.shape[0]
+    knots = p.shape[0] - KNOTS
+    whole = zone_from == STICK
+    linear = not whole and report[R_STICK] > 0.0  # one step, for the second solve to begin at
+    # Which rows count. The force at rest is known from the mean of the rest's samples: they count
+    # once, but where the force is so exact that they tell the positions' errors.
+    exact = constants[C_FORCE_NOISE] < (
+        units[F_UNIT, STIFFNESS] * p[STIFFNESS] * constants[C_POSITION_NOISE]
     )
-    lower, upper = np.empty(n), np.empty(n)
-    for a in range(n):
-        lower[a] = constants[C_LOWER] if a < figures else -LEVEL_BOUND
-        upper[a] = constants[C_UPPER] if a < figures else LEVEL_BOUND
+    use = np.empty(count, dtype=np.bool_)
+    moves = exact
+    last = counted = 0
+    for k in range(count):
+        moves = moves or zone[k] != REST
+        if whole:
+            use[k] = usable[k] and k < report[R_END] and moves
+        else:
+            use[k] = usable[k] and zone[k] == SLIDE
+        if use[k]:
+            last = k + 1
+            counted += 1
+    end = int(report[R_END]) if whole else last
+    if whole:
+        _first_stiffness(
+            p, prior_mean, prior_covariance, zone, tables, use, forces, constants, units, report
+        )
+    figures = 0
+    wide = False
     for i in range(LEVEL):
-        if not free[i]:
+        if mask[i]:
+            figures += 1
+            wide = wide or i == RATE or i == ALPHA or i == LAG
+        else:
             p[i] = prior_mean[i]
-    value = np.empty(n)
+    reshaped = mask[RATE] or mask[ALPHA]
+    first = figures + knots
+    n = first + OFFSETS
+    chosen = np.empty(n + 1, dtype=np.int64)
+    a = 0
+    for i in range(LEVEL):
+        if mask[i]:
+            chosen[a] = i
+            a += 1
+    for j in range(knots):
+        chosen[figures + j] = KNOTS + j
+    for j in range(OFFSETS):
+        chosen[first + j] = REST_FORCE + j
+    chosen[n] = RESIDUAL
+    prior, information = np.empty(n), np.empty((n, n))
+    _arrival_cost(
+        prior_mean, prior_covariance, chosen, figures, knots, count, constants, prior, information
+    )
+    lower, upper, value = np.empty(n), np.empty(n), np.empty(n)
     for a in range(n):
-        value[a] = min(max(p[active[a]], lower[a]), upper[a])
-        p[active[a]] = value[a]
-    # Noise of the first iterate's Coulomb level: the weights do not move with the unknowns.
-    spread = constants[C_MODEL_ERROR] * data[7][COULOMB] * prior_mean[COULOMB]
-    white = constants[C_FORCE_NOISE] ** 2 + spread**2
-    curvature, slope = np.empty((n, n)), np.empty(n)
-    trial_curvature, trial_slope = np.empty((n, n)), np.empty(n)
-    chi, samples = normal_equations(p, active, zone_from, knots, white, data, curvature, slope)
-    cost = chi + _away(value, prior, information)
-    evaluations = 1
-    for _ in range(MAX_ITERATIONS):
-        if not math.isfinite(cost):
-            report[R_FAILED] = 1.0
-            return 0.0
-        step, size = gauss_newton_step(curvature, slope, information, prior, value, lower, upper)
-        if not math.isfinite(size):
-            report[R_FAILED] = 1.0
-            return 0.0
-        if size < TOLERANCE:  # within the accuracy wanted: taken, but not evaluated once more
+        i = chosen[a]
+        lower[a] = units[F_LOWER, i] if i < LEVEL else -LEVEL_BOUND if i >= KNOTS else -1e300
+        upper[a] = units[F_UPPER, i] if i < LEVEL else LEVEL_BOUND if i >= KNOTS else 1e300
+        p[i] = value[a] = min(max(p[i], lower[a]), upper[a])
+    spread = constants[C_MODEL_ERROR] * units[F_UNIT, COULOMB] * prior_mean[COULOMB]
+    white = constants[C_FORCE_NOISE] ** 2 + spread * spread
+    rows, weights = np.empty((KNOTS + knots, end)), np.empty((4, end))
+    elements = np.empty((ELEMENT_ROWS, elements_n + 1))
+    for i in range(elements_n):
+        elements[SHARES, i] = shares[i]
+    normal, trial_normal = np.empty((n + 1, n + 1)), np.empty((n + 1, n + 1))
+    step = prior
+    cost, evaluations, halvings = math.inf, 0, 0
+    while True:
+        if reshaped:
+            for k in range(end):
+                ready[k] = False
+        turned, begun = fill_rows(
+            p, knots, units[F_UNIT], constants[C_VS:], constants[C_POSITION_NOISE],
+            constants[C_PERIOD], forces, report[R_KNOWN], report[R_REST_FORCE], tables, heading,
+            ready, wide, rows, elements,
+        )  # fmt: skip
+        if evaluations == 0:  # the weights stay what they are at the first iterate
+            for k in range(end):
+                weights[3, k] = white + tables[T_HAZE, k]
+            factor_weights(
+                units[F_UNIT, MASS] * p[MASS], units[F_UNIT, VISCOUS] * p[VISCOUS],
+                constants[C_PERIOD], constants[C_POSITION_NOISE], tables[T_STUCK], weights[3],
+                use[:end], weights[0], weights[1], weights[2],
+            )  # fmt: skip
+            pull = units[F_UNIT, STIFFNESS] * p[STIFFNESS] * constants[C_POSITION_NOISE]
+            # Zone A alone does not rely on how it began: the stiffness may be far off.
+            fresh = constants[C_SLIP_SPREAD] if whole else FREE_SLIP
+            fresh *= units[F_UNIT, COULOMB] * p[COULOMB]
+            information[first, first] = 1.0 / white
+            information[first + 1, first + 1] = 1.0 / (white + pull * pull + turned * turned)
+            information[first + 2, first + 2] = 1.0 / (fresh * fresh + begun * begun + 1e-20)
+            information[first + 3, first + 3] = 1.0
+        for k in range(end):
+            tables[T_SCALE, k] = rows[RESIDUAL, k]
+        whiten(rows, chosen, weights[0], weights[1])
+        normal_equations(rows, chosen, weights[2], trial_normal)
+        evaluations += 1
+        trial_cost = trial_normal[n, n]
+        for a in range(n):
+            for b in range(n):
+                trial_cost += (
+                    (p[chosen[a]] - prior[a]) * information[a, b] * (p[chosen[b]] - prior[b])
+                )
+        if trial_cost <= cost * (1.0 + 1e-12):
+            cost, halvings = trial_cost, 0
+            normal, trial_normal = trial_normal, normal
             for a in range(n):
-                value[a] = min(max(value[a] + step[a], lower[a]), upper[a])
-                p[active[a]] = value[a]
-            break
-        improved = False
-        for _ in range(HALVINGS):
-            for a in range(n):
-                p[active[a]] = min(max(value[a] + step[a], lower[a]), upper[a])
-            trial_chi, _s = normal_equations(
-                p, active, zone_from, knots, white, data, trial_curvature, trial_slope
+                value[a] = p[chosen[a]]
+            step, size = gauss_newton_step(
+                normal[:n, :n], normal[:n, n], information, prior, value, lower, upper
             )
-            evaluations += 1
-            trial = np.empty(n)
-            for a in range(n):
-                trial[a] = p[active[a]]
-            trial_cost = trial_chi + _away(trial, prior, information)
-            if trial_cost <= cost * (1.0 + 1e-12):
-                value, cost, chi = trial, trial_cost, trial_chi
-                curvature, trial_curvature = trial_curvature, curvature
-                slope, trial_slope = trial_slope, slope
-                improved = True
+            if not math.isfinite(size):
+                report[R_FAILED] = 1.0
+                return
+            # The last step is taken, but not evaluated once more.
+            if size < TOLERANCE or linear or evaluations > MAX_ITERATIONS:
+                chi = normal[n, n]
+                for a in range(n):
+                    chi += 2.0 * step[a] * normal[a, n]
+                    for b in range(n):
+                        chi += step[a] * normal[a, b] * step[b]
+                normal[n, n] = chi
+                for a in range(n):
+                    value[a] = min(max(value[a] + step[a], lower[a]), upper[a])
                 break
-            step = step * 0.5
-        if not improved:
+        elif evaluations == 1:  # not finite
+            report[R_FAILED] = 1.0
+            return
+        else:
+            halvings += 1
+            if halvings == HALVINGS:
+                break
             for a in range(n):
-                p[active[a]] = value[a]
-            break
+                step[a] *= 0.5
+        for a in range(n):
+            p[chosen[a]] = min(max(value[a] + step[a], lower[a]), upper[a])
+    for a in range(n):
+        p[chosen[a]] = value[a]
+        for b in range(n):
+            information[a, b] += normal[a, b]
     report[R_EVALUATIONS] += evaluations
-    posterior = information + curvature
-    if not cholesky_inverse(posterior):
+    if not cholesky_inverse(information):
         report[R_FAILED] = 1.0
-        return 0.0
-    _believe(p, posterior, chosen, knots, prior_mean, prior_covariance, mean, covariance)
+        return
+    if not linear and report[R_STEP] > 0.0:
+        rounding_covariance(
+            rows, chosen[:n], weights, tables[T_SCALE], tables[T_FORCE], report[R_STEP], first,
+            1.0 / white, information,
+        )  # fmt: skip
+    _believe(p, information, chosen, figures, knots, prior_mean, prior_covariance, mean, covariance)
     for a in range(figures):
         if value[a] <= lower[a] or value[a] >= upper[a]:
             report[R_BOUND] = chosen[a]
-    return chi / max(samples, 1)
+    report[R_SAMPLES] = counted
+    report[R_CHI_B if whole else R_CHI_A] = normal[n, n] / max(counted, 1)
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _arrival_cost(prior_mean, prior_covariance, chosen, knots, count, constants):  # type: ignore[no-untyped-def]
+def _first_stiffness(  # type: ignore[no-untyped-def]
+    p, prior_mean, prior_covariance, zone, tables, use, forces, constants, units, report
+):
+    """Start zone B's problem at the stiffness that the onset shows while all elements stick."""
+    known_coulomb, rest_force = report[R_KNOWN], report[R_REST_FORCE]
+    coulomb = units[F_UNIT, COULOMB] * p[COULOMB]
+    mass, viscous = units[F_UNIT, MASS] * p[MASS], units[F_UNIT, VISCOUS] * p[VISCOUS]
+    n = forces.shape[0]
+    up = down = 1e300
+    for i in range(n):
+        limit = 2.0 * (i + 1) / (n * (n + 1)) * coulomb
+        force = forces[i] * coulomb / known_coulomb
+        up, down = min(up, limit - force), min(down, limit + force)
+    up, down = 0.8 * n * max(up, 0.0), -0.8 * n * max(down, 0.0)
+    square = product = 0.0
+    origin = tables[T_POSITION, 0]
+    for k in range(zone.shape[0]):
+        friction = (
+            tables[T_FORCE, k + 1] - mass * tables[T_ACCELERATION, k]
+            - viscous * tables[T_VELOCITY, k] - rest_force
+        )  # fmt: skip
+        if zone[k] == SLIDE or not down < friction < up or (not use[k] and zone[k] != REST):
+            break
+        travel = tables[T_POSITION, k + 1] - origin
+        square += travel * travel
+        product += travel * friction
+    spread = constants[C_MODEL_ERROR] * coulomb
+    outer = mass * constants[C_POSITION_NOISE] / constants[C_PERIOD] ** 2
+    variance = constants[C_FORCE_NOISE] ** 2 + spread**2 + 6.0 * outer**2
+    unit = units[F_UNIT, STIFFNESS]
+    believed = 1.0 / prior_covariance[STIFFNESS, STIFFNESS]
+    shown = square * unit**2 / variance
+    found = (believed * prior_mean[STIFFNESS] + shown * product / max(square * unit, 1e-300)) / (
+        believed + shown
+    )
+    p[STIFFNESS] = min(max(found, units[F_LOWER, STIFFNESS]), units[F_UPPER, STIFFNESS])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _arrival_cost(  # type: ignore[no-untyped-def]
+    prior_mean, prior_covariance, chosen, figures, knots, count, constants, prior, information
+):
     """Joint prior of the chosen figures and the knots: mean and inverse covariance."""
-    figures = chosen.shape[0]
-    n = figures + knots
     base = figures + 1 if knots > 0 else figures
-    information = np.zeros((n, n))
+    n = prior.shape[0]
     block = np.empty((base, base))
-    place = np.empty(base, dtype=np.int64)
-    place[:figures] = chosen
-    if knots > 0:
-        place[figures] = LEVEL
     for a in range(base):
+        i = chosen[a] if a < figures else LEVEL
         for b in range(base):
-            block[a, b] = prior_covariance[place[a], place[b]]
+            block[a, b] = prior_covariance[i, chosen[b] if b < figures else LEVEL]
     cholesky_inverse(block)
-    information[:base, :base] = block
-    prior = np.empty(n)
+    for a in range(n):
+        prior[a] = 0.0
+        for b in range(n):
+            information[a, b] = block[a, b] if a < base and b < base else 0.0
     for a in range(figures):
         prior[a] = prior_mean[chosen[a]]
     if knots > 0:
@@ -256,27 +386,25 @@ def _arrival_cost(prior_mean, prior_covariance, chosen, knots, count, constants)
         keep = math.exp(-gap / constants[C_CORRELATION])
         walk = (1.0 - keep**2) * constants[C_WANDER] ** 2 + 1e-12
         level = prior_mean[LEVEL]
-        for j in range(knots):
-            prior[figures + j] = level
+        for j in range(figures, figures + knots):
+            prior[j] = level
             level *= keep
-        for j in range(figures, n - 1):
+        for j in range(figures, figures + knots - 1):
             information[j, j] += keep**2 / walk
             information[j, j + 1] -= keep / walk
             information[j + 1, j] -= keep / walk
             information[j + 1, j + 1] += 1.0 / walk
-    return prior, information
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _believe(p, posterior, chosen, knots, prior_mean, prior_covariance, mean, covariance):  # type: ignore[no-untyped-def]
+def _believe(  # type: ignore[no-untyped-def]
+    p, posterior, chosen, figures, knots, prior_mean, prior_covariance, mean, covariance
+):
     """The belief after a fit: what was not solved for stays as it was."""
-    figures = chosen.shape[0]
-    mean[:] = prior_mean
-    covariance[:] = prior_covariance
     for i in range(LEVEL + 1):
+        mean[i] = prior_mean[i]
         for j in range(LEVEL + 1):
-            if i != j:
-                covariance[i, j] = 0.0
+            covariance[i, j] = prior_covariance[i, j] if i == j else 0.0
     last = figures + knots - 1
     for a in range(figures):
         i = chosen[a]
@@ -287,117 +415,5 @@ def _believe(p, posterior, chosen, knots, prior_mean, prior_covariance, mean, co
             covariance[i, LEVEL] = posterior[a, last]
             covariance[LEVEL, i] = posterior[last, a]
     if knots > 0:
-        mean[LEVEL] = p[LEVEL + knots - 1]
+        mean[LEVEL] = p[KNOTS + knots - 1]
         covariance[LEVEL, LEVEL] = posterior[last, last]
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _away(value, prior, information):  # type: ignore[no-untyped-def]
-    """Arrival cost."""
-    total = 0.0
-    for i in range(value.shape[0]):
-        for j in range(value.shape[0]):
-            total += (value[i] - prior[i]) * information[i, j] * (value[j] - prior[j])
-    return total
-
-
-@numba.njit(cache=True, error_model="numpy")
-def normal_equations(p, active, zone_from, knots, white, data, curvature, slope):  # type: ignore[no-untyped-def]
-    """Fill J'J and J'r of the whitened residual r (predicted minus measured); return r'r, samples.
-
-    `p`: all relative figures, then the level at each knot; `active`: the unknowns among them;
-    `zone_from`: samples of this zone (SLIDE) or of all that moved (STICK) count; `white`: variance
-    of the residual beside encoder noise [N^2].
-    """
-    (
-        position, velocity, acceleration, force, usable, zone, constants, figures, shape, shares,
-        known_coulomb, forces, slipping, direction, rest_force,
-    ) = data  # fmt: skip
-    count, n = shares.shape[0], active.shape[0]
-    period = constants[C_PERIOD]
-    model = shape.copy()
-    coulomb = figures[COULOMB] * p[COULOMB]
-    model[MODEL_COULOMB] = coulomb
-    model[MODEL_STIFFNESS] = figures[STIFFNESS] * p[STIFFNESS]
-    model[MODEL_RATE] = figures[RATE] * p[RATE]
-    viscous, mass = figures[VISCOUS] * p[VISCOUS], figures[MASS] * p[MASS]
-    # The rest scales with the Coulomb force, but its sum is what was measured.
-    state = forces * (coulomb / known_coulomb)
-    correct_forces(state, shares, coulomb * (1.0 + shape[ALPHA]), rest_force)
-    elements, scalars = pack(model, shares, state, slipping, direction, position[0], period)
-    mean = state.mean()
-    for i in range(count):
-        elements[E_BY_COULOMB, i] = (state[i] - mean) / coulomb
-    # Residuals k, k-1, k-2 share encoder noise: covariance c0, c1, c2, factored row by row.
-    noise = (constants[C_MASS] * constants[C_POSITION_NOISE] / period**2) ** 2
-    c0, c1, c2 = 6.0 * noise + white, -4.0 * noise, noise
-    this, last, older = np.zeros(n), np.zeros(n), np.zeros(n)  # whitened rows k, k-1, k-2
-    r_last = r_older = 0.0
-    pivot, before, off, first, second, inverse = 1.0, 1.0, 0.0, 0.0, 0.0, 1.0
-    run = 0  # samples since the last gap
-    row = np.zeros(LEVEL)
-    curvature[:] = 0.0
-    slope[:] = 0.0
-    chi = 0.0
-    used = 0
-    samples = position.shape[0] - 2
-    end = samples
-    while end > 0 and zone[end - 1] < zone_from:
-        end -= 1
-    for k in range(end):
-        if abs(position[k + 1] - scalars[S_REFERENCE]) > REST_BAND:
-            v1 = velocity[k]
-            v0 = velocity[k - 1] if k > 0 else v1
-            advance(elements, scalars, position[k + 1], v0, v1, period, SUBSTEPS)
-        if not usable[k] or zone[k] < zone_from:
-            run = 0
-            continue
-        by_coulomb = scalars[S_BY_COULOMB]
-        scale = coulomb * by_coulomb
-        predicted = scalars[S_TOTAL] + viscous * velocity[k] + mass * acceleration[k]
-        share, knot = 0.0, 0
-        if knots > 0:  # the level is linear between knots
-            place = k * (knots - 1) / (samples - 1)
-            knot = min(int(place), knots - 2)
-            share = place - knot
-            level = p[LEVEL + knot] * (1.0 - share) + p[LEVEL + knot + 1] * share
-            predicted += level * scale
-        row[COULOMB] = by_coulomb * figures[COULOMB]
-        row[VISCOUS] = velocity[k] * figures[VISCOUS]
-        row[STIFFNESS] = scalars[S_BY_STIFFNESS] * figures[STIFFNESS]
-        row[RATE] = scalars[S_BY_RATE] * figures[RATE]
-        row[MASS] = acceleration[k] * figures[MASS]
-        # Row of the Cholesky factor: two entries left of the pivot.
-        if run < 3 or abs(pivot - before) > _STATIONARY * pivot:
-            second = c2 / before if run > 1 else 0.0
-            first = (c1 - second * off) / pivot if run > 0 else 0.0
-            before = pivot
-            pivot = math.sqrt(c0 - first * first - second * second)
-            off = first
-            inverse = 1.0 / pivot
-        for a in range(n):
-            i = active[a]
-            if i < LEVEL:
-                entry = row[i]
-            elif i == LEVEL + knot:
-                entry = scale * (1.0 - share)
-            elif i == LEVEL + knot + 1:
-                entry = scale * share
-            else:
-                entry = 0.0
-            this[a] = (entry - first * last[a] - second * older[a]) * inverse
-        residual = (predicted - force[k + 1] - first * r_last - second * r_older) * inverse
-        r_older, r_last = r_last, residual
-        chi += residual * residual
-        for a in range(n):
-            entry = this[a]
-            slope[a] += entry * residual
-            for b in range(a + 1):
-                curvature[a, b] += entry * this[b]
-        older, last, this = last, this, older
-        run += 1
-        used += 1
-    for a in range(n):
-        for b in range(a):
-            curvature[b, a] = curvature[a, b]
-    return chi, used

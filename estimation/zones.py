@@ -1,8 +1,9 @@
-"""Kinematics and zones of a move: onset, zone A (all elements slip), zone B (after the reversal).
+"""Kinematics, segments and zones of a move, from its positions alone.
 
-Central differences: no lag, and no filter that would bias the estimate. Zone borders come from
-positions with hysteresis, never from the sign of a noisy velocity. Zone A is entered late rather
-than early: an early start ruins the Coulomb figure, a late one costs little.
+Central differences: no lag, and no filter that would bias the estimate. Where the motion turns
+comes from positions with hysteresis, never from the sign of a noisy velocity: an element that slips
+goes on slipping until its position has turned. Zone A is entered late rather than early: an early
+start ruins the Coulomb figure, a late one costs little.
 """
 
 from __future__ import annotations
@@ -15,79 +16,181 @@ from estimation.gms import Friction
 
 F64 = NDArray[np.float64]
 
-REVERSAL_BAND = 20e-9
-"""Motion back by this much is a reversal [m]."""
-STILL_BAND = 5e-9
-"""Less than this from sample to sample is rest [m]."""
+REVERSAL_BAND = 3e-9
+"""Motion back by this much is a reversal [m] ..."""
+REVERSAL_NOISE = 3.5
+"""... if it is so many standard deviations of a position. Elements stick again after any reversal,
+however small: a coarser band would have them slip on where the stage creeps to rest."""
+CREEP, CREEP_NOISE = 3, 6.0
+"""Where so many samples stay within so many standard deviations of one, the motion has stopped
+there: what little it springs back is below the noise, but elements that slipped have stuck."""
+REST_NOISE = 9.0
+"""Positions that stay within so many standard deviations are at rest."""
 SLIP_MARGIN = 6.0
 """Zone A begins after so many breakaway travels (2 would do, were the model right) ..."""
-SLIP_PART, SLIP_LEAST = 0.25, 1.1
-"""... but not after more than this part of the move, as long as that is past the breakaway: a soft
-contact needs millimetres ..."""
+SLIP_PART = 0.25
+"""... but not after more than this part of the move."""
+FAR_LONGER = 5.0
+"""The first motion in one direction has zone A, unless a later one is so many times as long."""
 SLIP_VELOCITIES = 4.0
 """... and above so many Stribeck velocities."""
 
 REST, STICK, SLIDE = 0, 1, 2
-"""Zone codes: not moving; onset or zone B; zone A."""
+"""Zone codes: at rest; onset or zone B; zone A."""
 
 
-def split(position: F64, friction: Friction, period: float) -> NDArray[np.int8]:
+def split(
+    position: F64, friction: Friction, period: float, noise: float = 1e-9
+) -> NDArray[np.int8]:
     """Zone code of each inner sample of a point-to-point move.
 
     Args:
         position: sampled from rest [m], shape (K,), K >= 3.
         friction: as known before the move.
         period: of the samples [s].
+        noise: rms of a sampled position [m].
 
     Returns:
         REST, STICK or SLIDE for samples 1..K-2, shape (K - 2,).
     """
     count = len(position) - 2
     velocity, zone = np.empty(count), np.zeros(count, dtype=np.int8)
+    heading = np.zeros(count, dtype=np.int8)
+    share, at, sharp = np.empty(count), np.empty(count), np.empty(count)
     valid = np.ones(len(position), dtype=np.bool_)
     differences(position, valid, period, velocity, np.empty(count), np.empty(count, dtype=np.bool_))
-    mark_zones(position, velocity, friction.breakaway_travel, friction.stribeck_velocity, zone)
+    find_turns(position, noise, heading, share, at, sharp)
+    mark_zones(
+        position, velocity, heading, friction.breakaway_travel, friction.stribeck_velocity, zone
+    )
     return zone
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def differences(position, valid, period, velocity, acceleration, usable):  # type: ignore[no-untyped-def]
     """Central first and second differences at samples 1..K-2, and where all three are valid."""
+    half, square = 0.5 / period, 1.0 / period**2
     for k in range(velocity.shape[0]):
-        velocity[k] = (position[k + 2] - position[k]) / (2.0 * period)
-        acceleration[k] = (position[k + 2] - 2.0 * position[k + 1] + position[k]) / period**2
+        before, this, after = position[k], position[k + 1], position[k + 2]
+        velocity[k] = (after - before) * half
+        acceleration[k] = ((after - this) - (this - before)) * square
         usable[k] = valid[k] and valid[k + 1] and valid[k + 2]
 
 
-@numba.njit(cache=True)
-def mark_zones(position, velocity, breakaway, stribeck_velocity, zone):  # type: ignore[no-untyped-def]
+@numba.njit(cache=True, error_model="numpy")
+def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[no-untyped-def]
+    """Direction of motion at each inner sample, and where it turns or stops.
+
+    Fills, for inner sample k (position k + 1): `heading`, the direction (+1, -1; 0 at rest before
+    and after the motion); `share`, at which part of the interval that ends there the motion turned
+    or stopped, -1 where it did not; `at`, the position there [m]; `sharpness`, the curvature of
+    the turn [m per squared sample], 0 for a stop.
+    """
+    count = heading.shape[0]
+    last = count + 1
+    rest = REST_NOISE * noise
+    band, creep = max(REVERSAL_BAND, REVERSAL_NOISE * noise), CREEP_NOISE * noise
+    for k in range(count):
+        heading[k] = 0
+        share[k] = -1.0
+    # Rest before: all within the band of the first sample. Rest after: the longest such end.
+    first = 0
+    while first <= last and abs(position[first] - position[0]) <= rest:
+        first += 1
+    if first > last:
+        return
+    stop = last
+    low = high = position[last]
+    while stop > first:
+        x = position[stop - 1]
+        low, high = min(low, x), max(high, x)
+        if high - low > rest:
+            break
+        stop -= 1
+    direction = 1 if position[first] > position[first - 1] else -1
+    turned, extreme = first - 1, position[first - 1]
+    since = first  # first sample of this direction
+    i = first - 1
+    while i < stop:
+        i += 1
+        if i > since and i + CREEP <= stop and _creeps(position, i, creep):
+            # Too slow to tell where it goes: the elements stick until it has gone somewhere.
+            for j in range(since, i + 1):
+                if 1 <= j <= count:
+                    heading[j - 1] = direction
+            share[i - 1], at[i - 1], sharpness[i - 1] = 1.0, position[i], 0.0
+            anchor = position[i]
+            while i < stop and abs(position[i] - anchor) <= rest:
+                i += 1
+            since, direction = i, 1 if position[i] > anchor else -1
+            turned, extreme = i, position[i]
+            continue
+        along = (position[i] - extreme) * direction
+        if along >= 0.0:
+            turned, extreme = i, position[i]
+        elif along < -band:
+            for j in range(since, turned + 1):
+                if 1 <= j <= count:
+                    heading[j - 1] = direction
+            if 1 <= turned <= count:
+                _vertex(position, turned, direction, noise, share, at, sharpness)
+            since, direction = turned + 1, -direction
+            turned, extreme = i, position[i]
+    for j in range(since, min(stop, count) + 1):
+        heading[j - 1] = direction
+    if stop <= count and share[stop - 1] < 0.0:
+        share[stop - 1], at[stop - 1], sharpness[stop - 1] = 1.0, position[stop], 0.0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _creeps(position, i, band):  # type: ignore[no-untyped-def]
+    """Whether the next samples all stay near this one."""
+    for j in range(i + 1, i + CREEP + 1):
+        if abs(position[j] - position[i]) > band:
+            return False
+    return True
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _vertex(position, turned, direction, noise, share, at, sharpness):  # type: ignore[no-untyped-def]
+    """The turning point near its farthest sample: vertex of the parabola through three samples."""
+    before, this, after = position[turned - 1], position[turned], position[turned + 1]
+    curvature = (2.0 * this - before - after) * direction
+    slope = 0.5 * (after - before) * direction
+    when, where = 0.0, this
+    if curvature > 6.0 * noise:
+        when = min(max(slope / curvature, -0.5), 0.5)
+        where = this + direction * 0.5 * slope * when
+    if when > 0.0 and turned < share.shape[0]:
+        share[turned], at[turned], sharpness[turned] = when, where, curvature
+    else:
+        share[turned - 1], at[turned - 1], sharpness[turned - 1] = (
+            1.0 + min(when, 0.0),
+            where,
+            curvature,
+        )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def mark_zones(position, velocity, heading, breakaway, stribeck_velocity, zone):  # type: ignore[no-untyped-def]
     """Fill the zone codes; `breakaway` is the travel after which all elements slip [m]."""
     count = velocity.shape[0]
-    origin = position[0]
+    # The first way in one direction, unless a later one is far longer: that was noise, or a kick.
+    first = turned = k = 0
     farthest = 0.0
+    while k < count:
+        start, k = k, k + 1
+        while k < count and heading[k] == heading[start]:
+            k += 1
+        along = (position[k] - position[start]) * heading[start]
+        if along > FAR_LONGER * farthest and heading[start] != 0:
+            first, turned, farthest = start, k, along
+    origin = position[first]
+    # A quarter of the move at most, as long as that is past the breakaway.
+    travel = max(min(SLIP_MARGIN * breakaway, SLIP_PART * farthest), 1.1 * breakaway)
     for k in range(count):
-        travel = position[k + 1] - origin
-        if abs(travel) > abs(farthest):
-            farthest = travel
-    heading = 1.0 if farthest >= 0.0 else -1.0
-    first = last = -1
-    for k in range(count):
-        if abs(position[k + 1] - position[k]) > STILL_BAND:
-            if first < 0:
-                first = k
-            last = k
-    if first < 0:
-        return
-    least = max(min(SLIP_MARGIN * breakaway, SLIP_PART * abs(farthest)), SLIP_LEAST * breakaway)
-    summit, begun, turned = 0.0, False, False
-    for k in range(first, last + 1):
-        along = (position[k + 1] - origin) * heading
-        begun = begun or along > REVERSAL_BAND
-        summit = max(summit, along)
-        turned = turned or (begun and summit - along > REVERSAL_BAND)
-        sliding = (
-            not turned
-            and along > least
-            and velocity[k] * heading > SLIP_VELOCITIES * stribeck_velocity
-        )
-        zone[k] = SLIDE if sliding else STICK
+        zone[k] = STICK if heading[k] != 0 else REST
+    for k in range(first, turned):
+        along = (position[k + 1] - origin) * heading[first]
+        if along > travel and velocity[k] * heading[first] > SLIP_VELOCITIES * stribeck_velocity:
+            zone[k] = SLIDE

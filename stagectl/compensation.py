@@ -14,7 +14,6 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import cast
 
 import numpy as np
 
@@ -43,7 +42,7 @@ Figures = Mapping[str, tuple[float, float]]
 """Friction figures by name (coulomb, viscous, stiffness, relaxation_rate), each with its sigma."""
 
 
-SETTLED_DRIFT = (7e-4, 4e-4, 4e-4, 2e-4, 5e-5)
+SETTLED_DRIFT = (7e-4, 4e-4, 4e-4, 2e-4, 5e-5, 2e-4, 1e-4)
 """Relative 1-sigma per move of `estimation.belief.FIGURES` where a map takes what changes with
 place and warm-up: a history shows the others to change over days, not from move to move."""
 
@@ -106,6 +105,7 @@ class AxisCompensation:
                 position_noise=encoder_noise(axis.encoder.noise, axis.encoder.increment),
                 force_noise=quantisation(drive.force_unit),
                 peak_force=drive.peak_force,
+                request=("lag",),
                 belief=BeliefSettings(
                     wander=wander.coulomb,
                     correlation_time=wander.correlation_time,
@@ -339,12 +339,12 @@ def make_compensation(
     return made
 
 
-def _drift(settled: Mapping[str, float]) -> tuple[float, float, float, float, float]:
+def _drift(settled: Mapping[str, float]) -> tuple[float, ...]:
     """Drift of all figures; that of the Coulomb force and of the mass is not learnt."""
     drift = list(SETTLED_DRIFT)
     for name, value in settled.items():
         drift[FIGURES.index(name)] = value
-    return cast("tuple[float, float, float, float, float]", tuple(drift))
+    return tuple(drift)
 
 
 def _warm_up(axis: Axis, period: float) -> None:

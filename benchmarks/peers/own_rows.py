@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numba
 import numpy as np
-from estimation.elements import ELEMENT_ROWS, SHARES
-from estimation.rows import KNOTS, RESIDUAL, T_HAZE, T_STUCK, fill_rows
-from estimation.whitening import factor_weights, normal_equations, whiten
 
 from estimation.belief import COULOMB, LEVEL, MASS, STIFFNESS, VISCOUS, Belief
+from estimation.elements import ELEMENT_ROWS, SHARES
 from estimation.gms import element_shares
+from estimation.rows import KNOTS, RESIDUAL, T_HAZE, T_STUCK, fill_rows
+from estimation.whitening import factor_weights, normal_equations, whiten
 from estimation.window import (
     C_FORCE_NOISE,
     C_PERIOD,

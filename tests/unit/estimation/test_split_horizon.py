@@ -98,14 +98,45 @@ def test_finds_the_truth_from_a_wrong_start(data, scale):
     assert last.relaxation_rate == pytest.approx(100.0, rel=0.25)
 
 
-def test_first_macro_move_gives_coulomb_and_viscous(data):
+def test_first_macro_move_gives_all_but_the_rate(data):
     estimator = SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS)
     first = learn(estimator, data, [0])[0]
     assert first.accepted
-    assert first.zones == "A"  # of the state before it only the sum is known
+    assert first.zones == "AB"  # of the state before it only the sum is known: no onset
     assert first.friction.coulomb == pytest.approx(6.0, rel=0.04)
     assert first.friction.viscous == pytest.approx(20.0, rel=0.1)
-    assert first.friction.stiffness == TRUE.scaled(0.5).stiffness
+    assert first.friction.stiffness == pytest.approx(6e5, rel=0.1)
+    assert first.friction.relaxation_rate == TRUE.relaxation_rate
+    assert first.gain["coulomb"] > 10
+    assert first.gain["relaxation_rate"] == 1.0
+
+
+def test_what_a_move_does_not_tell_stays_and_is_named(data):
+    estimator = SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS)
+    learn(estimator, data, [0])
+    before = estimator.friction
+    micro = estimator.update(data.move(1))
+    assert micro.accepted
+    assert "viscous" in micro.held  # 60 um at 10 mm/s say nothing of it
+    assert micro.friction.viscous == pytest.approx(before.viscous, rel=1e-12)
+    assert micro.gain["viscous"] < 1.03
+
+
+def test_alpha_and_lag_on_request(data):
+    settings = replace(SETTINGS, request=("static_ratio", "lag"))
+    estimator = SplitHorizonEstimator(TRUE, settings)
+    last = learn(estimator, data)[-1]
+    alpha, alpha_sigma = last.static_ratio
+    lag, lag_sigma = last.lag
+    assert alpha == pytest.approx(0.4, abs=0.1)
+    assert alpha_sigma < 0.1
+    assert abs(lag) < 0.2 * TS
+    assert lag_sigma < 0.1 * TS
+
+
+def test_a_figure_that_there_is_not_is_an_error():
+    with pytest.raises(ValueError, match="no such figure"):
+        SplitHorizonEstimator(TRUE, replace(SETTINGS, request=("colour",)))
 
 
 def test_both_directions_give_the_same():
@@ -138,7 +169,8 @@ def test_spread_is_what_sigma_says():
 def test_sigma_shrinks_with_every_move(data):
     estimates = learn(SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS), data)
     assert estimates[-1].sigma["coulomb"] < estimates[0].sigma["coulomb"]
-    assert estimates[-1].sigma["stiffness"] < estimates[0].sigma["stiffness"] / 20
+    assert estimates[0].sigma["stiffness"] < 0.02 * 6e5  # zone B of the very first move
+    assert estimates[-1].sigma["stiffness"] < 0.6 * estimates[0].sigma["stiffness"]
 
 
 def test_frozen_keeps_the_figures_and_follows_the_level(data):
