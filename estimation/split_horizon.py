@@ -353,7 +353,9 @@ class SplitHorizonEstimator:
         state = self.state
         if state is None:
             state = self.state = FrictionState.relaxed(self._start.elements)
-        result = self._run(move, state, self._known, True)
+        # An onset of which the beginning is not known says nothing.
+        begun = self._rest is not None or (len(move.valid) > 0 and bool(move.valid[0]))
+        result = self._run(move, state, self._known and begun, True)
         if result[U_VERDICT] == ACCEPTED:
             self._jumps = 0
         elif result[U_VERDICT] == JUMP:
@@ -450,7 +452,8 @@ class SplitHorizonEstimator:
         misfit = math.sqrt(result[R_CHI_B] if stick else result[R_CHI_A])
         if whole and result[R_FAILED] == 0.0 and 1.0 < misfit <= self.settings.misfit:
             belief = _tempered(Belief(before, spread), Belief(found, uncertain), misfit)
-            found[:], uncertain[:] = belief.mean, belief.covariance
+            if not self._jumps_away(before, spread, found):  # that is for `end_update` to see
+                found[:], uncertain[:] = belief.mean, belief.covariance
         at_end = np.empty(KNOTS)
         end_update(
             samples, constants, self._masks, before, spread, found, uncertain, whole, mean,
@@ -471,6 +474,13 @@ class SplitHorizonEstimator:
         if len(going):
             state.memory[0] = going[-1]
         return result
+
+    def _jumps_away(self, before: F64, spread: F64, found: F64) -> bool:
+        """Whether a figure changes by more than drift can explain."""
+        change = np.abs(found[:MASS] / before[:MASS] - 1.0)
+        sigma = np.sqrt(spread.diagonal()[:MASS]) / before[:MASS]
+        allowed = np.maximum(self.settings.jump * sigma, self.settings.jump_share)
+        return bool((change > allowed).any())
 
     def _breakaway(self, mean: F64) -> float:
         """Travel from rest to where all elements slip, at most [m]."""

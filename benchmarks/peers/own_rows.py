@@ -10,7 +10,16 @@ import numpy as np
 from estimation.belief import COULOMB, LEVEL, MASS, STIFFNESS, VISCOUS, Belief
 from estimation.elements import ELEMENT_ROWS, SHARES
 from estimation.gms import element_shares
-from estimation.rows import KNOTS, RESIDUAL, T_HAZE, T_STUCK, fill_rows
+from estimation.rows import (
+    KNOTS,
+    RESIDUAL,
+    T_FORCE,
+    T_HAZE,
+    T_POSITION,
+    T_STUCK,
+    TABLES,
+    fill_rows,
+)
 from estimation.whitening import factor_weights, normal_equations, whiten
 from estimation.window import (
     C_FORCE_NOISE,
@@ -18,6 +27,8 @@ from estimation.window import (
     C_POSITION_NOISE,
     C_VS,
     F_UNIT,
+    R_END,
+    R_KNOWN,
     REPORT_SIZE,
     prepare,
 )
@@ -30,12 +41,17 @@ def make(problem: Problem, p: F64) -> Callable[[int], float]:
     constants, units = settings.constants(START), settings.units(START)
     shares, count = element_shares(START.elements), len(problem.velocity)
     mean = Belief.at_start(settings.belief, START).mean
-    report = np.zeros(REPORT_SIZE)
-    valid = np.ones(len(problem.position), dtype=np.bool_)
-    tables, _, ready, heading, _, end = prepare(
-        problem.position, problem.force, valid, constants, units, shares, START.coulomb, mean, True,
-        True, report,
+    shares, report = shares.copy(), np.zeros(REPORT_SIZE)
+    samples = len(problem.position)
+    tables, report[R_KNOWN] = np.empty((TABLES, samples)), START.coulomb
+    tables[T_POSITION], tables[T_FORCE] = problem.position, problem.force
+    heading, zone = np.empty(count, np.int8), np.empty(count, np.int8)
+    usable, ready = np.empty(count, np.bool_), np.zeros(count, np.bool_)
+    prepare(
+        np.ones(samples, dtype=np.bool_), constants, units, shares, mean, True, True, tables,
+        heading, zone, usable, report,
     )  # fmt: skip
+    end = int(report[R_END])
     figures = np.array([COULOMB, VISCOUS, STIFFNESS, MASS])
     relative = np.zeros(KNOTS)
     relative[:LEVEL] = mean[:LEVEL]

@@ -13,9 +13,10 @@ from estimation.zones import SLIDE, split
 TS, STEP = 1e-3, 0.05
 PRIOR, PRIOR_SIGMA = 900.0, 100.0
 TRUE = Friction(4, 2.0, 1.0, 1000.0, 2.0, 0.5, 1e-3, 1.0)
+SPREAD = (0.3, 0.5, PRIOR_SIGMA / PRIOR, 0.2, 0.05, 0.3, 0.5)
 SETTINGS = EstimatorSettings(
     1.0, TS, 1e-9, quantisation(STEP), model_error=0.0,
-    belief=BeliefSettings(start_spread=(0.3, 0.5, PRIOR_SIGMA / PRIOR, 0.2, 0.05), wander=0.0),
+    belief=BeliefSettings(start_spread=SPREAD, wander=0.0),
 )  # fmt: skip
 
 
