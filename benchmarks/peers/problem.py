@@ -175,8 +175,8 @@ def compiled_residual(  # type: ignore[no-untyped-def]
     elements, jacobian = np.empty(count), np.empty((count, 3))
     follow_elements(
         vector, vector[:1], shares, np.zeros(shares.shape[0]),
-        np.zeros(shares.shape[0], dtype=np.bool_), np.array([0.0, position[0]]), position[1 : count + 1],
-        velocity[:count], TS, SUBSTEPS, REST_BAND, elements, jacobian,
+        np.zeros(shares.shape[0], dtype=np.bool_), np.array([0.0, position[0]]),
+        position[1 : count + 1], velocity[:count], TS, SUBSTEPS, REST_BAND, elements, jacobian,
     )  # fmt: skip
     for k in range(begin, end):
         row = k - begin
