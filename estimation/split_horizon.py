@@ -71,6 +71,9 @@ _LEARNED = 0.05
 FULL_SLIP = 2.0
 """C/Fc is learned from moves of so many breakaway travels and more: shorter ones end among elements
 of which only the sum was known at rest, and what that leaves open would go into it."""
+SURE = 0.15
+"""A move that was refused leaves the elements' forces known where Fc and sigma0 are known to this,
+relative: else they have been followed with a wrong model."""
 _BYTE = np.int8
 _ZONE_A = (COULOMB, VISCOUS, MASS)
 _ZONE_B = (COULOMB, VISCOUS, STIFFNESS, RATE, MASS)
@@ -361,11 +364,18 @@ class SplitHorizonEstimator:
         elif result[U_VERDICT] == JUMP:
             self._open_up(result)
         self._end = move.time + (len(move.position) - 1) * self.settings.period
-        self._known, self._rest = True, None
+        # Followed with figures that are wrong, elements end up with the wrong forces.
+        self._known = self._frozen or result[U_VERDICT] == ACCEPTED or self._sure()
+        self._rest = None
         estimate = Estimate(result, self._start, self.settings.mass, self.settings.period)
         if estimate.accepted and not self._frozen:
             self._watch(estimate, self._end - move.time)
         return estimate
+
+    def _sure(self) -> bool:
+        """Whether the figures in force are known well enough to follow the elements with."""
+        sigma = np.sqrt(self._belief.covariance.diagonal()) / self._belief.mean.clip(1e-9)
+        return bool(sigma[COULOMB] < SURE and sigma[STIFFNESS] < SURE)
 
     def _watch(self, estimate: Estimate, duration: float) -> None:
         """Compare the level that a sound move showed with the one expected."""
