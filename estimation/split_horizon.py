@@ -41,6 +41,7 @@ from estimation.update import (
     ACCEPTED,
     F_DRIFT,
     JUMP,
+    STILL,
     U_FOUND,
     U_LEVEL,
     U_MEAN,
@@ -365,7 +366,12 @@ class SplitHorizonEstimator:
             self._open_up(result)
         self._end = move.time + (len(move.position) - 1) * self.settings.period
         # Followed with figures that are wrong, elements end up with the wrong forces.
-        self._known = self._frozen or result[U_VERDICT] == ACCEPTED or self._sure()
+        self._known = (
+            self._frozen
+            or result[U_VERDICT] == ACCEPTED
+            or (result[U_VERDICT] == STILL and self._known)
+            or self._sure()
+        )
         self._rest = None
         estimate = Estimate(result, self._start, self.settings.mass, self.settings.period)
         if estimate.accepted and not self._frozen:

@@ -59,9 +59,9 @@ def data(position, force, time=1.0, rest_force=0.0) -> MoveData:
 
 def knowing(model=TRUE, settings=SETTINGS) -> SplitHorizonEstimator:
     """An estimator that knows the state at rest, so that the next move's onset counts."""
-    estimator = SplitHorizonEstimator(model, settings)
+    relaxed = FrictionState.relaxed(model.elements)
+    estimator = SplitHorizonEstimator(model, settings, state=relaxed)
     estimator.at_rest(0.0, 0.0, 0.0)
-    estimator.update(data(np.zeros(5), np.zeros(5), 0.0))
     return estimator
 
 
