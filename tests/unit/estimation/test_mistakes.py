@@ -244,6 +244,28 @@ def test_19_state_and_figures_change_together():
     assert estimator.state.total == pytest.approx(force[-1], abs=0.1)
 
 
+@pytest.mark.parametrize("sure", [False, True])
+def test_19_elements_followed_with_wrong_figures_are_not_known(sure):
+    """After a disturbed move at half of all figures, the next onset begins nobody knows where."""
+    estimator = SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS, state=FrictionState.relaxed(4))
+    estimator.at_rest(0.0, 0.0, 0.0)
+    if sure:
+        figures = {"coulomb": 6.0, "viscous": 20.0, "stiffness": 6e5}
+        estimator.believe({name: (value, 0.02 * value) for name, value in figures.items()})
+    state = FrictionState.relaxed(4)
+    position, force = record(state=state)
+    disturbed = force + 3.0 * np.sin(np.arange(len(force)))
+    assert not estimator.update(data(position, disturbed)).accepted
+    state.settle_at(float(position[-1]))
+    rest = state.total
+    estimator.at_rest(float(position[-1]), rest, 1.9)
+    back = record(-30e-6, MICRO, state=state, start=float(position[-1]))
+    estimate = estimator.update(data(*back, 2.0, rest))
+    assert estimate.accepted == sure
+    if sure:
+        assert estimate.friction.stiffness == pytest.approx(6e5, rel=0.03)
+
+
 def test_20_each_figure_is_forgotten_at_its_own_pace():
     """Fc and sigma_v drift with temperature, sigma0 and the shape mostly do not."""
     estimator = SplitHorizonEstimator(TRUE, SETTINGS)
