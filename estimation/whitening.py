@@ -25,6 +25,11 @@ import numpy as np
 
 HARMONICS = 8
 """Of the rounding error that are told from white noise."""
+NEAREST = 1.5 * 2.0**52
+"""Added and taken away again it rounds to the nearest whole number."""
+SINE = tuple((-1.0) ** j / math.factorial(2 * j + 1) for j in range(10, -1, -1))
+COSINE = tuple((-1.0) ** j / math.factorial(2 * j) for j in range(11, -1, -1))
+"""Taylor series of sin x / x and cos x in x^2, highest power first; exact up to pi/2."""
 SMOOTHING = 6
 """The predicted force is smoothed over so many samples to either side, for its phase only."""
 
@@ -79,84 +84,124 @@ def factor_weights(  # type: ignore[no-untyped-def]
         lower[k], lowest[k], inverse[k] = first, second, weight
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
 def whiten(columns, chosen, lower, lowest):  # type: ignore[no-untyped-def]
     """Take out of every chosen column what earlier rows explain, in place."""
     count = columns.shape[1]
     n = chosen.shape[0]
-    j = 0
-    while j + 1 < n:
-        a, b = columns[chosen[j]], columns[chosen[j + 1]]
-        a1 = a2 = b1 = b2 = 0.0
+    # Three at a time, because each step waits for the one before; the last ones may come twice.
+    for j in range(0, n, 3):
+        a = columns[chosen[j]]
+        b = columns[chosen[min(j + 1, n - 1)]]
+        c = columns[chosen[min(j + 2, n - 1)]]
+        a1 = a2 = b1 = b2 = c1 = c2 = 0.0
         for k in range(count):
             first, second = lower[k], lowest[k]
             a0 = (a[k] - second * a2) - first * a1
             b0 = (b[k] - second * b2) - first * b1
-            a[k], b[k] = a0, b0
-            a2, a1, b2, b1 = a1, a0, b1, b0
-        j += 2
-    if j < n:
-        a = columns[chosen[j]]
-        a1 = a2 = 0.0
-        for k in range(count):
-            a0 = (a[k] - lowest[k] * a2) - lower[k] * a1
-            a[k] = a0
-            a2, a1 = a1, a0
+            c0 = (c[k] - second * c2) - first * c1
+            a[k], b[k], c[k] = a0, b0, c0
+            a2, a1, b2, b1, c2, c1 = a1, a0, b1, b0, c1, c0
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
-def _dot(a, b, weight):  # type: ignore[no-untyped-def]
-    total = 0.0
+def _dots(a, b0, b1, b2, b3):  # type: ignore[no-untyped-def]
+    """Products of one row with four: what is loaded once serves four sums."""
+    t0 = t1 = t2 = t3 = 0.0
     for k in range(a.shape[0]):
-        total += a[k] * b[k] * weight[k]
-    return total
+        t0 += a[k] * b0[k]
+        t1 += a[k] * b1[k]
+        t2 += a[k] * b2[k]
+        t3 += a[k] * b3[k]
+    return t0, t1, t2, t3
+
+
+@numba.njit(cache=True, error_model="numpy")
+def products(row, columns, chosen, n, out):  # type: ignore[no-untyped-def]
+    """Products of a row with the first n chosen columns, shape (>= n,)."""
+    for j in range(0, n, 4):
+        j1, j2, j3 = min(j + 1, n - 1), min(j + 2, n - 1), min(j + 3, n - 1)
+        out[j], out[j1], out[j2], out[j3] = _dots(
+            row, columns[chosen[j]], columns[chosen[j1]], columns[chosen[j2]], columns[chosen[j3]]
+        )
 
 
 @numba.njit(cache=True, error_model="numpy")
 def normal_equations(columns, chosen, inverse, normal):  # type: ignore[no-untyped-def]
     """Weighted products of all chosen whitened columns, shape (n, n), both triangles."""
-    n = chosen.shape[0]
+    n, count = chosen.shape[0], columns.shape[1]
+    weighted = np.empty(count)
     for i in range(n):
         a = columns[chosen[i]]
-        for j in range(i + 1):
-            normal[i, j] = normal[j, i] = _dot(a, columns[chosen[j]], inverse)
+        for k in range(count):
+            weighted[k] = a[k] * inverse[k]
+        products(weighted, columns, chosen, i + 1, normal[i])
+        for j in range(i):
+            normal[j, i] = normal[i, j]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def add_harmonics(residual, force, step, columns):  # type: ignore[no-untyped-def]
-    """Fill cosines and sines of the predicted force over the rounding step.
+def _parabola(reach, j):  # type: ignore[no-untyped-def]
+    """Weight of the sample j places off in a least-squares parabola over 2 reach + 1, middle."""
+    n = reach * (reach + 1.0)
+    return 3.0 * (3.0 * n - 1.0 - 5.0 * j * j) / ((2.0 * reach + 1.0) * max(4.0 * n - 3.0, 1.0))
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _series(x, factors):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for factor in factors:
+        total = total * x + factor
+    return total
+
+
+@numba.njit(cache=True, error_model="numpy")
+def add_harmonics(residual, force, step, count, columns):  # type: ignore[no-untyped-def]
+    """Fill cosines and sines of the multiples 0... of the predicted force over the rounding step.
 
     Args:
         residual: predicted minus measured force, shape (>= K,). The prediction is smoothed here:
             its noise is that of the positions, not of the force.
         force: measured, from the sample before the first row on, shape (>= K + 2,).
         step: of the rounding [N].
-        columns: written, shape (2 HARMONICS, K).
+        count: K.
+        columns: written, shape (2 HARMONICS + 2, >= K).
     """
-    count = columns.shape[1]
+    predicted, smooth, cosine, sine = columns[0], columns[1], columns[2], columns[3]
+    for k in range(count):
+        predicted[k] = (residual[k] + force[k + 1]) / step
+        smooth[k] = 0.0
+    inside = count - 2 * SMOOTHING
+    for j in range(2 * SMOOTHING + 1 if inside > 0 else 0):
+        weight = _parabola(SMOOTHING, j - SMOOTHING)
+        for k in range(inside):
+            smooth[k + SMOOTHING] += weight * predicted[k + j]
     for k in range(count):
         reach = min(SMOOTHING, k, count - 1 - k)
-        # Least-squares parabola over 2 reach + 1 samples, at its middle.
-        n = reach * (reach + 1.0)
-        scale = 3.0 / ((2.0 * reach + 1.0) * max(4.0 * n - 3.0, 1.0))
-        smooth = 0.0
         if reach == 0:
-            smooth = residual[k] + force[k + 1]
-        else:
+            smooth[k] = predicted[k]
+        elif reach < SMOOTHING:
             for j in range(-reach, reach + 1):
-                weight = scale * (3.0 * n - 1.0 - 5.0 * j * j)
-                smooth += weight * (residual[k + j] + force[k + j + 1])
-        angle = 2.0 * math.pi * (smooth / step)
-        c1, s1 = math.cos(angle), math.sin(angle)
-        c, s = c1, s1
-        for j in range(HARMONICS):
-            columns[2 * j, k], columns[2 * j + 1, k] = c, s
-            c, s = c * c1 - s * s1, s * c1 + c * s1
+                smooth[k] += _parabola(reach, j) * predicted[k + j]
+    # Straight code, for vector units: half of an angle of up to half a turn, doubled.
+    for k in range(count):
+        turns = smooth[k] - ((smooth[k] + NEAREST) - NEAREST)
+        half = math.pi * turns
+        sine_of_half = half * _series(half * half, SINE)
+        cosine[k] = 1.0 - 2.0 * sine_of_half * sine_of_half
+        sine[k] = 2.0 * sine_of_half * _series(half * half, COSINE)
+    twice = np.empty(count)
+    for k in range(count):
+        twice[k] = 2.0 * cosine[k]
+        predicted[k], smooth[k] = 1.0, 0.0
+    for j in range(4, columns.shape[0]):
+        for k in range(count):
+            columns[j, k] = twice[k] * columns[j - 2, k] - columns[j - 4, k]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
 def rounding_covariance(  # type: ignore[no-untyped-def]
-    columns, chosen, weights, residual, force, step, rest, weight, covariance
+    columns, chosen, weights, residual, force, step, rest, weight, kept, covariance
 ):
     """Correct in place a covariance that took rounding errors for white.
 
@@ -173,59 +218,57 @@ def rounding_covariance(  # type: ignore[no-untyped-def]
         rest: which of the unknowns is the force at rest before the move, known from a measured
             force that is rounded as the first row is.
         weight: of that knowledge [1/N^2].
+        kept: of which of the unknowns the covariance is wanted; the rest is left, shape (m,).
         covariance: shape (n, n).
     """
-    count, n = columns.shape[1], chosen.shape[0]
+    count, n, m = columns.shape[1], chosen.shape[0], kept.shape[0]
     lower, lowest, inverse = weights[0], weights[1], weights[2]
-    harmonics = np.empty((2 * HARMONICS, count))
-    add_harmonics(residual, force, step, harmonics)
-    # J' W as rows, unwhitened: what multiplies an error of the force.
-    gain = np.empty((n, count))
-    change, seen = np.empty((n, n)), np.empty((2 * HARMONICS, n))
-    for a in range(n):
-        column, row = columns[chosen[a]], gain[a]
-        after = later = 0.0
-        for k in range(count - 1, -1, -1):
-            value = column[k] * inverse[k]
-            if k + 1 < count:
-                value -= lower[k + 1] * after
-            if k + 2 < count:
-                value -= lowest[k + 2] * later
-            row[k] = value
-            after, later = value, after
-        for h in range(2 * HARMONICS):
-            harmonic = harmonics[h]
-            total = weight * harmonic[0] if a == rest else 0.0
+    # One place more: the error of the force at rest, which is that of the first row.
+    harmonics, gain = np.empty((2 * HARMONICS + 2, count + 1)), np.zeros((m, count + 1))
+    add_harmonics(residual, force, step, count, harmonics)
+    for h in range(harmonics.shape[0]):
+        harmonics[h, count] = harmonics[h, 0]
+    for a in range(m):
+        row = gain[a]
+        for b in range(n):
+            share, column = covariance[kept[a], b], columns[chosen[b]]
             for k in range(count):
-                total += row[k] * harmonic[k]
-            seen[h, a] = total
+                row[k] += share * column[k]
+        for k in range(count):
+            row[k] *= inverse[k]
+        row[count] = covariance[kept[a], rest] * weight
+    _unwhiten(gain, count, lower, lowest)
     white = 0.0
     for j in range(HARMONICS):
         white += 0.5 * (step / (math.pi * (j + 1))) ** 2
-    for a in range(n):
+    order = np.arange(max(2 * HARMONICS + 2, m))
+    seen, common = np.empty((m, 2 * HARMONICS)), np.empty(m)
+    for a in range(m):
+        products(gain[a], harmonics, order[2:], 2 * HARMONICS, seen[a])
+        products(gain[a], gain, order, a + 1, common)
         for b in range(a + 1):
-            total = 0.0
-            for k in range(count):
-                total += gain[a, k] * gain[b, k]
-            total *= -white
+            total = -white * common[b]
             for h in range(2 * HARMONICS):
                 variance = 0.5 * (step / (math.pi * (h // 2 + 1))) ** 2
-                total += variance * seen[h, a] * seen[h, b]
-            change[a, b] = change[b, a] = total
-    change[rest, rest] -= white * weight * weight
-    half = np.empty((n, n))
-    for a in range(n):
-        for b in range(n):
-            total = 0.0
-            for c in range(n):
-                total += covariance[a, c] * change[c, b]
-            half[a, b] = total
-    for a in range(n):
-        for b in range(n):
-            total = 0.0
-            for c in range(n):
-                total += half[a, c] * covariance[c, b]
-            change[a, b] = total
-    for a in range(n):
-        for b in range(n):
-            covariance[a, b] += change[a, b]
+                total += variance * seen[a, h] * seen[b, h]
+            covariance[kept[a], kept[b]] += total
+            if b < a:
+                covariance[kept[b], kept[a]] += total
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _unwhiten(rows, count, lower, lowest):  # type: ignore[no-untyped-def]
+    """Solve with the transpose of L, in place, over the first `count` places of every row."""
+    n = rows.shape[0]
+    for j in range(0, n, 4):  # the last ones may come twice
+        a, b = rows[j], rows[min(j + 1, n - 1)]
+        c, d = rows[min(j + 2, n - 1)], rows[min(j + 3, n - 1)]
+        a1 = a2 = b1 = b2 = c1 = c2 = d1 = d2 = first = second = third = 0.0
+        for k in range(count - 1, -1, -1):
+            a0 = (a[k] - second * a2) - first * a1
+            b0 = (b[k] - second * b2) - first * b1
+            c0 = (c[k] - second * c2) - first * c1
+            d0 = (d[k] - second * d2) - first * d1
+            a[k], b[k], c[k], d[k] = a0, b0, c0, d0
+            a2, a1, b2, b1, c2, c1, d2, d1 = a1, a0, b1, b0, c1, c0, d1, d0
+            first, second, third = lower[k], third, lowest[k]

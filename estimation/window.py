@@ -311,9 +311,12 @@ def fit(  # type: ignore[no-untyped-def]
         report[R_FAILED] = 1.0
         return
     if not linear and report[R_STEP] > 0.0:
+        kept = np.arange(figures + min(knots, 1))  # what `_believe` takes
+        if knots > 0:
+            kept[figures] = first - 1
         rounding_covariance(
             rows, chosen[:n], weights, tables[T_SCALE], tables[T_FORCE], report[R_STEP], first,
-            1.0 / white, information,
+            1.0 / white, kept, information,
         )  # fmt: skip
     _believe(p, information, chosen, figures, knots, prior_mean, prior_covariance, mean, covariance)
     for a in range(figures):

@@ -65,7 +65,7 @@ def test_rounding_of_a_plateau_does_not_average_out():
         covariance = np.diag([step**2 / 12.0 / COUNT, 1e-12])
         rounding_covariance(
             columns, np.arange(2), np.array([lower, lowest, inverse]), slope * np.arange(COUNT),
-            np.zeros(COUNT + 2), step, 1, 0.0, covariance,
+            np.zeros(COUNT + 2), step, 1, 0.0, np.arange(1), covariance,
         )  # fmt: skip
         return np.sqrt(covariance[0, 0])
 
