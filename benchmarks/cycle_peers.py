@@ -40,8 +40,11 @@ from stagectl.config.mapping import driver_settings, stage_settings
 LOCKSTEP_CYCLES, VIRTUAL_CYCLES, READS = 10_000, 2_000, 2_000
 PRESENT_POSITION = 37
 """Homing method that takes no time."""
-PATIENCE = 0.1
-"""SYNC period where the drives are in another thread [s]: half of it is waited for their TPDOs."""
+PATIENCE = 0.02
+"""SYNC period where the drives are in another thread [s]: half of it is waited for their TPDOs.
+
+The host's heartbeat goes by this grid, as in a run: with every fifth of our cycles goes a frame
+that canopen does not send."""
 NODES = (1, 2)
 RATES = {"lockstep, cycles": 60_000.0}
 """Per second, to be reached."""

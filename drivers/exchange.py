@@ -21,8 +21,13 @@ from drivers.sync import SYNC_ID, KernelSync, hear_own_frames
 _SILENT_PERIODS, _SILENT_NS = 10, 100_000_000
 """The kernel's SYNC is gone when none comes for so long."""
 _MOST_NS = (1 << 31) - 1
+_EVER_NS = 1 << 62
 _WINDOW_SHARE = 0.6
 """Of the drives' SYNC window: when it ends, our own setpoints must be out as well."""
+
+
+Frames = Sequence[tuple[Channel, bytes]]
+"""The RPDOs before a SYNC: one of each axis."""
 
 
 class Exchange:
@@ -58,6 +63,7 @@ class Exchange:
         self._sync = OwnFrame(arbitration_id=SYNC_ID, is_extended_id=False, data=b"")
         self._overflow, self._count = settings.sync_counter, 0
         self._strict = bool(settings.window_us)  # what comes after the SYNC window does not count
+        self._latest = self._window if self._strict else _EVER_NS
         self._sync_at = 0
         self._stall = (0, 0)
         self._kernel: KernelSync | None = None
@@ -118,7 +124,7 @@ class Exchange:
             self._network.own_ids.add(SYNC_ID)
             self._due = self._network.clock.now_ns()
 
-    def run(self, frames: Sequence[bytes]) -> int:
+    def run(self, frames: Frames) -> int:
         """One SYNC; returns 1 when it was late, else 0. `sent` is its place on the grid."""
         network = self._network
         if network.bus is None:
@@ -130,7 +136,7 @@ class Exchange:
         except (can.CanError, OSError) as why:
             raise network.failure("cyclic exchange failed", why) from why
 
-    def _lead(self, bus: can.BusABC, frames: Sequence[bytes]) -> int:
+    def _lead(self, bus: can.BusABC, frames: Frames) -> int:
         """One SYNC of our own, at its instant on the grid."""
         network, now_ns = self._network, self._now_ns
         send, recv = bus.send, bus.recv
@@ -163,11 +169,13 @@ class Exchange:
         if self._arrived is not None:
             now = now_ns()
         for channel in self.channels:
-            channel.before, channel.extra = channel.extra, 0
+            channel.before = channel.extra
+            channel.extra = 0
         self._send_sync(send, now)
-        self.offset = min(now - due, _MOST_NS)
+        off = now - due
+        self.offset = off if off < _MOST_NS else _MOST_NS
         self.doubt = min(now_ns() - now, _MOST_NS) if self._at_once else -1
-        self._collect(recv, now, now + self._window)
+        self._collect(recv, now)
         return late
 
     def _send_sync(self, send: Callable[[can.Message], None], now: int) -> None:
@@ -196,7 +204,7 @@ class Exchange:
         self._send_sync(send, self._sync_at)
         return int(not fresh)
 
-    def _follow(self, bus: can.BusABC, frames: Sequence[bytes]) -> int:
+    def _follow(self, bus: can.BusABC, frames: Frames) -> int:
         """One SYNC of the kernel's: the first that goes over the bus after our setpoints."""
         network, recv = self._network, bus.recv
         now = network.clock.now_ns()
@@ -225,7 +233,7 @@ class Exchange:
             self._phase = at - self.sent
         self.offset = max(-_MOST_NS, min(at - self.sent - self._phase, _MOST_NS))
         self.doubt = 0  # its own stamp: when it was on the bus
-        self._collect(recv, at, at + self._window)
+        self._collect(recv, at)
         return late
 
     def _await_sync(
@@ -258,65 +266,65 @@ class Exchange:
                 return begun, self._synced
 
     def _send_setpoints(
-        self, send: Callable[[can.Message], None], frames: Sequence[bytes], now: int
+        self, send: Callable[[can.Message], None], frames: Frames, now: int
     ) -> None:
         tap = self._network.tap
-        for channel, frame in zip(self.channels, frames, strict=True):
+        for channel, frame in frames:
             message = channel.rpdo
             message.data = bytearray(frame)  # not in place: a receiver may keep its own
             if tap is not None:
                 tap(now, message.arbitration_id, frame)
             send(message)
 
-    def _collect(
-        self, recv: Callable[[float], can.Message | None], sent: int, deadline: int
-    ) -> None:
+    def _collect(self, recv: Callable[[float], can.Message | None], sent: int) -> None:
         """Receives until every axis' TPDO is there, or nothing more has come by the deadline."""
-        by_id, now_ns, tap = self._by_id, self._now_ns, self._network.tap
-        arrived = self._arrived
-        left = len(self.channels)
+        channels, by_id, tap = self.channels, self._by_id, self._network.tap
+        now_ns, arrived, latest = self._now_ns, self._arrived, self._latest
+        deadline = sent + self._window
+        left = len(channels)
         self._sync_at = sent
-        for asked in self.channels:
-            asked.valid = False
-            asked.arrival = -1
-        wait = (deadline - sent) * 1e-9
-        if arrived is not None:
-            for asked in self.channels:
+        if arrived is None:
+            for asked in channels:
+                asked.valid = False
+            now = sent
+        else:
+            for asked in channels:
+                asked.valid = False
                 asked.previous, asked.tardy = asked.tardy, None
-            wait = max(0.0, (deadline - now_ns()) * 1e-9)
-        while left:
-            message = recv(wait)
             now = now_ns()
-            if message is not None:
-                channel = by_id.get(message.arbitration_id)
-                data = message.data
-                if channel is None or len(data) != channel.size or message.is_extended_id:
-                    self._between(message)
-                    if self._begun:  # the kernel's next SYNC: nothing more comes for this one
-                        break
-                else:
-                    at = now if arrived is None else arrived(message.timestamp, now)
-                    if tap is not None:
-                        tap(now, message.arbitration_id, bytes(data))
-                    if channel.valid or at < sent or (self._strict and at > deadline):
-                        self._besides(channel)
-                    else:
-                        channel.statusword, channel.position, channel.force = channel.unpack(data)
-                        channel.arrival = at - sent
-                        channel.valid = channel.seen = True
-                        channel.missed = 0
-                        left -= 1
-                        if not left:
-                            return
-            elif now >= deadline:
-                break
+        while True:
             # past the deadline what waits in the queue still counts: it was us who were late
-            wait = (deadline - now) * 1e-9 if now < deadline else 0.0
-        if left:
-            self.missed += left
-            for channel in self.channels:
-                if not channel.valid:
-                    channel.missed += 1
+            message = recv((deadline - now) * 1e-9 if now < deadline else 0.0)
+            now = now_ns()
+            if message is None:
+                if now < deadline:
+                    continue
+                break
+            data = message.data
+            channel = by_id.get(message.arbitration_id)
+            if channel is None or len(data) != channel.size or message.is_extended_id:
+                self._between(message)
+                if self._begun:  # the kernel's next SYNC: nothing more comes for this one
+                    break
+                continue
+            if tap is not None:
+                tap(now, message.arbitration_id, bytes(data))
+            arrival = (now if arrived is None else arrived(message.timestamp, now)) - sent
+            if channel.valid or not 0 <= arrival <= latest:
+                self._besides(channel)
+                continue
+            channel.statusword, channel.position, channel.force = channel.unpack(data)
+            channel.arrival = arrival
+            channel.valid = channel.seen = True
+            channel.missed = 0
+            left -= 1
+            if not left:
+                return
+        self.missed += left
+        for channel in channels:
+            if not channel.valid:
+                channel.arrival = -1
+                channel.missed += 1
 
     def _between(self, message: can.Message) -> None:
         """A frame that is no TPDO of this cycle: the kernel's SYNC, one too many, or another's."""

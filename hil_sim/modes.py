@@ -120,6 +120,9 @@ class Mode:
         return low - offset, high - offset
 
 
+_TARGET, _OFFSET = o.TARGET_POSITION, o.TORQUE_OFFSET
+
+
 class CyclicPosition(Mode):
     """csp (8): bit 12 says that the drive follows the command value."""
 
@@ -169,14 +172,16 @@ class CyclicPosition(Mode):
         """Take over the pair of this SYNC."""
         if self.halted:
             return
-        target: int = self._values[o.TARGET_POSITION]  # type: ignore[assignment]
-        force: int = self._values[o.TORQUE_OFFSET]  # type: ignore[assignment]
-        bits = MODE_BIT_12
-        if not self._low <= target <= self._high:
+        values, limit = self._values, self._force_limit
+        target: int = values[_TARGET]  # type: ignore[assignment]
+        force: int = values[_OFFSET]  # type: ignore[assignment]
+        if self._low <= target <= self._high:
+            bits = MODE_BIT_12
+        else:
             target = min(max(target, self._low), self._high)
             bits = INTERNAL_LIMIT
-        if abs(force) > self._force_limit:
-            force = self._force_limit if force > 0 else -self._force_limit
+        if not -limit <= force <= limit:
+            force = limit if force > 0 else -limit
         self._before = self._last
         self._last = target
         self._command(target, force, self._ticks)

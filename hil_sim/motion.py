@@ -91,6 +91,7 @@ class MotionControl:
         self.following = False
         self._dictionary = dictionary
         self._motor = motor
+        self._worst_following_error = motor.worst_following_error
         self._segment = segment
         self._emergency = emergency
         self._advance_to = advance_to
@@ -143,7 +144,11 @@ class MotionControl:
     def on_sync(self) -> None:
         """Take over the setpoints of this SYNC; only while `following`."""
         self._mode.on_sync()
-        self._supervise()
+        worst = self._worst_following_error()
+        if worst > self._calm:
+            self._supervise(worst)
+        else:
+            self._overloaded_ns = self._outside_ns = None
         self._syncs += 1
         if not self._syncs & 7:  # a switch does not run away
             self._watch_travel()
@@ -167,6 +172,7 @@ class MotionControl:
     def _configure(self) -> None:
         window = self._dictionary.integer(o.FOLLOWING_WINDOW)
         self._window = math.inf if window == o.OFF else float(window)
+        self._calm = min(self._window, self._overload)
         self._timeout_ns = self._dictionary.integer(o.FOLLOWING_TIMEOUT) * 1_000_000
         self._mode.configure()
 
@@ -425,7 +431,7 @@ class MotionControl:
         else:
             self._step()
         if self.state in _POWERED:
-            self._supervise()
+            self._supervise(self._worst_following_error())
             self._watch_travel()
 
     def _watch_travel(self) -> None:
@@ -437,8 +443,8 @@ class MotionControl:
             if beyond:
                 self.fault(OVER_TRAVEL)
 
-    def _supervise(self) -> None:
-        worst = self._motor.worst_following_error()
+    def _supervise(self, worst: float) -> None:
+        """Over-current and following error, by the worst following error [units]."""
         if worst > self._overload:
             self._watch_force()
         else:

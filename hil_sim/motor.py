@@ -40,6 +40,7 @@ class Motor:
         self.origin = plant.encoder(axis)
         self.open = False
         self._streamed = False
+        self._streams = False  # the clock runs, and the loop is closed
 
     def counter(self) -> int:
         """True encoder counter [increments], 0 at the index mark."""
@@ -47,8 +48,8 @@ class Motor:
 
     def position(self) -> int:
         """Position actual value [units], INTEGER32."""
-        counts = self._plant.encoder(self._axis) - self.origin
-        value = counts * self._whole if self._whole else round(counts * self._scale)
+        counts, whole = self._plant.encoder(self._axis) - self.origin, self._whole
+        value = counts * whole if whole else round(counts * self._scale)
         return value if -0x80000000 <= value <= 0x7FFFFFFF else _int32(value)
 
     def velocity(self) -> int:
@@ -82,17 +83,23 @@ class Motor:
         """Close the loop at the present position, or take the force off."""
         self._plant.power(self._axis, on)
         self.open = False
+        self._streams = self._streamed
 
     def command(self, position: int, permille: int, ticks: int) -> None:
         """Ramp to a target [units] and force offset [1/1000 rated] within `ticks` control ticks."""
+        if not self._streams:
+            self._begin_streaming()
+        whole = self._whole
+        true = (position + self.origin * whole) * self.unit if whole else self.to_true(position)
+        self._plant.command(self._axis, true, permille * self._permille, ticks)
+
+    def _begin_streaming(self) -> None:
         if not self._streamed:
             self._streamed = True
             self._plant.start_clock()
         if self.open:
             self.power(True)
-        whole = self._whole
-        true = (position + self.origin * whole) * self.unit if whole else self.to_true(position)
-        self._plant.command(self._axis, true, permille * self._permille, ticks)
+        self._streams = True
 
     def command_true(self, position: float, ticks: int) -> None:
         """Ramp to a true coordinate [m] within `ticks` control ticks, force offset 0."""
@@ -104,5 +111,6 @@ class Motor:
         """This force from the next control tick on [1/1000 rated], whatever the position."""
         if not self.open:
             self.open = True
+            self._streams = False
             self._plant.open_loop(self._axis)
         self._plant.command(self._axis, self.demand(), permille * self._permille, 1)

@@ -20,7 +20,7 @@ from canopen import SdoAbortedError
 from canopen.objectdictionary import datatypes
 from canopen.sdo import constants as abort
 
-from hil_sim.dictionary import Dictionary, key
+from hil_sim.dictionary import Dictionary, Value, key
 from hil_sim.ports import CanSegment, Timer
 
 _ENTRIES = range(1, 9)
@@ -142,7 +142,14 @@ class RpdoOwner(Protocol):
 
 
 class Rpdo(_Pdo):
-    """A PDO that the drive receives."""
+    """A PDO that the drive receives.
+
+    Attributes:
+        pending: received, and waiting for the SYNC.
+        windowed: it counts only within the SYNC window.
+        apply: stores a frame's values, then lets the objects that act on a write do so; made by
+            `compile`.
+    """
 
     receive = True
 
@@ -159,7 +166,7 @@ class Rpdo(_Pdo):
         self._due_ns = 0
         self._timer: Timer | None = None
         self._reported = False
-        self._guarded = False
+        self.apply: Callable[[bytes], None] = self._apply_guarded
         self._hooks: tuple[tuple[int, Callable[[int], None]], ...] = ()
 
     def compile(self) -> None:
@@ -170,9 +177,14 @@ class Rpdo(_Pdo):
         d = self.dictionary
         self._deadline_ns = d.integer(self.deadline_key) * 1_000_000
         self._hooks = tuple((k, d.on_write[k]) for k in self.keys if k in d.on_write)
-        self._guarded = any(
+        guarded = any(
             k in d.check or d.variables[k].min is not None or d.variables[k].max is not None
             for k in self.keys
+        )
+        self.apply = (
+            self._apply_guarded
+            if guarded
+            else _writer(d.values, self.keys, self.codec.unpack, self._hooks)
         )
 
     def stop(self) -> None:
@@ -201,15 +213,11 @@ class Rpdo(_Pdo):
         elif not self.windowed or self._engine.in_window():
             self.pending = data
 
-    def apply(self, data: bytes) -> None:
-        """Store the values, then let the objects that act on a write do so."""
+    def _apply_guarded(self, data: bytes) -> None:
         values = self.dictionary.values
-        if self._guarded:
-            for k, value in zip(self.keys, self.codec.unpack(data), strict=True):
-                if self._acceptable(k, value):
-                    values[k] = value
-        else:
-            values.update(zip(self.keys, self.codec.unpack(data), strict=True))
+        for k, value in zip(self.keys, self.codec.unpack(data), strict=True):
+            if self._acceptable(k, value):
+                values[k] = value
         for k, hook in self._hooks:
             hook(values[k])  # type: ignore[arg-type]
 
@@ -316,6 +324,34 @@ class Tpdo(_Pdo):
     def _check_inhibit(self, value: int) -> None:
         if self._exists():
             raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
+
+
+def _writer(
+    values: dict[int, Value],
+    keys: tuple[int, ...],
+    unpack: Callable[[bytes], tuple[Any, ...]],
+    hooks: tuple[tuple[int, Callable[[int], None]], ...],
+) -> Callable[[bytes], None]:
+    """What stores the values of an RPDO that takes any; it runs at every SYNC."""
+
+    def write(data: bytes) -> None:
+        values.update(zip(keys, unpack(data), strict=True))
+        for k, hook in hooks:
+            hook(values[k])  # type: ignore[arg-type]
+
+    if len(keys) != 3 or len(hooks) != 1 or hooks[0][0] != keys[0]:
+        return write
+
+    # as our own host maps it: the controlword acts, two setpoints are only stored
+    first, second, third = keys
+    act = hooks[0][1]
+
+    def write_three(data: bytes) -> None:
+        word, values[second], values[third] = unpack(data)
+        values[first] = word
+        act(word)
+
+    return write_three
 
 
 def _sampler(pack: Callable[..., bytes], readers: list[Callable[[], Any]]) -> Callable[[], bytes]:

@@ -50,6 +50,8 @@ class World:
         self._handlers = Subscriptions()
         self._frames: deque[Frame] = deque()
         self._queues: tuple[tuple[object, deque[Frame]], ...] = ()
+        self._hosts: tuple[Callable[[Frame], None], ...] = ()  # what a node sends goes to
+        self._others: dict[object, tuple[Callable[[Frame], None], ...]] = {}
         self._delivering = False
         _worlds[name] = self
 
@@ -79,8 +81,8 @@ class World:
         if self._frames or can_id in self._handlers:
             self._frames.append(frame)
         else:  # only hosts want it, and nothing is ahead of it
-            for _, queue in self._queues:
-                queue.append(frame)
+            for hand_to in self._hosts:
+                hand_to(frame)
 
     def at(self, time_ns: int, action: Callable[[], None]) -> PendingAction:
         """Call `action` when virtual time reaches `time_ns` (at the next wait if it has)."""
@@ -105,11 +107,19 @@ class World:
 
     def connect(self, owner: object, queue: deque[Frame]) -> None:
         """Append every frame from now on to `queue`; `owner` is told its own frames apart by."""
-        self._queues = (*self._queues, (owner, queue))
+        self._arrange((*self._queues, (owner, queue)))
 
     def disconnect(self, queue: deque[Frame]) -> None:
         """Undo `connect`."""
-        self._queues = tuple(entry for entry in self._queues if entry[1] is not queue)
+        self._arrange(tuple(entry for entry in self._queues if entry[1] is not queue))
+
+    def _arrange(self, queues: tuple[tuple[object, deque[Frame]], ...]) -> None:
+        self._queues = queues
+        self._hosts = tuple(queue.append for _, queue in queues)
+        self._others = {
+            owner: tuple(queue.append for other, queue in queues if other is not owner)
+            for owner, _ in queues
+        }
 
     def transmit(
         self,
@@ -119,24 +129,21 @@ class World:
         flags: tuple[bool, bool, bool] = DATA_FRAME,
     ) -> None:
         """Send a host's frame and deliver it with everything that follows from it."""
-        frame: Frame = (self.now_ns, can_id, data, flags, owner)
         frames, handlers_of = self._frames, self._handlers.get
         if self._delivering:
-            frames.append(frame)
+            frames.append((self.now_ns, can_id, data, flags, owner))
             return
         self._delivering = True
         try:
             while True:  # this frame, and all that its receivers send at once, in order
-                for host, queue in self._queues:
-                    if host is not owner:
-                        queue.append(frame)
+                for hand_to in self._others.get(owner, self._hosts):
+                    hand_to((self.now_ns, can_id, data, flags, owner))
                 if flags is DATA_FRAME:
                     for handler in handlers_of(can_id, _NOBODY):
                         handler(data)
                 if not frames:
                     return
-                frame = frames.popleft()
-                _, can_id, data, flags, owner = frame
+                _, can_id, data, flags, owner = frames.popleft()
         finally:
             self._delivering = False
 
