@@ -54,6 +54,7 @@ class Control(IntFlag):
     NEW_SETPOINT = 0x0010  # pp
     CHANGE_IMMEDIATELY = 0x0020  # pp
     RELATIVE = 0x0040  # pp
+    CHANGE_ON_SETPOINT = 0x0200  # pp
     START_HOMING = 0x0010  # hm
     HALT = 0x0100
 

@@ -7,7 +7,8 @@ all axes. Who may call, and when, is `stage.py`'s.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from drivers.limits import (
     checked_velocities,
 )
 from drivers.power import HOLDING_TIMEOUT, RINGING_TIMEOUT, Power, state_of
+from drivers.profile_moves import ProfileMoves
 from drivers.realtime import RealTime
 from drivers.safe_stop import SafeStop
 from drivers.samples import Samples
@@ -166,6 +168,19 @@ class Motion:
             channel.axis.set_profile(velocity, acceleration)
             self._enter(Mode.PROFILE_POSITION, self._cycle.channels)
             profile_position.move(self._cycle, channel, setpoints, self._period)
+        self.enable()
+
+    @contextmanager
+    def profile_moves(self, velocity: float, acceleration: float) -> Iterator[ProfileMoves]:
+        """All axes in pp meanwhile, and back to csp."""
+        self._check_enabled()
+        for axis in self._axes:
+            axis.check_mode(Mode.PROFILE_POSITION)
+        with self._stopping.on_failure():
+            self._enter(Mode.PROFILE_POSITION, self._cycle.channels)
+            moves = ProfileMoves(self._cycle, self._power, velocity, acceleration, self._period)
+            yield moves
+            moves.end()
         self.enable()
 
     def _channel(self, axis: str) -> Channel:

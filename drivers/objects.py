@@ -84,6 +84,7 @@ ACCELERATION_FACTOR = ObjectRef(0x6097, 1, "acceleration factor")
 ACCELERATION_DIVISOR = ObjectRef(0x6097, 2, "acceleration factor, divisor")
 VELOCITY_UNIT = ObjectRef(0x60A9, 0, "SI unit velocity")
 ACCELERATION_UNIT = ObjectRef(0x60AA, 0, "SI unit acceleration")
+POSITIONING_OPTION = ObjectRef(0x60F2, 0, "positioning option code")
 VELOCITY_ACTUAL = ObjectRef(0x606C, 0, "velocity actual value")
 DIGITAL_INPUTS = ObjectRef(0x60FD, 0, "digital inputs")
 INTERLOCK = 1 << 3  # of them: STO, or the enable input is open

@@ -34,7 +34,11 @@ OFFSET_RAMP = 0.05
 IN_FAULT = "is in fault, to be reset first (stagectl enable --reset)"
 
 _MODE_BITS = int(
-    Control.NEW_SETPOINT | Control.CHANGE_IMMEDIATELY | Control.RELATIVE | Control.HALT
+    Control.NEW_SETPOINT
+    | Control.CHANGE_IMMEDIATELY
+    | Control.RELATIVE
+    | Control.CHANGE_ON_SETPOINT
+    | Control.HALT
 )
 
 
@@ -259,6 +263,15 @@ class Power:
             AxisFault: an axis faults, or still moves after `timeout` [s].
             BusError: the bus fails.
         """
+        self.stand_still(timeout)
+        for channel in self.channels:
+            channel.rest()
+            channel.controlword &= ~int(Control.HALT)
+        self._cycle.resume()
+        self._cycle.exchange()
+
+    def stand_still(self, timeout: float) -> None:
+        """Brakes by controlword bit 8, which stays set; raises as `halt`."""
         recent: deque[tuple[int, ...]] = deque(maxlen=REST_SYNCS)
         for channel in self.channels:
             channel.controlword |= int(Control.HALT)
@@ -274,14 +287,8 @@ class Power:
             )
             # bit 10 says velocity 0 with halt; a drive without it is believed at rest
             if still and all(c.valid for c in self.channels):
-                break
-        else:
-            raise fault(self.channels[0], f"still moves {timeout:g} s after halt")
-        for channel in self.channels:
-            channel.rest()
-            channel.controlword &= ~int(Control.HALT)
-        self._cycle.resume()
-        self._cycle.exchange()
+                return
+        raise fault(self.channels[0], f"still moves {timeout:g} s after halt")
 
     def switch_off(self) -> None:
         """Power off on all axes, whatever state they are in; stays silent about faults.

@@ -58,7 +58,7 @@ def move(cycle: Cycle, channel: Channel, setpoints: Sequence[Setpoint], period: 
     """
     room, bits = HANDSHAKE_TIMEOUT, int(Control.CHANGE_IMMEDIATELY)
     for number, setpoint in enumerate(setpoints):
-        acknowledged = _hand_over(cycle, channel, setpoint, bits, room, period)
+        acknowledged = hand_over(cycle, channel, setpoint, bits, room, period)
         if not acknowledged or number == len(setpoints) - 1:
             limit = room + setpoint.duration + SETTLING_TIMEOUT
             _reach(cycle, channel, setpoint, limit, period)
@@ -68,16 +68,41 @@ def move(cycle: Cycle, channel: Channel, setpoints: Sequence[Setpoint], period: 
         channel.target = channel.position
 
 
-def _hand_over(
-    cycle: Cycle, channel: Channel, setpoint: Setpoint, bits: int, room: float, period: float
+def hand_over(
+    cycle: Cycle,
+    channel: Channel,
+    setpoint: Setpoint,
+    bits: int,
+    room: float,
+    period: float,
+    instead: bool = False,
 ) -> bool:
-    """One handshake; returns whether the drive acknowledged."""
+    """One handshake.
+
+    Args:
+        cycle: the cyclic path.
+        channel: the axis.
+        setpoint: what the drive is to take.
+        bits: 5, 8 and 9 of the controlword.
+        room: how long the drive may take to have room for it [s].
+        period: Ts [s].
+        instead: the drive has no room, and takes this one for what waits there.
+
+    Returns:
+        Whether the drive acknowledged.
+
+    Raises:
+        AxisFault: it did neither that nor move, or the axis faults.
+    """
     word = int(Command.ENABLE_OPERATION) | bits
     if setpoint.relative:
         word |= int(Control.RELATIVE)
     ready = Status.SETPOINT_ACKNOWLEDGED
     channel.target, channel.offset, channel.controlword = setpoint.target, 0, word
-    _wait(cycle, channel, ready, False, room, period, "is ready for")
+    if instead:
+        cycle.exchange()
+    else:
+        _wait(cycle, channel, ready, False, room, period, "is ready for")
     channel.controlword = word | int(Control.NEW_SETPOINT)
     before = channel.position
     acknowledged = True
@@ -96,7 +121,7 @@ def _hand_over(
             "statusword bit 12 in pp is not offered: set-points are not acknowledged"
         )
     channel.controlword = word
-    if not acknowledged or bits:
+    if not acknowledged or bits & Control.CHANGE_IMMEDIATELY:
         _wait(cycle, channel, ready, False, HANDSHAKE_TIMEOUT, period, "releases")
     else:
         cycle.exchange()  # bit 12 stays while the queue is full

@@ -10,7 +10,8 @@ thread at a time has the bus; objects can be read and written from any thread me
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Concatenate, ParamSpec, TypeVar
 
@@ -25,6 +26,7 @@ from drivers.cycle import Cycle, Sink, Until
 from drivers.errors import BusError, ConfigurationError, DriverError
 from drivers.motion import Motion
 from drivers.power import Power
+from drivers.profile_moves import ProfileMoves
 from drivers.realtime import RealTime
 from drivers.safe_stop import SafeStop
 from drivers.samples import Samples
@@ -355,6 +357,24 @@ class Stage(StageState):
             AxisFault: the axis faulted or did not arrive; all axes are stopped.
         """
         self._motion.move_to(axis, position, velocity, acceleration, relative)
+
+    @contextmanager
+    def profile_moves(self, velocity: float, acceleration: float) -> Iterator[ProfileMoves]:
+        """Moves by the drives' own profiles, to be changed while they are under way.
+
+        At the end all targets are waited for; the axes end enabled in csp. Whatever is raised
+        inside stops all axes. The bus is this thread's meanwhile.
+
+        Args:
+            velocity: of the profiles, if nothing else is said [m/s].
+            acceleration: both ways [m/s^2].
+
+        Raises:
+            AxisFault: the stage is not enabled, an axis faults or does not arrive.
+            ConfigurationError: a drive without pp.
+        """
+        with self._network.lock, self._motion.profile_moves(velocity, acceleration) as moves:
+            yield moves
 
 
 def _check_unique(axes: Sequence[AxisSettings]) -> None:

@@ -2,8 +2,10 @@
 
 Write 0x607A, raise controlword bit 4; the drive takes it and raises statusword bit 12; lower bit
 4, and bit 12 falls when the drive can take another. Bit 5: at once, else one set-point waits for
-the present one to end; bit 6: relative to the target before. Bit 10 says that the position is
-within 0x6067 of the target for 0x6068. Not offered: bit 9, passing a set-point without a stop.
+the present one to end; bit 6: relative to the target before. With bit 9 and without bit 5 the
+present target is passed at its own profile velocity, where the one that waits lies further on; where
+it lies back, there is a stop as without bit 9. At once counts also while one waits, which is
+forgotten then. Bit 10 says that the position is within 0x6067 of the target for 0x6068.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from dataclasses import dataclass
 from hil_sim import objects as o
 from hil_sim.modes import INTERNAL_LIMIT, MODE_BIT_12, TARGET_REACHED, Context, Mode
 
-NEW_SETPOINT, IMMEDIATELY, RELATIVE = 1 << 4, 1 << 5, 1 << 6
+NEW_SETPOINT, IMMEDIATELY, RELATIVE, PASSING = 1 << 4, 1 << 5, 1 << 6, 1 << 9
 ACKNOWLEDGE = MODE_BIT_12
 JERK_LIMITED = 3  # of 0x6086
 
@@ -25,11 +27,13 @@ class Setpoint:
     Attributes:
         target: [nm], inside the soft limits.
         clipped: it was asked for beyond them.
+        passing: the target before is passed without a stop.
         speed, acceleration, deceleration, jerk: SI units, jerk None: not limited.
     """
 
     target: int
     clipped: bool
+    passing: bool
     speed: float
     acceleration: float
     deceleration: float
@@ -45,11 +49,13 @@ class ProfilePosition(Mode):
         self._waiting: Setpoint | None = None
         self._target = 0
         self._inside_ns: int | None = None
+        self._passing = 0  # direction in which the target is passed, 0: there is a stop
 
     def start(self) -> None:
         """Rest (or come to rest) where the demand is; that is the target."""
         motor = self.context.motor
         self._active = self._waiting = None
+        self._passing = 0
         self._target = motor.to_drive(motor.demand())
         self._inside_ns = None
         self.set_bits(0)
@@ -57,9 +63,10 @@ class ProfilePosition(Mode):
     def on_controlword(self, word: int, before: int) -> None:
         """Handshake of bit 4."""
         if word & NEW_SETPOINT and not before & NEW_SETPOINT:
-            if self.bits & ACKNOWLEDGE:
+            at_once = bool(word & IMMEDIATELY)
+            if self.bits & ACKNOWLEDGE and not at_once:
                 return  # both places are taken
-            self._take(bool(word & IMMEDIATELY), bool(word & RELATIVE))
+            self._take(at_once, bool(word & RELATIVE), bool(word & PASSING))
         elif not word & NEW_SETPOINT and self._waiting is None:
             self.set_bits(self.bits & ~ACKNOWLEDGE)
 
@@ -68,13 +75,14 @@ class ProfilePosition(Mode):
         super().tick()
         if self.halted:
             return
-        if not self.context.generator.done:
-            return
-        if self._waiting is not None:
+        done = self.context.generator.done
+        if self._waiting is not None and (done or self._passed()):
             setpoint, self._waiting = self._waiting, None
             self._run(setpoint)
             if not self.integer(o.CONTROLWORD) & NEW_SETPOINT:
                 self.set_bits(self.bits & ~ACKNOWLEDGE)
+            return
+        if not done:
             return
         window = self.integer(o.POSITION_WINDOW)
         now = self.context.segment.now_ns
@@ -92,8 +100,9 @@ class ProfilePosition(Mode):
         super().resume()
         if self._active is not None:
             self._run(self._active)
+            self._pass()
 
-    def _take(self, immediately: bool, relative: bool) -> None:
+    def _take(self, immediately: bool, relative: bool, passing: bool) -> None:
         base = 0
         if relative:
             base = self._target if self._waiting is None else self._waiting.target
@@ -105,6 +114,7 @@ class ProfilePosition(Mode):
         setpoint = Setpoint(
             target,
             target != wanted,
+            passing,
             max(1, self.integer(o.PROFILE_VELOCITY)) * motor.speed_unit,
             max(1, self.integer(o.PROFILE_ACCELERATION)) * motor.rate_unit,
             max(1, self.integer(o.PROFILE_DECELERATION)) * motor.rate_unit,
@@ -113,6 +123,8 @@ class ProfilePosition(Mode):
         busy = self._active is not None and not self.context.generator.done
         if busy and not immediately:
             self._waiting = setpoint
+            if not self.halted:
+                self._pass()
             self.set_bits(self.bits | ACKNOWLEDGE)
         else:
             self._waiting = None
@@ -123,8 +135,31 @@ class ProfilePosition(Mode):
                 self._run(setpoint)
             self.set_bits(self.bits | ACKNOWLEDGE)
 
+    def _pass(self) -> None:
+        """Head for the set-point that waits, where that leads on past the present target."""
+        active, waiting = self._active, self._waiting
+        if active is None or waiting is None or not waiting.passing:
+            return
+        generator, way = self.context.generator, waiting.target - active.target
+        here = self.context.motor.to_drive(generator.position)
+        if way * (active.target - here) <= 0:
+            return
+        self._passing = 1 if way > 0 else -1
+        generator.move(
+            self.context.motor.to_true(waiting.target),
+            active.speed,
+            active.acceleration,
+            waiting.deceleration,
+            active.jerk,
+        )
+
+    def _passed(self) -> bool:
+        here = self.context.motor.to_drive(self.context.generator.position)
+        return self._passing * (here - self._target) > 0
+
     def _run(self, setpoint: Setpoint) -> None:
         self._active = setpoint
+        self._passing = 0
         self._target = setpoint.target
         self._inside_ns = None
         bits = self.bits & ~(TARGET_REACHED | INTERNAL_LIMIT)

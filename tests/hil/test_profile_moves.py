@@ -1,4 +1,4 @@
-"""Moves by the drive's own profile: relative, queued, limits named, an old bit 10 not believed."""
+"""Moves by the drive's own profile: relative, queued, changed under way; old bits 10 not believed."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import struct
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
-from drivers.errors import LimitError
+from drivers.errors import AxisFault, ConfigurationError, LimitError
 from drivers.stage import Stage
 from hil_sim.stage import VirtualStage
 from hil_sim.world import World
@@ -136,3 +137,125 @@ def test_the_bit_10_of_the_target_before_is_not_believed(stage_machine: Machine)
         stage.move_to("x", target, velocity=0.05, acceleration=1.0)
         assert stage.positions[0] == pytest.approx(target, abs=3e-6)
         stage.move_to("x", target, velocity=0.05, acceleration=1.0)  # and no way at all is one, too
+
+
+def track(frames: list[Frame]) -> list[float]:
+    """Positions of node 1 as it told them [m]."""
+    return [struct.unpack("<Hih", d)[1] * 1e-9 for _, i, d in frames if i == 0x181 and len(d) == 8]
+
+
+SLOW = {"velocity": 0.02, "acceleration": 1.0}
+
+
+def test_a_new_target_counts_at_once_in_the_middle_of_a_move(
+    stage: Stage, frames: list[Frame]
+) -> None:
+    start = stage.targets[0]
+    with stage.profile_moves(**SLOW) as moves:
+        moves.to("x", start + 5e-3)
+        moves.run(0.1)
+        assert abs(stage.positions[0] - start - 1.8e-3) < 0.5e-3  # under way
+        moves.to("x", start - 1e-3)
+        moves.run(0.05)
+        moves.to("x", 0.5e-3, relative=True)  # from the target before, wherever the axis is
+    assert stage.enabled
+    assert stage.positions[0] - start == pytest.approx(-0.5e-3, abs=2e-6)
+    assert max(track(frames)) - start < 3e-3
+    assert min(track(frames)) - start > -0.52e-3  # nor did it go to the second one
+    assert [word & 0x270 for _, _, word in handed_over(frames)] == [0x30, 0x30, 0x70]
+    stage.hold(0.05)  # csp goes on from there, also after a distance in 0x607A
+    assert stage.positions[0] - start == pytest.approx(-0.5e-3, abs=2e-6)
+
+
+def test_a_target_that_waits_is_given_up_for_one_at_once(stage: Stage, frames: list[Frame]) -> None:
+    start = stage.targets[0]
+    with stage.profile_moves(**SLOW) as moves:
+        moves.to("x", start + 5e-3)
+        moves.to("x", start + 8e-3, queued=True)
+        moves.run(0.05)
+        moves.to("x", start + 2e-3)
+        moves.wait()
+        assert stage.positions[0] - start == pytest.approx(2e-3, abs=2e-6)
+        moves.run(0.1)  # and nothing follows
+    assert stage.positions[0] - start == pytest.approx(2e-3, abs=2e-6)
+    assert max(track(frames)) - start < 2.1e-3
+
+
+@pytest.mark.parametrize("passing", [True, False])
+def test_a_target_is_passed_without_a_stop_or_with_one(
+    stage: Stage, frames: list[Frame], passing: bool
+) -> None:
+    start = stage.targets[0]
+    with stage.profile_moves(**SLOW) as moves:
+        moves.to("x", start + 2e-3)
+        moves.to("x", start + 4e-3, queued=True, passing=passing, velocity=0.01)
+    assert stage.positions[0] - start == pytest.approx(4e-3, abs=2e-6)
+    way = np.array(track(frames)) - start
+    speed = np.diff(way[::5]) / 5e-3
+    around = speed[(way[::5][1:] > 1.95e-3) & (way[::5][:-1] < 2.05e-3)]
+    assert bool(around.min() > 9e-3) is passing  # 10 mm/s from there on, or a stop
+    assert bool(around.max() > 15e-3) is passing
+    assert [word & 0x270 for _, _, word in handed_over(frames)] == [
+        0x30,
+        0x210 if passing else 0x10,
+    ]
+
+
+def test_halt_keeps_the_targets_and_both_axes_go_on(stage: Stage) -> None:
+    x, y = stage.targets
+    with stage.profile_moves(**SLOW) as moves:
+        moves.to("x", x + 3e-3)
+        moves.to("y", y - 3e-3, velocity=0.03)
+        moves.run(0.05)
+        moves.halt()
+        held = stage.positions
+        assert x + 0.5e-3 < held[0] < x + 2e-3
+        assert y - 2.5e-3 < held[1] < y - 0.5e-3
+        moves.run(0.1)
+        assert stage.positions == pytest.approx(held, abs=1e-6)
+        with pytest.raises(AxisFault, match="is halted: resume it first"):
+            moves.wait()
+        moves.to("y", y - 1e-3)  # taken, and begun with the others
+        moves.run(0.05)
+        assert stage.positions == pytest.approx(held, abs=1e-6)
+        moves.resume()
+        moves.wait()
+        assert stage.positions == pytest.approx((x + 3e-3, y - 1e-3), abs=2e-6)
+
+
+def test_the_end_of_a_halted_move_is_where_the_axis_stands(stage: Stage) -> None:
+    x = stage.targets[0]
+    with stage.profile_moves(**SLOW) as moves:
+        moves.to("x", 3e-3, relative=True)
+        moves.run(0.05)
+        moves.halt()
+        held = stage.positions
+    assert stage.enabled
+    stage.hold(0.05)
+    assert stage.positions == pytest.approx(held, abs=1e-6)
+    assert held[0] - x > 0.3e-3
+
+
+def test_limits_and_names_are_checked_while_moving(stage: Stage) -> None:
+    with stage.profile_moves(**SLOW) as moves:
+        moves.to("x", 0.0)
+        with pytest.raises(LimitError, match=r"^axis x: 0x607D:02 .*target 0\.16 m is above the"):
+            moves.to("x", 0.16, relative=True)
+        with pytest.raises(ConfigurationError, match=r"axis z: no such axis \(there are x, y\)"):
+            moves.to("z", 0.0)
+    assert stage.positions[0] == pytest.approx(0.0, abs=2e-6)
+
+
+def test_whatever_is_raised_meanwhile_stops_the_axes(stage: Stage) -> None:
+    start = stage.targets[0]
+
+    def interrupted() -> None:
+        with stage.profile_moves(**SLOW) as moves:
+            moves.to("x", start + 20e-3)
+            moves.run(0.1)
+            raise RuntimeError("of the caller's own")
+
+    with pytest.raises(RuntimeError):
+        interrupted()
+    assert not stage.enabled
+    assert stage.positions[0] < start + 5e-3

@@ -76,6 +76,72 @@ def test_immediate_setpoint_replaces_the_first(pp, plant):
     assert max(c[2] for c in plant.commands) < START + 2e-3
 
 
+def speeds(plant):
+    """Of the demand of axis 0 [m/s], millisecond by millisecond."""
+    return np.diff([c[2] for c in plant.commands if c[1] == 0]) / 1e-3
+
+
+def test_a_target_is_passed_at_its_speed_where_the_next_lies_further_on(pp, plant):
+    plant.commands.clear()
+    setpoint(pp, 1_000_000)
+    pp.wait(20)
+    pp.write(1, 0x6081, 0, "I", 10_000_000)
+    assert setpoint(pp, 2_000_000, bits=0x200)
+    assert pp.statusword() & ACKNOWLEDGE  # it waits until the first is passed
+    pp.wait(300)
+    assert pp.read_object(1, 0x6064, 0, "i") == 2_000_000
+    assert pp.statusword() & (REACHED | ACKNOWLEDGE) == REACHED
+    path = np.array([c[2] for c in plant.commands if c[1] == 0]) - START
+    at_first = speeds(plant)[np.searchsorted(path, 1e-3) - 1]
+    assert at_first == pytest.approx(20e-3, rel=1e-6)
+    slow = speeds(plant)[np.searchsorted(path, 1.5e-3)]
+    assert slow == pytest.approx(10e-3, rel=1e-6)
+
+
+@pytest.mark.parametrize(("then", "bits"), [(-500_000, 0x200), (2_000_000, 0)])
+def test_a_target_is_stopped_at_where_the_next_lies_back_or_bit_9_is_not_set(pp, plant, then, bits):
+    plant.commands.clear()
+    setpoint(pp, 1_000_000)
+    pp.wait(20)
+    setpoint(pp, then, bits=bits)
+    pp.wait(400)
+    assert pp.read_object(1, 0x6064, 0, "i") == then
+    path = np.array([c[2] for c in plant.commands if c[1] == 0]) - START
+    turn = np.flatnonzero(np.isclose(path, 1e-3, rtol=0, atol=1e-12))
+    assert len(turn) > 0
+    assert speeds(plant)[turn[0] - 2] < 1e-3  # braked
+    assert path[: turn[0]].max() < 1e-3
+
+
+def test_a_halt_on_the_way_past_a_target_goes_on_past_it(pp, plant):
+    setpoint(pp, 1_000_000)
+    pp.wait(20)
+    setpoint(pp, 2_000_000, bits=0x200)
+    pp.control(0x10F)
+    pp.wait(60)
+    plant.commands.clear()
+    pp.control(0x0F)
+    pp.wait(300)
+    assert pp.read_object(1, 0x6064, 0, "i") == 2_000_000
+    path = np.array([c[2] for c in plant.commands if c[1] == 0]) - START
+    at_first = speeds(plant)[np.searchsorted(path, 1e-3) - 1]
+    assert at_first > 15e-3
+
+
+def test_at_once_counts_also_while_another_one_waits(pp, plant):
+    setpoint(pp, 3_000_000)
+    pp.wait(20)
+    setpoint(pp, 4_000_000)
+    assert pp.statusword() & ACKNOWLEDGE
+    pp.write(1, 0x607A, 0, "i", 100_000)
+    pp.control(0x3F)
+    pp.control(0x0F)
+    assert not pp.statusword() & ACKNOWLEDGE  # the one that waited is forgotten
+    pp.wait(400)
+    assert pp.read_object(1, 0x6064, 0, "i") == 100_000
+    assert max(c[2] for c in plant.commands) < START + 2e-3
+
+
 def test_relative_to_the_target_before(pp):
     setpoint(pp, 300_000)
     pp.wait(150)
