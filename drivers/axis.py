@@ -85,7 +85,14 @@ class Axis:
         return od.CONTROLWORD, self.target, od.FORCE_OFFSET
 
     def _mapping(self, refs: Sequence[ObjectRef]) -> PdoMapping:
-        return PdoMapping(tuple(MappedObject(r, self.node.data_type(r)) for r in refs))
+        try:
+            return PdoMapping(tuple(MappedObject(r, self.node.data_type(r)) for r in refs))
+        except ConfigurationError as refused:
+            if refused.axis is not None:  # names itself already
+                raise
+            raise ConfigurationError(
+                f"EDS file {self.settings.eds}: {refused}", axis=self.name
+            ) from refused
 
     @staticmethod
     def _usable(ref: ObjectRef, has: Callable[[ObjectRef], bool]) -> bool:

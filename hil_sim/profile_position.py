@@ -3,8 +3,8 @@
 Write 0x607A, raise controlword bit 4; the drive takes it and raises statusword bit 12; lower bit
 4, and bit 12 falls when the drive can take another. Bit 5: at once, else one set-point waits for
 the present one to end; bit 6: relative to the target before. With bit 9 and without bit 5 the
-present target is passed at its own profile velocity, where the one that waits lies further on; where
-it lies back, there is a stop as without bit 9. At once counts also while one waits, which is
+present target is passed at its own profile velocity, where the one that waits lies further on;
+where it lies back, there is a stop as without bit 9. At once counts also while one waits, which is
 forgotten then. Bit 10 says that the position is within 0x6067 of the target for 0x6068.
 """
 

@@ -235,7 +235,8 @@ def _records(
             _, length, checksum = TEXT_HEAD.unpack_from(data, at)
             at += TEXT_HEAD.size
             body = data[at : at + length]
-            if len(body) < length or zlib.crc32(body) != checksum:
+            # zeros where a text was have the checksum of no text at all
+            if not length or len(body) < length or zlib.crc32(body) != checksum:
                 return
             yield json.loads(body)
             at += length

@@ -1,4 +1,4 @@
-"""Moves by the drive's own profile: relative, queued, changed under way; old bits 10 not believed."""
+"""The drive's own profile: relative, queued, changed under way; an old bit 10 is not believed."""
 
 from __future__ import annotations
 

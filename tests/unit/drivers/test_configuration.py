@@ -164,3 +164,14 @@ def test_an_eds_without_force_offset_leaves_it_out_of_the_rpdo(
         assert stage.limitations == (
             "axis x: 0x60B2:00 torque offset is not offered: force offsets are not sent",
         )
+
+
+def test_a_mapping_of_more_than_64_bits_names_the_eds(
+    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...], tmp_path: Any
+) -> None:
+    before, entry = axis_settings[0].eds.read_text().split("[6064]")
+    other = tmp_path / "wide.eds"
+    other.write_text(before + "[6064]" + entry.replace("DataType=0x0004", "DataType=0x0015", 1))
+    axes = (dataclasses.replace(axis_settings[0], eds=other), axis_settings[1])
+    with pytest.raises(ConfigurationError, match=r"^axis x: EDS file .*wide\.eds: a PDO carries 8"):
+        Stage.open(bus_settings, axes, bus_object=scripted)

@@ -17,7 +17,14 @@ import pytest
 
 from sim2real.recording import Move
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.store.journal import AxisScaling, Journal, JournalHeader, sample_codec, sample_dtype
+from stagectl.store.journal import (
+    TEXT_TAG,
+    AxisScaling,
+    Journal,
+    JournalHeader,
+    sample_codec,
+    sample_dtype,
+)
 from stagectl.store.recording import read_ledger, read_recording
 from stagectl.store.recovery import read_journal, recover, recover_left_over
 
@@ -143,6 +150,16 @@ def test_an_event_takes_what_the_run_has_at_hand(tmp_path: Path):
     )  # fmt: skip
 
 
+def test_zeros_where_a_text_was_end_the_journal(tmp_path: Path):
+    journal = written(tmp_path, 20)
+    journal.close()
+    path = tmp_path / "recording.journal"
+    path.write_bytes(path.read_bytes() + bytes((TEXT_TAG,)) + bytes(40))
+    recovered = recover(path)
+    assert recovered.content is not None
+    assert len(recovered.content.recording) == 20
+
+
 def test_a_run_of_many_samples_spans_blocks(tmp_path: Path):
     journal = Journal(tmp_path, HEADER)
     for k in range(20_000):
@@ -160,7 +177,7 @@ KILLED_WRITER = """
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from stagectl.store.journal import AxisScaling, Journal, JournalHeader
+from stagectl.store.journal import TEXT_TAG, AxisScaling, Journal, JournalHeader
 axes = (AxisScaling("x", 1e-9, 0.04), AxisScaling("y", 1e-8, 0.06))
 journal = Journal(Path(sys.argv[1]), JournalHeader("m", "", "t", axes))
 k = 0
