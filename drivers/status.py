@@ -40,6 +40,8 @@ class AxisStatus:
         mode: 0x6061.  position: [m].  force: [N].
         error_code: 0x603F.  error_register: 0x1001.
         history: newest error codes of 0x1003, newest first.
+        sto: 0x60FD bit 3: safe torque off, or the enable input is open.
+        brake: 0x60FE:01 bit 0: the holding brake is set.
     """
 
     axis: str
@@ -54,6 +56,8 @@ class AxisStatus:
     error_code: int | None
     error_register: int | None
     history: tuple[int, ...]
+    sto: bool | None = None
+    brake: bool | None = None
 
     @property
     def mode_text(self) -> str:
@@ -104,7 +108,8 @@ def in_words(
     if state in (State.FAULT, State.FAULT_REACTION_ACTIVE) and error_code:
         words += f": {error_text(error_code)}"
     if not statusword & Status.VOLTAGE_ENABLED and state is not State.FAULT:
-        words += "; no supply voltage (STO, contactor or mains)"
+        told = (around.inputs or 0) & od.INTERLOCK
+        words += "; no supply voltage" + ("" if told else " (STO, contactor or mains)")
     if statusword & Status.WARNING:
         words += "; warning"
     if statusword & Status.INTERNAL_LIMIT:
@@ -153,6 +158,8 @@ def status_of(axis: Axis) -> AxisStatus:
         error_code=code,
         error_register=optional(od.ERROR_REGISTER),
         history=axis.node.error_history(HISTORY_LENGTH),
+        sto=None if around.inputs is None else bool(around.inputs & od.INTERLOCK),
+        brake=None if around.outputs is None else bool(around.outputs & 1),
     )
 
 

@@ -11,7 +11,9 @@ Faults that come by themselves: following error, end switch (over-travel), full 
 Safe torque off takes the force away and the drive to SWITCH ON DISABLED, where it stays as long:
 statusword bit 4 is 0, 0x60FD bit 3 is 1. Bits 0 and 1 there are the end switches.
 
-Not modelled: brake, current limits other than the loop's peak force.
+The holding brake (`brake.py`) is set without power and released under it.
+
+Not modelled: current limits other than the loop's peak force.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from canopen import SdoAbortedError
 from canopen.sdo import constants as abort
 
 from hil_sim import objects as o
+from hil_sim.brake import Brake
 from hil_sim.dictionary import Dictionary
 from hil_sim.emergency import (
     FOLLOWING_ERROR,
@@ -128,6 +131,7 @@ class MotionControl:
             ModeCode.CYCLIC_TORQUE: CyclicTorque(context),
         }
         self._mode = self._modes[ModeCode.NONE]
+        self._brake_output = Brake(dictionary, lambda: self.state in _POWERED)
         dictionary.on_write[o.CONTROLWORD] = self._on_controlword
         dictionary.on_write[o.MODE] = self._on_mode
         dictionary.check[o.MODE] = self._check_mode
@@ -258,6 +262,7 @@ class MotionControl:
         motor = self._motor
         self._dictionary.values[o.TORQUE_OFFSET] = 0
         self._outside_ns = None
+        self._brake_output.take_back()
         if self.state is not State.QUICK_STOP:
             motor.power(True)
             motor.worst_following_error()  # forget what was before

@@ -53,6 +53,7 @@ def _entry(status: AxisStatus) -> dict[str, Any]:
         "state": str(status.state), "words": status.words, "mode": status.mode,
         "position": status.position, "force": status.force, "error_code": status.error_code,
         "error_register": status.error_register, "error_history": list(status.history),
+        "sto": status.sto, "brake": status.brake,
     }  # fmt: skip
 
 

@@ -50,6 +50,8 @@ def test_status_in_words_and_as_json(call):
     assert list(status) == ["x", "y"]
     assert status["y"]["state"] == "SWITCH ON DISABLED"
     assert status["y"]["error_history"] == []
+    assert (status["y"]["sto"], status["y"]["brake"]) == (False, True)
+    assert status["y"]["words"] == "off, no force; brake set"
 
 
 def test_enable_holds_and_disables(call):

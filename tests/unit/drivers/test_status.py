@@ -14,6 +14,8 @@ from drivers.status import Surroundings, in_words
         (0x0237, Surroundings(0.0, 0, 0), "enabled, holding; brake released"),
         (0x0250, Surroundings(0.0, 0b1010, 1), "off, no force; at the positive limit switch; "
          "interlock active (STO or enable input); brake set"),
+        (0x0240, Surroundings(0.0, 0b1000, 1), "off, no force; no supply voltage; "
+         "interlock active (STO or enable input); brake set"),
         (0x0240, Surroundings(), "off, no force; no supply voltage (STO, contactor or mains)"),
         (0x0217, Surroundings(0.0), "stopped by quick stop, under force"),
         (0x02B7, Surroundings(), "enabled, under force; warning"),
