@@ -7,7 +7,6 @@ This is the one module of the package that reads a wall clock.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
 
@@ -42,32 +41,52 @@ STAMPED = ("socketcan", "udp_multicast", "virtual")
 """Interfaces of python-can whose time stamps are this computer's clock, taken on arrival."""
 _OLDEST = 1_000_000_000
 """A frame that seems to have waited longer [ns] has another clock's stamp."""
+_MANY = 100
+"""Frames that say whether a bus stamps its frames."""
 _LOOK_NS = 50_000_000
 """How often the two clocks are compared."""
 
 
-def stamps_of(bus: object) -> Callable[[float, int], int] | None:
+class Stamps:
+    """When frames came, by their stamps of the wall clock."""
+
+    def __init__(self) -> None:
+        self._apart, self._looked = _wall_ahead(), time.monotonic_ns()
+        self._used = self._passed_over = 0
+
+    def __call__(self, stamp: float, now: int) -> int:
+        """The monotonic clock's time of arrival [ns].
+
+        Args:
+            stamp: python-can's [s].
+            now: what the clock reads [ns]; also the answer where the stamp cannot be of this clock.
+        """
+        if now - self._looked > _LOOK_NS:  # the wall clock is slewed, or set
+            self._apart, self._looked = _wall_ahead(), now
+        at = int(stamp * 1e9) - self._apart
+        if now - _OLDEST < at <= now:
+            self._used += 1
+            return at
+        self._passed_over += 1
+        return now
+
+    @property
+    def useless(self) -> bool:
+        """Whether hardly any of many frames had a stamp that could be used."""
+        return self._passed_over > _MANY and self._passed_over > 9 * self._used
+
+
+def stamps_of(bus: object) -> Stamps | None:
     """How to tell when a frame of this bus came, however late it is read.
 
     Returns:
-        A function of python-can's time stamp [s] and the clock's time now [ns] that gives the
-        clock's time of arrival [ns]; None where the bus has its own clock, or stamps of one.
+        None where the bus has its own clock, or stamps of one.
     """
     if isinstance(getattr(bus, "clock", None), Clock):
         return None
     if not any(f".{name}" in type(bus).__module__ for name in STAMPED):
         return None
-
-    apart, looked = _wall_ahead(), time.monotonic_ns()
-
-    def arrived(stamp: float, now: int) -> int:
-        nonlocal apart, looked
-        if now - looked > _LOOK_NS:  # the wall clock is slewed, or set
-            apart, looked = _wall_ahead(), now
-        at = int(stamp * 1e9) - apart
-        return at if now - _OLDEST < at <= now else now
-
-    return arrived
+    return Stamps()
 
 
 def _wall_ahead() -> int:

@@ -129,7 +129,7 @@ def explained(problem: AxisFault, channel: Channel, evidence: Evidence) -> AxisF
 
     def optional(ref: od.ObjectRef) -> int | None:
         try:
-            return node.read(ref) if node.offers(ref) else None
+            return node.read(ref) if node.offers(ref) and not node.silent else None
         except (NodeError, ConfigurationError):
             return None
 

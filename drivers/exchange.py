@@ -13,7 +13,7 @@ import can
 from drivers.axis import Axis
 from drivers.bus import Network, OwnFrame
 from drivers.channel import Channel
-from drivers.clock import delivers_at_once, stamps_of
+from drivers.clock import MonotonicClock, delivers_at_once, stamps_of
 from drivers.errors import ConfigurationError
 from drivers.settings import BusSettings
 from drivers.sync import SYNC_ID, KernelSync, hear_own_frames
@@ -25,6 +25,11 @@ _EVER_NS = 1 << 62
 _WINDOW_SHARE = 0.6
 """Of the drives' SYNC window: when it ends, our own setpoints must be out as well."""
 
+
+_NO_STAMPS = (
+    "frames of this bus carry no time stamp that can be used: they count from when they are read, "
+    "and samples that jitter are left out of learning"
+)
 
 Frames = Sequence[tuple[Channel, bytes]]
 """The RPDOs before a SYNC: one of each axis."""
@@ -40,7 +45,7 @@ class Exchange:
             than that it may have reached the drives [ns]; doubt -1: not known.
         missed, late, skipped, stale: TPDOs missed, SYNCs late, whole periods passed over, TPDOs
             that came besides (outside their window, or doubled); since the start.
-        notices: what about SYNC is not as asked for.
+        notices: what about SYNC and time stamps is not as asked for.
     """
 
     def __init__(self, network: Network, axes: Sequence[Axis], settings: BusSettings) -> None:
@@ -67,6 +72,7 @@ class Exchange:
         self._sync_at = 0
         self._stall = (0, 0)
         self._kernel: KernelSync | None = None
+        self._asked = False
         self._fresh = True
         self._begun = 0
         self._synced = 0
@@ -86,6 +92,8 @@ class Exchange:
             self._ask_the_kernel()
         if self._kernel is None:
             hear_own_frames(self._network.bus)
+        if self._unstamped and _NO_STAMPS not in self.notices:
+            self.notices.append(_NO_STAMPS)
         now = self._network.clock.now_ns()
         if self._kernel is None and now > self._due:
             self._due += -(-(now - self._due) // self._period) * self._period
@@ -97,7 +105,7 @@ class Exchange:
             ConfigurationError: it has to, and cannot.
         """
         source, network = self._settings.sync_source, self._network
-        if source == "host" or network.bus is None or self.notices:
+        if source == "host" or network.bus is None or self._asked:
             return
         problem = "is not SocketCAN"
         if KernelSync.fits(network.bus):
@@ -114,7 +122,15 @@ class Exchange:
             return
         if source == "kernel":
             raise ConfigurationError(f"sync_source: kernel, but bus {network.label}: {problem}")
+        self._asked = True
         self.notices.append(f"SYNC is sent by the host: no broadcast manager ({problem})")
+
+    @property
+    def _unstamped(self) -> bool:
+        """Whether frames of a bus in real time don't tell when they came."""
+        if self._arrived is None:
+            return isinstance(self._network.clock, MonotonicClock)
+        return self._arrived.useless
 
     def stop(self) -> None:
         """No SYNC from the kernel until `resume`; never raises."""
@@ -133,7 +149,7 @@ class Exchange:
             if self._kernel is not None:
                 return self._follow(network.bus, frames)
             return self._lead(network.bus, frames)
-        except (can.CanError, OSError) as why:
+        except (can.CanError, OSError, ValueError) as why:  # ValueError: a closed handle
             raise network.failure("cyclic exchange failed", why) from why
 
     def _lead(self, bus: can.BusABC, frames: Frames) -> int:
@@ -375,7 +391,7 @@ class Exchange:
                     self._between(message)
                 elif left <= 0:
                     return
-        except (can.CanError, OSError) as why:
+        except (can.CanError, OSError, ValueError) as why:
             raise network.failure("cannot receive", why) from why
 
     def _besides(self, channel: Channel) -> None:

@@ -77,6 +77,7 @@ class Node:
         name: of its axis.  id: node id.
         alarm: the first alarm since `clear_alarms`, None when there was none.
         watched: whether silence, a reboot or leaving OPERATIONAL is an alarm.
+        silent: it did not answer an SDO, and nothing was heard of it since.
         booted: number of boot-up messages seen.
         emergencies: EMCY error codes since `clear_alarms`, oldest first.
     """
@@ -85,7 +86,7 @@ class Node:
         self.name = settings.name
         self.id = settings.node
         self.alarm: Alarm | None = None
-        self.watched = False
+        self.watched = self.silent = False
         self.booted = 0
         self.emergencies: deque[int] = deque(maxlen=8)
         self.state: int | None = None
@@ -104,6 +105,7 @@ class Node:
         if len(data) != 1:
             return
         self._heard_ns = self._network.clock.now_ns()
+        self.silent = False
         state = data[0] & 0x7F
         self.state = _PRE_OPERATIONAL if state == 0 else state
         if state == 0:
@@ -116,6 +118,7 @@ class Node:
     def _on_emergency(self, can_id: int, data: bytearray, timestamp: float) -> None:
         if len(data) < 3:
             return
+        self.silent = False
         code, register = struct.unpack_from("<HB", data)
         if code & 0xFF00:
             self.emergencies.append(code)
@@ -305,20 +308,21 @@ class Node:
             ConfigurationError: the EDS does not list the object, or the value does not fit it.
             NodeError: no answer, or the node aborts the access.
         """
-        variable = self._variable(obj)
-        if variable is None:
-            raise ConfigurationError("the EDS does not list it", axis=self.name, obj=obj)
-        try:
-            data = variable.encode_raw(value)
-        except (struct.error, ValueError, OverflowError, TypeError) as why:
-            raise ConfigurationError(
-                f"{value} does not fit the object: {why}", axis=self.name, obj=obj
-            ) from why
+        data = self._encoded(obj, value)
         self._attempt(
             f"write of {value}",
             obj,
             lambda: self._sdo.download(obj.index, obj.sub, data),
         )
+
+    def tell(self, obj: ObjectRef, value: int) -> None:
+        """Sends a write and waits for no answer: for a stop, to who doesn't answer but may listen.
+
+        Raises:
+            ConfigurationError: as `write`.
+            BusError: the bus does not take it.
+        """
+        self._sdo.tell(obj.index, obj.sub, self._encoded(obj, value))
 
     def write_checked(self, obj: ObjectRef, value: int) -> None:
         """Writes an object and reads it back.
@@ -361,11 +365,25 @@ class Node:
     def _variable(self, obj: ObjectRef) -> canopen.objectdictionary.ODVariable | None:
         return self._dictionary.get_variable(obj.index, obj.sub)
 
+    def _encoded(self, obj: ObjectRef, value: int) -> bytes:
+        variable = self._variable(obj)
+        if variable is None:
+            raise ConfigurationError("the EDS does not list it", axis=self.name, obj=obj)
+        try:
+            return bytes(variable.encode_raw(value))
+        except (struct.error, ValueError, OverflowError, TypeError) as why:
+            raise ConfigurationError(
+                f"{value} does not fit the object: {why}", axis=self.name, obj=obj
+            ) from why
+
     def _attempt(self, what: str, obj: ObjectRef, access: Callable[[], T]) -> T:
         for left in reversed(range(SDO_ATTEMPTS)):
             try:
-                return access()
+                result = access()
+                self.silent = False
+                return result
             except canopen.SdoAbortedError as abort:
+                self.silent = False
                 text = abort.CODES.get(abort.code, "no such abort code in CiA 301")
                 raise NodeError(
                     f"{what} refused: {text} (abort 0x{abort.code:08X})",
@@ -373,6 +391,7 @@ class Node:
                 ) from abort  # fmt: skip
             except canopen.SdoCommunicationError as silence:
                 if not left:
+                    self.silent = True
                     raise NodeError(
                         f"{what}: node {self.id} does not answer ({silence})",
                         axis=self.name, obj=obj,

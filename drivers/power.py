@@ -320,8 +320,10 @@ class Power:
         """
         chosen = self.channels if channels is None else channels
         for channel in chosen:
+            node = channel.axis.node
             try:
-                channel.axis.node.write(od.CONTROLWORD, int(command))
+                # who is silent may still listen, but is not waited for again
+                (node.tell if node.silent else node.write)(od.CONTROLWORD, int(command))
             except DriverError:
                 continue
         if chosen:
@@ -329,6 +331,8 @@ class Power:
 
     def _state_by_sdo(self, channel: Channel) -> State | None:
         """The power state that the drive tells when asked, None where it does not answer."""
+        if channel.axis.node.silent:
+            return None
         try:
             return decode(channel.axis.node.read(od.STATUSWORD))
         except DriverError:

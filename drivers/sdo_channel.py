@@ -107,6 +107,19 @@ class SdoChannel:
         """Writes an object; raises as `upload`."""
         self._run(_Job((index, sub), lambda: download(index, sub, data), None))
 
+    def tell(self, index: int, sub: int, data: bytes) -> None:
+        """Writes an object of up to four bytes and waits for no answer; what is under way fails.
+
+        Raises:
+            BusError: the bus fails.
+        """
+        with self._network.lock:
+            if self._job is not None:
+                self._drop(self._job, SdoCommunicationError("given up for something urgent"))
+            self._owed.append((index, sub))
+            for frame in next(download(index, sub, data)) or ():
+                self._send(frame)
+
     def block_upload(self, index: int, sub: int) -> bytes:
         """As `upload`, in blocks where the node offers them."""
         try:

@@ -36,9 +36,11 @@ def simulated_or_real(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def machines_of(
-    machine: Path | None, simulate: Path | None, bus: tuple[str, str] | None
+    machine: Path | None, simulate: Path | None, bus: tuple[str, str] | None, moves: bool = True
 ) -> tuple[Machine, Machine | None]:
     """What the host believes, and what the virtual stage is: None on a real one.
+
+    Says so where nothing could move, unless nothing is to (`moves`).
 
     Raises:
         click.UsageError: a simulation was asked for, and a bus too.
@@ -48,7 +50,7 @@ def machines_of(
         raise click.UsageError("--bus: --simulate brings its own bus, in virtual time")
     believed = _load(machine)
     if simulate is None:
-        if (bus[0] if bus else believed.bus.interface) == "virtual":
+        if moves and (bus[0] if bus else believed.bus.interface) == "virtual":
             click.echo("a virtual bus is this process' own, without drives: --simulate has them",
                        err=True)  # fmt: skip
         return believed, None

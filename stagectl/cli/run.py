@@ -132,7 +132,7 @@ def command(
         raise click.BadParameter("must be a number", param_hint="--friction-scale")
     if compensation == "oracle" and simulate is None:
         raise click.UsageError("--compensation oracle needs --simulate: nobody knows a real truth")
-    believed, truth = machines_of(machine, simulate, bus)
+    believed, truth = machines_of(machine, simulate, bus, moves=not dry_run)
     loaded = load_recipe(recipe, believed)
     plan = None if faults is None else _faults(faults, believed, seed)
     if dry_run:

@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 
+import can
 import numpy as np
 import pytest
 
@@ -13,6 +14,7 @@ from hil_sim import faults as f
 from hil_sim.fault_world import FaultyWorld
 from hil_sim.stage import VirtualStage
 from hil_sim.state_machine import State
+from hil_sim.world import World
 from stagectl.config.mapping import driver_settings, stage_settings
 
 _names = (f"under-faults-{n}" for n in itertools.count())
@@ -151,3 +153,65 @@ def test_safe_torque_off_stops_both_and_is_named(bench):
     b.stage.enable()
     assert b.stage.hold(0.01).valid.all()
     assert "interlock" not in status_of(b.stage.axes[1]).words
+
+
+def test_drives_that_all_fall_silent_are_told_to_stop_and_not_waited_for_long(bench):
+    stage = bench(f.BusOff(at=1.0, duration=600.0, node=1), f.BusOff(1.0, 600.0, 2))
+    told = []
+    stage.world.subscribe(0x601, lambda data: told.append(bytes(data)))
+    with pytest.raises(AxisFault, match=r"axis x: .*no process data"):
+        stage.hold(500)
+    stage.stage.close()
+    assert stage.now < 1.0 + 5.0  # two nodes, each asked once in earnest
+    assert bytes.fromhex("2b40600000000000") in told  # disable voltage: it may still listen
+    assert stage.enabled == []
+
+
+class Adapter:
+    """A bus whose adapter is pulled out at some time: everything raises from then on."""
+
+    def __init__(self, bus, problem):
+        self._bus, self._problem, self.gone = bus, problem, False
+        self.clock = bus.clock
+
+    def send(self, message, timeout=None):
+        if self.gone:
+            raise self._problem
+        self._bus.send(message)
+
+    def recv(self, timeout=None):
+        if self.gone:
+            raise self._problem
+        return self._bus.recv(timeout)
+
+    def __getattr__(self, name):
+        return getattr(self._bus, name)
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [
+        can.CanOperationError("no such device [Error Code 19]"),
+        OSError(19, "No such device"),
+        ValueError("file descriptor cannot be a negative integer (-1)"),
+    ],
+)
+def test_an_adapter_that_is_pulled_out_is_one_line_and_the_drives_stop(stage_machine, problem):
+    bus, axes = driver_settings(stage_machine)
+    world = World(next(_names))
+    drives = VirtualStage(stage_settings(stage_machine), seed=1, start=(-5e-4, -4e-4))
+    drives.attach(world)
+    axes = [dataclasses.replace(axis, homing_method=37) for axis in axes]
+    with can.Bus(interface="lockstep", channel=world.name) as inner:
+        adapter = Adapter(inner, problem)
+        stage = Stage.open(bus, axes, bus_object=adapter)
+        stage.boot()
+        stage.home()
+        stage.enable()
+        world.at(world.now_ns + 200_000_000, lambda: setattr(adapter, "gone", True))
+        rows = np.tile(np.array(stage.targets), (500, 1))
+        with pytest.raises(BusError, match=r"^bus virtual:stage: cyclic exchange failed: \S"):
+            stage.stream(rows, np.zeros_like(rows))
+        stage.close()
+        world.sleep_until_ns(world.now_ns + 700_000_000)
+        assert all(d.motion.state is not State.ENABLED for d in drives.drives)

@@ -87,6 +87,7 @@ def test_run_and_json(stagectl, tmp_path):
 def test_dry_run_touches_nothing(stagectl, tmp_path):
     done = stagectl("run", RECIPE, "--dry-run", "--json", tmp_path / "plan.json", cwd=tmp_path)
     assert done.returncode == 0
+    assert done.stderr == ""
     plan = json.loads((tmp_path / "plan.json").read_text())
     assert plan["sites"] == 20
     assert plan["moves"] == {"macro": 20, "micro": 20}

@@ -111,6 +111,16 @@ def test_a_stamp_tells_how_long_a_frame_has_waited():
     assert now - 500_000_000 < arrived(time.time() - 0.25, now) <= now - 249_000_000
     assert arrived(12.5, now) == now  # some other clock's
     assert arrived(time.time() + 60, now) == now
+    assert not arrived.useless
+
+
+def test_a_bus_that_stamps_nothing_is_known_after_some_frames():
+    arrived = stamps_of(bus_of("can.interfaces.socketcan.socketcan"))
+    assert arrived is not None
+    for _ in range(200):
+        now = time.monotonic_ns()
+        assert arrived(0.0, now) == now
+    assert arrived.useless
 
 
 def test_other_clocks_stamps_are_not_believed():
