@@ -43,62 +43,75 @@ def gauss_newton_step(  # type: ignore[no-untyped-def]
     if not inside and not _active_set(normal, gradient, value, lower, upper, step):
         step[:] = 0.0
         return step, math.nan
-    size = 0.0
-    for i in range(n):
-        for j in range(n):
-            size += step[i] * normal[i, j] * step[j]
-    return step, math.sqrt(max(size, 0.0))
+    return step, math.sqrt(max(quadratic_form(normal, step), 0.0))
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath={"contract"})
+def quadratic_form(matrix, x):  # type: ignore[no-untyped-def]
+    """X' M x, row by row: sums that do not wait for each other."""
+    total = 0.0
+    for i in range(x.shape[0]):
+        along = 0.0
+        for j in range(x.shape[0]):
+            along += matrix[i, j] * x[j]
+        total += x[i] * along
+    return total
+
+
+@numba.njit(cache=True, fastmath={"contract"})
 def cholesky_inverse(matrix):  # type: ignore[no-untyped-def]
     """Invert a positive definite matrix in place; False (and undefined) where it is not."""
     n = matrix.shape[0]
-    factor = matrix.copy()
-    if not _factor(factor):
+    if not _factor(matrix):
         return False
-    column = np.empty(n)
+    # The factor's inverse in its place, then the product of that with its transpose.
     for j in range(n):
-        for i in range(n):
-            column[i] = 1.0 if i == j else 0.0
-        _substitute(factor, column)
-        for i in range(n):
-            matrix[i, j] = column[i]
+        for i in range(j + 1, n):
+            entry = 0.0
+            for k in range(j, i):
+                entry -= matrix[i, k] * matrix[k, j]
+            matrix[i, j] = entry * matrix[i, i]
+    for i in range(n):
+        for j in range(i + 1):
+            entry = 0.0
+            for k in range(i, n):
+                entry += matrix[k, i] * matrix[k, j]
+            matrix[i, j] = matrix[j, i] = entry
     return True
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath={"contract"})
 def _factor(matrix):  # type: ignore[no-untyped-def]
-    """Cholesky factor in the lower triangle; False where the matrix is not positive definite."""
+    """Cholesky factor in the lower triangle, diagonal inverted; False: not positive definite."""
     n = matrix.shape[0]
-    for j in range(n):
-        pivot = matrix[j, j]
-        for k in range(j):
-            pivot -= matrix[j, k] * matrix[j, k]
-        if not pivot > 0.0:
-            return False
-        pivot = math.sqrt(pivot)
-        matrix[j, j] = pivot
-        for i in range(j + 1, n):
+    for i in range(n):
+        for j in range(i):
             entry = matrix[i, j]
             for k in range(j):
                 entry -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = entry / pivot
+            matrix[i, j] = entry * matrix[j, j]
+        pivot = matrix[i, i]
+        for k in range(i):
+            pivot -= matrix[i, k] * matrix[i, k]
+        if not pivot > 0.0:
+            return False
+        matrix[i, i] = 1.0 / math.sqrt(pivot)
     return True
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath={"contract"})
 def _substitute(factor, rhs):  # type: ignore[no-untyped-def]
     """Solve with a Cholesky factor, in place."""
     n = rhs.shape[0]
     for i in range(n):
+        entry = rhs[i]
         for k in range(i):
-            rhs[i] -= factor[i, k] * rhs[k]
-        rhs[i] /= factor[i, i]
+            entry -= factor[i, k] * rhs[k]
+        rhs[i] = entry * factor[i, i]
     for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            rhs[i] -= factor[k, i] * rhs[k]
-        rhs[i] /= factor[i, i]
+        rhs[i] *= factor[i, i]
+        for k in range(i):
+            rhs[k] -= factor[i, k] * rhs[i]
 
 
 @numba.njit(cache=True)

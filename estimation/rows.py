@@ -8,7 +8,7 @@ viscous friction, and through the elements that stick (`T_STUCK`).
 
 Written column by column, (columns, samples): whitening and normal equations then run along
 contiguous memory. Three regimes, each a loop of its own: all elements stick (a spring), all slip
-far above the Stribeck velocity (their sum relaxes), and whatever lies between.
+(their sum relaxes), and whatever lies between.
 """
 
 from __future__ import annotations
@@ -48,10 +48,11 @@ OFFSETS = 4
 # Tables, one row of samples each: of the data (`zones`), then what a pass leaves.
 (
     T_POSITION, T_VELOCITY, T_ACCELERATION, T_FORCE, T_SHARE, T_AT, T_SHARP, T_STUCK, T_SCALE,
-    T_LEVEL, T_HAZE, T_CURVE,
-) = range(12)  # fmt: skip
+    T_LEVEL, T_HAZE, T_SLOPE, T_CURVE,
+) = range(13)  # fmt: skip
 TABLES = T_CURVE + 2 * SUBSTEPS
-"""The last ones: exp(-|v/vs|^delta) and decay of each substep, kept while the shape stays."""
+"""The last ones: slope of exp(-|v/vs|^delta) by v/vs at the sample, then that curve and the decay
+of each substep, kept while the shape stays."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -83,15 +84,32 @@ def fill_rows(  # type: ignore[no-untyped-def]
         How uncertain the elements' force is behind the last turn, and where zone A begins, beside
         what follows from an offset of all positions [N].
     """
+    doubts = lead(
+        p, figures, shape, noise, period, start, known_coulomb, rest_force, tables, heading, ready,
+        columns, elements,
+    )  # fmt: skip
+    pull = -figures[STIFFNESS] * p[STIFFNESS] * noise
+    _finish(p, knots, figures, pull, noise / period, period, tables, wide, columns)
+    return doubts
+
+
+@numba.njit(cache=True, error_model="numpy")
+def lead(  # type: ignore[no-untyped-def]
+    p, figures, shape, noise, period, start, known_coulomb, rest_force, tables, heading, ready,
+    columns, elements,
+):  # fmt: skip
+    """Lead the elements through a move; of each row the sum of their forces and its derivatives.
+
+    Arguments and what it returns: as `fill_rows`.
+    """
     count, n = columns.shape[1], elements.shape[1] - 1
     coulomb = figures[COULOMB] * p[COULOMB]
     stiffness = figures[STIFFNESS] * p[STIFFNESS] / n
     rate, alpha = figures[RATE] * p[RATE], p[ALPHA]
-    fast = shape[0] * FAR_ABOVE ** (1.0 / shape[1])
     begin(elements, start, coulomb, alpha, known_coulomb, rest_force)
     doubt = haze = begun = 0.0
-    level_at, k, slid = 0, 0, False
-    stuck = n
+    # Not written as 0 and False: numba would compile anew what takes them, for constants.
+    level_at, k, slid, stuck = n - n, n - n, n < 0, n
     while k < count:
         direction = float(heading[k])
         turn = tables[T_SHARE, k]
@@ -106,13 +124,12 @@ def fill_rows(  # type: ignore[no-untyped-def]
                 k = reached
                 continue
         elif stuck == 0 and turn < 0.0:
-            reached = _slide(
-                k, direction, fast, coulomb, rate, period, tables, heading, columns, elements
-            )
-            if reached > k:
-                level_at = reached - 1
-                k = reached
-                continue
+            k, haze = _slip(
+                k, haze, coulomb, rate, alpha, shape, noise, period, tables, heading, ready,
+                columns, elements,
+            )  # fmt: skip
+            level_at = k - 1
+            continue
         stuck, relaxed, haze = _between(
             k, haze, coulomb, stiffness, rate, alpha, shape, noise, period, tables, heading, ready,
             elements,
@@ -139,18 +156,6 @@ def fill_rows(  # type: ignore[no-untyped-def]
         tables[T_LEVEL, k] = level_at
         tables[T_HAZE, k] = haze + relaxed * relaxed
         k += 1
-    _finish(p, knots, figures, tables, wide, columns)
-    pull = -n * stiffness * noise
-    by_origin, by_rest = columns[ORIGIN], columns[REST_FORCE]
-    for k in range(count):
-        by_origin[k] = pull * by_rest[k]
-        columns[RESIDUAL, k] += p[ORIGIN] * by_origin[k]
-    # The first row has this error in its second difference too.
-    outer = noise * (
-        figures[MASS] * p[MASS] / period**2 - 0.5 * figures[VISCOUS] * p[VISCOUS] / period
-    )
-    by_origin[0] += outer
-    columns[RESIDUAL, 0] += p[ORIGIN] * outer
     return doubt, math.sqrt(begun)
 
 
@@ -200,35 +205,76 @@ def _spring(k, direction, room, stiffness, level_at, tables, heading, columns, e
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _slide(k, direction, fast, coulomb, rate, period, tables, heading, columns, elements):  # type: ignore[no-untyped-def]
-    """Samples from k on while all slip fast in one direction; returns the first that it leaves."""
+def _slip(  # type: ignore[no-untyped-def]
+    k, haze, coulomb, rate, alpha, shape, noise, period, tables, heading, ready, columns, elements
+):
+    """Samples from k on while all slip in one direction.
+
+    They all relax at one rate, each towards its share of what the sum relaxes to: the sums are led
+    on, and the elements follow from them at the end.
+
+    Returns:
+        The first sample that it leaves, and `haze` there (see `_between`).
+    """
     count, n = columns.shape[1], elements.shape[1] - 1
     velocity, share = tables[T_VELOCITY], tables[T_SHARE]
-    decay = math.exp(-rate * period)
-    limit = direction * coulomb
-    away = elements[FORCE, n] - limit
-    by_coulomb = elements[BY_COULOMB, n] - direction
+    direction = float(heading[k])
+    fast = shape[0] * FAR_ABOVE ** (1.0 / shape[1])
+    kept = math.exp(-rate * period)
+    follows = (1.0 - kept) * _error_by_slope(alpha * coulomb, noise, period, shape[0])
+    total, by_coulomb = elements[FORCE, n], elements[BY_COULOMB, n]
     by_stiffness, by_rest = elements[BY_STIFFNESS, n], elements[BY_REST, n]
     by_turn, by_slip = elements[BY_TURN, n], elements[BY_SLIP, n]
     by_rate, by_alpha = elements[BY_RATE, n], elements[BY_ALPHA, n]
-    at, kept = k, 1.0
+    # What an element keeps of its force, and by how much that goes into its derivatives.
+    whole, into_rate, into_alpha = 1.0, 0.0, 0.0
+    at = k
     v0 = velocity[k - 1] if k > 0 else velocity[k]
-    while (
-        at < count and heading[at] == direction and share[at] < 0.0
-        and min(v0 * direction, velocity[at] * direction) > fast
-    ):  # fmt: skip
+    while at < count and heading[at] == direction and share[at] < 0.0:
+        lowest = min(v0 * direction, velocity[at] * direction)
         v0 = velocity[at]
-        away *= decay
-        by_coulomb *= decay
-        by_stiffness *= decay
-        by_rest *= decay
-        by_turn *= decay
-        by_slip *= decay
-        by_rate = by_rate * decay - away * period
-        by_alpha *= decay
-        kept *= decay
-        columns[RESIDUAL, at] = limit + away
-        columns[COULOMB, at] = direction + by_coulomb
+        if lowest > fast:  # the curve is 1 there
+            limit = direction * coulomb
+            away = (total - limit) * kept
+            total = limit + away
+            by_coulomb = direction + (by_coulomb - direction) * kept
+            by_rate = by_rate * kept - away * period
+            by_stiffness *= kept
+            by_rest *= kept
+            by_turn *= kept
+            by_slip *= kept
+            by_alpha *= kept
+            whole *= kept
+            into_rate = into_rate * kept - whole * period
+            into_alpha *= kept
+            tables[T_HAZE, at] = 0.0
+        else:
+            if not ready[at]:
+                _curve(at, direction, rate, alpha, shape, period, tables, ready)
+            steps = SUBSTEPS if lowest <= NO_SUBSTEPS * shape[0] else 1
+            dt = period / steps
+            for j in range(steps):
+                rise, decay = tables[T_CURVE + 2 * j, at], tables[T_CURVE + 2 * j + 1, at]
+                curve = 1.0 + alpha * rise
+                goal, rising = direction * curve, direction * rise * coulomb
+                slower = rate * dt * rise / (curve * curve)
+                away = (total - goal * coulomb) * decay
+                total = goal * coulomb + away
+                by_coulomb = goal + (by_coulomb - goal) * decay
+                by_rate = by_rate * decay - away * dt / curve
+                by_alpha = rising + (by_alpha - rising) * decay + away * slower
+                by_stiffness *= decay
+                by_rest *= decay
+                by_turn *= decay
+                by_slip *= decay
+                whole *= decay
+                into_rate = into_rate * decay - whole * dt / curve
+                into_alpha = into_alpha * decay + whole * slower
+                elements[SHARES, n] = rise
+            haze = haze * kept * kept + (follows * tables[T_SLOPE, at]) ** 2
+            tables[T_HAZE, at] = haze
+        columns[RESIDUAL, at] = total
+        columns[COULOMB, at] = by_coulomb
         columns[STIFFNESS, at] = by_stiffness
         columns[REST_FORCE, at] = by_rest
         columns[TURN_FORCE, at] = by_turn
@@ -237,21 +283,48 @@ def _slide(k, direction, fast, coulomb, rate, period, tables, heading, columns, 
         columns[ALPHA, at] = by_alpha
         tables[T_STUCK, at] = 0.0
         tables[T_LEVEL, at] = at
-        tables[T_HAZE, at] = 0.0
         at += 1
-    if at == k:
-        return at
-    time = (at - k) * period
+    before = elements[FORCE, n]
+    new_coulomb = by_coulomb - whole * elements[BY_COULOMB, n]
+    new_rate = by_rate - whole * elements[BY_RATE, n] - into_rate * before
+    new_alpha = by_alpha - whole * elements[BY_ALPHA, n] - into_alpha * before
     for i in range(n):
-        goal = direction * elements[SHARES, i]
-        rest = (elements[FORCE, i] - goal * coulomb) * kept
-        elements[FORCE, i] = goal * coulomb + rest
-        elements[BY_COULOMB, i] = goal + (elements[BY_COULOMB, i] - goal) * kept
-        elements[BY_RATE, i] = elements[BY_RATE, i] * kept - rest * time
-        for row in (BY_STIFFNESS, BY_REST, BY_TURN, BY_SLIP, BY_ALPHA):
-            elements[row, i] *= kept
+        part, force = elements[SHARES, i], elements[FORCE, i]
+        elements[FORCE, i] = whole * force + part * (total - whole * before)
+        elements[BY_COULOMB, i] = whole * elements[BY_COULOMB, i] + part * new_coulomb
+        elements[BY_RATE, i] = whole * elements[BY_RATE, i] + into_rate * force + part * new_rate
+        elements[BY_ALPHA, i] = (
+            whole * elements[BY_ALPHA, i] + into_alpha * force + part * new_alpha
+        )
+        for row in (BY_STIFFNESS, BY_REST, BY_TURN, BY_SLIP):
+            elements[row, i] *= whole
     sum_elements(elements)
-    return at
+    return at, haze
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _curve(k, direction, rate, alpha, shape, period, tables, ready):  # type: ignore[no-untyped-def]
+    """Stribeck curve and decay of each substep of a sample, and the curve's slope at its end."""
+    vs, delta = shape[0], shape[1]
+    v1 = tables[T_VELOCITY, k]
+    v0 = tables[T_VELOCITY, k - 1] if k > 0 else v1
+    steps = SUBSTEPS if min(v0 * direction, v1 * direction) <= NO_SUBSTEPS * vs else 1
+    shift = (tables[T_POSITION, k + 1] - tables[T_POSITION, k]) / period - 0.5 * (v0 + v1)
+    for j in range(steps):
+        v = v0 + (v1 - v0) * (j + 0.5) / steps + shift
+        rise = stribeck_rise(abs(v) / vs, delta)
+        tables[T_CURVE + 2 * j, k] = rise
+        tables[T_CURVE + 2 * j + 1, k] = math.exp(-rate * period / steps / (1.0 + alpha * rise))
+    ratio = abs(v1) / vs
+    slope = delta * stribeck_rise(ratio, delta)
+    tables[T_SLOPE, k] = slope if delta == 1.0 else slope * ratio ** (delta - 1.0)
+    ready[k] = True
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _error_by_slope(rising, noise, period, vs):  # type: ignore[no-untyped-def]
+    """Deviation of the limit [N] over the curve's slope: from what noise makes of the velocity."""
+    return rising * noise * math.sqrt(0.5) / (period * vs)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -278,26 +351,19 @@ def _between(  # type: ignore[no-untyped-def]
         steps = SUBSTEPS if slow else 1
         dt = period / steps
         shift = (x1 - x0) / period - 0.5 * (v0 + v1)
+        if not ready[k]:
+            _curve(k, heading_now, rate, alpha, shape, period, tables, ready)
         for j in range(steps):
             v = v0 + (v1 - v0) * (j + 0.5) / steps + shift
-            if not ready[k]:
-                rise = stribeck_rise(abs(v) / vs, delta)
-                tables[T_CURVE + 2 * j, k] = rise
-                tables[T_CURVE + 2 * j + 1, k] = math.exp(-rate * dt / (1.0 + alpha * rise))
             some, loose = step_elements(
                 v * dt, heading_now, tables[T_CURVE + 2 * j, k], tables[T_CURVE + 2 * j + 1, k],
                 dt, coulomb, stiffness, rate, alpha, elements,
             )  # fmt: skip
             landed += some
             slack += loose
-        ready[k] = True
         stuck = sum_elements(elements)
         # An element that lands takes the curve's error, one that slips follows it slowly.
-        ratio = abs(v1) / vs
-        speed_error = noise * math.sqrt(0.5) / period
-        error = alpha * coulomb * delta * stribeck_rise(ratio, delta) * speed_error / vs
-        if delta != 1.0:
-            error *= ratio ** (delta - 1.0)
+        error = _error_by_slope(alpha * coulomb, noise, period, vs) * tables[T_SLOPE, k]
         kept = math.exp(-rate * period)
         slid = (1.0 - kept) * (n - stuck) / n
         haze = haze * kept * kept + (landed * landed + slid * slid) * error * error
@@ -349,26 +415,29 @@ def _rise_before(k, vs, delta, period, tables):  # type: ignore[no-untyped-def]
     return stribeck_rise(abs(v) / vs, delta)
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _finish(p, knots, figures, tables, wide, columns):  # type: ignore[no-untyped-def]
-    """The rest of each row: what is linear in the data, units, and the level's knots."""
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _finish(p, knots, figures, pull, swing, period, tables, wide, columns):  # type: ignore[no-untyped-def]
+    """The rest of each row: what is linear in the data, units, and the level's knots.
+
+    `pull` and `swing` are what the first position's error does: a force on all elements [N], and a
+    velocity [m/s].
+    """
     count = columns.shape[1]
-    velocity, acceleration = tables[T_VELOCITY], tables[T_ACCELERATION]
     force, scale, residual = tables[T_FORCE], tables[T_SCALE], columns[RESIDUAL]
-    coulomb, viscous = figures[COULOMB], figures[VISCOUS]
-    stiffness, mass = figures[STIFFNESS], figures[MASS]
-    by_coulomb, by_viscous = columns[COULOMB], columns[VISCOUS]
-    by_stiffness, by_mass = columns[STIFFNESS], columns[MASS]
-    by_rest, by_turn, by_slip = columns[REST_FORCE], columns[TURN_FORCE], columns[SLIP_FORCE]
+    _scale(columns[COULOMB], figures[COULOMB], columns[COULOMB])
+    _scale(columns[STIFFNESS], figures[STIFFNESS], columns[STIFFNESS])
+    _scale(tables[T_VELOCITY], figures[VISCOUS], columns[VISCOUS])
+    _scale(tables[T_ACCELERATION], figures[MASS], columns[MASS])
+    _scale(columns[REST_FORCE], pull, columns[ORIGIN])
+    # The first row has this error in its second difference too.
+    columns[ORIGIN, 0] += swing * (
+        figures[MASS] * p[MASS] / period - 0.5 * figures[VISCOUS] * p[VISCOUS]
+    )
+    _add(columns, VISCOUS, p[VISCOUS], MASS, p[MASS], residual)
+    _add(columns, REST_FORCE, p[REST_FORCE], TURN_FORCE, p[TURN_FORCE], residual)
+    _add(columns, SLIP_FORCE, p[SLIP_FORCE], ORIGIN, p[ORIGIN], residual)
     for k in range(count):
-        by_coulomb[k] *= coulomb
-        by_stiffness[k] *= stiffness
-        by_viscous[k] = velocity[k] * viscous
-        by_mass[k] = acceleration[k] * mass
-        residual[k] += (
-            p[VISCOUS] * by_viscous[k] + p[MASS] * by_mass[k] - force[k + 1]
-            + p[REST_FORCE] * by_rest[k] + p[TURN_FORCE] * by_turn[k] + p[SLIP_FORCE] * by_slip[k]
-        )  # fmt: skip
+        residual[k] -= force[k + 1]
     if wide:
         lag = p[LAG]
         for k in range(count):
@@ -378,8 +447,7 @@ def _finish(p, knots, figures, tables, wide, columns):  # type: ignore[no-untype
             residual[k] -= lag * (slope + 0.5 * lag * bend)
             columns[LAG, k] = -(slope + lag * bend)
     if knots > 0:
-        for k in range(count):
-            scale[k] = p[COULOMB] * by_coulomb[k]
+        _scale(columns[COULOMB], p[COULOMB], scale)
         for j in range(knots):
             for k in range(count):
                 columns[KNOTS + j, k] = 0.0
@@ -392,3 +460,18 @@ def _finish(p, knots, figures, tables, wide, columns):  # type: ignore[no-untype
             residual[k] += scale[k] * (
                 p[KNOTS + knot] * (1.0 - share) + p[KNOTS + knot + 1] * share
             )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _scale(row, factor, out):  # type: ignore[no-untyped-def]
+    """A row in other units; few rows at a time are what a compiler sees through."""
+    for k in range(min(row.shape[0], out.shape[0])):
+        out[k] = factor * row[k]
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _add(columns, i, by_i, j, by_j, total):  # type: ignore[no-untyped-def]
+    """Add two columns times their unknowns."""
+    a, b = columns[i], columns[j]
+    for k in range(total.shape[0]):
+        total[k] += by_i * a[k] + by_j * b[k]

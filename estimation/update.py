@@ -61,7 +61,8 @@ UPDATE_SIZE = U_COVARIANCE + (LEVEL + 1) ** 2
 @numba.njit(cache=True, error_model="numpy")
 def begin_update(  # type: ignore[no-untyped-def]
     position, force, valid, rest, rest_force, elapsed, constants, units, shares, mean, covariance,
-    forces, state_known, whole, tables, heading, zone, usable, before, spread, result,
+    forces, memory, state_known, whole, tables, heading, zone, usable, ready, before, spread,
+    found, uncertain, p, result,
 ):  # fmt: skip
     """Clean the samples, age the belief, correct the state by the force at rest, find the zones.
 
@@ -78,15 +79,23 @@ def begin_update(  # type: ignore[no-untyped-def]
         mean: belief after the last move, shape (LEVEL + 1,).
         covariance: of it.
         forces: element forces at rest before the move [N], shape (N,); corrected.
+        memory: of the friction state; becomes that at the end of the move.
         state_known: False where only the sum of the element forces is known.
         whole: False for a look at a move that is not over: zone A only.
         tables: T_* of the data, written, shape (TABLES, K).
         heading: of `window.prepare`, written.
         zone: the same.
         usable: the same.
+        ready: of `rows.fill_rows`, cleared.
         before: belief before this move, written, shape (LEVEL + 1,).
         spread: covariance of it, written.
+        found: where belief after the move begins: the same.
+        uncertain: covariance of it.
+        p: first iterate of `window.fit`, written.
         result: R_*, written; U_NUMBER becomes the number of valid samples.
+
+    Returns:
+        That number; nothing else is done where there are fewer than three.
     """
     for i in range(UPDATE_SIZE):
         result[i] = 0.0
@@ -95,8 +104,9 @@ def begin_update(  # type: ignore[no-untyped-def]
     result[U_NUMBER] = clean(
         position, force, valid, rest, tables[T_POSITION], tables[T_FORCE], good
     )
+    count = heading.shape[0]
     if result[U_NUMBER] < 3:
-        return
+        return int(result[U_NUMBER])
     age(mean, covariance, elapsed, constants, units, before, spread)
     correct_forces(
         forces, shares, known * (1.0 + before[LEVEL]) * (1.0 + before[ALPHA]), rest_force
@@ -111,6 +121,18 @@ def begin_update(  # type: ignore[no-untyped-def]
         good, constants, units, shares, before, state_known, whole, tables, heading, zone, usable,
         result,
     )  # fmt: skip
+    for k in range(count):
+        ready[k] = False
+        if heading[k] != 0:
+            memory[0] = heading[k]
+    memory[1] = tables[T_POSITION, count]
+    for i in range(p.shape[0]):
+        p[i] = before[i] if i < LEVEL else 0.0
+    for i in range(LEVEL + 1):
+        found[i] = before[i]
+        for j in range(LEVEL + 1):
+            uncertain[i, j] = spread[i, j]
+    return int(result[U_NUMBER])
 
 
 @numba.njit(cache=True, error_model="numpy")

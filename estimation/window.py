@@ -19,7 +19,8 @@ import numpy as np
 
 from estimation.belief import ALPHA, COULOMB, LAG, LEVEL, MASS, RATE, STIFFNESS, VISCOUS
 from estimation.elements import ELEMENT_ROWS, SHARES
-from estimation.least_squares import cholesky_inverse, gauss_newton_step
+from estimation.least_squares import cholesky_inverse, gauss_newton_step, quadratic_form
+from estimation.rounding import refine
 from estimation.rows import (
     KNOTS,
     OFFSETS,
@@ -30,7 +31,6 @@ from estimation.rows import (
     T_FORCE,
     T_HAZE,
     T_POSITION,
-    T_SCALE,
     T_SHARE,
     T_SHARP,
     T_STUCK,
@@ -40,7 +40,6 @@ from estimation.rows import (
 from estimation.whitening import (
     factor_weights,
     normal_equations,
-    rounding_covariance,
     whiten,
 )
 from estimation.zones import REST, SLIDE, STICK, differences, find_turns, mark_zones
@@ -51,8 +50,13 @@ MOST_KNOTS = 8
 LEVEL_BOUND = 0.2
 FREE_SLIP = 0.3
 """Spread of the element forces where zone A begins, in a solve of zone A alone [Coulomb force]."""
+QUIET = 0.1
+"""Encoder noise as a force (m / T^2 times its rms) below which rounding is not white [steps]."""
 REST_AFTER = 0.05
 """How much of the rest behind a motion is used [s]."""
+FULL_SLIP = 2.0
+"""C/Fc is learned from moves of so many breakaway travels and more: shorter ones end among elements
+of which only the sum was known at rest, and what that leaves open would go into it."""
 MIN_SLIDE, MIN_STICK = 12, 6
 """Fewest samples of a zone that is worth solving."""
 MAX_ITERATIONS, HALVINGS, TOLERANCE = 20, 10, 1e-3
@@ -70,11 +74,11 @@ F_UNIT, F_LOWER, F_UPPER = range(3)
 # What the kernels report.
 (
     R_SLIDE, R_STICK, R_CHI_A, R_CHI_B, R_BOUND, R_EVALUATIONS, R_FAILED, R_SAMPLES, R_KNOWN,
-    R_REST_FORCE, R_STEP, R_END,
-) = range(12)  # fmt: skip
-REPORT_SIZE = 12
+    R_REST_FORCE, R_STEP, R_END, R_FAR,
+) = range(13)  # fmt: skip
+REPORT_SIZE = 13
 """Also what is passed on: Coulomb force in force before the move and force measured at rest [N],
-resolution of the force [N], and up to which row the move is used."""
+resolution of the force [N], up to which row the move is used, and whether it goes FULL_SLIP."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -129,6 +133,7 @@ def prepare(  # type: ignore[no-untyped-def]
     report[R_SLIDE] = slide if slide >= MIN_SLIDE else 0.0
     report[R_STICK] = stick if zone_b and stick >= MIN_STICK else 0.0
     report[R_BOUND] = -1.0
+    report[R_FAR] = abs(position[count + 1] - position[0]) > FULL_SLIP * travel
     report[R_END] = min(count, end + int(REST_AFTER / period + 0.5))
 
 
@@ -231,7 +236,11 @@ def fit(  # type: ignore[no-untyped-def]
     for i in range(elements_n):
         elements[SHARES, i] = shares[i]
     normal, trial_normal = np.empty((n + 1, n + 1)), np.empty((n + 1, n + 1))
-    step = prior
+    # Where the encoder alone moves the force through codes, rounding is as good as white.
+    jitter = units[F_UNIT, MASS] * p[MASS] * constants[C_POSITION_NOISE] / constants[C_PERIOD] ** 2
+    refined = not linear and jitter < QUIET * report[R_STEP]
+    raw, at = np.empty((KNOTS + knots, end if refined else 0)), np.empty(n)
+    step, away = prior, np.empty(n)
     cost, evaluations, halvings = math.inf, 0, 0
     while True:
         if reshaped:
@@ -258,17 +267,17 @@ def fit(  # type: ignore[no-untyped-def]
             information[first + 1, first + 1] = 1.0 / (white + pull * pull + turned * turned)
             information[first + 2, first + 2] = 1.0 / (fresh * fresh + begun * begun + 1e-20)
             information[first + 3, first + 3] = 1.0
-        for k in range(end):
-            tables[T_SCALE, k] = rows[RESIDUAL, k]
+        if refined:
+            raw[:] = rows
+            for a in range(n):
+                at[a] = p[chosen[a]]
         whiten(rows, chosen, weights[0], weights[1])
         normal_equations(rows, chosen, weights[2], trial_normal)
         evaluations += 1
         trial_cost = trial_normal[n, n]
         for a in range(n):
-            for b in range(n):
-                trial_cost += (
-                    (p[chosen[a]] - prior[a]) * information[a, b] * (p[chosen[b]] - prior[b])
-                )
+            away[a] = p[chosen[a]] - prior[a]
+        trial_cost += quadratic_form(information, away)
         if trial_cost <= cost * (1.0 + 1e-12):
             cost, halvings = trial_cost, 0
             normal, trial_normal = trial_normal, normal
@@ -282,12 +291,9 @@ def fit(  # type: ignore[no-untyped-def]
                 return
             # The last step is taken, but not evaluated once more.
             if size < TOLERANCE or linear or evaluations > MAX_ITERATIONS:
-                chi = normal[n, n]
+                normal[n, n] += quadratic_form(normal, step)
                 for a in range(n):
-                    chi += 2.0 * step[a] * normal[a, n]
-                    for b in range(n):
-                        chi += step[a] * normal[a, b] * step[b]
-                normal[n, n] = chi
+                    normal[n, n] += 2.0 * step[a] * normal[a, n]
                 for a in range(n):
                     value[a] = min(max(value[a] + step[a], lower[a]), upper[a])
                 break
@@ -302,6 +308,15 @@ def fit(  # type: ignore[no-untyped-def]
                 step[a] *= 0.5
         for a in range(n):
             p[chosen[a]] = min(max(value[a] + step[a], lower[a]), upper[a])
+    if refined:
+        chi = normal[n, n]
+        refine(
+            raw, chosen, at, tables[T_STUCK], weights[3] - white, use[:end],
+            units[F_UNIT, MASS] * p[MASS], units[F_UNIT, VISCOUS] * p[VISCOUS],
+            constants[C_PERIOD], constants[C_POSITION_NOISE], report[R_STEP], prior, information,
+            lower, upper, value, normal,
+        )  # fmt: skip
+        normal[n, n] = chi
     for a in range(n):
         p[chosen[a]] = value[a]
         for b in range(n):
@@ -310,14 +325,6 @@ def fit(  # type: ignore[no-untyped-def]
     if not cholesky_inverse(information):
         report[R_FAILED] = 1.0
         return
-    if not linear and report[R_STEP] > 0.0:
-        kept = np.arange(figures + min(knots, 1))  # what `_believe` takes
-        if knots > 0:
-            kept[figures] = first - 1
-        rounding_covariance(
-            rows, chosen[:n], weights, tables[T_SCALE], tables[T_FORCE], report[R_STEP], first,
-            1.0 / white, kept, information,
-        )  # fmt: skip
     _believe(p, information, chosen, figures, knots, prior_mean, prior_covariance, mean, covariance)
     for a in range(figures):
         if value[a] <= lower[a] or value[a] >= upper[a]:

@@ -146,7 +146,9 @@ class Problem:
 
     def ready(self) -> tuple[SplitHorizonEstimator, MoveData]:
         """An estimator that knows the state before the move, and the move."""
-        estimator = SplitHorizonEstimator(START, self.settings)
+        estimator = SplitHorizonEstimator(
+            START, self.settings, state=FrictionState.relaxed(START.elements)
+        )
         estimator.at_rest(0.0, 0.0, -1.0)
         estimator.update(MoveData(np.zeros(5), np.zeros(5), np.ones(5, dtype=bool), -1.0, 0.0))
         valid = np.ones(len(self.position), dtype=np.bool_)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from estimation.belief import Belief
-from estimation.split_horizon import _tempered
+from estimation.move_solver import tempered
 
 PRIOR = Belief(np.array([1.0, 1.0, 1.0, 1.0, 1.0, 0.0]), np.diag([0.36, 0.6, 0.6, 0.6, 1e-3, 1e-4]))
 
@@ -16,12 +16,12 @@ def found():
 
 def test_what_noise_explains_is_taken_as_it_is():
     belief = found()
-    assert _tempered(PRIOR, belief, 0.7) is belief
-    assert _tempered(PRIOR, belief, 1.0) is belief
+    assert tempered(PRIOR, belief, 0.7) is belief
+    assert tempered(PRIOR, belief, 1.0) is belief
 
 
 def test_a_misfit_is_noise_that_much_larger():
-    belief = _tempered(PRIOR, found(), 3.0)
+    belief = tempered(PRIOR, found(), 3.0)
     information = np.linalg.inv(PRIOR.covariance[:3, :3])
     data = (np.linalg.inv(found().covariance[:3, :3]) - information) / 9.0
     got = np.linalg.inv(belief.covariance[:3, :3])
@@ -34,6 +34,6 @@ def test_a_misfit_is_noise_that_much_larger():
 
 
 def test_nonsense_says_nothing():
-    belief = _tempered(PRIOR, found(), 1e6)
+    belief = tempered(PRIOR, found(), 1e6)
     np.testing.assert_allclose(belief.mean, PRIOR.mean, atol=1e-6)
     np.testing.assert_allclose(belief.covariance, PRIOR.covariance, rtol=1e-6, atol=1e-9)

@@ -1,4 +1,4 @@
-"""Weights of the rows against dense matrices, and what rounding does to a covariance."""
+"""Weights of the rows against dense matrices."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,6 @@ import pytest
 from estimation.whitening import (
     factor_weights,
     normal_equations,
-    rounding_covariance,
     whiten,
 )
 
@@ -50,28 +49,3 @@ def test_weights_are_those_of_the_dense_covariance(white):
     found = np.empty((3, 3))
     normal_equations(columns, chosen, inverse, found)
     np.testing.assert_allclose(found, expected, rtol=1e-6)
-
-
-def test_rounding_of_a_plateau_does_not_average_out():
-    # A constant, measured COUNT times, rounded: the error is one and the same every time.
-    step = 0.04
-    use, white = np.ones(COUNT, dtype=bool), np.full(COUNT, step**2 / 12.0)
-    lower, lowest, inverse = (np.empty(COUNT) for _ in range(3))
-    factor_weights(0.0, 0.0, TS, 0.0, np.zeros(COUNT), white, use, lower, lowest, inverse)
-
-    def spread(slope):
-        columns = np.ones((2, COUNT))
-        columns[1] = 0.0  # an unknown that nothing is known of, in the place of the force at rest
-        covariance = np.diag([step**2 / 12.0 / COUNT, 1e-12])
-        rounding_covariance(
-            columns, np.arange(2), np.array([lower, lowest, inverse]), slope * np.arange(COUNT),
-            np.zeros(COUNT + 2), step, 1, 0.0, np.arange(1), covariance,
-        )  # fmt: skip
-        return np.sqrt(covariance[0, 0])
-
-    whole = step / np.sqrt(12.0)
-    assert spread(0.0) == pytest.approx(whole, rel=0.08)
-    # A slope through many codes averages out, better than noise would ...
-    assert spread(0.017) < whole / np.sqrt(COUNT)
-    # ... unless it meets the codes in step.
-    assert spread(1.5 * step) == pytest.approx(whole / 2.0, rel=0.1)

@@ -1,0 +1,200 @@
+"""The compiled calls of one update, one after the other, on arrays that are kept for the next.
+
+One call for all would be compiled together with all that it carries, a second time (see `update`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from estimation.belief import ALPHA, COULOMB, LEVEL, MASS, RATE, Belief
+from estimation.elements import ELEMENT_ROWS, FORCE, SHARES, SLIPS
+from estimation.gms import F64, Friction, FrictionState, element_shares
+from estimation.rows import KNOTS, TABLES, lead
+from estimation.settings import EstimatorSettings, MoveData
+from estimation.update import F_DRIFT, UPDATE_SIZE, begin_update, end_update
+from estimation.window import (
+    F_UNIT,
+    R_BOUND,
+    R_CHI_A,
+    R_CHI_B,
+    R_FAILED,
+    R_FAR,
+    R_KNOWN,
+    R_SLIDE,
+    R_STICK,
+    fit,
+    knots_of,
+)
+from estimation.zones import SLIDE, STICK
+
+_SIZE = LEVEL + 1
+
+
+class _Room:
+    """Arrays for moves of one length; what they hold does not outlive an update."""
+
+    __slots__ = ("columns", "heading", "p", "ready", "samples", "tables", "usable", "zone")
+
+    def __init__(self, samples: int, knots: int) -> None:
+        rows = max(samples - 2, 0)
+        self.samples = samples
+        self.tables, self.columns = np.empty((TABLES, samples)), np.empty((KNOTS, rows))
+        self.heading, self.zone = np.empty(rows, np.int8), np.empty(rows, np.int8)
+        self.usable, self.ready = np.empty(rows, np.bool_), np.empty(rows, np.bool_)
+        self.p = np.empty(KNOTS + knots)
+
+
+class MoveSolver:
+    """Solves the moves of one axis.
+
+    Args:
+        friction: model that the figures are relative to.
+        settings: of the estimation.
+        frozen: keep the friction figures.
+
+    Raises:
+        ValueError: settings that name a figure that there is not.
+    """
+
+    def __init__(self, friction: Friction, settings: EstimatorSettings, frozen: bool) -> None:
+        self._settings = settings
+        # What the kernels take, made once.
+        self.units = settings.units(friction)
+        self._constants = settings.constants(friction)
+        self._figures = np.ascontiguousarray(self.units[F_UNIT])
+        self._shape = np.array([friction.stribeck_velocity, friction.stribeck_shape])
+        self._masks = settings.masks(frozen)
+        short = self._masks.copy()
+        short[:, RATE] = False
+        # By whether a move is long: figures for zone A, without it, and with both.
+        self._masks_of = [[*short], [*self._masks]]
+        self._shares = element_shares(friction.elements).copy()
+        self._elements = np.empty((ELEMENT_ROWS, friction.elements + 1))
+        self._elements[SHARES, :-1] = self._shares
+        self._before, self._found, self._at_end = np.empty(_SIZE), np.empty(_SIZE), np.empty(KNOTS)
+        self._spread, self._uncertain = np.empty((_SIZE, _SIZE)), np.empty((_SIZE, _SIZE))
+        self._room = _Room(0, 0)
+
+    def _room_for(self, samples: int) -> _Room:
+        if self._room.samples != samples:
+            settings = self._settings
+            knots = knots_of(max(samples - 2, 0), settings.period, settings.belief.wander)
+            self._room = _Room(samples, knots)
+        return self._room
+
+    def solve(
+        self,
+        move: MoveData,
+        rest: float,
+        elapsed: float,
+        restless: float,
+        belief: Belief,
+        state: FrictionState,
+        known: bool,
+        whole: bool,
+    ) -> F64:
+        """Learn from a move and carry the friction state to its end.
+
+        Args:
+            move: as sampled.
+            rest: position before it [m]; nan: not known.
+            elapsed: since the end of the last move [s]; negative: there was none.
+            restless: variance by which Coulomb force ages beside its drift, relative.
+            belief: after the last move; updated.
+            state: at rest before the move; carried to its end.
+            known: whether that is more than the sum of the element forces.
+            whole: False for a move that is not over: zone A only, belief stays.
+
+        Returns:
+            What it left, see `update`.
+
+        Raises:
+            ValueError: shapes that differ, or fewer than three valid samples.
+        """
+        samples = len(move.position)
+        if len(move.force) != samples or len(move.valid) != samples:
+            raise ValueError("position, force and valid must have the same length")
+        room, result = self._room_for(samples), np.empty(UPDATE_SIZE)
+        tables, heading, zone, usable = room.tables, room.heading, room.zone, room.usable
+        ready, p, settings = room.ready, room.p, self._settings
+        mean, covariance = belief.mean, belief.covariance
+        before, spread, found, uncertain = self._before, self._spread, self._found, self._uncertain
+        constants, units, shares, forces = self._constants, self.units, self._shares, state.forces
+        drift = settings.belief.drift[COULOMB]
+        units[F_DRIFT, COULOMB] = math.hypot(drift, math.sqrt(restless) * float(mean[COULOMB]))
+        counted = begin_update(
+            move.position, move.force, move.valid, rest, move.rest_force, elapsed, constants,
+            units, shares, mean, covariance, forces, state.memory, known, whole, tables, heading,
+            zone, usable, ready, before, spread, found, uncertain, p, result,
+        )  # fmt: skip
+        if counted < 3:
+            raise ValueError("fewer than three valid samples")
+        slide, stick = result[R_SLIDE] > 0.0, result[R_STICK] > 0.0
+        masks = self._masks_of[1 if result[R_FAR] else 0]
+        mask = masks[2 if slide else 1]
+        if slide:
+            fit(
+                SLIDE, tables, heading, zone, usable, ready, constants, units, shares, forces,
+                before, spread, found, uncertain, masks[0], p, result,
+            )  # fmt: skip
+        if stick and result[R_FAILED] == 0.0 and result[R_BOUND] < 0.0:
+            fit(
+                STICK, tables, heading, zone, usable, ready, constants, units, shares, forces,
+                before, spread, found, uncertain, mask, p, result,
+            )  # fmt: skip
+        misfit = math.sqrt(result[R_CHI_B if stick else R_CHI_A])
+        if whole and 1.0 < misfit <= settings.misfit and result[R_FAILED] == 0.0:
+            tamed = tempered(Belief(before, spread), Belief(found, uncertain), misfit)
+            if not self._jumps_away(before, spread, found):  # that is for `end_update` to see
+                found[:], uncertain[:] = tamed.mean, tamed.covariance
+        at_end, elements = self._at_end, self._elements
+        end_update(
+            samples, constants, self._masks, before, spread, found, uncertain, whole, mean,
+            covariance, at_end, result,
+        )  # fmt: skip
+        if (
+            at_end[RATE] != before[RATE] or at_end[ALPHA] != before[ALPHA]
+            or mask[RATE] or mask[ALPHA]
+        ):  # fmt: skip
+            ready.fill(False)
+        lead(
+            at_end, self._figures, self._shape, settings.position_noise, settings.period, forces,
+            float(result[R_KNOWN]), move.rest_force, tables, heading, ready, room.columns, elements,
+        )  # fmt: skip
+        forces[:] = elements[FORCE, :-1]
+        state.slipping[:] = elements[SLIPS, :-1]
+        return result
+
+    def _jumps_away(self, before: F64, spread: F64, found: F64) -> bool:
+        """Whether a figure changes by more than drift can explain."""
+        change = np.abs(found[:MASS] / before[:MASS] - 1.0)
+        sigma = np.sqrt(spread.diagonal()[:MASS]) / before[:MASS]
+        allowed = np.maximum(self._settings.jump * sigma, self._settings.jump_share)
+        return bool((change > allowed).any())
+
+
+def tempered(prior: Belief, found: Belief, misfit: float) -> Belief:
+    """What is believed where the residual is `misfit` times what noise explains.
+
+    The move's information counts by 1/misfit^2, as if its noise had been that much larger. A
+    figure of which nothing is free keeps what was found.
+    """
+    if misfit <= 1.0:
+        return found
+    free = found.covariance.diagonal() < prior.covariance.diagonal() * (1.0 - 1e-9)
+    if not free.any():
+        return found
+    chosen = np.ix_(free, free)
+    before = np.linalg.inv(prior.covariance[chosen])
+    after = np.linalg.inv(found.covariance[chosen])
+    share = 1.0 / misfit**2
+    information = before + share * (after - before)
+    covariance = np.linalg.inv(information)
+    pull = (1.0 - share) * before @ prior.mean[free] + share * after @ found.mean[free]
+    mean, whole = found.mean.copy(), found.covariance.copy()
+    mean[free] = covariance @ pull
+    whole[chosen] = covariance
+    return Belief(mean, whole)
