@@ -35,20 +35,25 @@ class Bench:
         return Stage.open(bus, [dataclasses.replace(a, **changes) for a in axes])
 
 
+def homes_and_goes_a_millimetre(stage: Stage) -> None:
+    """Whatever the units on the bus are, the stage's are metres."""
+    stage.boot()
+    stage.home()
+    stage.enable()
+    assert max(map(abs, stage.positions)) < 1e-6
+    start = np.array(stage.targets)
+    ramp = start + np.linspace(0, 1e-3, 200)[:, None]
+    stage.stream(ramp, np.zeros_like(ramp))
+    rest = stage.hold(0.3)
+    np.testing.assert_allclose(rest.position[-1], ramp[-1], atol=50e-9)
+
+
 @pytest.mark.parametrize("increment", ["5 nm", "0.5 nm", "4.8828125 nm"])
 def test_encoder_increments_other_than_1_nm(stage_machine: Machine, increment: str) -> None:
     text = stage_machine.text.replace("increment: 1.0e-9", f"increment: {increment}")
     bench = Bench(parse_machine(text, "other.yaml"))
     with bench.open() as stage:
-        stage.boot()
-        stage.home()
-        stage.enable()
-        assert max(map(abs, stage.positions)) < 1e-6
-        start = np.array(stage.targets)
-        ramp = start + np.linspace(0, 1e-3, 200)[:, None]
-        stage.stream(ramp, np.zeros_like(ramp))
-        rest = stage.hold(0.3)
-        np.testing.assert_allclose(rest.position[-1], ramp[-1], atol=50e-9)
+        homes_and_goes_a_millimetre(stage)
 
 
 UNITS = [
@@ -66,15 +71,7 @@ def test_drives_of_other_units(stage_machine: Machine, units: str) -> None:
         text = text.replace(rated, f"{units}\n      {rated}")
     bench = Bench(parse_machine(text, "other.yaml"))
     with bench.open() as stage:
-        stage.boot()
-        stage.home()
-        stage.enable()
-        assert max(map(abs, stage.positions)) < 1e-6
-        start = np.array(stage.targets)
-        ramp = start + np.linspace(0, 1e-3, 200)[:, None]
-        stage.stream(ramp, np.zeros_like(ramp))
-        rest = stage.hold(0.3)
-        np.testing.assert_allclose(rest.position[-1], ramp[-1], atol=50e-9)
+        homes_and_goes_a_millimetre(stage)
         stage.move_to("x", 2e-3, velocity=0.02, acceleration=0.5)
         assert stage.positions[0] == pytest.approx(2e-3, abs=1.1e-6)
         before = stage.positions[0]

@@ -59,7 +59,10 @@ def run(machine: Any, seed: int, travel_to: Any, hold: Any) -> tuple[str, str]:
     def tap(t: int, can_id: int, data: bytes) -> None:
         frames.update(b"%d %d %s\n" % (t, can_id, data))
 
-    with Stage.open(bus, axes, tap=tap, bus_object=LockstepBus(channel="same-bytes")) as stage:
+    with (
+        LockstepBus(channel="same-bytes") as opened,
+        Stage.open(bus, axes, tap=tap, bus_object=opened) as stage,
+    ):
         stage.sink = lambda sample: samples.update(repr(sample).encode())
         stage.boot()
         stage.home()

@@ -13,6 +13,7 @@ from importlib.resources import files
 from pathlib import Path
 
 import can
+import numpy as np
 import pytest
 
 from drivers.cia402 import AUTOMATIC, TRANSITIONS, Command, State
@@ -20,6 +21,11 @@ from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
 
 STATUS = {state: state.value[1] | 0x0200 for state in State}
+
+
+def rest(stage: Stage, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Setpoints that hold where the stage stands."""
+    return np.tile(stage.targets, (count, 1)), np.zeros((count, len(stage.axes)))
 
 
 class ScriptedDrive:

@@ -6,7 +6,6 @@ import dataclasses
 import struct
 from typing import Any
 
-import numpy as np
 import pytest
 
 from drivers.errors import (
@@ -15,13 +14,9 @@ from drivers.errors import (
 )
 from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
+from tests.unit.drivers.conftest import rest
 
 X, Y = 0, 1
-
-
-def rest(stage: Stage, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Setpoints that hold where the stage stands."""
-    return np.tile(stage.targets, (count, 1)), np.zeros((count, len(stage.axes)))
 
 
 def test_boot_maps_one_64_bit_pdo_each_way_and_disables_the_others(

@@ -15,13 +15,9 @@ from drivers.errors import (
     HomingError,
 )
 from drivers.stage import Stage
+from tests.unit.drivers.conftest import rest
 
 X, Y = 0, 1
-
-
-def rest(stage: Stage, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Setpoints that hold where the stage stands."""
-    return np.tile(stage.targets, (count, 1)), np.zeros((count, len(stage.axes)))
 
 
 def off(scripted: Any) -> bool:

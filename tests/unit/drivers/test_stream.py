@@ -13,13 +13,9 @@ from drivers.errors import (
     LimitError,
 )
 from drivers.stage import Stage
+from tests.unit.drivers.conftest import rest
 
 X, Y = 0, 1
-
-
-def rest(stage: Stage, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Setpoints that hold where the stage stands."""
-    return np.tile(stage.targets, (count, 1)), np.zeros((count, len(stage.axes)))
 
 
 def test_enable_targets_the_actual_position_and_stream_returns_what_was_sent(
