@@ -113,19 +113,21 @@ class ProfileMoves:
         increment = channel.axis.scale.increment
         start = (channel.position if way.end is None else way.end) * increment
         settings = channel.axis.settings
+        queued = (queued or passing) and way.end is not None
+        full = way.queued and bool(channel.statusword & Status.SETPOINT_ACKNOWLEDGED)
+        if relative and full and not queued:  # which of two targets a drive counts from differs
+            position, relative = start + position, False
         (setpoint,) = checked_profile(settings, start, [position], speed, rate, relative)
         if relative:
             _check_base(channel)
         if (speed, rate) != (way.velocity, way.acceleration):
             channel.axis.set_profile(speed, rate)
         turning = 2 * way.velocity / rate + way.velocity**2 / (rate * speed)
-        queued = (queued or passing) and way.end is not None
         bits = 0 if queued else int(Control.CHANGE_IMMEDIATELY)
         if passing and queued:
             bits |= int(Control.CHANGE_ON_SETPOINT)
         if self.halted:
             bits |= int(Control.HALT)
-        full = way.queued and bool(channel.statusword & Status.SETPOINT_ACKNOWLEDGED)
         hand_over(
             self._cycle, channel, setpoint, bits, HANDSHAKE_TIMEOUT + way.seconds, self._period,
             instead=full and not queued,

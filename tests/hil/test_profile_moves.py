@@ -167,13 +167,16 @@ def test_a_new_target_counts_at_once_in_the_middle_of_a_move(
     assert stage.positions[0] - start == pytest.approx(-0.5e-3, abs=2e-6)
 
 
-def test_a_target_that_waits_is_given_up_for_one_at_once(stage: Stage, frames: list[Frame]) -> None:
+@pytest.mark.parametrize("relative", [False, True])
+def test_a_target_that_waits_is_given_up_for_one_at_once(
+    stage: Stage, frames: list[Frame], relative: bool
+) -> None:
     start = stage.targets[0]
     with stage.profile_moves(**SLOW) as moves:
         moves.to("x", start + 5e-3)
         moves.to("x", start + 8e-3, queued=True)
         moves.run(0.05)
-        moves.to("x", start + 2e-3)
+        moves.to("x", -6e-3 if relative else start + 2e-3, relative=relative)
         moves.wait()
         assert stage.positions[0] - start == pytest.approx(2e-3, abs=2e-6)
         moves.run(0.1)  # and nothing follows
