@@ -43,7 +43,7 @@ class _Room:
         self.samples = samples
         self.tables, self.columns = np.empty((TABLES, samples)), np.empty((KNOTS, rows))
         self.heading, self.zone = np.empty(rows, np.int8), np.empty(rows, np.int8)
-        self.usable, self.ready = np.empty(rows, np.bool_), np.empty(rows, np.bool_)
+        self.usable, self.ready = np.empty(rows, np.bool_), np.empty(rows, np.int8)
         self.p = np.empty(KNOTS + knots)
 
 
@@ -159,10 +159,11 @@ class MoveSolver:
             at_end[RATE] != before[RATE] or at_end[ALPHA] != before[ALPHA]
             or mask[RATE] or mask[ALPHA]
         ):  # fmt: skip
-            ready.fill(False)
+            ready.fill(0)
         lead(
             at_end, self._figures, self._shape, settings.position_noise, settings.period, forces,
-            float(result[R_KNOWN]), move.rest_force, tables, heading, ready, room.columns, elements,
+            float(result[R_KNOWN]), move.rest_force, tables, heading, ready, False,
+            False, room.columns, elements,
         )  # fmt: skip
         forces[:] = elements[FORCE, :-1]
         state.slipping[:] = elements[SLIPS, :-1]

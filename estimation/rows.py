@@ -47,18 +47,22 @@ OFFSETS = 4
 
 # Tables, one row of samples each: of the data (`zones`), then what a pass leaves.
 (
-    T_POSITION, T_VELOCITY, T_ACCELERATION, T_FORCE, T_SHARE, T_AT, T_SHARP, T_STUCK, T_SCALE,
-    T_LEVEL, T_HAZE, T_SLOPE, T_CURVE,
-) = range(13)  # fmt: skip
+    T_POSITION, T_VELOCITY, T_ACCELERATION, T_FORCE, T_SHARE, T_AT, T_SHARP, T_UNTIL, T_STUCK,
+    T_SCALE, T_LEVEL, T_HAZE, T_DECAY, T_GOAL, T_DECAY_BY_RATE, T_GOAL_BY_RATE, T_DECAY_BY_ALPHA,
+    T_GOAL_BY_ALPHA, T_SLOPE, T_CURVE,
+) = range(20)  # fmt: skip
 TABLES = T_CURVE + 2 * SUBSTEPS
-"""The last ones: slope of exp(-|v/vs|^delta) by v/vs at the sample, then that curve and the decay
-of each substep, kept while the shape stays."""
+"""From T_DECAY on what depends on the shape (C/Fc and alpha) and the motion only, kept while they
+stay: what a sample does to the force of all elements while they slip, F <- decay F + goal Fc; slope
+of exp(-|v/vs|^delta) by v/vs at the sample; that curve and the decay of each substep."""
+# What of these is valid, and whether the sample is far above the Stribeck velocity.
+MAPPED, CURVED, FAST = 1, 2, 4
 
 
 @numba.njit(cache=True, error_model="numpy")
 def fill_rows(  # type: ignore[no-untyped-def]
     p, knots, figures, shape, noise, period, start, known_coulomb, rest_force, tables, heading,
-    ready, wide, columns, elements,
+    ready, wide, weigh, columns, elements,
 ):  # fmt: skip
     """Fill `columns` with the residual (predicted minus measured) and its derivatives.
 
@@ -74,8 +78,9 @@ def fill_rows(  # type: ignore[no-untyped-def]
         rest_force: measured there; the element forces add up to it [N].
         tables: rows T_*, shape (TABLES, samples + 2).
         heading: of `find_turns`, shape (samples,).
-        ready: which columns of T_CURVE are valid, shape (samples,); clear it for another shape.
+        ready: MAPPED, CURVED, FAST, shape (samples,); clear it for another shape.
         wide: whether the derivatives by C/Fc, alpha and lag are wanted.
+        weigh: whether T_STUCK, T_HAZE and what is returned are wanted.
         columns: written, shape (KNOTS + knots, samples).
         elements: nu_i in its row, room for the rest, shape (ELEMENT_ROWS, N + 1); left as the state
             at the last sample.
@@ -86,7 +91,7 @@ def fill_rows(  # type: ignore[no-untyped-def]
     """
     doubts = lead(
         p, figures, shape, noise, period, start, known_coulomb, rest_force, tables, heading, ready,
-        columns, elements,
+        wide, weigh, columns, elements,
     )  # fmt: skip
     pull = -figures[STIFFNESS] * p[STIFFNESS] * noise
     _finish(p, knots, figures, pull, noise / period, period, tables, wide, columns)
@@ -96,7 +101,7 @@ def fill_rows(  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, error_model="numpy")
 def lead(  # type: ignore[no-untyped-def]
     p, figures, shape, noise, period, start, known_coulomb, rest_force, tables, heading, ready,
-    columns, elements,
+    wide, weigh, columns, elements,
 ):  # fmt: skip
     """Lead the elements through a move; of each row the sum of their forces and its derivatives.
 
@@ -106,6 +111,9 @@ def lead(  # type: ignore[no-untyped-def]
     coulomb = figures[COULOMB] * p[COULOMB]
     stiffness = figures[STIFFNESS] * p[STIFFNESS] / n
     rate, alpha = figures[RATE] * p[RATE], p[ALPHA]
+    kept = math.exp(-rate * period)
+    # Deviation of the limit over the curve's slope, from what noise makes of the velocity.
+    error_by_slope = alpha * coulomb * noise * math.sqrt(0.5) / (period * shape[0])
     begin(elements, start, coulomb, alpha, known_coulomb, rest_force)
     doubt = haze = begun = 0.0
     # Not written as 0 and False: numba would compile anew what takes them, for constants.
@@ -114,25 +122,24 @@ def lead(  # type: ignore[no-untyped-def]
         direction = float(heading[k])
         turn = tables[T_SHARE, k]
         if stuck == n:
-            room = (
-                1e9 if direction == 0.0 else _room(elements, coulomb, stiffness, alpha, direction)
-            )
             reached = _spring(
-                k, direction, room, stiffness, level_at, tables, heading, columns, elements
-            )
+                k, direction, coulomb, stiffness, alpha, level_at, wide, tables, columns, elements,
+            )  # fmt: skip
             if reached > k:
                 k = reached
                 continue
         elif stuck == 0 and turn < 0.0:
-            k, haze = _slip(
-                k, haze, coulomb, rate, alpha, shape, noise, period, tables, heading, ready,
+            begin_at, k = k, _slip(
+                k, direction, kept, coulomb, rate, alpha, shape, period, wide, tables, ready,
                 columns, elements,
             )  # fmt: skip
+            if weigh:
+                haze = _haze(begin_at, k, haze, kept, (1.0 - kept) * error_by_slope, tables, ready)
             level_at = k - 1
             continue
         stuck, relaxed, haze = _between(
-            k, haze, coulomb, stiffness, rate, alpha, shape, noise, period, tables, heading, ready,
-            elements,
+            k, haze, kept, error_by_slope, coulomb, stiffness, rate, alpha, shape, noise, period,
+            tables, heading, ready, elements,
         )  # fmt: skip
         if stuck == 0 and not slid:  # zone A begins
             slid, begun, haze = True, haze, 0.0
@@ -150,8 +157,9 @@ def lead(  # type: ignore[no-untyped-def]
         columns[REST_FORCE, k] = elements[BY_REST, n]
         columns[TURN_FORCE, k] = elements[BY_TURN, n]
         columns[SLIP_FORCE, k] = elements[BY_SLIP, n]
-        columns[RATE, k] = elements[BY_RATE, n]
-        columns[ALPHA, k] = elements[BY_ALPHA, n]
+        if wide:
+            columns[RATE, k] = elements[BY_RATE, n]
+            columns[ALPHA, k] = elements[BY_ALPHA, n]
         tables[T_STUCK, k] = stuck * stiffness
         tables[T_LEVEL, k] = level_at
         tables[T_HAZE, k] = haze + relaxed * relaxed
@@ -160,42 +168,40 @@ def lead(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _room(elements, coulomb, stiffness, alpha, direction):  # type: ignore[no-untyped-def]
-    """How far the elements can surely stretch before the first one slips [m]."""
-    lowest = coulomb * min(1.0, 1.0 + alpha)
-    room = 1e9
-    for i in range(elements.shape[1] - 1):
-        room = min(room, elements[SHARES, i] * lowest - direction * elements[FORCE, i])
-    return room / stiffness
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _spring(k, direction, room, stiffness, level_at, tables, heading, columns, elements):  # type: ignore[no-untyped-def]
+def _spring(  # type: ignore[no-untyped-def]
+    k, direction, coulomb, stiffness, alpha, level_at, wide, tables, columns, elements
+):
     """Samples from k on while all elements stick; returns the first that it leaves."""
-    count, n = columns.shape[1], elements.shape[1] - 1
-    position, share = tables[T_POSITION], tables[T_SHARE]
-    origin, stretched = position[k], 0.0
-    total, by_stiffness = elements[FORCE, n], elements[BY_STIFFNESS, n]
-    at = k
-    while at < count and heading[at] == direction and share[at] < 0.0:
-        travel = position[at + 1] - origin
-        if travel * direction >= room:
-            break
-        stretched = travel
-        columns[RESIDUAL, at] = total + n * stiffness * travel
-        columns[STIFFNESS, at] = by_stiffness + travel
+    n, end = elements.shape[1] - 1, min(int(tables[T_UNTIL, k]), columns.shape[1])
+    position = tables[T_POSITION]
+    # How far they can surely stretch before the first one slips.
+    lowest, room = coulomb * min(1.0, 1.0 + alpha), 1e300
+    for i in range(n if direction != 0.0 else 0):
+        room = min(room, elements[SHARES, i] * lowest - direction * elements[FORCE, i])
+    room /= stiffness
+    origin, at = position[k], k
+    while at < end and (position[at + 1] - origin) * direction < room:
         at += 1
+    total, by_stiffness = elements[FORCE, n], elements[BY_STIFFNESS, n]
+    by_coulomb, by_rest = elements[BY_COULOMB, n], elements[BY_REST, n]
+    by_turn, by_slip = elements[BY_TURN, n], elements[BY_SLIP, n]
     for j in range(k, at):
-        columns[COULOMB, j] = elements[BY_COULOMB, n]
-        columns[REST_FORCE, j] = elements[BY_REST, n]
-        columns[TURN_FORCE, j] = elements[BY_TURN, n]
-        columns[SLIP_FORCE, j] = elements[BY_SLIP, n]
-        columns[RATE, j] = elements[BY_RATE, n]
-        columns[ALPHA, j] = elements[BY_ALPHA, n]
+        travel = position[j + 1] - origin
+        columns[RESIDUAL, j] = total + n * stiffness * travel
+        columns[STIFFNESS, j] = by_stiffness + travel
+        columns[COULOMB, j] = by_coulomb
+        columns[REST_FORCE, j] = by_rest
+        columns[TURN_FORCE, j] = by_turn
+        columns[SLIP_FORCE, j] = by_slip
         tables[T_STUCK, j] = n * stiffness
         tables[T_LEVEL, j] = level_at
         tables[T_HAZE, j] = 0.0
+    if wide:
+        for j in range(k, at):
+            columns[RATE, j] = elements[BY_RATE, n]
+            columns[ALPHA, j] = elements[BY_ALPHA, n]
     elements[SHARES, n] = -1.0
+    stretched = position[at] - origin
     elements[FORCE, n] += n * stiffness * stretched
     elements[BY_STIFFNESS, n] += stretched
     for i in range(n):
@@ -204,102 +210,145 @@ def _spring(k, direction, room, stiffness, level_at, tables, heading, columns, e
     return at
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _slip(  # type: ignore[no-untyped-def]
-    k, haze, coulomb, rate, alpha, shape, noise, period, tables, heading, ready, columns, elements
+    k, direction, kept, coulomb, rate, alpha, shape, period, wide, tables, ready, columns, elements
 ):
-    """Samples from k on while all slip in one direction.
+    """Samples from k on while all slip in one direction; returns the first that it leaves.
 
     They all relax at one rate, each towards its share of what the sum relaxes to: the sums are led
     on, and the elements follow from them at the end.
-
-    Returns:
-        The first sample that it leaves, and `haze` there (see `_between`).
     """
-    count, n = columns.shape[1], elements.shape[1] - 1
-    velocity, share = tables[T_VELOCITY], tables[T_SHARE]
-    direction = float(heading[k])
-    fast = shape[0] * FAR_ABOVE ** (1.0 / shape[1])
-    kept = math.exp(-rate * period)
-    follows = (1.0 - kept) * _error_by_slope(alpha * coulomb, noise, period, shape[0])
-    total, by_coulomb = elements[FORCE, n], elements[BY_COULOMB, n]
+    n, at = elements.shape[1] - 1, min(int(tables[T_UNTIL, k]), columns.shape[1])
+    decays, goals = tables[T_DECAY], tables[T_GOAL]
+    if not ready[at - 1] & MAPPED or not ready[k] & MAPPED:  # else all between are
+        _map(k, at, direction, kept, rate, alpha, shape, period, tables, ready)
+    before, whole = elements[FORCE, n], 1.0  # what an element keeps of its force
+    total, by_coulomb = before, elements[BY_COULOMB, n]
     by_stiffness, by_rest = elements[BY_STIFFNESS, n], elements[BY_REST, n]
     by_turn, by_slip = elements[BY_TURN, n], elements[BY_SLIP, n]
-    by_rate, by_alpha = elements[BY_RATE, n], elements[BY_ALPHA, n]
-    # What an element keeps of its force, and by how much that goes into its derivatives.
-    whole, into_rate, into_alpha = 1.0, 0.0, 0.0
-    at = k
-    v0 = velocity[k - 1] if k > 0 else velocity[k]
-    while at < count and heading[at] == direction and share[at] < 0.0:
-        lowest = min(v0 * direction, velocity[at] * direction)
-        v0 = velocity[at]
-        if lowest > fast:  # the curve is 1 there
-            limit = direction * coulomb
-            away = (total - limit) * kept
-            total = limit + away
-            by_coulomb = direction + (by_coulomb - direction) * kept
-            by_rate = by_rate * kept - away * period
-            by_stiffness *= kept
-            by_rest *= kept
-            by_turn *= kept
-            by_slip *= kept
-            by_alpha *= kept
-            whole *= kept
-            into_rate = into_rate * kept - whole * period
-            into_alpha *= kept
-            tables[T_HAZE, at] = 0.0
-        else:
-            if not ready[at]:
-                _curve(at, direction, rate, alpha, shape, period, tables, ready)
-            steps = SUBSTEPS if lowest <= NO_SUBSTEPS * shape[0] else 1
-            dt = period / steps
-            for j in range(steps):
-                rise, decay = tables[T_CURVE + 2 * j, at], tables[T_CURVE + 2 * j + 1, at]
-                curve = 1.0 + alpha * rise
-                goal, rising = direction * curve, direction * rise * coulomb
-                slower = rate * dt * rise / (curve * curve)
-                away = (total - goal * coulomb) * decay
-                total = goal * coulomb + away
-                by_coulomb = goal + (by_coulomb - goal) * decay
-                by_rate = by_rate * decay - away * dt / curve
-                by_alpha = rising + (by_alpha - rising) * decay + away * slower
-                by_stiffness *= decay
-                by_rest *= decay
-                by_turn *= decay
-                by_slip *= decay
-                whole *= decay
-                into_rate = into_rate * decay - whole * dt / curve
-                into_alpha = into_alpha * decay + whole * slower
-                elements[SHARES, n] = rise
-            haze = haze * kept * kept + (follows * tables[T_SLOPE, at]) ** 2
-            tables[T_HAZE, at] = haze
-        columns[RESIDUAL, at] = total
-        columns[COULOMB, at] = by_coulomb
-        columns[STIFFNESS, at] = by_stiffness
-        columns[REST_FORCE, at] = by_rest
-        columns[TURN_FORCE, at] = by_turn
-        columns[SLIP_FORCE, at] = by_slip
-        columns[RATE, at] = by_rate
-        columns[ALPHA, at] = by_alpha
-        tables[T_STUCK, at] = 0.0
-        tables[T_LEVEL, at] = at
-        at += 1
-    before = elements[FORCE, n]
+    for j in range(k, at):
+        decay, goal = decays[j], goals[j]
+        total = decay * total + goal * coulomb
+        by_coulomb = decay * by_coulomb + goal
+        by_stiffness *= decay
+        by_rest *= decay
+        by_turn *= decay
+        by_slip *= decay
+        whole *= decay
+        columns[RESIDUAL, j] = total
+        columns[COULOMB, j] = by_coulomb
+        columns[STIFFNESS, j] = by_stiffness
+        columns[REST_FORCE, j] = by_rest
+        columns[TURN_FORCE, j] = by_turn
+        columns[SLIP_FORCE, j] = by_slip
+        tables[T_LEVEL, j] = j
     new_coulomb = by_coulomb - whole * elements[BY_COULOMB, n]
-    new_rate = by_rate - whole * elements[BY_RATE, n] - into_rate * before
-    new_alpha = by_alpha - whole * elements[BY_ALPHA, n] - into_alpha * before
+    if wide:
+        _map_shape(k, at, direction, kept, rate, alpha, period, tables, ready)
+        _slip_shape(k, at, coulomb, tables, columns, elements)
     for i in range(n):
-        part, force = elements[SHARES, i], elements[FORCE, i]
-        elements[FORCE, i] = whole * force + part * (total - whole * before)
+        part = elements[SHARES, i]
+        elements[FORCE, i] = whole * elements[FORCE, i] + part * (total - whole * before)
         elements[BY_COULOMB, i] = whole * elements[BY_COULOMB, i] + part * new_coulomb
-        elements[BY_RATE, i] = whole * elements[BY_RATE, i] + into_rate * force + part * new_rate
-        elements[BY_ALPHA, i] = (
-            whole * elements[BY_ALPHA, i] + into_alpha * force + part * new_alpha
-        )
         for row in (BY_STIFFNESS, BY_REST, BY_TURN, BY_SLIP):
             elements[row, i] *= whole
     sum_elements(elements)
-    return at, haze
+    for j in range(at - 1, k - 1, -1):
+        if not ready[j] & FAST:
+            last = SUBSTEPS if tables[T_CURVE + 3, j] > 0.0 else 1
+            elements[SHARES, n] = tables[T_CURVE + 2 * (last - 1), j]
+            break
+    return at
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _slip_shape(k, end, coulomb, tables, columns, elements):  # type: ignore[no-untyped-def]
+    """Derivatives by C/Fc and alpha of samples k...end - 1, where all elements slip."""
+    n = elements.shape[1] - 1
+    decays, goals = tables[T_DECAY], tables[T_GOAL]
+    for row, column, decay_row, goal_row in (
+        (BY_RATE, RATE, T_DECAY_BY_RATE, T_GOAL_BY_RATE),
+        (BY_ALPHA, ALPHA, T_DECAY_BY_ALPHA, T_GOAL_BY_ALPHA),
+    ):
+        decays_by, goals_by = tables[decay_row], tables[goal_row]
+        total, by_shape = elements[FORCE, n], elements[row, n]
+        whole, into = 1.0, 0.0  # what an element keeps, and how much of its force goes into it
+        for j in range(k, end):
+            by_shape = decays[j] * by_shape + decays_by[j] * total + goals_by[j] * coulomb
+            into = decays[j] * into + decays_by[j] * whole
+            total = decays[j] * total + goals[j] * coulomb
+            whole *= decays[j]
+            columns[column, j] = by_shape
+        new = by_shape - whole * elements[row, n] - into * elements[FORCE, n]
+        for i in range(n):
+            elements[row, i] = (
+                whole * elements[row, i] + into * elements[FORCE, i] + elements[SHARES, i] * new
+            )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _haze(k, end, haze, kept, follows, tables, ready):  # type: ignore[no-untyped-def]
+    """T_STUCK and T_HAZE of samples k...end - 1, where all elements slip; returns the last haze."""
+    for j in range(k, end):
+        tables[T_STUCK, j] = 0.0
+        if ready[j] & FAST:
+            tables[T_HAZE, j] = 0.0
+        else:
+            haze = haze * kept * kept + (follows * tables[T_SLOPE, j]) ** 2
+            tables[T_HAZE, j] = haze
+    return haze
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _map(begin_at, end, direction, kept, rate, alpha, shape, period, tables, ready):  # type: ignore[no-untyped-def]
+    """What each sample does to the force of all elements while they slip."""
+    vs, fast = shape[0], shape[0] * FAR_ABOVE ** (1.0 / shape[1])
+    velocity, decays, goals = tables[T_VELOCITY], tables[T_DECAY], tables[T_GOAL]
+    for k in range(begin_at, end):
+        if ready[k] & MAPPED:
+            continue
+        lowest = min(velocity[max(k - 1, 0)] * direction, velocity[k] * direction)
+        ready[k] |= MAPPED
+        if lowest > fast:  # the curve is 1 there
+            decays[k], goals[k] = kept, direction * (1.0 - kept)
+            ready[k] |= FAST
+            continue
+        if not ready[k] & CURVED:
+            _curve(k, direction, rate, alpha, shape, period, tables, ready)
+        decay, goal = 1.0, 0.0
+        for j in range(SUBSTEPS if lowest <= NO_SUBSTEPS * vs else 1):
+            part = tables[T_CURVE + 2 * j + 1, k]
+            limit = direction * (1.0 + alpha * tables[T_CURVE + 2 * j, k])
+            goal = limit + (goal - limit) * part
+            decay *= part
+        decays[k], goals[k] = decay, goal
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _map_shape(begin_at, end, direction, kept, rate, alpha, period, tables, ready):  # type: ignore[no-untyped-def]
+    """Derivatives of `_map` by C/Fc and alpha."""
+    for k in range(begin_at, end):
+        decay, goal = 1.0, 0.0
+        decay_by_rate = goal_by_rate = decay_by_alpha = goal_by_alpha = 0.0
+        far = (ready[k] & FAST) != 0
+        steps = SUBSTEPS if not far and tables[T_CURVE + 3, k] > 0.0 else 1
+        for j in range(steps):
+            rise, part = tables[T_CURVE + 2 * j, k], tables[T_CURVE + 2 * j + 1, k]
+            if far:
+                rise, part = 0.0, kept
+            curve = 1.0 + alpha * rise
+            limit, rising = direction * curve, direction * rise
+            by_rate = -part * period / steps / curve
+            by_alpha = -by_rate * rate * rise / curve
+            decay_by_rate = decay_by_rate * part + decay * by_rate
+            decay_by_alpha = decay_by_alpha * part + decay * by_alpha
+            goal_by_rate = goal_by_rate * part + (goal - limit) * by_rate
+            goal_by_alpha = rising + (goal_by_alpha - rising) * part + (goal - limit) * by_alpha
+            goal = limit + (goal - limit) * part
+            decay *= part
+        tables[T_DECAY_BY_RATE, k], tables[T_GOAL_BY_RATE, k] = decay_by_rate, goal_by_rate
+        tables[T_DECAY_BY_ALPHA, k], tables[T_GOAL_BY_ALPHA, k] = decay_by_alpha, goal_by_alpha
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -310,27 +359,24 @@ def _curve(k, direction, rate, alpha, shape, period, tables, ready):  # type: ig
     v0 = tables[T_VELOCITY, k - 1] if k > 0 else v1
     steps = SUBSTEPS if min(v0 * direction, v1 * direction) <= NO_SUBSTEPS * vs else 1
     shift = (tables[T_POSITION, k + 1] - tables[T_POSITION, k]) / period - 0.5 * (v0 + v1)
+    tables[T_CURVE + 3, k] = 0.0  # no second one
+    relaxed, part = rate * period / steps, 1.0 / steps
     for j in range(steps):
-        v = v0 + (v1 - v0) * (j + 0.5) / steps + shift
+        v = v0 + (v1 - v0) * ((j + 0.5) * part) + shift
         rise = stribeck_rise(abs(v) / vs, delta)
         tables[T_CURVE + 2 * j, k] = rise
-        tables[T_CURVE + 2 * j + 1, k] = math.exp(-rate * period / steps / (1.0 + alpha * rise))
+        tables[T_CURVE + 2 * j + 1, k] = math.exp(-relaxed / (1.0 + alpha * rise))
     ratio = abs(v1) / vs
     slope = delta * stribeck_rise(ratio, delta)
     tables[T_SLOPE, k] = slope if delta == 1.0 else slope * ratio ** (delta - 1.0)
-    ready[k] = True
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _error_by_slope(rising, noise, period, vs):  # type: ignore[no-untyped-def]
-    """Deviation of the limit [N] over the curve's slope: from what noise makes of the velocity."""
-    return rising * noise * math.sqrt(0.5) / (period * vs)
+    ready[k] |= CURVED
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _between(  # type: ignore[no-untyped-def]
-    k, haze, coulomb, stiffness, rate, alpha, shape, noise, period, tables, heading, ready, elements
-):
+    k, haze, kept, error_by_slope, coulomb, stiffness, rate, alpha, shape, noise, period, tables,
+    heading, ready, elements,
+):  # fmt: skip
     """One sample of any kind.
 
     Returns how many elements stick, the force that a turn leaves open [N], and `haze`: variance of
@@ -351,7 +397,7 @@ def _between(  # type: ignore[no-untyped-def]
         steps = SUBSTEPS if slow else 1
         dt = period / steps
         shift = (x1 - x0) / period - 0.5 * (v0 + v1)
-        if not ready[k]:
+        if not ready[k] & CURVED:
             _curve(k, heading_now, rate, alpha, shape, period, tables, ready)
         for j in range(steps):
             v = v0 + (v1 - v0) * (j + 0.5) / steps + shift
@@ -363,8 +409,7 @@ def _between(  # type: ignore[no-untyped-def]
             slack += loose
         stuck = sum_elements(elements)
         # An element that lands takes the curve's error, one that slips follows it slowly.
-        error = _error_by_slope(alpha * coulomb, noise, period, vs) * tables[T_SLOPE, k]
-        kept = math.exp(-rate * period)
+        error = error_by_slope * tables[T_SLOPE, k]
         slid = (1.0 - kept) * (n - stuck) / n
         haze = haze * kept * kept + (landed * landed + slid * slid) * error * error
         haze += (slack * noise) ** 2
@@ -388,7 +433,7 @@ def _between(  # type: ignore[no-untyped-def]
             relaxed += abs(old * limit - elements[FORCE, i])
             elements[SLIPS, i] = 0.0
             elements[BY_TURN, i] = 1.0 / n
-    relaxed *= 1.0 - math.exp(-rate * period)
+    relaxed *= 1.0 - kept
     sharp = tables[T_SHARP, k]
     relaxed *= min(0.5, noise / sharp) if sharp > 0.0 else 0.5
     if turn < 1.0:

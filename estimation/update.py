@@ -122,7 +122,7 @@ def begin_update(  # type: ignore[no-untyped-def]
         result,
     )  # fmt: skip
     for k in range(count):
-        ready[k] = False
+        ready[k] = 0
         if heading[k] != 0:
             memory[0] = heading[k]
     memory[1] = tables[T_POSITION, count]

@@ -34,6 +34,7 @@ from estimation.rows import (
     T_SHARE,
     T_SHARP,
     T_STUCK,
+    T_UNTIL,
     T_VELOCITY,
     fill_rows,
 )
@@ -42,7 +43,7 @@ from estimation.whitening import (
     normal_equations,
     whiten,
 )
-from estimation.zones import REST, SLIDE, STICK, differences, find_turns, mark_zones
+from estimation.zones import REST, SLIDE, STICK, differences, find_stretches, find_turns, mark_zones
 
 KNOT_SPACING = 0.1
 """Of the level's knots [s]: a fifth of its usual correlation time."""
@@ -112,6 +113,7 @@ def prepare(  # type: ignore[no-untyped-def]
         position, noise, heading, tables[T_SHARE, :count], tables[T_AT, :count],
         tables[T_SHARP, :count],
     )  # fmt: skip
+    find_stretches(heading, tables[T_SHARE], tables[T_UNTIL])
     n = shares.shape[0]
     travel = (
         shares[n - 1] * (1.0 + mean[ALPHA]) * report[R_KNOWN] * n
@@ -245,11 +247,11 @@ def fit(  # type: ignore[no-untyped-def]
     while True:
         if reshaped:
             for k in range(end):
-                ready[k] = False
+                ready[k] = 0
         turned, begun = fill_rows(
             p, knots, units[F_UNIT], constants[C_VS:], constants[C_POSITION_NOISE],
             constants[C_PERIOD], forces, report[R_KNOWN], report[R_REST_FORCE], tables, heading,
-            ready, wide, rows, elements,
+            ready, wide, evaluations == 0, rows, elements,
         )  # fmt: skip
         if evaluations == 0:  # the weights stay what they are at the first iterate
             for k in range(end):

@@ -143,6 +143,15 @@ def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[
 
 
 @numba.njit(cache=True, error_model="numpy")
+def find_stretches(heading, share, until):  # type: ignore[no-untyped-def]
+    """Fill for each inner sample the first one from it on that turns, or goes another way."""
+    count = heading.shape[0]
+    for k in range(count - 1, -1, -1):
+        on = k + 1 < count and heading[k + 1] == heading[k] and share[k + 1] < 0.0
+        until[k] = k if share[k] >= 0.0 else until[k + 1] if on else k + 1
+
+
+@numba.njit(cache=True, error_model="numpy")
 def _creeps(position, i, band):  # type: ignore[no-untyped-def]
     """Whether the next samples all stay near this one."""
     for j in range(i + 1, i + CREEP + 1):

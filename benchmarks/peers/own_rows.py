@@ -46,7 +46,7 @@ def make(problem: Problem, p: F64) -> Callable[[int], float]:
     tables, report[R_KNOWN] = np.empty((TABLES, samples)), START.coulomb
     tables[T_POSITION], tables[T_FORCE] = problem.position, problem.force
     heading, zone = np.empty(count, np.int8), np.empty(count, np.int8)
-    usable, ready = np.empty(count, np.bool_), np.zeros(count, np.bool_)
+    usable, ready = np.empty(count, np.bool_), np.zeros(count, np.int8)
     prepare(
         np.ones(samples, dtype=np.bool_), constants, units, shares, mean, True, True, tables,
         heading, zone, usable, report,
@@ -83,7 +83,7 @@ def _repeat(p, known, data, times):  # type: ignore[no-untyped-def]
         at[COULOMB] = p[COULOMB] * (1.0 + 1e-12 * i)
         fill_rows(
             at, 0, units, constants[C_VS:], constants[C_POSITION_NOISE], constants[C_PERIOD],
-            forces, known, 0.0, tables, heading, ready, False, rows, elements,
+            forces, known, 0.0, tables, heading, ready, False, i == 0, rows, elements,
         )  # fmt: skip
         if i == 0:
             for k in range(rows.shape[1]):

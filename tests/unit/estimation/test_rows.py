@@ -19,13 +19,14 @@ from estimation.rows import (
     T_SHARE,
     T_SHARP,
     T_STUCK,
+    T_UNTIL,
     T_VELOCITY,
     TABLES,
     TURN_FORCE,
     fill_rows,
 )
 from estimation.trajectory import Limits, plan
-from estimation.zones import differences, find_turns
+from estimation.zones import differences, find_stretches, find_turns
 
 TS, MASS, NOISE = 1e-3, 8.0, 1e-9
 TRUE = Friction(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
@@ -56,6 +57,7 @@ class Problem:
             np.zeros(count, bool),
         )  # fmt: skip
         find_turns(position, NOISE, self.heading, t[T_SHARE], t[T_AT], t[T_SHARP])
+        find_stretches(self.heading, t[T_SHARE], t[T_UNTIL])
         self.elements = np.zeros((ELEMENT_ROWS, 5))
         self.elements[SHARES, :4] = element_shares(4)
 
@@ -64,7 +66,7 @@ class Problem:
         columns = np.empty((KNOTS + knots, count))
         fill_rows(
             p, knots, UNITS, np.array([2e-3, 1.0]), NOISE, TS, np.zeros(4), 6.0, 0.0, self.tables,
-            self.heading, np.zeros(count, bool), True, columns, self.elements,
+            self.heading, np.zeros(count, np.int8), True, True, columns, self.elements,
         )  # fmt: skip
         return columns
 
