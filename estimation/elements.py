@@ -35,7 +35,9 @@ def correct_forces(forces, shares, static, total):  # type: ignore[no-untyped-de
         limit = shares[i] * static
         forces[i] = min(max(forces[i], -limit), limit)
     for _ in range(count):
-        missing = total - forces.sum()
+        missing = total
+        for i in range(count):
+            missing -= forces[i]
         if abs(missing) < 1e-9:
             return
         free = 0

@@ -119,7 +119,9 @@ def _active_set(normal, gradient, value, lower, upper, step):  # type: ignore[no
     """Fill the step that stays in the box; False where there is no minimum."""
     n = value.shape[0]
     step[:] = 0.0
-    free = np.ones(n, dtype=np.bool_)
+    free = np.empty(n, dtype=np.bool_)
+    for i in range(n):
+        free[i] = True
     for _ in range(4 * n):
         chosen = np.nonzero(free)[0]
         m = chosen.shape[0]

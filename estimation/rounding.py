@@ -96,22 +96,27 @@ def refine(  # type: ignore[no-untyped-def]
         normal: normal equations there, written, shape (n + 1, n + 1).
     """
     n, count = value.shape[0], use.shape[0]
-    rows, order = np.empty((n + 1, count)), np.arange(n + 1)
-    weights = np.empty((3, count))
-    doubt = np.empty(count)
+    rows, order = np.empty((n + 1, count)), np.empty(n + 1, dtype=np.int64)
+    weights, doubt, whole = np.empty((3, count)), np.empty(count), np.empty(count)
+    covariance = np.empty((n, n))
     before = noise * (mass / period**2 - 0.5 * viscous / period)
     after_next = noise * (mass / period**2 + 0.5 * viscous / period)
-    force, away, variance = np.empty(count), np.zeros(count), np.full(count, step * step / 12.0)
+    force, away, variance = np.empty(count), np.empty(count), np.empty(count)
+    for k in range(count):
+        away[k], variance[k] = 0.0, step * step / 12.0
+    for a in range(n + 1):
+        order[a] = a
     for number in range(MOST_ROUNDS):
+        for k in range(count):
+            whole[k] = variance[k] + haze[k]
+            rows[n, k] = raw[chosen[n], k] - away[k]
         factor_weights(
-            mass, viscous, period, noise, stuck, variance + haze, use, weights[0], weights[1],
-            weights[2],
+            mass, viscous, period, noise, stuck, whole, use, weights[0], weights[1], weights[2],
         )  # fmt: skip
-        for a in range(n + 1):
-            rows[a] = raw[chosen[a], :count]
-        rows[n] -= away
         for a in range(n):
-            rows[n] += (value[a] - at[a]) * rows[a]
+            for k in range(count):
+                rows[a, k] = raw[chosen[a], k]
+                rows[n, k] += (value[a] - at[a]) * rows[a, k]
         whiten(rows, order, weights[0], weights[1])
         normal_equations(rows, order, weights[2], normal)
         change, size = gauss_newton_step(
@@ -121,7 +126,8 @@ def refine(  # type: ignore[no-untyped-def]
             return
         for a in range(n):
             value[a] = min(max(value[a] + change[a], lower[a]), upper[a])
-            rows[n] += change[a] * rows[a]
+            for k in range(count):
+                rows[n, k] += change[a] * rows[a, k]
         if number > 1 and size < ENOUGH:
             return
         # The force itself, as the positions and its code together have it.
@@ -134,7 +140,9 @@ def refine(  # type: ignore[no-untyped-def]
                 pull -= weights[1, k + 2] * later
             force[k] = away[k] + variance[k] * pull
             after, later = pull, after
-        covariance = information + normal[:n, :n]
+        for a in range(n):
+            for b in range(n):
+                covariance[a, b] = information[a, b] + normal[a, b]
         if not cholesky_inverse(covariance):
             return
         for k in range(count):

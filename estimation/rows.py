@@ -478,9 +478,9 @@ def _finish(p, knots, figures, pull, swing, period, tables, wide, columns):  # t
     columns[ORIGIN, 0] += swing * (
         figures[MASS] * p[MASS] / period - 0.5 * figures[VISCOUS] * p[VISCOUS]
     )
-    _add(columns, VISCOUS, p[VISCOUS], MASS, p[MASS], residual)
-    _add(columns, REST_FORCE, p[REST_FORCE], TURN_FORCE, p[TURN_FORCE], residual)
-    _add(columns, SLIP_FORCE, p[SLIP_FORCE], ORIGIN, p[ORIGIN], residual)
+    _add(columns[VISCOUS], p[VISCOUS], columns[MASS], p[MASS], residual)
+    _add(columns[REST_FORCE], p[REST_FORCE], columns[TURN_FORCE], p[TURN_FORCE], residual)
+    _add(columns[SLIP_FORCE], p[SLIP_FORCE], columns[ORIGIN], p[ORIGIN], residual)
     for k in range(count):
         residual[k] -= force[k + 1]
     if wide:
@@ -515,8 +515,7 @@ def _scale(row, factor, out):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _add(columns, i, by_i, j, by_j, total):  # type: ignore[no-untyped-def]
+def _add(a, by_a, b, by_b, total):  # type: ignore[no-untyped-def]
     """Add two columns times their unknowns."""
-    a, b = columns[i], columns[j]
     for k in range(total.shape[0]):
-        total[k] += by_i * a[k] + by_j * b[k]
+        total[k] += by_a * a[k] + by_b * b[k]

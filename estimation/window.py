@@ -199,15 +199,12 @@ def fit(  # type: ignore[no-untyped-def]
         _first_stiffness(
             p, prior_mean, prior_covariance, zone, tables, use, forces, constants, units, report
         )
-    figures = 0
-    wide = False
+    figures = _count(mask)
     for i in range(LEVEL):
-        if mask[i]:
-            figures += 1
-            wide = wide or i == RATE or i == ALPHA or i == LAG
-        else:
+        if not mask[i]:
             p[i] = prior_mean[i]
     reshaped = mask[RATE] or mask[ALPHA]
+    wide = reshaped or mask[LAG]
     first = figures + knots
     n = first + OFFSETS
     chosen = np.empty(n + 1, dtype=np.int64)
@@ -270,7 +267,9 @@ def fit(  # type: ignore[no-untyped-def]
             information[first + 2, first + 2] = 1.0 / (fresh * fresh + begun * begun + 1e-20)
             information[first + 3, first + 3] = 1.0
         if refined:
-            raw[:] = rows
+            for i in range(KNOTS + knots):
+                for k in range(end):
+                    raw[i, k] = rows[i, k]
             for a in range(n):
                 at[a] = p[chosen[a]]
         whiten(rows, chosen, weights[0], weights[1])
@@ -312,8 +311,10 @@ def fit(  # type: ignore[no-untyped-def]
             p[chosen[a]] = min(max(value[a] + step[a], lower[a]), upper[a])
     if refined:
         chi = normal[n, n]
+        for k in range(end):
+            weights[3, k] -= white
         refine(
-            raw, chosen, at, tables[T_STUCK], weights[3] - white, use[:end],
+            raw, chosen, at, tables[T_STUCK], weights[3], use[:end],
             units[F_UNIT, MASS] * p[MASS], units[F_UNIT, VISCOUS] * p[VISCOUS],
             constants[C_PERIOD], constants[C_POSITION_NOISE], report[R_STEP], prior, information,
             lower, upper, value, normal,
@@ -333,6 +334,15 @@ def fit(  # type: ignore[no-untyped-def]
             report[R_BOUND] = chosen[a]
     report[R_SAMPLES] = counted
     report[R_CHI_B if whole else R_CHI_A] = normal[n, n] / max(counted, 1)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _count(mask):  # type: ignore[no-untyped-def]
+    """How many are set. A function, as numba would take a sum begun at 0 for that constant too."""
+    number = 0
+    for i in range(mask.shape[0]):
+        number += mask[i]
+    return number
 
 
 @numba.njit(cache=True, error_model="numpy")
