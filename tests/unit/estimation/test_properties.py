@@ -59,7 +59,8 @@ def predicted(friction: Friction, mass: float, position):
 
 
 def knowing(friction: Friction) -> SplitHorizonEstimator:
-    estimator = SplitHorizonEstimator(friction, SETTINGS)
+    rest = FrictionState.relaxed(friction.elements)
+    estimator = SplitHorizonEstimator(friction, SETTINGS, state=rest)
     estimator.at_rest(0.0, 0.0, 0.0)
     estimator.update(MoveData(np.zeros(5), np.zeros(5), np.ones(5, dtype=bool), 0.0, 0.0))
     return estimator
