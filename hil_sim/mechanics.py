@@ -275,6 +275,7 @@ class Arrays:
         substeps: plant steps per control tick: 5 is the reference, more is finer, 1 coarse
             (`hil_sim.coarse`).
         level: factor on Fc at each SYNC of the duration, shape (K, axes); None: 1.
+        fine: plant steps that a coarse one stands for, at least 5.
 
     Raises:
         ValueError: effects that cannot be, naming axis and effect; substeps of 2..4.
@@ -287,6 +288,7 @@ class Arrays:
         duration: float | None = None,
         substeps: int = SUBSTEPS,
         level: F64 | None = None,
+        fine: float = SUBSTEPS,
     ) -> None:
         if substeps != 1 and substeps < SUBSTEPS:
             raise ValueError(f"substeps must be 1 or at least {SUBSTEPS}, is {substeps}")
@@ -304,7 +306,7 @@ class Arrays:
             first += axis.friction.elements
             fill(record, ports, arena, settings, substeps)
             if substeps < SUBSTEPS:
-                fill_coarse(record, ports, settings.control_period, SUBSTEPS)
+                fill_coarse(record, ports, settings.control_period, fine)
         couple(self.plant, self.ports, arena)
         self.arena = arena.array()
         self.control = np.array(

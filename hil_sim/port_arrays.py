@@ -295,22 +295,30 @@ def _shares_before(step: float, decay: float, count: int) -> F64:
     return np.asarray(old / (1.0 - math.exp(-decay)))
 
 
-def fill_coarse(record: np.void, ports: EffectPorts, period: float, fine: int) -> None:
+def fill_coarse(record: np.void, ports: EffectPorts, period: float, fine: float) -> None:
     """What coarse steps need: `hil_sim.coarse_weights`.
 
     Args:
         record: of the axis.
         ports: of the axis.
         period: Tc [s], a coarse step.
-        fine: fine steps that it stands for.
+        fine: fine steps that it stands for; between whole numbers its weights are in between.
     """
-    decay = _decay(ports, period, fine)
-    ticks = ports.delay / period
-    step = max(0.0, ticks - math.floor(ticks + 1e-9)) * fine
-    weights = motor_weights(decay, _shares_before(step, decay, fine))
+    few = math.floor(fine)
+    weights = _coarse_weights(ports, period, few)
+    if fine > few:
+        share = (1.0 / few - 1.0 / fine) / (1.0 / few - 1.0 / (few + 1))
+        weights = weights + share * (_coarse_weights(ports, period, few + 1) - weights)
     for name, (old, start) in zip(("end", "mean", "early"), weights, strict=True):
         record[f"{name}_old"], record[f"{name}_start"] = old, start
     record["coarse_share"] = (fine + 1.0) / (2.0 * fine)
+
+
+def _coarse_weights(ports: EffectPorts, period: float, fine: int) -> F64:
+    decay = _decay(ports, period, fine)
+    ticks = ports.delay / period
+    step = max(0.0, ticks - math.floor(ticks + 1e-9)) * fine
+    return motor_weights(decay, _shares_before(step, decay, fine))
 
 
 def couple(plant: np.ndarray, ports: Sequence[EffectPorts], arena: Arena) -> None:

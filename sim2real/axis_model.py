@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.effects.dead_time import DeadTime
 from hil_sim.effects.effect import Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
-from hil_sim.settings import AxisSettings
+from hil_sim.settings import SUBSTEPS, AxisSettings, StageSettings
 
 F64 = NDArray[np.float64]
 
@@ -29,10 +28,13 @@ BASE = (
 nuisance parameters."""
 FARTHEST = 5.0
 """Plant figures stay within so many standard deviations: what lies beyond is an effect."""
-LAG = len(BASE)
-"""Where the last nuisance parameter stands: dead time that comes of the steps in which a stage is
-integrated [control periods]. No figure of the plant, and in no twin."""
-NUISANCES = LAG + 1
+STEP = len(BASE)
+"""Where the last nuisance parameter stands: how far a stage is from being stepped as the simulator
+is, which is not converged: 0 the simulator's steps, 1 infinitely fine ones. No figure of the plant,
+and in no twin."""
+NUISANCES = STEP + 1
+FINEST = 0.8
+"""Steps are taken to be at most so fine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +63,7 @@ class AxisModel:
     """Base parameters and effects of one axis.
 
     Attributes:
-        base: relative deviations from the machine file, then the lag, float64[NUISANCES].
+        base: relative deviations from the machine file, then the step's, float64[NUISANCES].
         terms: effects, in the order they were found.
     """
 
@@ -76,17 +78,10 @@ class AxisModel:
         """
         return with_effects(with_base(nominal, self.base), self.terms)
 
-    def tracked(self, nominal: AxisSettings) -> AxisSettings:
-        """The axis as it is tracked: with the lag, unless dead time is among the effects.
-
-        Raises:
-            ValueError: values that physics does not allow.
-        """
-        settings = self.settings(nominal)
-        lag = float(self.base[LAG]) * nominal.control.period
-        if lag <= 0.0 or any(isinstance(term.effect, DeadTime) for term in self.terms):
-            return settings
-        return replace(settings, effects=(*settings.effects, DeadTime().at(delay=lag)))
+    @property
+    def fine(self) -> float:
+        """Plant steps per control tick that the stage takes."""
+        return SUBSTEPS / (1.0 - float(self.base[STEP]))
 
     def names(self) -> tuple[str, ...]:
         """Of the effects."""
@@ -110,7 +105,7 @@ class AxisModel:
 
 def with_base(nominal: AxisSettings, base: F64) -> AxisSettings:
     """The axis with its base parameters moved by relative deviations."""
-    factor = dict(zip(BASE, 1.0 + base[:LAG], strict=True))
+    factor = dict(zip(BASE, 1.0 + base[:STEP], strict=True))
     friction = nominal.friction
     return replace(
         nominal,
@@ -127,6 +122,19 @@ def with_effects(nominal: AxisSettings, terms: tuple[Term, ...]) -> AxisSettings
     return replace(
         nominal,
         effects=(*nominal.effects, *(term.effect.at(**term.mapping()) for term in terms)),
+    )
+
+
+def composed(settings: StageSettings, models: Mapping[str, AxisModel]) -> StageSettings:
+    """The stage with models of its axes; axes without one are as they were.
+
+    Raises:
+        ValueError: values that physics does not allow.
+    """
+    axes = settings.axes
+    return replace(
+        settings,
+        axes=tuple(models[a.name].settings(a) if a.name in models else a for a in axes),
     )
 
 

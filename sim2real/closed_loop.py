@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from hil_sim.settings import StageSettings
-from sim2real.axis_model import AxisModel
+from sim2real.axis_model import AxisModel, composed
 from sim2real.gap import Measured
 from sim2real.replay import residual, rms
 
@@ -36,10 +35,7 @@ def axis_gap(
         measured: recordings, with their floors.
         settings: of the machine file.
     """
-    stage = replace(
-        settings,
-        axes=tuple(models[a.name].settings(a) if a.name in models else a for a in settings.axes),
-    )
+    stage = composed(settings, models)
     total = samples = 0.0
     for m in measured:
         left = residual(m.replay.measured(), m.replay.run(stage))[name]
@@ -73,7 +69,7 @@ def friction_profile(
     Returns:
         0 (none of it) to 1 (all of it), by least squares.
     """
-    stage = replace(settings, axes=tuple(models[a.name].settings(a) for a in settings.axes))
+    stage = composed(settings, models)
     where, sign, force = [], [], []
     for m in measured:
         left = residual(m.replay.measured(), m.replay.run(stage))[name]["force"]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from hil_sim.settings import StageSettings
 from hil_sim.simulate import simulate
-from sim2real.axis_model import AxisModel
+from sim2real.axis_model import AxisModel, composed
 from sim2real.gap import Measured
 from sim2real.report import NextExperiment
 from sim2real.strokes import stroke
@@ -78,7 +78,7 @@ def next_experiment(
         settings: of the machine file.
     """
     reach = {a.name: _reach(measured, a.name) for a in settings.axes}
-    stages = [_stage(settings, models) for models in (one, other)]
+    stages = [composed(settings, models) for models in (one, other)]
     before = _difference(measured[0].replay.demand, measured[0].replay.offset, stages, measured)
     macro = {
         "velocity": min(r.speed for r in reach.values()),
@@ -103,10 +103,6 @@ def next_experiment(
         macro,
         _SMALL,
     )
-
-
-def _stage(settings: StageSettings, models: Mapping[str, AxisModel]) -> StageSettings:
-    return replace(settings, axes=tuple(models[a.name].settings(a) for a in settings.axes))
 
 
 def _difference(

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from sim2real.axis_model import (
     FARTHEST,
-    LAG,
+    FINEST,
     NUISANCES,
+    STEP,
     AxisModel,
     coordinates,
     fitted,
@@ -30,8 +31,9 @@ F64 = NDArray[np.float64]
 
 _BASE_STEP = 0.01
 """Relative step of the base parameters for differences: wide enough for single slips to average."""
-_LAG, _LAG_STEP = 0.2, 0.1
-"""Standard deviation of the lag and its step for differences [control periods]."""
+_UNLIKE, _UNLIKE_STEP = 0.5, 0.2
+"""Standard deviation of how far a stage is from the simulator's steps, and its own step for
+differences."""
 _COLUMN = 0.05
 """A parameter's step for differences changes so much of its effect's signature."""
 _REACH = 0.6
@@ -88,7 +90,7 @@ class AxisProblem:
     def __init__(self, trackers: Sequence[Tracker], tolerance: float) -> None:
         self.trackers = tuple(trackers)
         self.axis = trackers[0].axis
-        self.spread: F64 = np.append(np.full(LAG, tolerance), _LAG)
+        self.spread: F64 = np.append(np.full(STEP, tolerance), _UNLIKE)
         self.start = AxisModel(np.zeros(NUISANCES))
         first = [tracker.run(self.axis) for tracker in trackers]
         self.gains: tuple[Gains, ...] = tuple(gains for _, gains in first)
@@ -116,10 +118,10 @@ class AxisProblem:
 
     def track(self, model: AxisModel) -> tuple[Track, ...]:
         """The recordings tracked under a model."""
-        settings = model.tracked(self.axis)
+        settings = model.settings(self.axis)
         self.evaluations += len(self.trackers)
         return tuple(
-            tracker.run(settings, gains)[0]
+            tracker.run(settings, gains, model.fine)[0]
             for tracker, gains in zip(self.trackers, self.gains, strict=True)
         )
 
@@ -180,7 +182,9 @@ class AxisProblem:
         columns = np.empty((len(residual), NUISANCES))
         for j in range(NUISANCES):
             sides = []
-            for step in (_BASE_STEP, -_BASE_STEP) if j < LAG else (_LAG_STEP, 2.0 * _LAG_STEP):
+            for step in (
+                (_BASE_STEP, -_BASE_STEP) if j < STEP else (_UNLIKE_STEP, 2.0 * _UNLIKE_STEP)
+            ):
                 base = model.base.copy()
                 base[j] += step
                 sides.append((self.residual(replace(model, base=base)) - residual) / step)
@@ -317,7 +321,7 @@ def _moved(model: AxisModel, problem: AxisProblem, step: F64) -> AxisModel:
         at += width
     limit = FARTHEST * problem.spread
     base = np.clip(model.base + step[:NUISANCES], -limit, limit)
-    base[LAG] = max(base[LAG], 0.0)
+    base[STEP] = min(max(base[STEP], 0.0), FINEST)
     return AxisModel(base, tuple(terms))
 
 

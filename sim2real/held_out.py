@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.settings import StageSettings
-from sim2real.axis_model import AxisModel
+from sim2real.axis_model import AxisModel, composed
 from sim2real.fit import fit
 from sim2real.gap import NO_GAP_BELOW, Measured
 from sim2real.phases import blocks
@@ -83,10 +82,7 @@ class HeldOut:
         return masks
 
     def _simulated(self, models: Mapping[str, AxisModel], measured: Measured) -> Signals:
-        stage = replace(
-            self._settings,
-            axes=tuple(models[a.name].settings(a) for a in self._settings.axes),
-        )
+        stage = composed(self._settings, models)
         return residual(measured.replay.measured(), measured.replay.run(stage))
 
     def _composed(

@@ -15,7 +15,7 @@ from hil_sim.effects.effect import Effect, Parameter
 from hil_sim.settings import AxisSettings
 from sim2real.axis_model import AxisModel, Term, coordinates
 from sim2real.closed_loop import SIGNALS
-from sim2real.fit import AxisProblem, fit, structure
+from sim2real.fit import AxisProblem, fit
 from sim2real.scan import Scanner
 
 _WAVES = (2.0, 3.0)
@@ -38,7 +38,6 @@ class Repeat:
             take up; 0 where the effect is none.
         excess: cost beyond what noise would have, before.
         gap, before: squared closed-loop gap over floor with it and without.
-        structure: of the innovations with it.
     """
 
     gain: float
@@ -46,7 +45,6 @@ class Repeat:
     excess: float
     gap: float
     before: float
-    structure: float
 
     @property
     def departs(self) -> bool:
@@ -95,7 +93,6 @@ def repeats(
             found.cost - problem.expected(),
             loop(best.model),
             loop(found.model),
-            structure(problem.positions(best.residual)),
         )
     return out
 

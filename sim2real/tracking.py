@@ -353,12 +353,15 @@ class Tracker:
         """The same with the reference's plant steps."""
         return Tracker(self._replay, self._stage, self.axis.name, SUBSTEPS)
 
-    def run(self, model: AxisSettings, gains: Gains | None = None) -> tuple[Track, Gains]:
+    def run(
+        self, model: AxisSettings, gains: Gains | None = None, fine: float = SUBSTEPS
+    ) -> tuple[Track, Gains]:
         """Track the axis under a model of it.
 
         Args:
             model: of the axis, effects included.
             gains: of an earlier run near this one; None works them out.
+            fine: plant steps per control tick that the stage takes, or that it is taken for.
 
         Raises:
             ValueError: effects that cannot be.
@@ -374,7 +377,8 @@ class Tracker:
             for values in (self._replay.demand, self._replay.offset, self._measured, self._valid)
         )
         count, period = len(demand), stage.sync_period
-        arrays = Arrays(stage, demand[0].tolist(), count * period, self._substeps)
+        steps = self._substeps if self._substeps < SUBSTEPS else round(fine)
+        arrays = Arrays(stage, demand[0].tolist(), count * period, steps, fine=fine)
         for name in ("offset", "from_force", "to_force"):
             arrays.loop[name] = offset[0]
         arrays.loop["powered"] = True
@@ -405,7 +409,7 @@ class Tracker:
         _track(
             arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces,
             arrays.slipping, arrays.shares, arrays.arena, stage.control_period,
-            self._substeps, stage.ticks, demand, offset, measured, valid, wander, keep, noise,
+            steps, stage.ticks, demand, offset, measured, valid, wander, keep, noise,
             fresh,
             out["innovation"], deviation, out["motor"], out["x"], out["v"], out["level"],
             gain, transition, force, level,
