@@ -182,9 +182,11 @@ class AxisProblem:
         columns = np.empty((len(residual), NUISANCES))
         for j in range(NUISANCES):
             sides = []
-            for step in (
-                (_BASE_STEP, -_BASE_STEP) if j < STEP else (_UNLIKE_STEP, 2.0 * _UNLIKE_STEP)
-            ):
+            steps = (_BASE_STEP, -_BASE_STEP)
+            if j == STEP:  # to one side: neither coarser than the simulator nor infinitely fine
+                way = _UNLIKE_STEP if model.base[j] < 0.5 * FINEST else -_UNLIKE_STEP
+                steps = (way, 2.0 * way)
+            for step in steps:
                 base = model.base.copy()
                 base[j] += step
                 sides.append((self.residual(replace(model, base=base)) - residual) / step)

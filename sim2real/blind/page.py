@@ -42,9 +42,8 @@ profile, another warm-up law, ...) | the family's name, and that something is le
   seven plant figures are off by the machine file's `tolerance`, each on its own; encoder noise and
   friction wander have seeds of their own. Friction elements are as many as the machine file says
   (`--elements` changes that; the diagnosis then faces a stage that its model can't describe).
-- The model's own step is not converged: finer ones act like some microseconds more of dead time.
-  That is below the floor, but not below what a filter can see. `--substeps 5` takes the model's
-  step, and so tells what is due to that.
+- The model's own step is not converged; how much finer the stage's is, the diagnosis has to find
+  out. `--substeps 5` takes the model's step, and so tells what is due to that.
 - With `--leave-out` the true effects are taken out of the library before the diagnosis. The right
   answer is then as for one of no family, or a near kin at a probability below 0.9.
 
