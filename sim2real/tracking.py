@@ -36,6 +36,10 @@ _TRUST = 0.03
 about elements that slip at a rest or at an onset is noise, not a finding."""
 _DRIFT = 1.7e-4
 """Random walk of the friction force per square root of a millisecond, in Coulomb forces."""
+_INTEGRAL, _LOUD = 4e-3, 3.0
+"""Share of the force actual's deviation that the controller's integral follows per SYNC, and the
+standard deviations to which it is cut: the integral wanders by 2 mN in a second, the force is
+rounded to 18 mN of deviation."""
 _FINE = 1e-13
 """Increment of the simulated encoder between SYNCs [m]: its rounding would only add noise."""
 _OUTPUTS = ("innovation", "motor", "x", "v", "level")
@@ -216,7 +220,7 @@ def _exponential(matrix, duration, transition, force, level, goal_rate, mass):  
 @numba.njit(cache=True, nogil=True)
 def _track(  # type: ignore[no-untyped-def]
     plant, control, state, loop, forces, slipping, shares, arena, period, substeps, ticks,
-    demand, offset, measured, valid, wander, keep, noise, fresh,
+    demand, offset, measured, reported, valid, wander, keep, noise, doubt, fresh,
     innovation, deviation, motor, x, v, level, gains, transitions, force_inputs, level_inputs,
 ):  # fmt: skip
     """Track every axis; row k of every array is SYNC k. `fresh`: work out the gains anew."""
@@ -252,6 +256,9 @@ def _track(  # type: ignore[no-untyped-def]
                     e, gains[k, a], slipped[a],
                 )  # fmt: skip
                 s.encoder = measured[k, a]
+                # Between SYNCs the controller saw what nobody knows: its integral wanders off.
+                late = (reported[k, a] - s.motor_force) / doubt[a]
+                loop[a].integral += _INTEGRAL * doubt[a] * min(max(late, -_LOUD), _LOUD)
             x[k, a] = s.position
             v[k, a] = s.velocity
             level[k, a] = s.wander
@@ -292,9 +299,9 @@ def _track(  # type: ignore[no-untyped-def]
             transitions[k, a, 4, 4] = keep[a]
             spectrum[0] = 1e-22
             spectrum[1] = 1e-15
-            doubt = (_TRUST * (s.friction - friction[a])) ** 2 + (_DRIFT * p.coulomb) ** 2
-            spectrum[2] = (1.0 - slipped[a]) * doubt
-            spectrum[3] = slipped[a] * doubt
+            unsure = (_TRUST * (s.friction - friction[a])) ** 2 + (_DRIFT * p.coulomb) ** 2
+            spectrum[2] = (1.0 - slipped[a]) * unsure
+            spectrum[3] = slipped[a] * unsure
             spectrum[4] = wander[a] ** 2 * (1.0 - keep[a] ** 2)
             _propagate(covariance[a], transitions[k, a], spectrum)
 
@@ -372,10 +379,12 @@ class Tracker:
         at = self._index if together else 0
         axes[at] = model
         stage = replace(self._stage, axes=tuple(replace(a, increment=_FINE) for a in axes))
-        demand, offset, measured, valid = (
+        demand, offset, measured, reported, valid = (
             np.ascontiguousarray(values[:, columns])
-            for values in (self._replay.demand, self._replay.offset, self._measured, self._valid)
-        )
+            for values in (
+                self._replay.demand, self._replay.offset, self._measured, self._force, self._valid,
+            )
+        )  # fmt: skip
         count, period = len(demand), stage.sync_period
         steps = self._substeps if self._substeps < SUBSTEPS else round(fine)
         arrays = Arrays(stage, demand[0].tolist(), count * period, steps, fine=fine)
@@ -391,6 +400,7 @@ class Tracker:
         noise = np.array(
             [math.hypot(o.noise, o.increment / math.sqrt(12.0)) for o in self._stage.axes]
         )[columns]
+        doubt = np.array([force_deviation(a) for a in axes])
         fresh = gains is None or together
         out = {name: np.zeros((count, len(axes))) for name in _OUTPUTS}
         if gains is None or together:
@@ -409,8 +419,8 @@ class Tracker:
         _track(
             arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces,
             arrays.slipping, arrays.shares, arrays.arena, stage.control_period,
-            steps, stage.ticks, demand, offset, measured, valid, wander, keep, noise,
-            fresh,
+            steps, stage.ticks, demand, offset, measured, reported, valid, wander, keep,
+            noise, doubt, fresh,
             out["innovation"], deviation, out["motor"], out["x"], out["v"], out["level"],
             gain, transition, force, level,
         )  # fmt: skip
