@@ -17,10 +17,10 @@ from sim2real.search import AxisSearch, score, sets_of
 
 F64 = NDArray[np.float64]
 
-_TEMPER = 40.0
+_TEMPER = 5.0
 """The log likelihood counts for so much less than it says: innovations of the true model are white,
 those of a model that is right but for details are not."""
-_SIMPLER = 40.0
+_SIMPLER = 10.0
 """Cost that a parameter more is worth in the odds of names: a simple cause is a little likelier."""
 _RIVALRY = 0.9
 """Odds of all rivals together, at most: what was chosen is the likeliest, or the simplest."""

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
-from sim2real.axis_model import AxisModel, coordinate, within_tolerance
+from sim2real.axis_model import AxisModel, within_tolerance
 from sim2real.closed_loop import SIGNALS
 from sim2real.fit import AxisProblem, Fitted, fit
 from sim2real.scan import Scanner, Start
@@ -35,19 +35,19 @@ _WANDERS = 2
 """And so many of those that the filter's wander speaks for."""
 _PROMISING = 0.03
 """Effects are fitted whose first-order gain is at least this share of the best one's."""
-_LEAST_GAIN = 600.0
-"""Score that an effect must save: nominal stages show accidental ones up to half of it."""
-_OCCAM = 300.0
-"""Score that each parameter of an effect but the first must save: about what chance does."""
-_FAINT = 60.0
+_LEAST_GAIN = 100.0
+"""Score that an effect must save: nominal stages show accidental ones of 12."""
+_OCCAM = 20.0
+"""Score that each parameter of an effect but the first must save: more than chance does."""
+_FAINT = 40.0
 """First-order gain from which effects are fitted where the closed loop shows a gap."""
-_OPEN = 2.5
+_OPEN = 2.0
 """Squared gap over floor per signal from which the closed loop shows one."""
 _SHRUNK = (0.5, 0.0)
 """Shares of the fitted base parameters that are tried in the closed loop."""
-_CONTENDERS, _CONTEST = 3, 3000.0
+_CONTENDERS, _CONTEST = 3, 1000.0
 """Sets of effects that are fitted to the end, and the score within which they contend."""
-_COHERENT = 50.0
+_COHERENT = 250.0
 """Samples over which the closed loop's deviations repeat themselves, for their weight."""
 
 
@@ -153,6 +153,7 @@ def search(
     """
     columns = problem.base_columns(problem.start, problem.residual(problem.start))
     plain = fit(problem, problem.start, 2, columns, thorough=False)
+    plain = fit(problem, plain.model, 3, thorough=False)
     found = AxisSearch(problem, plain, plain, loop(problem.start))
     book = _Book(problem, loop)
     path = [_no_worse(problem, book, plain)]
@@ -187,7 +188,7 @@ def search(
     problem.rescale(path[-1].fitted.residual)
     settled = _no_worse(problem, book, path[-1].fitted)
     last = settled.fitted
-    found.best = _finished(problem.finer(), loop, last.model) if last.model.terms else last
+    found.best = fit(problem.finer(), last.model, 2) if last.model.terms else last
     nothing = not last.model.terms and settled.gap < _OPEN * SIGNALS
     found.whole = nothing or problem.nearly_white(found.best.residual)
     found.rivals = book.ranked()
@@ -237,61 +238,11 @@ def _contended(problem: AxisProblem, book: _Book, trials: Sequence[Rival]) -> Ri
     ranked = sorted(trials, key=book.score)
     last = book.score(ranked[0]) + _CONTEST
     ended = [
-        _levelled(problem, book, book.entered(fit(problem, trial.model, 4, thorough=False)))
+        book.entered(fit(problem, trial.model, 4, thorough=False))
         for trial in ranked[:_CONTENDERS]
         if book.score(trial) <= last
     ]
     return min((*ranked[:1], *ended), key=book.score)
-
-
-def _levelled(problem: AxisProblem, book: _Book, rival: Rival) -> Rival:
-    """The rival with its friction where the closed loop wants it.
-
-    The filter follows a level that is off by the wander, which innovations hardly tell.
-    """
-    best = rival
-    for index, term in enumerate(rival.model.terms):
-        for key in _levels(term.effect):
-            best = _vertex(problem, book, best, index, key)
-    return best
-
-
-def _levels(effect: Effect) -> list[str]:
-    """Parameters that say how strong an effect on friction is."""
-    if effect.group != "friction":
-        return []
-    return [p.key for p in effect.parameters if p.role == "size"]
-
-
-def _vertex(problem: AxisProblem, book: _Book, rival: Rival, index: int, key: str) -> Rival:
-    """The rival with one parameter where a parabola through three scores is least."""
-    step = problem.axis.friction.wander
-    term = rival.model.terms[index]
-    value = term.mapping()[key]
-    within = coordinate(term.effect, key, problem.axis)
-
-    def at(wanted: float) -> Rival:
-        model = rival.model.with_value(index, key, within.clipped(wanted))
-        residual = problem.residual(model)
-        return book.entered(Fitted(model, problem.cost(model, residual), residual, None, 1))
-
-    if step <= 0.0:
-        return rival
-    low, high = at(value - step), at(value + step)
-    scores = book.score(low), book.score(rival), book.score(high)
-    bend = scores[0] - 2.0 * scores[1] + scores[2]
-    tried = [rival, low, high]
-    if bend > 0.0:
-        tried.append(at(value + step * float(np.clip((scores[0] - scores[2]) / bend / 2.0, -3, 3))))
-    return min(tried, key=book.score)
-
-
-def _finished(problem: AxisProblem, loop: Loop, model: AxisModel) -> Fitted:
-    """The last fit, with covariance, its friction where the closed loop wants it."""
-    last = fit(problem, model, 2)
-    book = _Book(problem, loop)
-    levelled = _levelled(problem, book, book.entered(last)).fitted
-    return replace(levelled, covariance=last.covariance)
 
 
 def _no_worse(problem: AxisProblem, book: _Book, fitted: Fitted) -> Rival:

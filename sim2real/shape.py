@@ -21,7 +21,7 @@ from sim2real.scan import Scanner
 _WAVES = (2.0, 3.0)
 """Harmonics that are tried of what is periodic."""
 
-_LEAST_GAIN, _MOST = 300.0, 0.5
+_LEAST_GAIN, _MOST = 100.0, 0.5
 """Cost that a repeat must save, and the share of what is left (of the closed-loop gap, too), for an
 effect to depart."""
 _CLOSED = 3.0 * SIGNALS
