@@ -43,6 +43,9 @@ GAINS = ("", "scale", *TERMS, "all")
 """What may be free in the law: nothing, all parts by one factor, one part, every part."""
 _MOVING = 0.02
 """Speed above which friction is simple enough to look at inertia [m/s]."""
+_LOGGED, _CLEARLY, _WHOLE = 0.9, 0.7, 0.02
+"""A log is late where inertia is told so much better: by whole samples as logs are, or by a part of
+one, which dead time explains as well unless inertia says so clearly (a moving base bends it)."""
 _FEWEST = 200
 
 
@@ -233,7 +236,9 @@ def log_is_late(law: Law, lag: float) -> bool:
         return False
     left = [_inertia(law, float(shift)) or math.inf for shift in _SHIFTS]
     nearest = float(_SHIFTS[left.index(min(left))])
-    return bool(late < 0.9 * at and abs(nearest - lag) < abs(nearest))
+    samples = lag / law.period
+    whole = round(samples) >= 1 and abs(samples - round(samples)) < _WHOLE
+    return bool(late < (_LOGGED if whole else _CLEARLY) * at and abs(nearest - lag) < abs(nearest))
 
 
 def _inertia(law: Law, lag: float) -> float | None:
