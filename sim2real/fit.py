@@ -3,7 +3,7 @@
 What is minimised is twice the negative log posterior: the sum of squares of the innovations over
 their standard deviation (position) and of the force actual's deviations over theirs, plus the base
 parameters' deviations over the machine file's tolerance, squared. The filter's gains are those of
-one run of the nominal model, so all models are weighed alike.
+one run, first of the nominal model, then of what was found: so all models are weighed alike.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ _SLOW = 8
 """Samples whose mean shows structure that a single one hides."""
 _EVENTS = 0.03
 """Share of an axis' time that is left out of its structure."""
-_WHITE = 0.75
-"""Structure below this is none; nominal stages reach 0.6."""
+_WHITE = 0.6
+"""Structure below this is none; nominal stages reach 0.5."""
 _SLACK = 30.0
 """Rise of the cost that a last step may bring: slips make it rough, and where the data are silent
 the prior has to be heard."""
-_NEARLY_WHITE = 1.0
+_NEARLY_WHITE = 0.8
 """The same for what is left in the end, where a stage need not be stepped as the simulator is."""
 _CUT = 1e4
 """Deviations are kept within so many sigma, where a model makes the stage run away."""
@@ -155,6 +155,17 @@ class AxisProblem:
         """Take deviations for outliers beyond a few of those that are usual by now."""
         usual = float(np.sqrt(np.mean(np.square(np.clip(residual, -20.0, 20.0)))))
         self.outlier = _OUTLIER * max(1.0, usual)
+
+    def regain(self, model: AxisModel) -> None:
+        """Take the filter's gains from a run of this model: every cost is another one then."""
+        settings = model.settings(self.axis)
+        self.evaluations += len(self.trackers)
+        self.gains = tuple(tracker.run(settings, None, model.fine)[1] for tracker in self.trackers)
+
+    def revalued(self, fitted: Fitted) -> Fitted:
+        """The same model with residual and cost as gains and outliers count by now."""
+        residual = self.residual(fitted.model)
+        return replace(fitted, residual=residual, cost=self.cost(fitted.model, residual))
 
     def at_start(self) -> Fitted:
         """The nominal model as it is."""

@@ -129,6 +129,16 @@ class _Book:
     def score(self, rival: Rival) -> float:
         return score(self._problem, rival)
 
+    def regained(self, model: AxisModel) -> Rival:
+        """All sets again as the filter weighs them under a model that was entered; that one back.
+
+        What shakes the stage makes friction less sure than the machine file's model has it.
+        """
+        self._problem.regain(model)
+        for key, rival in self._kept.items():
+            self._kept[key] = replace(rival, fitted=self._problem.revalued(rival.fitted))
+        return self.best(model.names())
+
     def best(self, names: tuple[str, ...]) -> Rival:
         """The best fit of a set of effects that was entered."""
         return self._kept[tuple(sorted(names))]
@@ -180,6 +190,9 @@ def search(
             break
         if depth > 0:
             best = _looked_back(problem, best, library, book, is_open)
+        best = book.regained(best.model)
+        again = book.entered(fit(problem, best.model, 3, thorough=False))
+        best = min(best, again, key=book.score)
         path.append(best)
         progress((depth + 1) / MOST_EFFECTS)
         problem.rescale(best.fitted.residual)
