@@ -3,7 +3,7 @@
 An effect that is a force on the carriage, or a factor on the Coulomb level or on the motor force,
 is worked out along the tracked motion and sent through the filter's error equations: cheap enough
 to try hundreds of pitches, frequencies, places and time constants. Effects that enter elsewhere
-(stiffness, dead time, what swings) have to be simulated.
+(stiffness, dead time, current loop) have to be simulated.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import AxisSettings
@@ -27,8 +28,6 @@ _SIMULATED = (
     "delay",
     "saturation",
     "hysteresis",
-    "hanging",
-    "bases",
     "coupled_mass",
     "fields",
 )
@@ -73,6 +72,7 @@ def inputs(
     force += (_gain(ports, track) - _gain(plain, track)) * track.motor
     force -= (ports.mass - plain.mass) * acceleration
     force -= (ports.viscous - plain.viscous) * track.v
+    force += _sway(ports, acceleration, period) - _sway(plain, acceleration, period)
     level = _level(ports, track, time) / _level(plain, track, time) - 1.0
     return Inputs(force if force.any() else None, level if level.any() else None)
 
@@ -85,6 +85,29 @@ def response(found: Inputs, gains: Gains) -> F64:
     if found.level is not None:
         out += respond(gains, gains.level, found.level)
     return out
+
+
+def _sway(ports: EffectPorts, acceleration: F64, period: float) -> F64:
+    """Force on the carriage of what hangs from it and of bases that yield, float64[K] [N].
+
+    m r s^2 / (p s^2 + q s + w) times the acceleration relative to the base: what hangs does not
+    follow at once, and a base gives way; bilinear, exact at the mode.
+    """
+    force = np.zeros(len(acceleration))
+    modes = [(part, 1.0 - part.mass_ratio, 1.0) for part in ports.hanging]
+    modes += [(part, 1.0, 1.0 + part.mass_ratio) for part in ports.bases]
+    for part, softer, inertia in modes:
+        rate = 2.0 * np.pi * part.frequency
+        c = rate / np.tan(0.5 * rate * period)
+        second = c**2 * np.array([1.0, -2.0, 1.0])
+        first = 2.0 * part.damping * rate * softer * c * np.array([1.0, 0.0, -1.0])
+        zeroth = rate**2 * softer * np.array([1.0, 2.0, 1.0])
+        force += (
+            ports.mass
+            * part.mass_ratio
+            * lfilter(second, inertia * second + first + zeroth, acceleration)
+        )
+    return force
 
 
 def _pull(ports: EffectPorts, track: Track, time: F64) -> F64:
