@@ -7,7 +7,8 @@ The logarithm of an axis' sliding level at site i and time t is
 - d_i: what site i is off the map by; begins with the map's own joint covariance, so that one site
   tells of its neighbours, and walks at random with a rate per root day (`site_rate`);
 - c: what all sites have in common: warm-up, lubricant. It goes on with a rate of change that is
-  itself an Ornstein-Uhlenbeck process, and is mostly forgotten in a pause;
+  itself an Ornstein-Uhlenbeck process: fast at the start and after a pause, when the stage warms
+  up, and dying away from there. A pause mostly forgets it;
 - w: the level's own wander, an Ornstein-Uhlenbeck process of known rms and correlation time.
 
 A Kalman filter over (w, c, c', d_1 .. d_n): the arrival cost of the next move, wherever it goes.
@@ -41,6 +42,7 @@ class TrackingSettings:
         site_rate: of a site on its own [1/sqrt(day)].
         common_rate: of all sites together, beside the trend [1/sqrt(s)].
         trend, trend_time: rms [1/s] and correlation time [s] of the common rate of change.
+        warm_up: rms of that rate at the start and after a long pause [1/s].
         pause, pause_time: rms by which the common level may have changed in a long pause, and how
             long it takes for that [s].
         model_error: rms of what a measurement misses beside its own sigma.
@@ -52,11 +54,12 @@ class TrackingSettings:
     correlation_time: float = 0.5
     site_rate: float = 0.01
     common_rate: float = 3e-4
-    trend: float = 1e-3
-    trend_time: float = 60.0
+    trend: float = 3e-4
+    trend_time: float = 200.0
+    warm_up: float = 3e-3
     pause: float = 0.2
     pause_time: float = 600.0
-    model_error: float = 0.004
+    model_error: float = 0.006
     vague: float = 0.006
     astray: float = 0.01
     outlier: float = 0.03
@@ -108,7 +111,7 @@ class SiteTracker:
         self.covariance[SITES:, SITES:] = covariance
         self.covariance[WANDER, WANDER] = settings.wander**2
         self.covariance[COMMON, COMMON] = settings.pause**2
-        self.covariance[TREND, TREND] = settings.trend**2
+        self.covariance[TREND, TREND] = settings.warm_up**2
         self.time = time
         self.moves = np.zeros(n, dtype=np.int64)
         self._detectors = [StepDetector() for _ in range(n)]
@@ -192,8 +195,9 @@ class SiteTracker:
         p[:, TREND] *= hold
         p[:, WANDER] *= keep
         p[WANDER, WANDER] += (1.0 - keep**2) * s.wander**2
-        gained = s.trend**2 * (1.0 - hold**2)
-        p[TREND, TREND] += gained
+        # Of a pause, not of time: seconds from move to move must not add up to one.
+        paused = 1.0 - math.exp(-((elapsed / s.pause_time) ** 2))
+        p[TREND, TREND] += s.trend**2 * (1.0 - hold**2) + s.warm_up**2 * paused
         cross = s.trend**2 * s.trend_time * (1.0 - hold) ** 2
         p[COMMON, TREND] += cross
         p[TREND, COMMON] += cross
