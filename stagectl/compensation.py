@@ -174,6 +174,13 @@ class AxisCompensation:
         )
         self.estimator.expect(coulomb, sigma, level)
 
+    def correct(self, coulomb: float, sigma: float, level: tuple[float, float] | None) -> None:
+        """As `expect`, of the place where the axis is: its elements keep their forces."""
+        state = self.estimator.state
+        kept = None if state is None else state.copy()
+        self.estimator.expect(coulomb, sigma, level)
+        self.estimator.state = kept
+
     def _real_state(self, rest_force: float) -> FrictionState | None:
         """The friction state at rest as it is where the move begins, None where it is not known."""
         if self._departed is not None:

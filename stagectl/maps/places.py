@@ -154,9 +154,10 @@ class TrackedPlaces:
         seen = self.trackers[name].observe(
             self._target, math.log(value), sigma / value, self.origin + time, doubt(estimate)
         )
-        if seen.step is None:
+        if seen.step is not None:
+            self._tell(name, seen, time)
+        elif kind != "macro":
             return None
-        self._tell(name, seen, time)
         return self._expectation(name, time)
 
     def _tell(self, name: str, seen: Observation, time: float) -> None:

@@ -301,7 +301,7 @@ class Mover:
             return
         now = self._places.arrived(axis, kind, learned.estimate, self.time)
         if now is not None:
-            self._axes[axis].compensation.expect(now.coulomb, now.sigma, now.level)
+            self._axes[axis].compensation.correct(now.coulomb, now.sigma, now.level)
 
     def _break_off(self, motion: Sequence[Trajectory], done: int) -> None:
         """From the middle of a motion to rest as fast as the axes' limits allow."""
