@@ -143,7 +143,11 @@ class TrackedPlaces:
         return result
 
     def arrived(self, axis: int, kind: str, estimate: Estimate, time: float) -> Expectation | None:
-        """As `sequencer.places.Places`: a macro-move's level is the site's."""
+        """As `sequencer.places.Places`.
+
+        A macro-move shows the level on its way as much as at its end: what is expected of the site
+        has its say as well.
+        """
         name = self._names[axis]
         if name not in self.trackers or self._target is None:
             return None

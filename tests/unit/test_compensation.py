@@ -63,3 +63,17 @@ def test_only_estimated_reports_estimates():
     learned = estimated.learn(data)
     assert learned is not None
     assert learned.compute_time > 0
+
+
+def test_what_is_known_better_of_a_place_leaves_its_elements_as_they_are():
+    """Elsewhere another Coulomb force is another state; at the same place, better knowledge."""
+    for better in (False, True):
+        x, _ = make_compensation(load_machine(), Mode.ESTIMATED)
+        offsets(x, rest_force=3.0)
+        before = x.estimator.state.forces.copy()
+        (x.correct if better else x.expect)(7.5, 0.05, (0.004, 0.005))
+        friction = x.estimator.friction
+        assert friction.coulomb == pytest.approx(7.5)
+        assert x.estimator.level == pytest.approx(1.004)
+        scale = 1.0 if better else 7.5 / 6.0
+        np.testing.assert_allclose(x.estimator.state.forces, scale * before)

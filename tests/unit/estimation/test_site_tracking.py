@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimation.change import StepDetector, false_alarm_rate
-from estimation.site_tracking import SiteTracker, TrackingSettings
+from estimation.site_tracking import TREND, SiteTracker, TrackingSettings
 
 SITES, EVERY = 20, 0.35
 MAP, SHOWN = 0.01, 0.004  # what the map is off by, and a move's own error
@@ -55,6 +55,18 @@ def test_quiet_moves_raise_no_alarm_and_warm_up_is_no_step():
     assert abs(np.mean(z)) < 0.15
     assert np.abs(z).max() < 5.0
     assert np.concatenate(errors).std() < 0.02
+
+
+def test_a_stage_that_has_warmed_up_is_no_longer_expected_to():
+    """What all sites have in common is known better the longer nothing has happened to it."""
+    late = np.concatenate([shift(seed, 60)[2][40 * SITES :] for seed in range(2)])
+    assert np.sqrt(np.mean(late**2)) < 0.004
+    tracker, now, _ = settled(1)
+    rate = tracker.covariance[TREND, TREND]
+    tracker.advance(now + 3.0)  # from one wafer to the next: still warm
+    assert tracker.covariance[TREND, TREND] < 1.1 * rate
+    tracker.advance(now + 3600.0)
+    assert tracker.covariance[TREND, TREND] > 4.0 * rate
 
 
 @pytest.mark.parametrize(("size", "moves"), [(0.2, 1), (-0.2, 1), (0.05, 4), (-0.05, 4)])
