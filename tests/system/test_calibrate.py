@@ -23,18 +23,11 @@ from stagectl.request import RunRequest
 from stagectl.sequencer.events import StretchDone
 from stagectl.session import Listener, execute
 from stagectl.store.recording import read_notes
+from tests.system.short_recipe import short_recipe
 
 STAGE = StageKey("wafer-xy", True)
 SITES = "calibrate: weekly\nsites: [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]\n"
-RECIPE = """\
-recipe: short
-macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
-micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
-settle: {window: 5.0e-8, hold: 0.005, timeout: 0.15}
-expose: 0.02
-sites: [[0.01, 0.01], [0.015, 0.01]]
-fiducial: {source: simulated, range: 80.0e-6, seed: 1}
-"""
+RECIPE = short_recipe((0.01, 0.01), (0.015, 0.01))
 
 
 def stagectl(*arguments, code=0):

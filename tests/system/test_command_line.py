@@ -14,19 +14,12 @@ import pytest
 from stagectl.cli import COMMANDS
 from stagectl.config import load_machine
 from stagectl.store.recording import read_recording
+from tests.system.short_recipe import short_recipe
 
 ROOT = Path(__file__).parents[2]
 RECIPE = ROOT / "recipes" / "inspection-20.yaml"
 DATA = ROOT / "tests" / "data"
-SHORT = """\
-recipe: short
-macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
-micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
-settle: {window: 5.0e-8, hold: 0.005, timeout: 0.15}
-expose: 0.02
-sites: [[0.001, 0.001], [0.003, 0.002]]
-fiducial: {source: simulated, range: 80.0e-6, seed: 1}
-"""
+SHORT = short_recipe((0.001, 0.001), (0.003, 0.002))
 
 
 @pytest.fixture

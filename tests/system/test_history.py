@@ -16,18 +16,11 @@ from stagectl.recipe.load import parse_recipe
 from stagectl.request import RunRequest
 from stagectl.sequencer.events import FrictionUpdated
 from stagectl.session import Listener, execute
+from tests.system.short_recipe import short_recipe
 
-SHORT = """
-recipe: short
-macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
-micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
-settle: {window: 5.0e-8, hold: 0.005, timeout: 0.15}
-expose: 0.02
-sites: [[0.01, 0.0], [0.02, 0.01]]
-fiducial: {source: simulated, range: 80.0e-6, seed: 1}
-lot: L42
+SHORT = short_recipe((0.01, 0.0), (0.02, 0.01)) + "lot: L42
 wafer: 7
-"""
+"
 STAGE = StageKey("wafer-xy", True)
 
 

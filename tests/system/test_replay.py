@@ -22,16 +22,9 @@ from stagectl.replay.rerun import replay
 from stagectl.request import RunRequest
 from stagectl.sequencer.events import MoveStarted
 from stagectl.session import Listener, execute
+from tests.system.short_recipe import short_recipe
 
-RECIPE = """\
-recipe: short
-macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
-micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
-settle: {window: 5.0e-8, hold: 0.005, timeout: 0.15}
-expose: 0.02
-sites: [[0.004, -0.003], [0.01, 0.002]]
-fiducial: {source: simulated, range: 80.0e-6, seed: 1}
-"""
+RECIPE = short_recipe((0.004, -0.003), (0.01, 0.002))
 
 
 def run(machine, folder, *faults, listener=None, retries=0):

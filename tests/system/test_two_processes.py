@@ -18,20 +18,13 @@ import yaml
 
 from stagectl.config.machine import load_machine
 from stagectl.store.recording import read_recording
+from tests.system.short_recipe import short_recipe
 
 INTERFACE = os.environ.get("STAGECTL_HIL_SOCKETCAN")
 ELSEWHERE = pytest.mark.skipif(not INTERFACE, reason="run by test_vcan.py on a bus of its own")
 BUS = pytest.param(f"socketcan:{INTERFACE}", id="socketcan", marks=ELSEWHERE)
 
-RECIPE = """\
-recipe: two-sites
-macro: {velocity: 0.5, acceleration: 5.0, jerk: 20.0}
-micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
-settle: {window: 5.0e-7, hold: 0.02, timeout: 0.3}
-expose: 0.02
-sites: [[0.001, 0.001], [0.003, 0.002]]
-fiducial: {source: simulated, range: 80.0e-6, seed: 1}
-"""
+RECIPE = short_recipe((0.001, 0.001), (0.003, 0.002), slow=True)
 
 
 @pytest.fixture

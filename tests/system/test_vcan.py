@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from tests.starvation import SHARE, Watch
+from tests.system.short_recipe import short_recipe
 
 ROOT = Path(__file__).parents[2]
 WITH_VCAN = ROOT / "tools" / "with-vcan"
@@ -50,15 +51,7 @@ def with_vcan(*command: str | Path, **environment: str) -> subprocess.CompletedP
     )  # fmt: skip
 
 
-SHORT = """\
-recipe: one-site
-macro: {velocity: 0.5, acceleration: 5.0, jerk: 20.0}
-micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
-settle: {window: 5.0e-7, hold: 0.02, timeout: 0.3}
-expose: 0.02
-sites: [[0.001, 0.001]]
-fiducial: {source: simulated, range: 80.0e-6, seed: 1}
-"""
+SHORT = short_recipe((0.001, 0.001), slow=True)
 
 
 @pytest.fixture
