@@ -18,9 +18,7 @@ from stagectl.sequencer.events import FrictionUpdated
 from stagectl.session import Listener, execute
 from tests.system.short_recipe import short_recipe
 
-SHORT = short_recipe((0.01, 0.0), (0.02, 0.01)) + "lot: L42
-wafer: 7
-"
+SHORT = short_recipe((0.01, 0.0), (0.02, 0.01)) + "lot: L42\nwafer: 7\n"
 STAGE = StageKey("wafer-xy", True)
 
 
