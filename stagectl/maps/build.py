@@ -11,8 +11,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimation.friction_field import KERNELS, FrictionField
 from estimation.site_tracking import COMMON, SITES, SiteTracker, TrackingSettings
@@ -23,6 +25,10 @@ from stagectl.maps.model import FrictionMap, MapAxis, MapSite
 
 LEAST_SITES = 4
 """A map of fewer places says nothing of the others."""
+WARMING = ((3e-5, 0.4), (2e-4, 0.3), (1e-3, 0.2), (3e-3, 0.1))
+"""How fast the level may be changing when measurements begin, rms [1/s], and prior weights: it is
+asked for that the stage be warm, and not always so."""
+_PRUNE, _HOPELESS = 200, 7.0  # so many measurements on, what is exp(-7) as likely is left out
 _OPEN = 0.5  # relative 1-sigma of the common level before anything is known of it
 AMPLITUDE, LENGTH, SCATTER = 0.15, 0.45, 0.05
 """Before the sites are looked at: rms over the table, correlation length relative to the sites'
@@ -71,25 +77,64 @@ def _axis(
     entries: Sequence[Measurement], settings: TrackingSettings
 ) -> tuple[tuple[MapSite, ...], tuple]:  # type: ignore[type-arg]
     places = list(dict.fromkeys(entry.place for entry in entries))
-    values = np.log([entry.value for entry in entries])
-    start = np.full(len(places), float(np.median(values)))
-    tracker = SiteTracker(start, prior_covariance(places), settings, entries[0].time)
-    tracker.covariance[COMMON, COMMON] = 0.0  # the level at the first measurement is the reference
-    last: dict[Pair, float] = {}
-    for entry, value in zip(entries, values.tolist(), strict=True):
-        site = places.index(entry.place)
-        tracker.observe(site, value, entry.sigma / entry.value, entry.time)
-        last[entry.place] = entry.time
-    level = np.exp(tracker.mean + tracker.state[SITES:] + tracker.state[COMMON])
-    covariance = tracker.covariance[SITES:, SITES:]
+    mean, covariance, moves = _levels(entries, places, settings)
     # What is uncertain of all sites alike (the common level) is not uncertain of the map's shape.
     sigma = np.sqrt(np.maximum(covariance.diagonal() - max(float(covariance.mean()), 0.0), 1e-8))
+    level = np.exp(mean)
+    last = {entry.place: entry.time for entry in entries}
     field = FrictionField(np.array(places), level, sigma)
     sites = tuple(
-        MapSite(place, float(level[i]), float(sigma[i]), last[place], int(tracker.moves[i]))
+        MapSite(place, float(level[i]), float(sigma[i]), last[place], int(moves[i]))
         for i, place in enumerate(places)
     )
     return sites, field.nodes
+
+
+def _levels(
+    entries: Sequence[Measurement], places: Sequence[Pair], settings: TrackingSettings
+) -> tuple[F64, F64, NDArray[np.int64]]:
+    """Logarithm of the sites' levels at the end, its covariance, and how often each was measured.
+
+    A mixture over how fast the stage was warming up, weighted by how well that explains what was
+    measured: taken for certain, fast ones would leave the table's shape open, slow ones bend it.
+    """
+    values = np.log([entry.value for entry in entries])
+    start = np.full(len(places), float(np.median(values)))
+    number = {place: i for i, place in enumerate(places)}
+    prior = prior_covariance(places)
+    trackers, score = [], np.log([share for _, share in WARMING])
+    for rate, _ in WARMING:
+        tracker = SiteTracker(start, prior, replace(settings, warm_up=rate), entries[0].time)
+        tracker.covariance[COMMON, COMMON] = 0.0  # the first measurement's level is the reference
+        trackers.append(tracker)
+    for k, (entry, value) in enumerate(zip(entries, values.tolist(), strict=True)):
+        sigma = entry.sigma / entry.value
+        for i, tracker in enumerate(trackers):
+            tracker.advance(entry.time)
+            expected, spread = tracker.expected(number[entry.place])
+            variance = spread**2 + sigma**2 + settings.model_error**2
+            score[i] -= 0.5 * (math.log(variance) + (value - expected) ** 2 / variance)
+            tracker.observe(number[entry.place], value, sigma, entry.time)
+        if k % _PRUNE == _PRUNE - 1:
+            kept = score > score.max() - _HOPELESS
+            trackers, score = (
+                [t for t, keep in zip(trackers, kept, strict=True) if keep],
+                score[kept],
+            )
+    weight = np.exp(score - score.max())
+    weight /= weight.sum()
+    row = np.eye(len(places), SITES + len(places), SITES)
+    row[:, COMMON] = 1.0
+    means = np.array([tracker.mean + row @ tracker.state for tracker in trackers])
+    mean: F64 = weight @ means
+    covariance: F64 = sum(
+        (
+            share * (row @ tracker.covariance @ row.T + np.outer(own - mean, own - mean))
+            for share, tracker, own in zip(weight, trackers, means, strict=True)
+        ),
+        start=np.zeros((len(places), len(places))),
+    )
+    return mean, covariance, trackers[0].moves
 
 
 def prior_covariance(places: Sequence[Pair]) -> F64:
