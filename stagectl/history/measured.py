@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
+from estimation.gms import Friction
+
 PRESLIDING_ERROR = 0.006
 """What the level of a move that hardly slid is off by beside its sigma, relative (measured)."""
 PRESLIDING_MISFIT, SLIDING_MISFIT = (0.5, 0.1), (0.7, 0.06)
@@ -17,12 +19,33 @@ PRESLIDING_MISFIT, SLIDING_MISFIT = (0.5, 0.1), (0.7, 0.06)
 sampled positions tell; moves that slid, over something that the map does not know."""
 
 
+JUMP = 5.0
+"""Beyond so many standard deviations from what the estimator expected, the level after a move is
+all the move's: taking the expectation out of it as of a normal estimate would go far beyond it."""
+
+
 class Shown(Protocol):
     """What of an estimate tells the level; see `estimation.split_horizon`."""
 
     @property
     def shown(self) -> tuple[float, float] | None:
         """Level and its standard deviation [N]."""
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it was learned from."""
+
+    @property
+    def friction(self) -> Friction:
+        """The model afterwards."""
+
+    @property
+    def level(self) -> float:
+        """Factor on its Coulomb force at the end of the move, 1 + w."""
+
+    @property
+    def expected(self) -> tuple[float, float]:
+        """Level before the move and its standard deviation [N]."""
 
     @property
     def zones(self) -> str:
@@ -39,6 +62,11 @@ def measured_level(estimate: Shown) -> tuple[float, float] | None:
     Args:
         estimate: of the move.
     """
+    if "A" in estimate.zones and estimate.accepted:
+        expected, sigma = estimate.expected
+        value = estimate.friction.coulomb * estimate.level
+        if abs(value - expected) > JUMP * sigma:
+            return value, sigma
     if estimate.shown is None:
         return None
     value, sigma = estimate.shown
