@@ -175,20 +175,36 @@ def estimate(value):
     return SimpleNamespace(shown=(value, 0.02), zones="A", misfit=0.6)
 
 
+def estimate(shown, zones="AB", misfit=0.6, level=1.0, accepted=True):
+    """Of a move before which 6 N +- 1 % were expected."""
+    return SimpleNamespace(
+        shown=shown, zones=zones, misfit=misfit, accepted=accepted, level=level,
+        friction=SimpleNamespace(coulomb=6.0), expected=(6.0, 0.06),
+    )  # fmt: skip
+
+
 def test_what_a_measurement_is_worth():
     """A move that hardly slid, and one that the model does not explain, say less of the level."""
-    nothing = SimpleNamespace(shown=None, zones="B", misfit=0.4)
-    assert measured_level(nothing) is None
+    assert measured_level(estimate(None, "B", 0.4)) is None
     sigmas = [
-        measured_level(SimpleNamespace(shown=(6.0, 0.02), zones=zones, misfit=misfit))[1]
+        measured_level(estimate((6.0, 0.02), zones, misfit))[1]
         for zones, misfit in (("AB", 0.6), ("AB", 1.5), ("B", 0.4), ("B", 1.5))
     ]
     assert sigmas[0] == sigmas[1] == 0.02
     assert 0.02 < 3 * sigmas[2] < sigmas[3]
     assert [
-        doubt(SimpleNamespace(zones=zones, misfit=misfit)) > 0.0
+        doubt(estimate((6.0, 0.02), zones, misfit)) > 0.0
         for zones, misfit in (("AB", 0.6), ("AB", 1.5), ("B", 1.5))
     ] == [False, True, False]
+
+
+def test_a_slide_that_jumps_shows_where_it_ended():
+    """20 % up at once: not nothing, nor what a small change would mean."""
+    for shown in (None, (9.0, 0.05)):
+        assert measured_level(estimate(shown, level=1.2)) == pytest.approx((7.2, 0.06))
+    assert measured_level(estimate((6.2, 0.05), level=1.02)) == (6.2, 0.05)
+    assert measured_level(estimate(None, level=1.2, accepted=False)) is None
+    assert measured_level(estimate(None, "B", level=1.2)) is None
 
 
 def test_how_fast_the_other_figures_drift_is_learnt_per_axis_and_figure(history):
