@@ -59,9 +59,14 @@ def compare(old: FrictionMap, new: FrictionMap) -> list[AxisChange]:
 
 def _axis(name: str, old: MapAxis, new: MapAxis) -> AxisChange:
     places = np.array([site.place for site in new.sites])
-    before = old.field().at(places)
-    ratio = np.log([site.coulomb for site in new.sites]) - np.log(before.value)
-    sigma = np.hypot(before.sigma, [site.sigma for site in new.sites])
+    field = old.field().at(places)
+    value, spread = field.value.copy(), field.sigma.copy()
+    measured = {site.place: site for site in old.sites}
+    for i, site in enumerate(new.sites):
+        if site.place in measured:  # measured then and now: what lies between sites is no matter
+            value[i], spread[i] = measured[site.place].coulomb, measured[site.place].sigma
+    ratio = np.log([site.coulomb for site in new.sites]) - np.log(value)
+    sigma = np.hypot(spread, [site.sigma for site in new.sites])
     # Those that are known well say what all have in common; a median keeps a spot out of it.
     common = float(np.median(ratio))
     own = np.expm1(ratio - common)

@@ -15,6 +15,11 @@ from stagectl.maps.compare import AxisChange
 from stagectl.maps.model import MapVersion
 
 _LISTED = 8
+_FIGURES = {
+    "viscous": "viscous, N s/m",
+    "stiffness": "stiffness, N/m",
+    "relaxation_rate": "C/Fc, 1/s",
+}
 
 
 def day(time: float) -> str:
@@ -35,13 +40,11 @@ def summary(version: MapVersion) -> RenderableType:
     title = f"map {version.number} of {version.map.stage}, as of {day(version.map.date)} UTC{use}"
     table = _table(
         title + (f": {version.comment}" if version.comment else ""),
-        "axis", "sites", "Fc, N", "lowest", "highest", "known to", "correlation length",
-        "other figures",
+        "axis", "sites", "Fc, N", "lowest", "highest", "known to", "correlated over",
     )  # fmt: skip
+    figures = _table("the same all over the table", "axis", *_FIGURES.values())
     for name, axis in version.map.axes.items():
         values = np.array([site.coulomb for site in axis.sites])
-        field = axis.field()
-        others = ", ".join(f"{key} {value:.4g}" for key, (value, _) in axis.figures.items())
         table.add_row(
             name,
             str(len(axis.sites)),
@@ -49,10 +52,18 @@ def summary(version: MapVersion) -> RenderableType:
             f"{values.min() / values.mean() - 1:+.1%}",
             f"{values.max() / values.mean() - 1:+.1%}",
             f"{np.median([site.sigma for site in axis.sites]):.1%}",
-            f"{field.length * 1e3:.0f} mm",
-            others,
+            f"{axis.field().length * 1e3:.0f} mm",
         )
-    return table
+        figures.add_row(
+            name,
+            *(
+                f"{axis.figures[key][0]:.4g} ±{axis.figures[key][1]:.2g}"
+                if key in axis.figures
+                else "-"
+                for key in _FIGURES
+            ),
+        )
+    return Group(table, figures)
 
 
 def at_place(version: MapVersion, place: tuple[float, float]) -> RenderableType:

@@ -171,15 +171,11 @@ def test_comparison_tells_a_spot_from_the_whole_table(history):
         assert [s.place for s in axis.sites if s.significant] == [GRID[7]]
 
 
-def estimate(value):
-    return SimpleNamespace(shown=(value, 0.02), zones="A", misfit=0.6)
-
-
-def estimate(shown, zones="AB", misfit=0.6, level=1.0, accepted=True):
-    """Of a move before which 6 N +- 1 % were expected."""
+def estimate(shown, zones="AB", misfit=0.6, level=1.0, accepted=True, expected=(6.0, 0.06)):
+    """Of a move before which so much was expected [N]."""
     return SimpleNamespace(
         shown=shown, zones=zones, misfit=misfit, accepted=accepted, level=level,
-        friction=SimpleNamespace(coulomb=6.0), expected=(6.0, 0.06),
+        friction=SimpleNamespace(coulomb=6.0), expected=expected,
     )  # fmt: skip
 
 
@@ -266,10 +262,10 @@ def test_in_production_a_site_is_known_on_arrival_and_its_step_is_found(history)
     for k in range(3):  # settle the common level first
         for place in GRID[:5]:
             places.depart(place, 10.0 + k)
-            places.arrived(0, "macro", estimate(level("x", place)), 10.0 + k)
+            places.arrived(0, "macro", estimate((level("x", place), 0.02)), 10.0 + k)
     assert steps == []
     places.depart(GRID[12], 20.0)
-    answer = places.arrived(0, "macro", estimate(1.2 * level("x", GRID[12])), 20.5)
+    answer = places.arrived(0, "macro", estimate((1.2 * level("x", GRID[12]), 0.02)), 20.5)
     assert [(s.axis, s.place, s.everywhere) for s in steps] == [("x", GRID[12], False)]
     assert answer.coulomb == pytest.approx(1.2 * level("x", GRID[12]), rel=0.04)
 
