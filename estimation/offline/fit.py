@@ -138,6 +138,7 @@ class Problem:
         free: NDArray[np.bool_],
         levels: tuple[F64, ...] | None = None,
         counted: Sequence[bool] | None = None,
+        both: bool = False,
     ) -> Fit:
         """A minimum over the free unknowns and all knots, from `q`.
 
@@ -146,6 +147,7 @@ class Problem:
             free: what to solve for, shape (n,).
             levels: knots to begin at; default none.
             counted: blocks that count; default all.
+            both: take the measured acceleration for as noisy as the residual, see `whitened`.
 
         Raises:
             NoSolutionError: not finite, or no minimum.
@@ -155,7 +157,7 @@ class Problem:
         q, index = np.clip(q, u.lower, u.upper), np.flatnonzero(free)
         levels = self.start_levels() if levels is None else levels
         information = np.diag(1.0 / u.spread[index] ** 2)
-        now = self._linearised(q, levels, index, counted)
+        now = self._linearised(q, levels, index, counted, both)
         cost = now.cost + self._away(q, index)
         for _ in range(MAX_ITERATIONS):
             if not math.isfinite(cost):
@@ -173,7 +175,7 @@ class Problem:
                 shifted = tuple(
                     np.clip(w + m, -0.5, 0.5) for w, m in zip(levels, moves, strict=True)
                 )
-                then = self._linearised(trial, shifted, index, counted)
+                then = self._linearised(trial, shifted, index, counted, both)
                 lower = then.cost + self._away(trial, index)
                 if lower <= cost * (1.0 + 1e-12):
                     improved = True
@@ -231,8 +233,9 @@ class Problem:
         return matrix
 
     def _linearised(
-        self, q: F64, levels: tuple[F64, ...], index: NDArray[np.int64], counted: list[bool]
-    ) -> _Linear:
+        self, q: F64, levels: tuple[F64, ...], index: NDArray[np.int64], counted: list[bool],
+        both: bool,
+    ) -> _Linear:  # fmt: skip
         """Normal equations of all blocks at q, knots eliminated."""
         u, noise = self.unknowns, self.noise
         springs, shares = u.shape(q)
@@ -240,9 +243,13 @@ class Problem:
         theta = figures[[COULOMB, STIFFNESS, RATE, ALPHA, VS, DELTA, ASYMMETRY]]
         others = figures[[VISCOUS, MASS, OFFSET, LAG]]
         slopes = u.slopes(q)
+        place = np.flatnonzero(index == MASS)
+        mass = int(place[0]) if both and len(place) else -1
+        weighed = figures[MASS] if both else u.scale[MASS]
+        per_mass = u.scale[MASS] / weighed
         variances = np.array(
             [
-                (u.scale[MASS] * noise.position / noise.period**2) ** 2,
+                (weighed * noise.position / noise.period**2) ** 2,
                 noise.force**2 + noise.model**2,
             ]
         )
@@ -272,7 +279,9 @@ class Problem:
                         record.ripple[inner], record.force[begin + 1 : end + 1], others,
                         figures[list(RIPPLE)], slopes, index, len(w), u.elements, noise.period,
                     )  # fmt: skip
-                    normal, slope, chi, used = whitened(rows, record.used[inner], variances)
+                    normal, slope, chi, used = whitened(
+                        rows, record.used[inner], variances, mass, per_mass
+                    )
                     result.add(number, normal, slope, chi, used, self._priors[number], w)
                 else:
                     result.skip(len(w))
@@ -385,19 +394,24 @@ def columns(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def whitened(rows, used, variances):  # type: ignore[no-untyped-def]
-    """J'J, J'r, r'r and samples of the whitened rows; a gap in `used` begins a new run."""
-    width = rows.shape[1]
+def whitened(rows, used, variances, mass, per_mass):  # type: ignore[no-untyped-def]
+    """J'J, J'r, r'r and samples of the whitened rows; a gap in `used` begins a new run.
+
+    `variances`: of the encoder's noise as a force, m^2 s^2/T^4, and of the white part. Column
+    `mass` (-1: as it is) has the measured acceleration, and with it the same noise as the
+    residual. What the residual shows of that noise is taken out of it: the derivative is that at
+    the most probable positions, as of any fit with errors in both. `per_mass`: what a unit of that
+    column is of the mass.
+    """
+    count, width = rows.shape
     n = width - 1
     c0 = 6.0 * variances[0] + variances[1]
     c1, c2 = -4.0 * variances[0], variances[0]
-    normal, slope = np.zeros((n, n)), np.zeros(n)
-    this, last, older = np.zeros(width), np.zeros(width), np.zeros(width)
-    chi = 0.0
-    samples = run = 0
+    factor = np.zeros((count, 3))  # pivot, and what it takes of the rows one and two before
     pivot = before = 1.0
     off = 0.0
-    for k in range(1, rows.shape[0] - 1):
+    run = 0
+    for k in range(1, count - 1):
         if not used[k]:
             run = 0
             continue
@@ -406,6 +420,18 @@ def whitened(rows, used, variances):  # type: ignore[no-untyped-def]
         before = pivot
         pivot = math.sqrt(c0 - first * first - second * second)
         off = first
+        factor[k, 0], factor[k, 1], factor[k, 2] = pivot, first, second
+        run += 1
+    if mass >= 0:
+        _take_noise_out(rows, factor, variances[0] * per_mass, mass)
+    normal, slope = np.zeros((n, n)), np.zeros(n)
+    this, last, older = np.zeros(width), np.zeros(width), np.zeros(width)
+    chi = 0.0
+    samples = 0
+    for k in range(1, count - 1):
+        pivot, first, second = factor[k]
+        if pivot == 0.0:
+            continue
         for c in range(width):
             this[c] = (rows[k, c] - first * last[c] - second * older[c]) / pivot
         residual = this[n]
@@ -417,9 +443,29 @@ def whitened(rows, used, variances):  # type: ignore[no-untyped-def]
                 for b in range(a + 1):
                     normal[a, b] += entry * this[b]
         older, last, this = last, this, older
-        run += 1
         samples += 1
     for a in range(n):
         for b in range(a):
             normal[b, a] = normal[a, b]
     return normal, slope, chi, samples
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _take_noise_out(rows, factor, variance, mass):  # type: ignore[no-untyped-def]
+    """Column `mass` less the part of the encoder's noise that the residual shows."""
+    count, n = rows.shape[0], rows.shape[1] - 1
+    pull = np.zeros(count)  # S^-1 r
+    last = older = 0.0
+    for k in range(1, count - 1):
+        if factor[k, 0] > 0.0:
+            pull[k] = (rows[k, n] - factor[k, 1] * last - factor[k, 2] * older) / factor[k, 0]
+            older, last = last, pull[k]
+    for k in range(count - 2, 0, -1):
+        if factor[k, 0] > 0.0:
+            after = factor[k + 1, 1] * pull[k + 1]
+            later = factor[k + 2, 2] * pull[k + 2] if k + 2 < count else 0.0
+            pull[k] = (pull[k] - after - later) / factor[k, 0]
+    for k in range(2, count - 2):
+        if factor[k, 0] > 0.0:
+            bend = pull[k - 2] + pull[k + 2] - 4.0 * (pull[k - 1] + pull[k + 1]) + 6.0 * pull[k]
+            rows[k, mass] -= variance * bend

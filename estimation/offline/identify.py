@@ -6,7 +6,9 @@ stays at its prior. An estimate is refused as a whole where the model does not e
 
 Sigma is the larger of two: what noise explains (inflated where the residual is above it), and how
 much the blocks of the record disagree. The second one is honest where model errors are alike over
-many neighbouring samples.
+many neighbouring samples. Beside it stands what changes where the measured acceleration counts as
+noisy itself: a host that follows its demand well tells the mass from the drive's ripple by hardly
+more than the encoder's noise, which is in the acceleration and, through the controller, the force.
 """
 
 from __future__ import annotations
@@ -21,7 +23,16 @@ from numpy.typing import NDArray
 from estimation.gms import F64, Friction
 from estimation.offline.fit import Fit, Noise, NoSolutionError, Problem
 from estimation.offline.records import Samples, joined, record
-from estimation.offline.unknowns import BASE, FIGURES, RIPPLE, Prior, Unknowns, chosen, unknowns
+from estimation.offline.unknowns import (
+    BASE,
+    FIGURES,
+    MASS,
+    RIPPLE,
+    Prior,
+    Unknowns,
+    chosen,
+    unknowns,
+)
 
 ESTIMATED, PRIOR, BOUND = "estimated", "stays at its prior", "refused: on its bound"
 TOGETHER = "with its neighbours"
@@ -158,6 +169,17 @@ def identify(
         fit = problem.solve(fit.q, free & figures, fit.levels)
         fit = problem.solve(fit.q, free, fit.levels)
         sigma, spread = _sigma(u, fit), _prior_sigma(u)
+        both = problem.solve(fit.q, free, fit.levels, both=True)
+        apart = np.abs(u.values(both.q) - u.values(fit.q))
+        if math.hypot(sigma[MASS], apart[MASS]) > spread[MASS] / math.sqrt(2.0):
+            # Mass and ripple are told apart by noise only: all the ripple, and the mass believed.
+            free[MASS] = False
+            fit = problem.solve(np.where(free, fit.q, u.mean), free, fit.levels)
+            sigma = _sigma(u, fit)
+            # The two add up to what is told; one is as uncertain as the other.
+            sigma[RIPPLE[0]] = math.hypot(sigma[RIPPLE[0]], u.spread[MASS])
+        else:
+            sigma = np.hypot(sigma, apart)
         verdicts = _verdicts(u, fit.q, sigma, spread, free)
         told = np.array([v in (ESTIMATED, TOGETHER) for v in verdicts])
         if not told.all():

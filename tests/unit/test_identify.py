@@ -2,18 +2,24 @@
 
 import json
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from stagectl.cli.identify import command
+from stagectl.compensation import Mode
 from stagectl.config.machine import load_machine
 from stagectl.errors import UnusableInput
 from stagectl.identify import identify_axis
+from stagectl.recipe.load import load_recipe
+from stagectl.request import RunRequest
+from stagectl.session import Listener, execute
 from stagectl.store.recording import read_recording, write_recording
 
 DATA = Path(__file__).parents[1] / "data"
+RECIPE = Path(__file__).parents[2] / "recipes" / "inspection-20.yaml"
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +68,19 @@ def test_the_reference_stage_is_the_machine_file(answer):
             assert figures[name]["value"] == pytest.approx(figures[name]["prior"], rel=0.3), name
     assert axis["misfit"]["after"] < 1.1
     assert axis["misfit"]["held_out"] < 1.2
+
+
+def test_a_stage_that_follows_well_does_not_tell_its_mass_from_the_ripple(tmp_path):
+    """There the encoder's noise is all that does: the mass was 7 % off by many of its sigmas."""
+    machine = load_machine(None)
+    recipe = load_recipe(RECIPE, machine)
+    request = RunRequest(
+        recipe, machine, machine, None, Mode.ESTIMATED, 1.0, 1, tmp_path, datetime.now(UTC)
+    )
+    assert execute(request, Listener()).error is None
+    mass = identify_axis([read_recording(tmp_path / "recording.h5")], machine, "x")["mass"]
+    assert mass.value == pytest.approx(8.0, abs=2.0 * mass.sigma)
+    assert mass.sigma > 0.1
 
 
 def test_the_command_prints_what_it_writes(answer):
