@@ -29,8 +29,9 @@ from drivers.samples import FIELDS, HEAD, VALID, Sample
 from drivers.settings import BusSettings
 
 _FOLLOWING_ERROR = 0x8611
+_HOST_LOST = (0x8130, 0x8250)
 _STALL_COUNTS_NS = 200_000_000
-"""A following error within this time after late SYNCs may be their doing."""
+"""A fault within this time after late SYNCs may be their doing."""
 
 Until = Callable[[tuple[float, ...]], bool]
 Sink = Callable[[Sample], object]
@@ -214,10 +215,15 @@ class Cycle:
         return map(itemgetter(0), struct.iter_unpack(f"{size}s", data))
 
     def _stall_before(self, code: int | None) -> str:
-        """A demand that stands still for some periods at speed is a following error by itself."""
-        stall = self.sync.stalled(_STALL_COUNTS_NS) if code == _FOLLOWING_ERROR else 0
-        if not stall:
+        """A demand that stands still for some periods at speed is a following error by itself.
+
+        And a host that stands still for half a second is a lost host.
+        """
+        stall = self.sync.stalled(_STALL_COUNTS_NS)
+        if not stall or code not in (_FOLLOWING_ERROR, *_HOST_LOST):
             return ""
+        if code in _HOST_LOST:
+            return f"; the host had just stood still for {stall * self._period * 1e-9:.3g} s"
         return f"; the host had just been {stall} SYNC periods late: the demand stood still so long"
 
     def _check_late(self) -> None:

@@ -81,7 +81,7 @@ class Exchange:
         network.own_ids |= self._setpoint_ids
 
     def stalled(self, within_ns: int) -> int:
-        """Periods passed over in one go within the last time; 0: none."""
+        """Periods passed over in one go, which ended within the last time; 0: none."""
         when, periods = self._stall
         return periods if self.sent - when <= within_ns else 0
 
@@ -177,8 +177,8 @@ class Exchange:
             late = 1
             passed = (now - due) // self._period
             self.skipped += passed
-            self._stall = (due, passed)
             due += passed * self._period
+            self._stall = (due, passed)
         self.late += late
         self.sent = due
         self._due = due + self._period
@@ -241,9 +241,9 @@ class Exchange:
         late = int((passed > 0 or over) and not fresh)
         self.late += late
         self.skipped += 0 if fresh else passed
-        if late:
-            self._stall = (self._due, passed)
         self.sent = self._due + passed * self._period
+        if late:
+            self._stall = (self.sent, passed)
         self._due = self.sent + self._period
         if fresh or self._phase is None:
             self._phase = at - self.sent

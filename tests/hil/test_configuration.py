@@ -123,7 +123,14 @@ def test_a_drive_that_produces_sync_or_listens_elsewhere_is_set_right(
         stage.home()
 
 
-def test_a_following_error_after_late_syncs_says_so(stage_machine: Machine) -> None:
+@pytest.mark.parametrize(
+    ("pause_ns", "said"),
+    [
+        (12_600_000, "0x8611.*the host had just been 11 SYNC periods late"),
+        (1_500_000_000, r"0x8130.*the host had just stood still for 1\.5 s"),
+    ],
+)
+def test_a_fault_after_late_syncs_says_so(stage_machine: Machine, pause_ns: int, said: str) -> None:
     """At 0.5 m/s a demand that stands still for 12 ms is a following error by itself."""
     stage, _, world = open_stage(stage_machine)
     with stage:
@@ -136,10 +143,8 @@ def test_a_following_error_after_late_syncs_says_so(stage_machine: Machine) -> N
 
         def until(_: tuple[float, ...]) -> bool:
             if next(count) == 150:
-                world.sleep_until_ns(world.now_ns + 12_600_000)
+                world.sleep_until_ns(world.now_ns + pause_ns)
             return False
 
-        with pytest.raises(
-            AxisFault, match=r"^axis x: .*0x8611.*the host had just been 11 SYNC periods late"
-        ):
+        with pytest.raises(AxisFault, match=f"^axis .: .*{said}"):
             stage.stream(position, np.zeros_like(position), until)
