@@ -84,7 +84,7 @@ def stribeck_rise(ratio, delta):  # type: ignore[no-untyped-def]
     return math.exp(-ratio) if ratio < 40.0 else 0.0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
 def step_elements(dx, direction, rise, decay, dt, coulomb, stiffness, rate, alpha, elements):  # type: ignore[no-untyped-def]
     """Every element by one displacement.
 

@@ -167,7 +167,7 @@ def lead(  # type: ignore[no-untyped-def]
     return doubt, math.sqrt(begun)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
 def _spring(  # type: ignore[no-untyped-def]
     k, direction, coulomb, stiffness, alpha, level_at, wide, tables, columns, elements
 ):
@@ -210,7 +210,7 @@ def _spring(  # type: ignore[no-untyped-def]
     return at
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _slip(  # type: ignore[no-untyped-def]
     k, direction, kept, coulomb, rate, alpha, shape, period, wide, tables, ready, columns, elements
 ):
@@ -287,7 +287,7 @@ def _slip_shape(k, end, coulomb, tables, columns, elements):  # type: ignore[no-
             )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
 def _haze(k, end, haze, kept, follows, tables, ready):  # type: ignore[no-untyped-def]
     """T_STUCK and T_HAZE of samples k...end - 1, where all elements slip; returns the last haze."""
     for j in range(k, end):
@@ -372,7 +372,7 @@ def _curve(k, direction, rate, alpha, shape, period, tables, ready):  # type: ig
     ready[k] |= CURVED
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
 def _between(  # type: ignore[no-untyped-def]
     k, haze, kept, error_by_slope, coulomb, stiffness, rate, alpha, shape, noise, period, tables,
     heading, ready, elements,
@@ -460,7 +460,7 @@ def _rise_before(k, vs, delta, period, tables):  # type: ignore[no-untyped-def]
     return stribeck_rise(abs(v) / vs, delta)
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def _finish(p, knots, figures, pull, swing, period, tables, wide, columns):  # type: ignore[no-untyped-def]
     """The rest of each row: what is linear in the data, units, and the level's knots.
 
