@@ -17,7 +17,6 @@ from estimation.settings import EstimatorSettings, MoveData
 from estimation.update import F_DRIFT, UPDATE_SIZE, begin_update, end_update
 from estimation.window import (
     F_UNIT,
-    R_BOUND,
     R_CHI_A,
     R_CHI_B,
     R_FAILED,
@@ -28,7 +27,6 @@ from estimation.window import (
     fit,
     knots_of,
 )
-from estimation.zones import SLIDE, STICK
 
 _SIZE = LEVEL + 1
 
@@ -67,10 +65,11 @@ class MoveSolver:
         self._figures = np.ascontiguousarray(self.units[F_UNIT])
         self._shape = np.array([friction.stribeck_velocity, friction.stribeck_shape])
         self._masks = settings.masks(frozen)
-        short = self._masks.copy()
-        short[:, RATE] = False
-        # By whether a move is long: figures for zone A, without it, and with both.
-        self._masks_of = [[*short], [*self._masks]]
+        self._short = self._masks.copy()  # for moves that do not go far
+        self._short[:, RATE] = False
+        self._reshapes = bool(self._masks[:, [RATE, ALPHA]].any())
+        # Whether figures are solved for on which the slip's maps depend: without zone A, and with.
+        self._reshapes = [bool(row[RATE] or row[ALPHA]) for row in self._masks[1:]]
         self._shares = element_shares(friction.elements).copy()
         self._elements = np.empty((ELEMENT_ROWS, friction.elements + 1))
         self._elements[SHARES, :-1] = self._shares
@@ -132,21 +131,12 @@ class MoveSolver:
         )  # fmt: skip
         if counted < 3:
             raise ValueError("fewer than three valid samples")
-        slide, stick = result[R_SLIDE] > 0.0, result[R_STICK] > 0.0
-        masks = self._masks_of[1 if result[R_FAR] else 0]
-        mask = masks[2 if slide else 1]
-        if slide:
-            fit(
-                SLIDE, tables, heading, zone, usable, ready, constants, units, shares, forces,
-                before, spread, found, uncertain, masks[0], p, result,
-            )  # fmt: skip
-        if stick and result[R_FAILED] == 0.0 and result[R_BOUND] < 0.0:
-            fit(
-                STICK, tables, heading, zone, usable, ready, constants, units, shares, forces,
-                before, spread, found, uncertain, mask, p, result,
-            )  # fmt: skip
-        misfit = math.sqrt(result[R_CHI_B if stick else R_CHI_A])
-        if whole and 1.0 < misfit <= settings.misfit and result[R_FAILED] == 0.0:
+        fit(
+            tables, heading, zone, usable, ready, constants, units, shares, forces, before,
+            spread, found, uncertain, self._masks if result[R_FAR] else self._short, p, result,
+        )  # fmt: skip
+        misfit = math.sqrt(result[R_CHI_B] if result[R_STICK] > 0.0 else result[R_CHI_A])
+        if 1.0 < misfit <= settings.misfit and whole and result[R_FAILED] == 0.0:
             tamed = tempered(Belief(before, spread), Belief(found, uncertain), misfit)
             if not self._jumps_away(before, spread, found):  # that is for `end_update` to see
                 found[:], uncertain[:] = tamed.mean, tamed.covariance
@@ -156,8 +146,8 @@ class MoveSolver:
             covariance, at_end, result,
         )  # fmt: skip
         if (
-            at_end[RATE] != before[RATE] or at_end[ALPHA] != before[ALPHA]
-            or mask[RATE] or mask[ALPHA]
+            self._reshapes[1 if result[R_SLIDE] > 0.0 else 0]
+            or at_end[RATE] != before[RATE] or at_end[ALPHA] != before[ALPHA]
         ):  # fmt: skip
             ready.fill(0)
         lead(

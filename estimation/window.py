@@ -148,13 +148,12 @@ def knots_of(count: int, period: float, wander: float) -> int:
 
 @numba.njit(cache=True, error_model="numpy")
 def fit(  # type: ignore[no-untyped-def]
-    zone_from, tables, heading, zone, usable, ready, constants, units, shares, forces, prior_mean,
-    prior_covariance, mean, covariance, mask, p, report,
+    tables, heading, zone, usable, ready, constants, units, shares, forces, prior_mean,
+    prior_covariance, mean, covariance, masks, p, report,
 ):  # fmt: skip
-    """Gauss-Newton over the free figures and what goes with them.
+    """Gauss-Newton over the free figures and what goes with them: zone A, then all that is usable.
 
     Args:
-        zone_from: SLIDE for zone A alone, STICK for all that is usable.
         tables: of `prepare`.
         heading: the same.
         zone: the same.
@@ -168,172 +167,182 @@ def fit(  # type: ignore[no-untyped-def]
         prior_covariance: of it.
         mean: belief after it, written.
         covariance: the same.
-        mask: figures to solve for, shape (LEVEL,).
+        masks: figures to solve for in zone A, in a move without zone A, and in one that has both,
+            shape (3, LEVEL).
         p: first iterate, shape (KNOTS + knots,); becomes the solution.
         report: R_*. Chi-squares are means over their zones' samples; R_BOUND is a figure on its
             bound, or -1; R_FAILED is 1 where the problem has no solution.
     """
     count, elements_n = heading.shape[0], shares.shape[0]
     knots = p.shape[0] - KNOTS
-    whole = zone_from == STICK
-    linear = not whole and report[R_STICK] > 0.0  # one step, for the second solve to begin at
-    # Which rows count. The force at rest is known from the mean of the rest's samples: they count
-    # once, but where the force is so exact that they tell the positions' errors.
-    exact = constants[C_FORCE_NOISE] < (
-        units[F_UNIT, STIFFNESS] * p[STIFFNESS] * constants[C_POSITION_NOISE]
-    )
-    use = np.empty(count, dtype=np.bool_)
-    moves = exact
-    last = counted = 0
-    for k in range(count):
-        moves = moves or zone[k] != REST
-        if whole:
-            use[k] = usable[k] and k < report[R_END] and moves
-        else:
-            use[k] = usable[k] and zone[k] == SLIDE
-        if use[k]:
-            last = k + 1
-            counted += 1
-    end = int(report[R_END]) if whole else last
-    if whole:
-        _first_stiffness(
-            p, prior_mean, prior_covariance, zone, tables, use, forces, constants, units, report
+    slide, stick = report[R_SLIDE] > 0.0, report[R_STICK] > 0.0
+    for whole in (False, True):
+        if not (stick if whole else slide) or report[R_BOUND] >= 0.0:
+            continue
+        mask = masks[0] if not whole else masks[2] if slide else masks[1]
+        linear = not whole and stick  # one step, for the second solve to begin at
+        # Which rows count. The force at rest is known from the mean of the rest's samples: they
+        # count once, but where the force is so exact that they tell the positions' errors.
+        exact = constants[C_FORCE_NOISE] < (
+            units[F_UNIT, STIFFNESS] * p[STIFFNESS] * constants[C_POSITION_NOISE]
         )
-    figures = _count(mask)
-    for i in range(LEVEL):
-        if not mask[i]:
-            p[i] = prior_mean[i]
-    reshaped = mask[RATE] or mask[ALPHA]
-    wide = reshaped or mask[LAG]
-    first = figures + knots
-    n = first + OFFSETS
-    chosen = np.empty(n + 1, dtype=np.int64)
-    a = 0
-    for i in range(LEVEL):
-        if mask[i]:
-            chosen[a] = i
-            a += 1
-    for j in range(knots):
-        chosen[figures + j] = KNOTS + j
-    for j in range(OFFSETS):
-        chosen[first + j] = REST_FORCE + j
-    chosen[n] = RESIDUAL
-    prior, information = np.empty(n), np.empty((n, n))
-    _arrival_cost(
-        prior_mean, prior_covariance, chosen, figures, knots, count, constants, prior, information
-    )
-    lower, upper, value = np.empty(n), np.empty(n), np.empty(n)
-    for a in range(n):
-        i = chosen[a]
-        lower[a] = units[F_LOWER, i] if i < LEVEL else -LEVEL_BOUND if i >= KNOTS else -1e300
-        upper[a] = units[F_UPPER, i] if i < LEVEL else LEVEL_BOUND if i >= KNOTS else 1e300
-        p[i] = value[a] = min(max(p[i], lower[a]), upper[a])
-    spread = constants[C_MODEL_ERROR] * units[F_UNIT, COULOMB] * prior_mean[COULOMB]
-    white = constants[C_FORCE_NOISE] ** 2 + spread * spread
-    rows, weights = np.empty((KNOTS + knots, end)), np.empty((4, end))
-    elements = np.empty((ELEMENT_ROWS, elements_n + 1))
-    for i in range(elements_n):
-        elements[SHARES, i] = shares[i]
-    normal, trial_normal = np.empty((n + 1, n + 1)), np.empty((n + 1, n + 1))
-    # Where the encoder alone moves the force through codes, rounding is as good as white.
-    jitter = units[F_UNIT, MASS] * p[MASS] * constants[C_POSITION_NOISE] / constants[C_PERIOD] ** 2
-    refined = not linear and jitter < QUIET * report[R_STEP]
-    raw, at = np.empty((KNOTS + knots, end if refined else 0)), np.empty(n)
-    step, away = prior, np.empty(n)
-    cost, evaluations, halvings = math.inf, 0, 0
-    while True:
-        if reshaped:
-            for k in range(end):
-                ready[k] = 0
-        turned, begun = fill_rows(
-            p, knots, units[F_UNIT], constants[C_VS:], constants[C_POSITION_NOISE],
-            constants[C_PERIOD], forces, report[R_KNOWN], report[R_REST_FORCE], tables, heading,
-            ready, wide, evaluations == 0, rows, elements,
-        )  # fmt: skip
-        if evaluations == 0:  # the weights stay what they are at the first iterate
-            for k in range(end):
-                weights[3, k] = white + tables[T_HAZE, k]
-            factor_weights(
-                units[F_UNIT, MASS] * p[MASS], units[F_UNIT, VISCOUS] * p[VISCOUS],
-                constants[C_PERIOD], constants[C_POSITION_NOISE], tables[T_STUCK], weights[3],
-                use[:end], weights[0], weights[1], weights[2],
-            )  # fmt: skip
-            pull = units[F_UNIT, STIFFNESS] * p[STIFFNESS] * constants[C_POSITION_NOISE]
-            # Zone A alone does not rely on how it began: the stiffness may be far off.
-            fresh = constants[C_SLIP_SPREAD] if whole else FREE_SLIP
-            fresh *= units[F_UNIT, COULOMB] * p[COULOMB]
-            information[first, first] = 1.0 / white
-            information[first + 1, first + 1] = 1.0 / (white + pull * pull + turned * turned)
-            information[first + 2, first + 2] = 1.0 / (fresh * fresh + begun * begun + 1e-20)
-            information[first + 3, first + 3] = 1.0
-        if refined:
-            for i in range(KNOTS + knots):
-                for k in range(end):
-                    raw[i, k] = rows[i, k]
-            for a in range(n):
-                at[a] = p[chosen[a]]
-        whiten(rows, chosen, weights[0], weights[1])
-        normal_equations(rows, chosen, weights[2], trial_normal)
-        evaluations += 1
-        trial_cost = trial_normal[n, n]
-        for a in range(n):
-            away[a] = p[chosen[a]] - prior[a]
-        trial_cost += quadratic_form(information, away)
-        if trial_cost <= cost * (1.0 + 1e-12):
-            cost, halvings = trial_cost, 0
-            normal, trial_normal = trial_normal, normal
-            for a in range(n):
-                value[a] = p[chosen[a]]
-            step, size = gauss_newton_step(
-                normal[:n, :n], normal[:n, n], information, prior, value, lower, upper
+        use = np.empty(count, dtype=np.bool_)
+        moves = exact
+        last = counted = 0
+        for k in range(count):
+            moves = moves or zone[k] != REST
+            if whole:
+                use[k] = usable[k] and k < report[R_END] and moves
+            else:
+                use[k] = usable[k] and zone[k] == SLIDE
+            if use[k]:
+                last = k + 1
+                counted += 1
+        end = int(report[R_END]) if whole else last
+        if whole:
+            _first_stiffness(
+                p, prior_mean, prior_covariance, zone, tables, use, forces, constants, units, report
             )
-            if not math.isfinite(size):
+        figures = _count(mask)
+        for i in range(LEVEL):
+            if not mask[i]:
+                p[i] = prior_mean[i]
+        reshaped = mask[RATE] or mask[ALPHA]
+        wide = reshaped or mask[LAG]
+        first = figures + knots
+        n = first + OFFSETS
+        chosen = np.empty(n + 1, dtype=np.int64)
+        a = 0
+        for i in range(LEVEL):
+            if mask[i]:
+                chosen[a] = i
+                a += 1
+        for j in range(knots):
+            chosen[figures + j] = KNOTS + j
+        for j in range(OFFSETS):
+            chosen[first + j] = REST_FORCE + j
+        chosen[n] = RESIDUAL
+        prior, information = np.empty(n), np.empty((n, n))
+        _arrival_cost(
+            prior_mean, prior_covariance, chosen, figures, knots, count, constants, prior,
+            information,
+        )  # fmt: skip
+        lower, upper, value = np.empty(n), np.empty(n), np.empty(n)
+        for a in range(n):
+            i = chosen[a]
+            lower[a] = units[F_LOWER, i] if i < LEVEL else -LEVEL_BOUND if i >= KNOTS else -1e300
+            upper[a] = units[F_UPPER, i] if i < LEVEL else LEVEL_BOUND if i >= KNOTS else 1e300
+            p[i] = value[a] = min(max(p[i], lower[a]), upper[a])
+        spread = constants[C_MODEL_ERROR] * units[F_UNIT, COULOMB] * prior_mean[COULOMB]
+        white = constants[C_FORCE_NOISE] ** 2 + spread * spread
+        rows, weights = np.empty((KNOTS + knots, end)), np.empty((4, end))
+        elements = np.empty((ELEMENT_ROWS, elements_n + 1))
+        for i in range(elements_n):
+            elements[SHARES, i] = shares[i]
+        normal, trial_normal = np.empty((n + 1, n + 1)), np.empty((n + 1, n + 1))
+        # Where the encoder alone moves the force through codes, rounding is as good as white.
+        jitter = (
+            units[F_UNIT, MASS] * p[MASS] * constants[C_POSITION_NOISE] / constants[C_PERIOD] ** 2
+        )
+        refined = not linear and jitter < QUIET * report[R_STEP]
+        raw, at = np.empty((KNOTS + knots, end if refined else 0)), np.empty(n)
+        step, away = prior, np.empty(n)
+        cost, evaluations, halvings = math.inf, 0, 0
+        while True:
+            if reshaped:
+                for k in range(end):
+                    ready[k] = 0
+            turned, begun = fill_rows(
+                p, knots, units[F_UNIT], constants[C_VS:], constants[C_POSITION_NOISE],
+                constants[C_PERIOD], forces, report[R_KNOWN], report[R_REST_FORCE], tables, heading,
+                ready, wide, evaluations == 0, rows, elements,
+            )  # fmt: skip
+            if evaluations == 0:  # the weights stay what they are at the first iterate
+                for k in range(end):
+                    weights[3, k] = white + tables[T_HAZE, k]
+                factor_weights(
+                    units[F_UNIT, MASS] * p[MASS], units[F_UNIT, VISCOUS] * p[VISCOUS],
+                    constants[C_PERIOD], constants[C_POSITION_NOISE], tables[T_STUCK], weights[3],
+                    use[:end], weights[0], weights[1], weights[2],
+                )  # fmt: skip
+                pull = units[F_UNIT, STIFFNESS] * p[STIFFNESS] * constants[C_POSITION_NOISE]
+                # Zone A alone does not rely on how it began: the stiffness may be far off.
+                fresh = constants[C_SLIP_SPREAD] if whole else FREE_SLIP
+                fresh *= units[F_UNIT, COULOMB] * p[COULOMB]
+                information[first, first] = 1.0 / white
+                information[first + 1, first + 1] = 1.0 / (white + pull * pull + turned * turned)
+                information[first + 2, first + 2] = 1.0 / (fresh * fresh + begun * begun + 1e-20)
+                information[first + 3, first + 3] = 1.0
+            if refined:
+                for i in range(KNOTS + knots):
+                    for k in range(end):
+                        raw[i, k] = rows[i, k]
+                for a in range(n):
+                    at[a] = p[chosen[a]]
+            whiten(rows, chosen, weights[0], weights[1])
+            normal_equations(rows, chosen, weights[2], trial_normal)
+            evaluations += 1
+            trial_cost = trial_normal[n, n]
+            for a in range(n):
+                away[a] = p[chosen[a]] - prior[a]
+            trial_cost += quadratic_form(information, away)
+            if trial_cost <= cost * (1.0 + 1e-12):
+                cost, halvings = trial_cost, 0
+                normal, trial_normal = trial_normal, normal
+                for a in range(n):
+                    value[a] = p[chosen[a]]
+                step, size = gauss_newton_step(
+                    normal[:n, :n], normal[:n, n], information, prior, value, lower, upper
+                )
+                if not math.isfinite(size):
+                    report[R_FAILED] = 1.0
+                    return
+                # The last step is taken, but not evaluated once more.
+                if size < TOLERANCE or linear or evaluations > MAX_ITERATIONS:
+                    normal[n, n] += quadratic_form(normal, step)
+                    for a in range(n):
+                        normal[n, n] += 2.0 * step[a] * normal[a, n]
+                    for a in range(n):
+                        value[a] = min(max(value[a] + step[a], lower[a]), upper[a])
+                    break
+            elif evaluations == 1:  # not finite
                 report[R_FAILED] = 1.0
                 return
-            # The last step is taken, but not evaluated once more.
-            if size < TOLERANCE or linear or evaluations > MAX_ITERATIONS:
-                normal[n, n] += quadratic_form(normal, step)
+            else:
+                halvings += 1
+                if halvings == HALVINGS:
+                    break
                 for a in range(n):
-                    normal[n, n] += 2.0 * step[a] * normal[a, n]
-                for a in range(n):
-                    value[a] = min(max(value[a] + step[a], lower[a]), upper[a])
-                break
-        elif evaluations == 1:  # not finite
+                    step[a] *= 0.5
+            for a in range(n):
+                p[chosen[a]] = min(max(value[a] + step[a], lower[a]), upper[a])
+        if refined:
+            chi = normal[n, n]
+            for k in range(end):
+                weights[3, k] -= white
+            refine(
+                raw, chosen, at, tables[T_STUCK], weights[3], use[:end],
+                units[F_UNIT, MASS] * p[MASS], units[F_UNIT, VISCOUS] * p[VISCOUS],
+                constants[C_PERIOD], constants[C_POSITION_NOISE], report[R_STEP], prior,
+                information, lower, upper, value, normal,
+            )  # fmt: skip
+            normal[n, n] = chi
+        for a in range(n):
+            p[chosen[a]] = value[a]
+            for b in range(n):
+                information[a, b] += normal[a, b]
+        report[R_EVALUATIONS] += evaluations
+        if not cholesky_inverse(information):
             report[R_FAILED] = 1.0
             return
-        else:
-            halvings += 1
-            if halvings == HALVINGS:
-                break
-            for a in range(n):
-                step[a] *= 0.5
-        for a in range(n):
-            p[chosen[a]] = min(max(value[a] + step[a], lower[a]), upper[a])
-    if refined:
-        chi = normal[n, n]
-        for k in range(end):
-            weights[3, k] -= white
-        refine(
-            raw, chosen, at, tables[T_STUCK], weights[3], use[:end],
-            units[F_UNIT, MASS] * p[MASS], units[F_UNIT, VISCOUS] * p[VISCOUS],
-            constants[C_PERIOD], constants[C_POSITION_NOISE], report[R_STEP], prior, information,
-            lower, upper, value, normal,
-        )  # fmt: skip
-        normal[n, n] = chi
-    for a in range(n):
-        p[chosen[a]] = value[a]
-        for b in range(n):
-            information[a, b] += normal[a, b]
-    report[R_EVALUATIONS] += evaluations
-    if not cholesky_inverse(information):
-        report[R_FAILED] = 1.0
-        return
-    _believe(p, information, chosen, figures, knots, prior_mean, prior_covariance, mean, covariance)
-    for a in range(figures):
-        if value[a] <= lower[a] or value[a] >= upper[a]:
-            report[R_BOUND] = chosen[a]
-    report[R_SAMPLES] = counted
-    report[R_CHI_B if whole else R_CHI_A] = normal[n, n] / max(counted, 1)
+        _believe(
+            p, information, chosen, figures, knots, prior_mean, prior_covariance, mean, covariance
+        )
+        for a in range(figures):
+            if value[a] <= lower[a] or value[a] >= upper[a]:
+                report[R_BOUND] = chosen[a]
+        report[R_SAMPLES] = counted
+        report[R_CHI_B if whole else R_CHI_A] = normal[n, n] / max(counted, 1)
 
 
 @numba.njit(cache=True, error_model="numpy")
