@@ -105,13 +105,9 @@ class Estimate:
         What was believed before is taken out again. Whether or not the move was accepted; None
         where it says nothing of it.
         """
-        before, variance_before, after, variance = self._result[U_SLIDING : U_SLIDING + 4].tolist()
-        if not 0.0 < variance < TELLING * variance_before:
-            return None
-        share = variance_before / (variance_before - variance)
-        value = before + (after - before) * share
+        found = sliding_shown(self._result)
         coulomb = self._start.coulomb
-        return (value * coulomb, math.sqrt(variance * share) * coulomb) if value > 0.0 else None
+        return None if found is None else (found[0] * coulomb, math.sqrt(found[1]) * coulomb)
 
     @property
     def static_ratio(self) -> tuple[float, float]:
@@ -163,6 +159,16 @@ class Estimate:
     def _pair(self, name: str, unit: float) -> tuple[float, float]:
         i = FIGURES.index(name)
         return unit * float(self._result[U_MEAN + i]), unit * float(self._result[U_SPREAD + i])
+
+
+def sliding_shown(result: F64) -> tuple[float, float] | None:
+    """Sliding level as the move alone shows it (`Estimate.shown`), relative, and its variance."""
+    before, variance_before, after, variance = result[U_SLIDING : U_SLIDING + 4].tolist()
+    if not 0.0 < variance < TELLING * variance_before:
+        return None
+    share = variance_before / (variance_before - variance)
+    value = before + (after - before) * share
+    return (value, variance * share) if value > 0.0 else None
 
 
 def spreads(relative: F64, start: Friction) -> dict[str, float]:

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from estimation.belief import ALPHA, COULOMB, LEVEL, MASS, RATE, Belief
+from estimation.belief import COULOMB, LEVEL, MASS, RATE, Belief
 from estimation.elements import ELEMENT_ROWS, FORCE, SHARES, SLIPS
 from estimation.gms import F64, Friction, FrictionState, element_shares
 from estimation.rows import KNOTS, TABLES, lead
@@ -22,7 +22,6 @@ from estimation.window import (
     R_FAILED,
     R_FAR,
     R_KNOWN,
-    R_SLIDE,
     R_STICK,
     fit,
     knots_of,
@@ -67,12 +66,10 @@ class MoveSolver:
         self._masks = settings.masks(frozen)
         self._short = self._masks.copy()  # for moves that do not go far
         self._short[:, RATE] = False
-        self._reshapes = bool(self._masks[:, [RATE, ALPHA]].any())
-        # Whether figures are solved for on which the slip's maps depend: without zone A, and with.
-        self._reshapes = [bool(row[RATE] or row[ALPHA]) for row in self._masks[1:]]
         self._shares = element_shares(friction.elements).copy()
         self._elements = np.empty((ELEMENT_ROWS, friction.elements + 1))
         self._elements[SHARES, :-1] = self._shares
+        self._ends_at, self._slips = self._elements[FORCE, :-1], self._elements[SLIPS, :-1]
         self._before, self._found, self._at_end = np.empty(_SIZE), np.empty(_SIZE), np.empty(KNOTS)
         self._spread, self._uncertain = np.empty((_SIZE, _SIZE)), np.empty((_SIZE, _SIZE))
         self._room = _Room(0, 0)
@@ -141,22 +138,18 @@ class MoveSolver:
             if not self._jumps_away(before, spread, found):  # that is for `end_update` to see
                 found[:], uncertain[:] = tamed.mean, tamed.covariance
         at_end, elements = self._at_end, self._elements
-        end_update(
+        reshaped = end_update(
             samples, constants, self._masks, before, spread, found, uncertain, whole, mean,
             covariance, at_end, result,
         )  # fmt: skip
-        if (
-            self._reshapes[1 if result[R_SLIDE] > 0.0 else 0]
-            or at_end[RATE] != before[RATE] or at_end[ALPHA] != before[ALPHA]
-        ):  # fmt: skip
+        if reshaped:
             ready.fill(0)
         lead(
             at_end, self._figures, self._shape, settings.position_noise, settings.period, forces,
             float(result[R_KNOWN]), move.rest_force, tables, heading, ready, False,
             False, room.columns, elements,
         )  # fmt: skip
-        forces[:] = elements[FORCE, :-1]
-        state.slipping[:] = elements[SLIPS, :-1]
+        forces[:], state.slipping[:] = self._ends_at, self._slips
         return result
 
     def _jumps_away(self, before: F64, spread: F64, found: F64) -> bool:

@@ -18,12 +18,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estimation.belief import COULOMB, FIGURES, LEVEL, MASS, STIFFNESS, Belief, model_at
-from estimation.estimate import Estimate, in_units, spreads
+from estimation.estimate import Estimate, in_units, sliding_shown, spreads
 from estimation.gms import F64, Friction, FrictionState
 from estimation.move_solver import MoveSolver
 from estimation.restlessness import Restlessness
 from estimation.settings import EstimatorSettings, MoveData
-from estimation.update import ACCEPTED, JUMP, STILL, U_FOUND, U_LEVEL, U_MEAN, U_VERDICT
+from estimation.update import ACCEPTED, JUMP, STILL, U_FOUND, U_LEVEL, U_MEAN, U_SLIDING, U_VERDICT
 from estimation.window import F_UNIT, R_SLIDE
 
 __all__ = ["Estimate", "EstimatorSettings", "MoveData", "Preview", "SplitHorizonEstimator"]
@@ -204,26 +204,25 @@ class SplitHorizonEstimator:
             or self._sure()
         )
         self._rest = None
-        estimate = Estimate(result, self._start, self.settings.mass, self.settings.period)
-        if estimate.accepted and not self._frozen:
-            self._watch(estimate, self._end - move.time)
-        return estimate
+        if result[U_VERDICT] == ACCEPTED and not self._frozen:
+            self._watch(result, self._end - move.time)
+        return Estimate(result, self._start, self.settings.mass, self.settings.period)
 
     def _sure(self) -> bool:
         """Whether the figures in force are known well enough to follow the elements with."""
         sigma = np.sqrt(self._belief.covariance.diagonal()) / self._belief.mean.clip(1e-9)
         return bool(sigma[COULOMB] < SURE and sigma[STIFFNESS] < SURE)
 
-    def _watch(self, estimate: Estimate, duration: float) -> None:
+    def _watch(self, result: F64, duration: float) -> None:
         """Compare the level that a sound move showed with the one expected."""
-        shown = estimate.shown
-        if shown is None:
+        expected, variance = result[U_SLIDING : U_SLIDING + 2].tolist()
+        believed = variance / expected**2 - self._restless.variance
+        if believed >= _LEARNED**2:
             return
-        expected, sigma = estimate.expected
-        believed = (sigma / expected) ** 2 - self._restless.variance
-        _, wandered = self.settings.belief.wander_variance(duration)
-        if believed < _LEARNED**2:
-            variance = believed + wandered + (shown[1] / expected) ** 2
+        shown = sliding_shown(result)
+        if shown is not None:
+            _, wandered = self.settings.belief.wander_variance(duration)
+            variance = believed + wandered + shown[1] / expected**2
             self._restless.saw(shown[0] / expected - 1.0, variance)
 
     def preview(self, move: MoveData) -> Preview | None:

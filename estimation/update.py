@@ -13,17 +13,20 @@ import math
 import numba
 import numpy as np
 
-from estimation.belief import ALPHA, COULOMB, LEVEL, MASS
+from estimation.belief import ALPHA, COULOMB, LEVEL, MASS, RATE
 from estimation.elements import correct_forces
 from estimation.rows import T_FORCE, T_POSITION
 from estimation.window import (
     C_CORRELATION,
     C_FORCE_NOISE,
     C_MODEL_ERROR,
+    C_PERIOD,
+    C_POSITION_NOISE,
     C_STEP,
     C_WANDER,
     CONSTANTS,
     F_UNIT,
+    QUIET,
     R_BOUND,
     R_CHI_A,
     R_CHI_B,
@@ -115,7 +118,12 @@ def begin_update(  # type: ignore[no-untyped-def]
     if step < 0.0:
         # Where the model misses more than that, rounding is not what matters.
         missed = constants[C_MODEL_ERROR] * known > 2.0 * constants[C_FORCE_NOISE]
-        step = 0.0 if missed else rounding_step(tables[T_FORCE], constants[C_FORCE_NOISE])
+        # The same where the encoder's noise is far more, as a force (see `window.QUIET`).
+        jitter = units[F_UNIT, MASS] * before[MASS] * constants[C_POSITION_NOISE]
+        drowned = jitter > 7.0 * QUIET * constants[C_FORCE_NOISE] * constants[C_PERIOD] ** 2
+        step = (
+            0.0 if missed or drowned else rounding_step(tables[T_FORCE], constants[C_FORCE_NOISE])
+        )
     result[R_STEP], result[R_KNOWN], result[R_REST_FORCE] = step, known, rest_force
     prepare(
         good, constants, units, shares, before, state_known, whole, tables, heading, zone, usable,
@@ -155,6 +163,9 @@ def end_update(  # type: ignore[no-untyped-def]
         covariance: of it; updated.
         p: written: what the friction state is to be carried to the end of the move with.
         result: U_*, written.
+
+    Returns:
+        Whether C/Fc or alpha may be others than the samples were last led through with.
     """
     usable, stick = result[U_NUMBER], result[R_STICK] > 0.0
     result[U_NUMBER] = 0.0
@@ -198,6 +209,8 @@ def end_update(  # type: ignore[no-untyped-def]
     for i in range(LEVEL, p.shape[0]):
         p[i] = 0.0
     p[COULOMB] *= result[U_LEVEL]
+    moved = p[RATE] != before[RATE] or p[ALPHA] != before[ALPHA]
+    return moved or asked(RATE, masks, result) or asked(ALPHA, masks, result)
 
 
 @numba.njit(cache=True, error_model="numpy")
