@@ -14,11 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers import direct, homing, profile_position
-from drivers.axis import Axis
-from drivers.bus import Network
 from drivers.channel import Channel
 from drivers.cia402 import Mode, State
-from drivers.cycle import Cycle, Sink, Until
+from drivers.cycle import Sink, Until
 from drivers.errors import AxisFault, ConfigurationError
 from drivers.limits import (
     checked_counts,
@@ -26,11 +24,11 @@ from drivers.limits import (
     checked_profile,
     checked_velocities,
 )
-from drivers.power import HOLDING_TIMEOUT, RINGING_TIMEOUT, Power, state_of
+from drivers.power import HOLDING_TIMEOUT, RINGING_TIMEOUT, state_of
 from drivers.profile_moves import ProfileMoves
-from drivers.realtime import RealTime
 from drivers.safe_stop import SafeStop
 from drivers.samples import Samples
+from drivers.stage_parts import StageParts
 
 F64 = NDArray[np.float64]
 
@@ -38,23 +36,10 @@ F64 = NDArray[np.float64]
 class Motion:
     """What moves the axes of one stage; arguments, results and errors are those of `Stage`."""
 
-    def __init__(
-        self,
-        network: Network,
-        cycle: Cycle,
-        power: Power,
-        axes: tuple[Axis, ...],
-        stopping: SafeStop,
-        real_time: RealTime,
-        period: float,
-    ) -> None:
-        self._network = network
-        self._cycle = cycle
-        self._power = power
-        self._axes = axes
+    def __init__(self, parts: StageParts, stopping: SafeStop) -> None:
+        self._network, self._axes, self._period = parts.network, parts.axes, parts.period
+        self._cycle, self._power, self._real_time = parts.cycle, parts.power, parts.real_time
         self._stopping = stopping
-        self._real_time = real_time
-        self._period = period
 
     def home(self, force: bool) -> None:
         """All axes that are not homed yet, or all."""

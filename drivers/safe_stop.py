@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from drivers import objects as od
-from drivers.axis import Axis
 from drivers.cia402 import Command
-from drivers.clock import Clock
-from drivers.cycle import Cycle
 from drivers.diagnosis import Evidence, explained
 from drivers.errors import AxisFault, BusError
-from drivers.power import Power
+from drivers.stage_parts import StageParts
 
 PERSISTENCE, PAUSE = 0.6, 0.01
 """A bus that refuses frames may come back, as from bus-off: tried so long, so often [s]. After that
@@ -28,12 +25,10 @@ class SafeStop:
         begun: a stop or the closing has begun, and nothing may break it off; until the next boot.
     """
 
-    def __init__(self, cycle: Cycle, power: Power, axes: Sequence[Axis], clock: Clock) -> None:
+    def __init__(self, parts: StageParts) -> None:
         self.begun = False
-        self._clock = clock
-        self._cycle = cycle
-        self._power = power
-        self._axes = axes
+        self._clock, self._axes = parts.network.clock, parts.axes
+        self._cycle, self._power = parts.cycle, parts.power
 
     @property
     def braking_time(self) -> float:

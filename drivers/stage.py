@@ -19,18 +19,16 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.axis import Axis
 from drivers.bus import Network, Tap, open_bus
 from drivers.clock import MonotonicClock
-from drivers.cycle import Cycle, Sink, Until
+from drivers.cycle import Sink, Until
 from drivers.errors import BusError, ConfigurationError, DriverError
 from drivers.motion import Motion
-from drivers.power import Power
 from drivers.profile_moves import ProfileMoves
-from drivers.realtime import RealTime
 from drivers.safe_stop import SafeStop
 from drivers.samples import Samples
 from drivers.settings import AxisSettings, BusSettings
+from drivers.stage_parts import StageParts
 from drivers.stage_state import StageState
 
 P = ParamSpec("P")
@@ -71,15 +69,10 @@ class Stage(StageState):
         self._owned: can.BusABC | None = None
         self._open = True
         _check_unique(axes)
-        network = Network(bus_object, str(bus), tap)
-        made = tuple(Axis(network, axis) for axis in axes)
-        cycle = Cycle(network, made, bus)
-        power, real_time = Power(cycle, bus.sync_period), RealTime(bus.realtime)
-        super().__init__(network, made, cycle, power, real_time)
-        self._stopping = SafeStop(cycle, power, made, network.clock)
-        self._motion = Motion(
-            network, cycle, power, made, self._stopping, real_time, bus.sync_period
-        )
+        parts = StageParts.on(Network(bus_object, str(bus), tap), bus, tuple(axes))
+        super().__init__(parts)
+        self._stopping = SafeStop(parts)
+        self._motion = Motion(parts, self._stopping)
 
     @property
     def ending(self) -> bool:

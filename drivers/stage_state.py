@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from drivers.axis import Axis
-from drivers.bus import Network
 from drivers.clock import Clock
-from drivers.cycle import Cycle
-from drivers.power import Power
-from drivers.realtime import RealTime
+from drivers.stage_parts import StageParts
 
 
 class StageState:
@@ -17,19 +13,10 @@ class StageState:
         axes: one `Axis` per settings, in that order; arrays have their columns in it.
     """
 
-    def __init__(
-        self,
-        network: Network,
-        axes: tuple[Axis, ...],
-        cycle: Cycle,
-        power: Power,
-        real_time: RealTime,
-    ) -> None:
-        self.axes = axes
-        self._network = network
-        self._cycle = cycle
-        self._power = power
-        self._real_time = real_time
+    def __init__(self, parts: StageParts) -> None:
+        self.axes = parts.axes
+        self._network, self._cycle = parts.network, parts.cycle
+        self._power, self._real_time = parts.power, parts.real_time
 
     @property
     def enabled(self) -> bool:
