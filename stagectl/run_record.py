@@ -46,6 +46,8 @@ OUTPUTS = ("recording.h5", "summary.json", "report.html", "bus.asc")
 """Files that a run writes."""
 UNITS = {"coulomb": "N", "viscous": "N s/m", "stiffness": "N/m", "attraction": "N/s"}
 """Friction figures of a summary and their units."""
+_LEARNT = {"attraction": "relaxation_rate"}
+"""What the estimator has in the place of a figure, where that is another."""
 
 
 class RunRecord:
@@ -247,6 +249,8 @@ class RunRecord:
                 name: ParameterEstimate(float(getattr(friction, name)), sigma[name], unit)
                 for name, unit in UNITS.items()
             },
+            gain={name: estimate.gain[_LEARNT.get(name, name)] for name in UNITS},
+            held=[name for name in UNITS if _LEARNT.get(name, name) in estimate.held],
         )
         self._friction.append(entry)
         self.journal.event(
@@ -256,6 +260,7 @@ class RunRecord:
             accepted=entry.accepted,
             reason=entry.reason,
             parameters={n: (p.value, p.sigma) for n, p in entry.parameters.items()},
+            held=list(entry.held),
         )
         if estimate.accepted:
             self._first_update.setdefault(event.axis, self._moves)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +51,8 @@ class FrictionEntry:
         accepted: whether it was taken over.  reason: why not, or None.
         compute_time: [s].
         parameters: "coulomb", "viscous", "stiffness", ... -> estimate.
+        gain: by how much the move narrowed each: sigma before over sigma after.
+        held: those that stay as they were, because the move says less than was known.
     """
 
     site: int | None
@@ -59,6 +61,8 @@ class FrictionEntry:
     reason: str | None
     compute_time: float
     parameters: Mapping[str, ParameterEstimate]
+    gain: Mapping[str, float] = field(default_factory=dict)
+    held: Sequence[str] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,6 +241,8 @@ def _move(result: MoveResult) -> dict[str, Any]:
 def _friction(entry: FrictionEntry) -> dict[str, Any]:
     values = asdict(entry)
     values["compute_time"] = _finite(entry.compute_time)
+    values["gain"] = {name: _finite(gain) for name, gain in entry.gain.items()}
+    values["held"] = list(entry.held)
     for parameter in values["parameters"].values():
         parameter["value"] = _finite(parameter["value"])
         parameter["sigma"] = _finite(parameter["sigma"])

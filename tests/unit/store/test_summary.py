@@ -24,7 +24,16 @@ from stagectl.store.summary import (
 FACTS = RunFacts("r", "wafer-xy", "estimated", 1, True, None, 9.7, 0.6, "completed")
 PERIODS = {"control_period": 1e-4, "sync_period": 1e-3}
 FRICTION = [
-    FrictionEntry(1, "x", True, None, 3e-5, {"coulomb": ParameterEstimate(6.0, 0.01, "N")}),
+    FrictionEntry(
+        1,
+        "x",
+        True,
+        None,
+        3e-5,
+        {"coulomb": ParameterEstimate(6.0, 0.01, "N")},
+        {"coulomb": 1.5},
+        ["viscous"],
+    ),  # fmt: skip
     FrictionEntry(2, "y", False, "not excited", 3e-5, {}),
 ]
 
@@ -47,6 +56,8 @@ def test_has_the_keys_of_the_format(recording: Recording):
     assert summary["friction"][0]["parameters"] == {
         "coulomb": {"value": 6.0, "sigma": 0.01, "unit": "N"}
     }
+    assert summary["friction"][0]["gain"] == {"coulomb": 1.5}
+    assert summary["friction"][0]["held"] == ["viscous"]
     assert summary["friction"][1]["reason"] == "not excited"
     assert summary["cycle"] == {"period": 0.001, "missed": 0, "late": 0}
 
