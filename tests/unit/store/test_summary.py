@@ -33,7 +33,7 @@ FRICTION = [
         {"coulomb": ParameterEstimate(6.0, 0.01, "N")},
         {"coulomb": 1.5},
         ["viscous"],
-    ),  # fmt: skip
+    ),
     FrictionEntry(2, "y", False, "not excited", 3e-5, {}),
 ]
 
