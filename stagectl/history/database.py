@@ -7,6 +7,7 @@ cost the last commits, never the file).
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -64,10 +65,10 @@ class SqliteDatabase:
             raise UnusableInput(f"{path}: no such history")
         if path.is_dir():
             raise UnusableInput(f"{path}: is a folder, not a history")
-        mode = "rwc" if write else "ro"
+        mode = "mode=rwc" if write else "mode=ro&immutable=1" if _kept(path) else "mode=ro"
         try:
             self._connection = sqlite3.connect(
-                f"{path.absolute().as_uri()}?mode={mode}", uri=True, isolation_level=None,
+                f"{path.absolute().as_uri()}?{mode}", uri=True, isolation_level=None,
                 timeout=BUSY_TIMEOUT, cached_statements=64,
             )  # fmt: skip
         except sqlite3.Error as error:
@@ -146,6 +147,15 @@ class SqliteDatabase:
         self._connection.close()
 
 
+def _kept(path: Path) -> bool:
+    """Whether it lies where nothing can be written, whole: SQLite, too, writes beside it to read.
+
+    With a log beside it (`-wal`) it is not whole: what was committed last is only there.
+    """
+    log = path.with_name(f"{path.name}-wal")
+    return not os.access(path.absolute().parent, os.W_OK) and not log.exists()
+
+
 def _refusal(name: str, error: sqlite3.Error) -> StagectlError:
     if isinstance(error, sqlite3.DatabaseError) and "not a database" in str(error):
         return UnusableInput(f"{name}: not an SQLite file")
@@ -153,4 +163,7 @@ def _refusal(name: str, error: sqlite3.Error) -> StagectlError:
         return UnusableInput(f"{name}: damaged: {error}")
     if "locked" in str(error):
         return StagectlError(f"{name}: another program is writing to it")
+    if "unable to open" in str(error) or "readonly" in str(error):
+        folder = Path(name).absolute().parent
+        return StagectlError(f"{name}: {error}; can it, and its folder {folder}, be written?")
     return StagectlError(f"{name}: {error}")

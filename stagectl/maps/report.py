@@ -15,7 +15,7 @@ from stagectl.maps.compare import AxisChange, compare
 from stagectl.maps.heat_map import HeatMap, draw_heat_map
 from stagectl.maps.learning import figure_noise
 from stagectl.maps.model import MapAxis, MapVersion
-from stagectl.maps.tables import day
+from stagectl.maps.tables import FIGURES, day
 from stagectl.maps.trend_chart import draw_trend
 from stagectl.store.atomic import write_atomically
 
@@ -100,7 +100,12 @@ def _axis(
         "doubt": f"{np.nanmedian(doubt):.1%}",
         "left_out": f"{np.sqrt(np.mean(error[ok] ** 2)):.1%}" if ok.any() else "",
         "figures": [
-            (key, f"{v:.4g}", f"{s:.2g}", f"{rates[key].rate:.2%}" if key in rates else "")
+            (
+                FIGURES.get(key, key),
+                f"{v:.4g}",
+                f"{s:.2g}",
+                f"{rates[key].rate:.2%}" if key in rates else "",
+            )
             for key, (v, s) in axis.figures.items()
         ],
         "pictures": [

@@ -15,16 +15,17 @@ from stagectl.maps.compare import AxisChange
 from stagectl.maps.model import MapVersion
 
 _LISTED = 8
-_FIGURES = {
+FIGURES = {
     "viscous": "viscous, N s/m",
     "stiffness": "stiffness, N/m",
     "relaxation_rate": "C/Fc, 1/s",
 }
+"""What is the same all over the table, as people read it."""
 
 
-def day(time: float) -> str:
+def day(time: float, seconds: bool = False) -> str:
     """Seconds since 1970 as people write them, UTC."""
-    return f"{datetime.fromtimestamp(time, UTC):%Y-%m-%d %H:%M}"
+    return f"{datetime.fromtimestamp(time, UTC):%Y-%m-%d %H:%M{':%S' if seconds else ''}}"
 
 
 def _table(title: str, *columns: str) -> Table:
@@ -42,7 +43,7 @@ def summary(version: MapVersion) -> RenderableType:
         title + (f": {version.comment}" if version.comment else ""),
         "axis", "sites", "Fc, N", "lowest", "highest", "known to", "correlated over",
     )  # fmt: skip
-    figures = _table("the same all over the table", "axis", *_FIGURES.values())
+    figures = _table("the same all over the table", "axis", *FIGURES.values())
     for name, axis in version.map.axes.items():
         values = np.array([site.coulomb for site in axis.sites])
         table.add_row(
@@ -60,7 +61,7 @@ def summary(version: MapVersion) -> RenderableType:
                 f"{axis.figures[key][0]:.4g} ±{axis.figures[key][1]:.2g}"
                 if key in axis.figures
                 else "-"
-                for key in _FIGURES
+                for key in FIGURES
             ),
         )
     return Group(table, figures)

@@ -72,8 +72,10 @@ def draw_trend(
             'stroke="#2a6fb0" stroke-opacity="0.5"/>'
             f'<circle cx="{px(t):.1f}" cy="{py(v):.1f}" r="2" fill="#2a6fb0"/>'
         )
+    first, last = float(time[0]), float(time[-1])
+    brief = last - first < 600.0
     parts.append(
-        f'<text x="{left}" y="{height - 5}">{day(float(time[0]))}</text>'
-        f'<text x="{right}" y="{height - 5}" text-anchor="end">{day(float(time[-1]))}</text>'
+        f'<text x="{left}" y="{height - 5}">{day(first, brief)}</text>'
+        f'<text x="{right}" y="{height - 5}" text-anchor="end">{day(last, brief)}</text>'
     )
     return "".join([*parts, "</svg>"])

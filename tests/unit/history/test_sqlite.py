@@ -59,6 +59,26 @@ def test_every_older_version_is_brought_up_to_date(tmp_path, monkeypatch, a_run,
         open_history(path).close()
 
 
+def test_a_history_is_read_where_nothing_can_be_written(tmp_path, a_run):
+    """Kept on a share, say; who may write anywhere, root, sees nothing of it."""
+    kept = tmp_path / "kept"
+    kept.mkdir()
+    path = kept / "stage.db"
+    history = open_history(str(path), write=True)
+    history.start_run(a_run())
+    history.close()
+    path.chmod(0o444)
+    kept.chmod(0o555)
+    try:
+        read = open_history(str(path))
+        assert len(read.stages()) == 1
+        read.close()
+        if not os.access(kept, os.W_OK):
+            assert [entry.name for entry in kept.iterdir()] == ["stage.db"]
+    finally:
+        kept.chmod(0o755)
+
+
 def test_where_a_run_writes(tmp_path):
     plain = load_machine()
     text = plain.text + "history: fleet.db\n"
