@@ -78,8 +78,11 @@ def _axis(
 ) -> tuple[tuple[MapSite, ...], tuple]:  # type: ignore[type-arg]
     places = list(dict.fromkeys(entry.place for entry in entries))
     mean, covariance, moves = _levels(entries, places, settings)
-    # What is uncertain of all sites alike (the common level) is not uncertain of the map's shape.
-    sigma = np.sqrt(np.maximum(covariance.diagonal() - max(float(covariance.mean()), 0.0), 1e-8))
+    # What is uncertain of all sites alike (the common level) is not uncertain of the map's shape:
+    # each site beside the mean of all.
+    with_mean = covariance.mean(axis=1)
+    beside = covariance.diagonal() - 2.0 * with_mean + with_mean.mean()
+    sigma = np.sqrt(np.maximum(beside, 1e-8))
     level = np.exp(mean)
     last = {entry.place: entry.time for entry in entries}
     field = FrictionField(np.array(places), level, sigma)

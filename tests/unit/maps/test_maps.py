@@ -101,6 +101,15 @@ def test_a_table_that_falls_while_it_is_measured_is_not_taken_for_tilted(history
         assert abs(off[:5].mean() - off[-5:].mean()) < 0.012
 
 
+def test_a_site_seen_alone_is_not_known_for_certain(history):
+    """Whether a change there is its own or that of all sites, nobody knows."""
+    calibrate(history)
+    calibrate(history, BEGIN + 3600, sites=GRID[12:13], seed=2)
+    for axis in build_map(history, STAGE).axes.values():
+        sigma = {site.place: site.sigma for site in axis.sites}
+        assert 0.4 * np.median(list(sigma.values())) < sigma[GRID[12]] < 0.02
+
+
 def test_too_little_makes_no_map(history):
     calibrate(history, sites=GRID[:3])
     with pytest.raises(UnusableInput, match="stagectl calibrate"):
