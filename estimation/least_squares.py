@@ -24,25 +24,22 @@ def gauss_newton_step(  # type: ignore[no-untyped-def]
     again. The length is nan where the quadratic model has no minimum.
     """
     n = value.shape[0]
-    normal = information + curvature
-    gradient = slope.copy()
+    step, gradient = np.empty(n), np.empty(n)
+    normal, factor = np.empty((n, n)), np.empty((n, n))
     for i in range(n):
+        rise = slope[i]
         for j in range(n):
-            gradient[i] += information[i, j] * (value[j] - prior[j])
-    step = np.empty(n)
-    factor = normal.copy()
+            normal[i, j] = factor[i, j] = information[i, j] + curvature[i, j]
+            rise += information[i, j] * (value[j] - prior[j])
+        gradient[i], step[i] = rise, -rise
     if not _factor(factor):
-        step[:] = 0.0
-        return step, math.nan
+        return np.zeros(n), math.nan
     inside = True
-    for i in range(n):
-        step[i] = -gradient[i]
     _substitute(factor, step)
     for i in range(n):
         inside = inside and lower[i] - value[i] <= step[i] <= upper[i] - value[i]
     if not inside and not _active_set(normal, gradient, value, lower, upper, step):
-        step[:] = 0.0
-        return step, math.nan
+        return np.zeros(n), math.nan
     return step, math.sqrt(max(quadratic_form(normal, step), 0.0))
 
 
@@ -118,13 +115,15 @@ def _substitute(factor, rhs):  # type: ignore[no-untyped-def]
 def _active_set(normal, gradient, value, lower, upper, step):  # type: ignore[no-untyped-def]
     """Fill the step that stays in the box; False where there is no minimum."""
     n = value.shape[0]
-    step[:] = 0.0
-    free = np.empty(n, dtype=np.bool_)
+    free, chosen = np.empty(n, dtype=np.bool_), np.empty(n, dtype=np.int64)
     for i in range(n):
-        free[i] = True
+        free[i], step[i] = True, 0.0
     for _ in range(4 * n):
-        chosen = np.nonzero(free)[0]
-        m = chosen.shape[0]
+        m = n - n
+        for i in range(n):
+            if free[i]:
+                chosen[m] = i
+                m += 1
         matrix, rhs = np.empty((m, m)), np.empty(m)
         for a in range(m):
             i = chosen[a]

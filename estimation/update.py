@@ -217,12 +217,17 @@ def end_update(  # type: ignore[no-untyped-def]
 def clean(position, force, valid, rest, x, f, good):  # type: ignore[no-untyped-def]
     """Copy the samples; holes in the position are bridged by a straight line. Returns how many."""
     samples, usable, last = position.shape[0], 0, -1
+    # Two loops of few arrays, as a compiler sees through.
     for k in range(samples):
-        good[k] = valid[k] and math.isfinite(position[k]) and math.isfinite(force[k])
         x[k] = position[k]
-        f[k] = force[k] if good[k] else 0.0
+        good[k] = valid[k] and abs(position[k]) < math.inf
+    for k in range(samples):
+        sound = good[k] and abs(force[k]) < math.inf
+        f[k] = force[k] if sound else 0.0
+        good[k] = sound
+        usable += sound
+    for k in range(samples if usable < samples else 0):
         if good[k]:
-            usable += 1
             if last < k - 1:
                 # All that it moved stretched its elements, seen or not: from the rest, if known.
                 first = max(last, 0)
@@ -230,7 +235,7 @@ def clean(position, force, valid, rest, x, f, good):  # type: ignore[no-untyped-
                 for j in range(last + 1, k):
                     x[j] = begin + (j - first) / (k - first) * (position[k] - begin)
             last = k
-    for j in range(last + 1, samples):
+    for j in range(last + 1 if usable < samples else samples, samples):
         x[j] = x[last] if last >= 0 else 0.0
     return usable
 

@@ -121,8 +121,9 @@ def prepare(  # type: ignore[no-untyped-def]
     )  # fmt: skip
     mark_zones(position, velocity, heading, travel, constants[C_VS], zone)
     slide = stick = seen = end = 0
+    peak = constants[C_PEAK]
     for k in range(count):
-        if abs(force[k + 1]) >= constants[C_PEAK]:
+        if abs(force[k + 1]) >= peak:
             usable[k] = False
         seen += zone[k] == SLIDE
         if zone[k] != REST:
@@ -222,12 +223,13 @@ def fit(  # type: ignore[no-untyped-def]
         for j in range(OFFSETS):
             chosen[first + j] = REST_FORCE + j
         chosen[n] = RESIDUAL
-        prior, information = np.empty(n), np.empty((n, n))
+        vectors, information = np.empty((6, n)), np.empty((n, n))
+        prior, lower, upper, value = vectors[0], vectors[1], vectors[2], vectors[3]
+        away, at = vectors[4], vectors[5]
         _arrival_cost(
             prior_mean, prior_covariance, chosen, figures, knots, count, constants, prior,
             information,
         )  # fmt: skip
-        lower, upper, value = np.empty(n), np.empty(n), np.empty(n)
         for a in range(n):
             i = chosen[a]
             lower[a] = units[F_LOWER, i] if i < LEVEL else -LEVEL_BOUND if i >= KNOTS else -1e300
@@ -245,8 +247,8 @@ def fit(  # type: ignore[no-untyped-def]
             units[F_UNIT, MASS] * p[MASS] * constants[C_POSITION_NOISE] / constants[C_PERIOD] ** 2
         )
         refined = not linear and jitter < QUIET * report[R_STEP]
-        raw, at = np.empty((KNOTS + knots, end if refined else 0)), np.empty(n)
-        step, away = prior, np.empty(n)
+        raw = np.empty((KNOTS + knots, end if refined else 0))
+        step = prior
         cost, evaluations, halvings = math.inf, 0, 0
         while True:
             if reshaped:
