@@ -103,9 +103,11 @@ class Cycle:
                 )
         for channel in self.channels:
             if channel.missed > self._max_missed:
+                alone = len(self.channels) == 1 or any(c.valid for c in self.channels)
                 raise AxisFault(
                     f"no process data (TPDO 0x{channel.axis.tpdo_id:03X}) for {channel.missed} "
-                    "SYNCs in a row",
+                    "SYNCs in a row"
+                    + ("" if alone else ", nor from the other axes: bus or supply of all drives?"),
                     axis=channel.axis.name, obj=od.STATUSWORD,
                 )  # fmt: skip
 
