@@ -119,23 +119,29 @@ def diagnose(
     def looped(name: str, model: AxisModel) -> float:
         return axis_gap(name, {name: model}, examined.measured, settings)
 
-    def repeated(name: str) -> None:
+    def repeated(name: str, model: AxisModel) -> None:
         found = searches[name]
+        if tuple(found.repeats) == model.names():
+            return
         models = {name: other.best.model for name, other in searches.items()}
 
         def profile(model: AxisModel) -> float:
             return friction_profile(name, {**models, name: model}, examined.measured, settings)
 
-        found.repeats = repeats(
-            found.problem, found.best.model, library, partial(looped, name), profile
-        )
+        found.repeats = repeats(found.problem, model, library, partial(looped, name), profile)
+
+    def suspected(name: str) -> None:
+        single = sets_of(searches[name].rivals, 1)[:1]
+        if single and not searches[name].whole:
+            repeated(name, single[0].model)
 
     library = {name: effect for name, effect in library.items() if effect.searched}
     with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
         searches = dict(zip(names, pool.map(searched, names), strict=True))
         progress("held-out moves", 0, FOLDS)
+        list(pool.map(suspected, names))
         gate(searches, examined.measured, settings)
-        list(pool.map(repeated, names))
+        list(pool.map(lambda name: repeated(name, searches[name].best.model), names))
         held_out = HeldOut(examined.measured, settings, searches, pool)
     return _concluded(examined, plain, searches, held_out, settings)
 

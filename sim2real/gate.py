@@ -43,7 +43,7 @@ def gate(
             found.best = fit(problem.finer() if best.terms else problem, best, 3)
         models[name] = found.best.model
         before = axis_gap(name, {**models, name: found.problem.start}, measured, settings)
-        after = axis_gap(name, models, measured, settings)
+        after = _gap(name, found, models, measured, settings)
         if before > SIGNALS + _VISIBLE:
             found.closes = 1.0 - (after - SIGNALS) / (before - SIGNALS)
 
@@ -64,6 +64,21 @@ def _visible(
     return model
 
 
+def _gap(
+    name: str,
+    found: AxisSearch,
+    models: Mapping[str, AxisModel],
+    measured: Sequence[Measured],
+    settings: StageSettings,
+) -> float:
+    """Gap of an axis; of an effect in another shape, what its kind closes in that shape."""
+    gap = axis_gap(name, models, measured, settings)
+    names = models[name].names()
+    if len(names) == 1 and names[0] in found.repeats and found.repeats[names[0]].departs:
+        return min(gap, found.repeats[names[0]].gap)
+    return gap
+
+
 def _closing(
     name: str,
     found: AxisSearch,
@@ -76,7 +91,7 @@ def _closing(
     least = axis_gap(name, {**models, name: best}, measured, settings)
     for size in (1, 2):
         sets = [r.model for r in sets_of(found.rivals, size)][:_SETS]
-        gaps = [axis_gap(name, {**models, name: m}, measured, settings) for m in sets]
+        gaps = [_gap(name, found, {**models, name: m}, measured, settings) for m in sets]
         if not gaps:
             continue
         lowest = min(gaps)

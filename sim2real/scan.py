@@ -237,8 +237,8 @@ class Scanner:
         )
         if phase is not None:
             size = float(np.hypot(*amount))
-            turned = math.atan2(float(amount[1]), float(amount[0])) % (2.0 * math.pi)
-            values = _changed(values, phase, turned)
+            turned = values[phase] + math.atan2(float(amount[1]), float(amount[0]))
+            values = _changed(values, phase, turned % (2.0 * math.pi))
             column = free @ (amount / (size + 1e-300))
         elif place is not None:
             size = float(amount.sum())

@@ -8,7 +8,7 @@ was put, is not.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from hil_sim.effects.effect import Effect, Parameter
@@ -18,8 +18,8 @@ from sim2real.closed_loop import SIGNALS
 from sim2real.fit import AxisProblem, fit
 from sim2real.scan import Scanner
 
-_WAVES = (2.0, 3.0)
-"""Harmonics that are tried of what is periodic."""
+_HARMONICS, _FUNDAMENTAL = (2.0, 3.0), 0.5
+"""Harmonics that are tried of what is periodic; and what was found may be the second itself."""
 
 _LEAST_GAIN, _MOST = 100.0, 0.5
 """Cost that a repeat must save, and the share of what is left (of the closed-loop gap, too), for an
@@ -83,6 +83,8 @@ def repeats(
         if term.effect.group == "dynamics" or not _shaped(term.effect):
             continue
         starts = _again(found.model, index, scanner, library[term.name], problem.axis)
+        if _is_periodic(term.effect) and not problem.nearly_white(found.residual):
+            starts += _anew(problem, found.model, index, library[term.name])
         trials = [fit(problem, start, 10, columns, thorough=False) for start in starts]
         if not trials:
             continue
@@ -102,14 +104,32 @@ def _again(
 ) -> list[AxisModel]:
     """Where to start with one effect twice: beside what is there, or split in two."""
     term = model.terms[index]
-    nodes = _harmonics(term)
+    nodes = _waves(term, _HARMONICS) if _is_periodic(effect) else None
     found = []
-    if starts := scanner.best(effect, nodes=nodes or None):
+    if starts := scanner.best(effect, nodes=nodes):
         found.append(replace(model, terms=(*model.terms, *(s.term for s in starts))))
-    if not nodes:
+    if nodes is None:
         halves = tuple(_half(term, side, axis) for side in (-1.0, 1.0))
         rest = model.without(index)
         found.append(replace(rest, terms=(*rest.terms, *halves)))
+    return found
+
+
+def _anew(problem: AxisProblem, model: AxisModel, index: int, effect: Effect) -> list[AxisModel]:
+    """Where to start with a wave and its harmonics together, from the machine file's figures.
+
+    A wave alone, fitted where there are two, bends everything else; and it may be the second.
+    """
+    rest = replace(model.without(index), base=problem.start.base)
+    residual = problem.residual(rest)
+    problem.rescale(residual)
+    columns = problem.base_columns(rest, residual)
+    scanner = Scanner(problem, rest, residual, columns, problem.weights(residual))
+    found = []
+    for orders in ((1.0, *_HARMONICS), (1.0, _FUNDAMENTAL)):
+        starts = scanner.best(effect, nodes=_waves(model.terms[index], orders))
+        if len(starts) > 1:
+            found.append(replace(rest, terms=(*rest.terms, *(s.term for s in starts))))
     return found
 
 
@@ -139,14 +159,17 @@ def _shaped(effect: Effect) -> bool:
     return any(p.role == "shape" for p in effect.parameters)
 
 
-def _harmonics(term: Term) -> list[tuple[float, ...]]:
-    """Shorter pitches or higher frequencies of what is periodic; nothing for what is not."""
-    parameters = term.effect.parameters
-    if not any(p.role == "phase" for p in parameters):
-        return []
+def _is_periodic(effect: Effect) -> bool:
+    return any(p.role == "phase" for p in effect.parameters)
+
+
+def _waves(term: Term, orders: Sequence[float]) -> list[tuple[float, ...]]:
+    """The same at pitches so many times shorter, or at frequencies so many times higher."""
     return [
-        tuple(v * _factor(p, order) for p, v in zip(parameters, term.values, strict=True))
-        for order in _WAVES
+        tuple(
+            v * _factor(p, order) for p, v in zip(term.effect.parameters, term.values, strict=True)
+        )
+        for order in orders
     ]
 
 
