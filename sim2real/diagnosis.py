@@ -21,6 +21,7 @@ from hil_sim.settings import StageSettings
 from sim2real.axis_model import (
     BASE,
     AxisModel,
+    composed,
     coordinate,
     with_base,
 )
@@ -42,9 +43,9 @@ from sim2real.report import (
     GapReport,
     NextExperiment,
 )
-from sim2real.search import AxisSearch, search, sets_of
+from sim2real.search import AxisSearch, beside, search, sets_of
 from sim2real.shape import repeats
-from sim2real.tracking import Tracker
+from sim2real.tracking import Tracker, needs_other_axes
 
 F64 = NDArray[np.float64]
 
@@ -138,12 +139,23 @@ def diagnose(
     library = {name: effect for name, effect in library.items() if effect.searched}
     with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
         searches = dict(zip(names, pool.map(searched, names), strict=True))
+        _coupled(searches, settings)
         progress("held-out moves", 0, FOLDS)
         list(pool.map(suspected, names))
         gate(searches, examined.measured, settings)
         list(pool.map(lambda name: repeated(name, searches[name].best.model), names))
         held_out = HeldOut(examined.measured, settings, searches, pool)
     return _concluded(examined, plain, searches, held_out, settings)
+
+
+def _coupled(searches: Mapping[str, AxisSearch], settings: StageSettings) -> None:
+    """Axes with an effect that feels the others, fitted again beside what was found there."""
+    models = {name: found.best.model for name, found in searches.items()}
+    for axis in settings.axes:
+        beyond = any(model.terms for name, model in models.items() if name != axis.name)
+        own = models[axis.name].settings(axis)
+        if beyond and needs_other_axes(own, settings.sync_period):
+            beside(searches[axis.name], composed(settings, models).axes)
 
 
 def _concluded(

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.settings import AxisSettings
 from sim2real.axis_model import (
     FARTHEST,
     FINEST,
@@ -105,6 +106,10 @@ class AxisProblem:
         other.__dict__.update(self.__dict__)
         other.trackers = tuple(tracker.finer() for tracker in self.trackers)
         return other
+
+    def beside(self, others: Sequence[AxisSettings]) -> None:
+        """Take the other axes as these from now on, for effects that feel them."""
+        self.trackers = tuple(tracker.beside(others) for tracker in self.trackers)
 
     def masked(self, masks: Sequence[BoolArray]) -> AxisProblem:
         """The same problem on some of the samples only (of those that are valid)."""

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
+from hil_sim.settings import AxisSettings
 from sim2real.axis_model import AxisModel, within_tolerance
 from sim2real.closed_loop import SIGNALS
 from sim2real.fit import AxisProblem, Fitted, fit
@@ -206,6 +207,29 @@ def search(
     found.whole = nothing or problem.nearly_white(found.best.residual)
     found.rivals = book.ranked()
     return found
+
+
+def beside(found: AxisSearch, others: Sequence[AxisSettings]) -> None:
+    """Fit an axis again whose effects feel other axes, beside these.
+
+    Each axis was searched on its own, next to others as the machine file says.
+
+    Args:
+        found: changed in place.
+        others: all axes with what was found on them.
+    """
+    problem, model = found.problem, found.best.model
+    problem.beside(others)
+    problem.regain(model)
+    again = fit(problem, model, 4, thorough=False)
+    problem.rescale(again.residual)
+    found.best = fit(problem.finer(), again.model, 2)
+    found.whole = problem.nearly_white(found.best.residual)
+    own = set(model.names())
+    found.rivals = [
+        replace(r, fitted=again if set(r.model.names()) == own else problem.revalued(r.fitted))
+        for r in found.rivals
+    ]
 
 
 def _candidates(

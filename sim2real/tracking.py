@@ -15,6 +15,7 @@ and of the slipping friction elements [N], factor on the Coulomb level [1].
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numba
@@ -343,6 +344,9 @@ class Tracker:
         self._stage = settings
         self._index = replay.names.index(axis)
         self._replay = replay
+        self._others: tuple[AxisSettings, ...] = tuple(
+            replace(axis, effects=()) for axis in settings.axes
+        )
         self.axis = settings.axes[self._index]
         shape = replay.demand.shape
         self._measured = np.zeros(shape)
@@ -358,7 +362,14 @@ class Tracker:
 
     def finer(self) -> Tracker:
         """The same with the reference's plant steps."""
-        return Tracker(self._replay, self._stage, self.axis.name, SUBSTEPS)
+        other = Tracker(self._replay, self._stage, self.axis.name, SUBSTEPS)
+        return other.beside(self._others)
+
+    def beside(self, others: Sequence[AxisSettings]) -> Tracker:
+        """The same beside these axes, where an effect feels them; its own is not looked at."""
+        other = Tracker(self._replay, self._stage, self.axis.name, self._substeps)
+        other._others = tuple(others)
+        return other
 
     def run(
         self, model: AxisSettings, gains: Gains | None = None, fine: float = SUBSTEPS
@@ -374,7 +385,7 @@ class Tracker:
             ValueError: effects that cannot be.
         """
         together = needs_other_axes(model, self._stage.sync_period)
-        axes = [replace(a, effects=()) for a in self._stage.axes] if together else [model]
+        axes = list(self._others) if together else [model]
         columns = list(range(len(axes))) if together else [self._index]
         at = self._index if together else 0
         axes[at] = model
