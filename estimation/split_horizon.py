@@ -24,7 +24,7 @@ from estimation.move_solver import MoveSolver
 from estimation.restlessness import Restlessness
 from estimation.settings import EstimatorSettings, MoveData
 from estimation.update import ACCEPTED, JUMP, STILL, U_FOUND, U_LEVEL, U_MEAN, U_SLIDING, U_VERDICT
-from estimation.window import F_UNIT, R_SLIDE
+from estimation.window import F_UNIT, FULL_SLIP, R_SLIDE
 
 __all__ = ["Estimate", "EstimatorSettings", "MoveData", "Preview", "SplitHorizonEstimator"]
 
@@ -80,6 +80,7 @@ class SplitHorizonEstimator:
         self._start = friction
         self._belief = Belief.at_start(settings.belief, friction)
         self._known = state is not None
+        self._doubt = 0
         self._end: float | None = None
         self._rest: float | None = None
         self._restless = Restlessness()
@@ -154,6 +155,7 @@ class SplitHorizonEstimator:
         self.state = self._end = self._rest = None
         self._restless.calm()
         self._known = False
+        self._doubt = 0
         self._belief.set_apart(LEVEL, 0.0, self.settings.belief.wander)
 
     def effective(self, time: float) -> Friction:
@@ -196,17 +198,25 @@ class SplitHorizonEstimator:
         elif result[U_VERDICT] == JUMP:
             self._open_up(result)
         self._end = move.time + (len(move.position) - 1) * self.settings.period
-        # Followed with figures that are wrong, elements end up with the wrong forces.
-        self._known = (
-            self._frozen
-            or result[U_VERDICT] == ACCEPTED
-            or (result[U_VERDICT] == STILL and self._known)
-            or self._sure()
-        )
+        self._known = self._followed(result, move)
         self._rest = None
         if result[U_VERDICT] == ACCEPTED and not self._frozen:
             self._watch(result, self._end - move.time)
         return Estimate(result, self._start, self.settings.mass, self.settings.period)
+
+    def _followed(self, result: F64, move: MoveData) -> bool:
+        """Whether the elements' forces are known behind a move.
+
+        Followed through one that was refused with figures that are wrong, they end up wrong, until
+        a move is learned from, or some that reach far enough have been followed without harm.
+        """
+        if self._frozen or result[U_VERDICT] == ACCEPTED or self._sure():
+            self._doubt = 0
+        elif result[U_VERDICT] != STILL:
+            self._doubt = self.settings.patience + 1
+        elif np.ptp(move.position[move.valid]) > FULL_SLIP * self.friction.breakaway_travel:
+            self._doubt = max(self._doubt - 1, 0)
+        return self._doubt == 0
 
     def _sure(self) -> bool:
         """Whether the figures in force are known well enough to follow the elements with."""

@@ -266,6 +266,23 @@ def test_19_elements_followed_with_wrong_figures_are_not_known(sure):
         assert estimate.friction.stiffness == pytest.approx(6e5, rel=0.03)
 
 
+def test_19_micro_moves_alone_are_learned_from_in_the_end():
+    """... but an axis that only makes short moves, one of them disturbed, is not given up."""
+    estimator = SplitHorizonEstimator(TRUE.scaled(0.7), SETTINGS)
+    state, at, rest = FrictionState.relaxed(4), 0.0, 0.0
+    accepted = []
+    for number in range(8):
+        estimator.at_rest(at, rest, number + 0.9)
+        way = 80e-6 if number % 2 == 0 else -80e-6
+        position, force = record(way, MICRO, state=state, start=at)
+        seen = force + 3.0 * np.sin(np.arange(len(force))) if number == 1 else force
+        accepted.append(estimator.update(data(position, seen, number + 1.0, rest)).accepted)
+        at, rest = float(position[-1]), state.total
+        state.settle_at(at)
+    assert accepted[-2:] == [True, True]
+    assert estimator.friction.coulomb == pytest.approx(6.0, rel=0.05)
+
+
 def test_20_each_figure_is_forgotten_at_its_own_pace():
     """Fc and sigma_v drift with temperature, sigma0 and the shape mostly do not."""
     estimator = SplitHorizonEstimator(TRUE, SETTINGS)
