@@ -59,7 +59,7 @@ class TrackingSettings:
     warm_up: float = 3e-3
     pause: float = 0.2
     pause_time: float = 600.0
-    model_error: float = 0.006
+    model_error: float = 0.004
     vague: float = 0.006
     astray: float = 0.01
     outlier: float = 0.03
