@@ -419,7 +419,7 @@ def report(modes: Sequence[str], wafers: int, folder: Path, spot: float) -> None
         )
     if "map" in figures and "oracle" in figures:
         (a, b), (c, d) = figures["map"], figures["oracle"]
-        shown = "-" if c == 0 else f"{a / c:.2f}"
+        shown = f"{a:.1f} over {c:.1f} ms" if c == 0 else f"{a / c:.2f}"
         print(f"map over oracle: median {shown}, mean {b / d:.2f} (must be <= 1.25)")
     if "map" in rows:
         flagged = [(line["wafer"], *step) for line in rows["map"] for step in line["steps"]]
