@@ -46,8 +46,10 @@ _OPEN = 2.0
 """Squared gap over floor per signal from which the closed loop shows one."""
 _SHRUNK = (0.5, 0.0)
 """Shares of the fitted base parameters that are tried in the closed loop."""
-_CONTENDERS, _CONTEST = 3, 1000.0
-"""Sets of effects that are fitted to the end, and the score within which they contend."""
+_ROUNDS = 4
+"""Fits that a set of effects may take that is fitted to the end."""
+_CONTENDERS, _CONTEST, _CONTEST_SHARE = 4, 1000.0, 0.1
+"""Sets that are fitted to the end, and the score (or its share) within which they contend."""
 _COHERENT = 250.0
 """Samples over which the closed loop's deviations repeat themselves, for their weight."""
 
@@ -185,15 +187,13 @@ def search(
             for s in candidates
         ]
         best = _contended(problem, book, trials)
+        path[-1] = book.best(path[-1].model.names())
         if book.score(path[-1]) - book.score(best) < _LEAST_GAIN:
             break
         if within_tolerance(best.model.terms[-1], problem.axis, float(problem.spread[0])):
             break
         if depth > 0:
             best = _looked_back(problem, best, library, book, is_open)
-        best = book.regained(best.model)
-        again = book.entered(fit(problem, best.model, 3, thorough=False))
-        best = min(best, again, key=book.score)
         path.append(best)
         progress((depth + 1) / MOST_EFFECTS)
         problem.rescale(best.fitted.residual)
@@ -269,17 +269,27 @@ def _candidates(
 def _contended(problem: AxisProblem, book: _Book, trials: Sequence[Rival]) -> Rival:
     """The best of the trials, after those that come near it were fitted to the end as well.
 
-    First fits stop early, where slips make the cost rough: what is the better name is not yet told.
+    First fits stop early, by the gains of a model without the effect: what is the better name is
+    not yet told.
     """
-    problem.rescale(min(trials, key=book.score).fitted.residual)
-    ranked = sorted(trials, key=book.score)
-    last = book.score(ranked[0]) + _CONTEST
-    ended = [
-        book.entered(fit(problem, trial.model, 4, thorough=False))
-        for trial in ranked[:_CONTENDERS]
-        if book.score(trial) <= last
-    ]
-    return min((*ranked[:1], *ended), key=book.score)
+    book.regained(min(trials, key=book.score).model)
+    names = {tuple(sorted(trial.model.names())) for trial in trials}
+
+    def ranked() -> list[Rival]:
+        return sorted((book.best(each) for each in names), key=book.score)
+
+    for _ in range(_ROUNDS):
+        before = book.score(ranked()[0])
+        last = before + max(_CONTEST, _CONTEST_SHARE * before)
+        for rival in ranked()[:_CONTENDERS]:
+            if book.score(rival) <= last:
+                book.entered(fit(problem, rival.model, 4, thorough=False))
+        best = ranked()[0]
+        gained = before - book.score(best)
+        problem.rescale(best.fitted.residual)
+        if gained < _LEAST_GAIN:
+            break
+    return best
 
 
 def _no_worse(problem: AxisProblem, book: _Book, fitted: Fitted) -> Rival:
