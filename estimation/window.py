@@ -55,6 +55,9 @@ QUIET = 0.1
 """Encoder noise as a force (m / T^2 times its rms) below which rounding is not white [steps]."""
 REST_AFTER = 0.05
 """How much of the rest behind a motion is used [s]."""
+TOLD = 0.02
+"""A settling that goes back less than this share of the breakaway travel does not tell sigma0 by
+itself, without an onset."""
 FULL_SLIP = 2.0
 """C/Fc is learned from moves of so many breakaway travels and more: shorter ones end among elements
 of which only the sum was known at rest, and what that leaves open would go into it."""
@@ -122,6 +125,7 @@ def prepare(  # type: ignore[no-untyped-def]
     mark_zones(position, velocity, heading, travel, constants[C_VS], zone)
     slide = stick = seen = end = 0
     peak = constants[C_PEAK]
+    farthest = back = direction = 0.0
     for k in range(count):
         if abs(force[k + 1]) >= peak:
             usable[k] = False
@@ -133,6 +137,15 @@ def prepare(  # type: ignore[no-untyped-def]
         if usable[k]:
             slide += zone[k] == SLIDE
             stick += zone[k] == STICK
+        if zone[k] == SLIDE:
+            direction, farthest, back = float(heading[k]), position[k + 1], 0.0
+        elif seen > 0:
+            along = (position[k + 1] - farthest) * direction
+            if along > 0.0:
+                farthest = position[k + 1]
+            back = max(back, -along)
+    if not state_known and back < TOLD * travel:
+        stick = 0  # the settling alone, of nanometres, has more than one stiffness that fits
     report[R_SLIDE] = slide if slide >= MIN_SLIDE else 0.0
     report[R_STICK] = stick if zone_b and stick >= MIN_STICK else 0.0
     report[R_BOUND] = -1.0

@@ -36,16 +36,18 @@ SETTINGS = EstimatorSettings(
 )  # fmt: skip
 
 
-def record(target=25e-3, limits=MACRO, model=TRUE, state=None, mass=MASS, rest=40, start=0.0):
+def record(
+    target=25e-3, limits=MACRO, model=TRUE, state=None, mass=MASS, rest=40, start=0.0, back=1e-6
+):  # fmt: skip
     """Positions and forces of a move of the model itself, integrated 20 times finer, no noise."""
     motion = plan(start, start + target, limits)
     count = int(motion.duration / TS) + rest
     time = np.arange(-2 * FINE, count * FINE + 1) * TS / FINE
     after = np.clip(time - motion.duration, 0.0, None)
     x, v, a = motion.sample(time)
-    # It overshoots by a micrometre and turns back.
+    # It overshoots, by a micrometre for one, and turns back.
     turn = 2 * np.pi * 25
-    bump = np.sign(target) * 1e-6 * np.sin(turn * after) ** 2 * np.exp(-after / 8e-3)
+    bump = np.sign(target) * back * np.sin(turn * after) ** 2 * np.exp(-after / 8e-3)
     x, v = x + bump, v + np.gradient(bump, TS / FINE)
     a = a + np.gradient(np.gradient(bump, TS / FINE), TS / FINE)
     state = FrictionState.relaxed(model.elements, float(x[0])) if state is None else state
@@ -203,6 +205,16 @@ def test_16_too_little_motion_leaves_the_stiffness_in_its_prior():
         estimator.update(data(position, force))
         assert estimator.friction.stiffness == pytest.approx(6e5, rel=0.8)
         assert 0.1 * 6e5 < estimator.friction.stiffness < 10 * 6e5
+
+
+def test_16_a_settling_of_nanometres_without_an_onset_does_not_tell_the_stiffness():
+    """A first move that is followed well: a quarter of sigma0 fitted it, to 3 %."""
+    estimator = SplitHorizonEstimator(TRUE, SETTINGS)
+    estimator.at_rest(0.0, 0.0, 0.0)
+    estimate = estimator.update(data(*record(back=30e-9)))
+    assert estimate.accepted
+    assert estimate.zones == "A"
+    assert estimator.friction.stiffness == pytest.approx(6e5, rel=1e-3)
 
 
 def test_17_certainty_has_a_floor_and_drift_is_followed():
