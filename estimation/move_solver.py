@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from estimation.belief import COULOMB, LEVEL, MASS, RATE, Belief
+from estimation.belief import COULOMB, LEVEL, MASS, RATE, STIFFNESS, Belief
 from estimation.elements import ELEMENT_ROWS, FORCE, SHARES, SLIPS
 from estimation.gms import F64, Friction, FrictionState, element_shares
 from estimation.rows import KNOTS, TABLES, lead
@@ -23,6 +23,7 @@ from estimation.window import (
     R_FAR,
     R_KNOWN,
     R_STICK,
+    R_TOLD,
     fit,
     knots_of,
 )
@@ -66,6 +67,8 @@ class MoveSolver:
         self._masks = settings.masks(frozen)
         self._short = self._masks.copy()  # for moves that do not go far
         self._short[:, RATE] = False
+        self._calm = self._masks.copy()  # for those that settle at once
+        self._calm[:, STIFFNESS] = False
         self._shares = element_shares(friction.elements).copy()
         self._elements = np.empty((ELEMENT_ROWS, friction.elements + 1))
         self._elements[SHARES, :-1] = self._shares
@@ -128,9 +131,12 @@ class MoveSolver:
         )  # fmt: skip
         if counted < 3:
             raise ValueError("fewer than three valid samples")
+        masks = self._masks if result[R_FAR] else self._short
+        if not result[R_TOLD]:
+            masks = self._calm
         fit(
             tables, heading, zone, usable, ready, constants, units, shares, forces, before,
-            spread, found, uncertain, self._masks if result[R_FAR] else self._short, p, result,
+            spread, found, uncertain, masks, p, result,
         )  # fmt: skip
         misfit = math.sqrt(result[R_CHI_B] if result[R_STICK] > 0.0 else result[R_CHI_A])
         if 1.0 < misfit <= settings.misfit and whole and result[R_FAILED] == 0.0:

@@ -78,11 +78,12 @@ F_UNIT, F_LOWER, F_UPPER = range(3)
 # What the kernels report.
 (
     R_SLIDE, R_STICK, R_CHI_A, R_CHI_B, R_BOUND, R_EVALUATIONS, R_FAILED, R_SAMPLES, R_KNOWN,
-    R_REST_FORCE, R_STEP, R_END, R_FAR,
-) = range(13)  # fmt: skip
-REPORT_SIZE = 13
+    R_REST_FORCE, R_STEP, R_END, R_FAR, R_TOLD,
+) = range(14)  # fmt: skip
+REPORT_SIZE = 14
 """Also what is passed on: Coulomb force in force before the move and force measured at rest [N],
-resolution of the force [N], up to which row the move is used, and whether it goes FULL_SLIP."""
+resolution of the force [N], up to which row the move is used, whether it goes FULL_SLIP,
+and whether it can tell sigma0."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -144,11 +145,11 @@ def prepare(  # type: ignore[no-untyped-def]
             if along > 0.0:
                 farthest = position[k + 1]
             back = max(back, -along)
-    if not state_known and back < TOLD * travel:
-        stick = 0  # the settling alone, of nanometres, has more than one stiffness that fits
     report[R_SLIDE] = slide if slide >= MIN_SLIDE else 0.0
     report[R_STICK] = stick if zone_b and stick >= MIN_STICK else 0.0
     report[R_BOUND] = -1.0
+    # A settling alone, of nanometres, has more than one stiffness that fits.
+    report[R_TOLD] = state_known or back >= TOLD * travel
     report[R_FAR] = abs(position[count + 1] - position[0]) > FULL_SLIP * travel
     report[R_END] = min(count, end + int(REST_AFTER / period + 0.5))
 

@@ -213,7 +213,7 @@ def test_16_a_settling_of_nanometres_without_an_onset_does_not_tell_the_stiffnes
     estimator.at_rest(0.0, 0.0, 0.0)
     estimate = estimator.update(data(*record(back=30e-9)))
     assert estimate.accepted
-    assert estimate.zones == "A"
+    assert "stiffness" in estimate.held
     assert estimator.friction.stiffness == pytest.approx(6e5, rel=1e-3)
 
 
