@@ -55,7 +55,7 @@ QUIET = 0.1
 """Encoder noise as a force (m / T^2 times its rms) below which rounding is not white [steps]."""
 REST_AFTER = 0.05
 """How much of the rest behind a motion is used [s]."""
-TOLD = 0.02
+TOLD = 0.005
 """A settling that goes back less than this share of the breakaway travel does not tell sigma0 by
 itself, without an onset."""
 FULL_SLIP = 2.0
