@@ -25,7 +25,7 @@ from scipy.optimize import least_squares
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.axis_model import LAG, AxisModel, Term, coordinates, moved
+from sim2real.axis_model import STEP, AxisModel, Term, coordinates, moved
 from sim2real.blind.draw import Drawn, Key, draw_base, stage_of
 from sim2real.blind.moves import draw_demands
 from sim2real.blind.stage import record
@@ -69,18 +69,18 @@ def by_scipy(
     def deviations(at: F64) -> F64:
         nonlocal runs
         runs += 1
-        term = moved(Term(effect, values), own, at[LAG:])
-        model = AxisModel(np.append(at[:LAG], 0.0), (term,))
+        term = moved(Term(effect, values), own, at[STEP:])
+        model = AxisModel(np.append(at[:STEP], 0.0), (term,))
         stage = replace(
             settings, axes=tuple(model.settings(a) if a.name == axis else a for a in settings.axes)
         )
         left = residual(measured.replay.measured(), measured.replay.run(stage))[axis]
         parts = [v / measured.floor.rms[axis][signal] for signal, v in left.items()]
-        return np.nan_to_num(np.concatenate((*parts, at[:LAG] / tolerance)), nan=1e4)
+        return np.nan_to_num(np.concatenate((*parts, at[:STEP] / tolerance)), nan=1e4)
 
     begun = time.perf_counter()
     least_squares(
-        deviations, np.append(np.zeros(LAG), start), x_scale="jac", max_nfev=30, diff_step=1e-3
+        deviations, np.append(np.zeros(STEP), start), x_scale="jac", max_nfev=30, diff_step=1e-3
     )
     return time.perf_counter() - begun, runs
 
