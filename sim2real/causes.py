@@ -32,6 +32,8 @@ _FAMILY = 0.55
 """Share of an axis' gap that an effect of the right family closes in the wrong shape, at least."""
 _CLOSED = 0.8
 """Share of an axis' gap from which it counts as closed, for trust."""
+_DOUBTED = 0.45
+"""An effect is believed no more than this whose size may as well be none, by its sigma."""
 _SHOWN = 8
 """Candidates shown per axis."""
 
@@ -69,19 +71,22 @@ def causes_of(
         gives_back, interval = given_back(before, left_out, after, samples)
         probability, rivals = _probability(found, term.name)
         values = parameters(term)
+        figures = {
+            entry.parameter.key: Parameter(
+                values[entry.parameter.key],
+                _sigma(term.effect, entry, values, float(s), problem.axis),
+                entry.parameter.unit,
+            )
+            for entry, s in zip(entries, spread, strict=True)
+        }
+        if any(_may_be_none(entry, figures, problem.axis) for entry in entries):
+            probability = min(probability, _DOUBTED)
         causes.append(
             Cause(
                 name,
                 term.name,
                 probability,
-                {
-                    entry.parameter.key: Parameter(
-                        values[entry.parameter.key],
-                        _sigma(term.effect, entry, values, float(s), problem.axis),
-                        entry.parameter.unit,
-                    )
-                    for entry, s in zip(entries, spread, strict=True)
-                },
+                figures,
                 gives_back,
                 interval,
                 term.effect.remedy,
@@ -96,6 +101,15 @@ def causes_of(
                 )
             )
     return causes, alike
+
+
+def _may_be_none(entry: Coordinate, figures: Mapping[str, Parameter], axis: AxisSettings) -> bool:
+    """Whether a size is not known to be any."""
+    neutral = entry.parameter.neutral_on(axis)
+    if entry.parameter.role != "size" or neutral is None or not math.isfinite(neutral):
+        return False
+    figure = figures[entry.parameter.key]
+    return figure.sigma > abs(figure.value - neutral)
 
 
 def _sigma(

@@ -186,7 +186,7 @@ def _concluded(
     confident = [cause for cause in causes if cause.probability > 0.5]
     remaining = combined(after, samples) / signals
     if not confident:
-        small = remaining < (_SMALL if whole else _SMALLER)
+        small = not causes and remaining < (_SMALL if whole else _SMALLER)
         verdict = NO_GAP if small else UNEXPLAINED
         causes = [] if small else causes
     elif whole and share is not None and share >= _ENOUGH:

@@ -49,12 +49,12 @@ _SLOW = 8
 """Samples whose mean shows structure that a single one hides."""
 _EVENTS = 0.03
 """Share of an axis' time that is left out of its structure."""
-_WHITE = 0.6
+_WHITE = 0.55
 """Structure below this is none; nominal stages reach 0.5."""
 _SLACK = 30.0
 """Rise of the cost that a last step may bring: slips make it rough, and where the data are silent
 the prior has to be heard."""
-_NEARLY_WHITE = 0.8
+_NEARLY_WHITE = 0.6
 """The same for what is left in the end, where a stage need not be stepped as the simulator is."""
 _CUT = 1e4
 """Deviations are kept within so many sigma, where a model makes the stage run away."""

@@ -50,7 +50,7 @@ _ROUNDS = 4
 """Fits that a set of effects may take that is fitted to the end."""
 _CONTENDERS, _CONTEST, _CONTEST_SHARE = 4, 1000.0, 0.1
 """Sets that are fitted to the end, and the score (or its share) within which they contend."""
-_COHERENT = 250.0
+_COHERENT = 1000.0
 """Samples over which the closed loop's deviations repeat themselves, for their weight."""
 
 
