@@ -227,6 +227,8 @@ def _track(  # type: ignore[no-untyped-def]
     """Track every axis; row k of every array is SYNC k. `fresh`: work out the gains anew."""
     axes = plant.shape[0]
     duration = period * ticks
+    # A drive that ticks once per SYNC acts on what was measured only: its loop hides no error.
+    closed = 1.0 if ticks > 1 else 0.0
     covariance = np.zeros((axes, STATES, STATES))
     matrix = np.zeros((STATES, STATES))
     spectrum = np.zeros(STATES)
@@ -286,7 +288,8 @@ def _track(  # type: ignore[no-untyped-def]
             relaxation = p.relaxation_rate / (1.0 + extra)
             goal = p.coulomb * (1.0 + extra) * s.direction
             _model(
-                matrix, p.mass, p.viscous, control[a].kp, _DERIVATIVE_SHARE * control[a].kd,
+                matrix, p.mass, p.viscous, closed * control[a].kp,
+                closed * _DERIVATIVE_SHARE * control[a].kd,
                 tangent, relaxation, goal * slipped[a],
                 slipped[a] * p.coulomb * extra / p.stribeck_velocity,
             )  # fmt: skip
