@@ -12,7 +12,8 @@ import numpy as np
 from estimation.belief import COULOMB, LEVEL, MASS, RATE, STIFFNESS, Belief
 from estimation.elements import ELEMENT_ROWS, FORCE, SHARES, SLIPS
 from estimation.gms import F64, Friction, FrictionState, element_shares
-from estimation.rows import KNOTS, TABLES, lead
+from estimation.move_tables import KNOTS, TABLES
+from estimation.rows import lead
 from estimation.settings import EstimatorSettings, MoveData
 from estimation.update import F_DRIFT, UPDATE_SIZE, begin_update, end_update
 from estimation.window import (

@@ -15,7 +15,7 @@ import numpy as np
 
 from estimation.belief import ALPHA, COULOMB, LEVEL, MASS, RATE
 from estimation.elements import correct_forces
-from estimation.rows import T_FORCE, T_POSITION
+from estimation.move_tables import T_FORCE, T_POSITION
 from estimation.window import (
     C_CORRELATION,
     C_FORCE_NOISE,

@@ -20,8 +20,7 @@ import numpy as np
 from estimation.belief import ALPHA, COULOMB, LAG, LEVEL, MASS, RATE, STIFFNESS, VISCOUS
 from estimation.elements import ELEMENT_ROWS, SHARES
 from estimation.least_squares import cholesky_inverse, gauss_newton_step, quadratic_form
-from estimation.rounding import refine
-from estimation.rows import (
+from estimation.move_tables import (
     KNOTS,
     OFFSETS,
     RESIDUAL,
@@ -36,8 +35,9 @@ from estimation.rows import (
     T_STUCK,
     T_UNTIL,
     T_VELOCITY,
-    fill_rows,
 )
+from estimation.rounding import refine
+from estimation.rows import fill_rows
 from estimation.whitening import (
     factor_weights,
     normal_equations,

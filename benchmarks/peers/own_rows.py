@@ -10,7 +10,7 @@ import numpy as np
 from estimation.belief import COULOMB, LEVEL, MASS, STIFFNESS, VISCOUS, Belief
 from estimation.elements import ELEMENT_ROWS, SHARES
 from estimation.gms import element_shares
-from estimation.rows import (
+from estimation.move_tables import (
     KNOTS,
     RESIDUAL,
     T_FORCE,
@@ -18,8 +18,8 @@ from estimation.rows import (
     T_POSITION,
     T_STUCK,
     TABLES,
-    fill_rows,
 )
+from estimation.rows import fill_rows
 from estimation.whitening import factor_weights, normal_equations, whiten
 from estimation.window import (
     C_FORCE_NOISE,

@@ -6,7 +6,7 @@ import pytest
 from estimation.belief import ALPHA, COULOMB, FIGURES, LAG, LEVEL, RATE
 from estimation.elements import ELEMENT_ROWS, SHARES
 from estimation.gms import Friction, FrictionState, element_shares, follow
-from estimation.rows import (
+from estimation.move_tables import (
     KNOTS,
     ORIGIN,
     RESIDUAL,
@@ -23,8 +23,8 @@ from estimation.rows import (
     T_VELOCITY,
     TABLES,
     TURN_FORCE,
-    fill_rows,
 )
+from estimation.rows import fill_rows
 from estimation.trajectory import Limits, plan
 from estimation.zones import differences, find_stretches, find_turns
 

@@ -1,0 +1,127 @@
+"""What a sample does to the force of all elements while they slip: F <- decay F + goal Fc.
+
+It depends on the motion, the Stribeck curve, C/Fc and alpha, not on the forces, so it is made once
+per move and kept while those stay; near the Stribeck velocity out of SUBSTEPS exact exponential
+steps along the interpolated velocity.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+
+from estimation.elements import stribeck_rise
+from estimation.gms import FAR_ABOVE, NO_SUBSTEPS
+from estimation.move_tables import (
+    CURVED,
+    FAST,
+    MAPPED,
+    SUBSTEPS,
+    T_CURVE,
+    T_DECAY,
+    T_DECAY_BY_ALPHA,
+    T_DECAY_BY_RATE,
+    T_GOAL,
+    T_GOAL_BY_ALPHA,
+    T_GOAL_BY_RATE,
+    T_POSITION,
+    T_SLOPE,
+    T_VELOCITY,
+)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def map_samples(begin_at, end, direction, kept, rate, alpha, shape, period, tables, ready):  # type: ignore[no-untyped-def]
+    """What each sample does to the force of all elements while they slip."""
+    vs, fast = shape[0], shape[0] * FAR_ABOVE ** (1.0 / shape[1])
+    velocity, decays, goals = tables[T_VELOCITY], tables[T_DECAY], tables[T_GOAL]
+    for k in range(begin_at, end):
+        if ready[k] & MAPPED:
+            continue
+        lowest = min(velocity[max(k - 1, 0)] * direction, velocity[k] * direction)
+        ready[k] |= MAPPED
+        if lowest > fast:  # the curve is 1 there
+            decays[k], goals[k] = kept, direction * (1.0 - kept)
+            ready[k] |= FAST
+            continue
+        if not ready[k] & CURVED:
+            follow_curve(k, direction, rate, alpha, shape, period, tables, ready)
+        decay, goal = 1.0, 0.0
+        for j in range(SUBSTEPS if lowest <= NO_SUBSTEPS * vs else 1):
+            part = tables[T_CURVE + 2 * j + 1, k]
+            limit = direction * (1.0 + alpha * tables[T_CURVE + 2 * j, k])
+            goal = limit + (goal - limit) * part
+            decay *= part
+        decays[k], goals[k] = decay, goal
+
+
+@numba.njit(cache=True, error_model="numpy")
+def map_shape(begin_at, end, direction, kept, rate, alpha, period, tables, ready):  # type: ignore[no-untyped-def]
+    """Derivatives of `map_samples` by C/Fc and alpha."""
+    for k in range(begin_at, end):
+        decay, goal = 1.0, 0.0
+        decay_by_rate = goal_by_rate = decay_by_alpha = goal_by_alpha = 0.0
+        far = (ready[k] & FAST) != 0
+        steps = SUBSTEPS if not far and tables[T_CURVE + 3, k] > 0.0 else 1
+        for j in range(steps):
+            rise, part = tables[T_CURVE + 2 * j, k], tables[T_CURVE + 2 * j + 1, k]
+            if far:
+                rise, part = 0.0, kept
+            curve = 1.0 + alpha * rise
+            limit, rising = direction * curve, direction * rise
+            by_rate = -part * period / steps / curve
+            by_alpha = -by_rate * rate * rise / curve
+            decay_by_rate = decay_by_rate * part + decay * by_rate
+            decay_by_alpha = decay_by_alpha * part + decay * by_alpha
+            goal_by_rate = goal_by_rate * part + (goal - limit) * by_rate
+            goal_by_alpha = rising + (goal_by_alpha - rising) * part + (goal - limit) * by_alpha
+            goal = limit + (goal - limit) * part
+            decay *= part
+        tables[T_DECAY_BY_RATE, k], tables[T_GOAL_BY_RATE, k] = decay_by_rate, goal_by_rate
+        tables[T_DECAY_BY_ALPHA, k], tables[T_GOAL_BY_ALPHA, k] = decay_by_alpha, goal_by_alpha
+
+
+@numba.njit(cache=True, error_model="numpy")
+def follow_curve(k, direction, rate, alpha, shape, period, tables, ready):  # type: ignore[no-untyped-def]
+    """Stribeck curve and decay of each substep of a sample, and the curve's slope at its end."""
+    vs, delta = shape[0], shape[1]
+    v1 = tables[T_VELOCITY, k]
+    v0 = tables[T_VELOCITY, k - 1] if k > 0 else v1
+    steps = SUBSTEPS if min(v0 * direction, v1 * direction) <= NO_SUBSTEPS * vs else 1
+    shift = (tables[T_POSITION, k + 1] - tables[T_POSITION, k]) / period - 0.5 * (v0 + v1)
+    tables[T_CURVE + 3, k] = 0.0  # no second one
+    relaxed, part = rate * period / steps, 1.0 / steps
+    for j in range(steps):
+        v = v0 + (v1 - v0) * ((j + 0.5) * part) + shift
+        rise = stribeck_rise(abs(v) / vs, delta)
+        tables[T_CURVE + 2 * j, k] = rise
+        tables[T_CURVE + 2 * j + 1, k] = _decay(relaxed / (1.0 + alpha * rise))
+    ratio = abs(v1) / vs
+    slope = delta * stribeck_rise(ratio, delta)
+    tables[T_SLOPE, k] = slope if delta == 1.0 else slope * ratio ** (delta - 1.0)
+    ready[k] |= CURVED
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _decay(x):  # type: ignore[no-untyped-def]
+    """exp(-x); what is small, as it mostly is, by its series: exact, and quicker."""
+    if x > 0.05:
+        return math.exp(-x)
+    total = 1.0
+    for j in range(8, 0, -1):
+        total = 1.0 - total * (x * (1.0 / j))
+    return total
+
+
+@numba.njit(cache=True, error_model="numpy")
+def rise_before(k, vs, delta, period, tables):  # type: ignore[no-untyped-def]
+    """Stribeck rise in the last substep before sample k: where the next one's limits begin."""
+    velocity, position = tables[T_VELOCITY], tables[T_POSITION]
+    if k == 0:
+        return stribeck_rise(abs(velocity[0]) / vs, delta)
+    v1 = velocity[k - 1]
+    v0 = velocity[k - 2] if k > 1 else v1
+    steps = SUBSTEPS if min(abs(v0), abs(v1)) <= NO_SUBSTEPS * vs else 1
+    v = (position[k] - position[k - 1]) / period + (v1 - v0) * (steps - 1) / (2 * steps)
+    return stribeck_rise(abs(v) / vs, delta)
