@@ -122,6 +122,7 @@ class RunResult:
             was first learned; absent where it never was.
         verdicts: pass or fail per site, where the recipe has limits.
         notices: what else the operator should know.
+        unwritten: why the friction history has not all of the run, else None; a notice, too.
     """
 
     summary: dict[str, Any]
@@ -130,3 +131,4 @@ class RunResult:
     first_update: dict[str, int]
     verdicts: tuple[SiteVerdict, ...]
     notices: tuple[str, ...] = ()
+    unwritten: str | None = None

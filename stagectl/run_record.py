@@ -17,7 +17,7 @@ from hil_sim.fault_rules import Injected
 from sim2real.recording import AxisSignals, Move, Recording
 from stagectl.errors import Aborted, StagectlError
 from stagectl.history.port import History
-from stagectl.history.run_history import RunHistory, run_entry
+from stagectl.history.run_history import RunHistory, begins, run_entry
 from stagectl.history.temperature import LatestTemperature
 from stagectl.report.page import write_report
 from stagectl.request import RunRequest, RunResult
@@ -79,7 +79,10 @@ class RunRecord:
         self._request = request
         self.temperature = LatestTemperature(None)
         self._placed = went_by is not None
-        self._history = None if history is None else RunHistory(history, run_entry(request))
+        self._history = None
+        if history is not None:
+            started = begins(history, request) if went_by is None else float(went_by["origin"])
+            self._history = RunHistory(history, run_entry(request, started))
         put_aside(request.folder)
         machine, resumed = request.machine, request.resumed
         self.done = 0 if resumed is None else resumed.done
@@ -101,8 +104,8 @@ class RunRecord:
                 ),
             ),
         )
-        number = None if went_by is None else went_by["number"]
-        self.journal.event("run", **request.as_noted(), map=number, map_then=went_by)
+        self._map = None if went_by is None else int(went_by["number"])
+        self.journal.event("run", **request.as_noted(), map=self._map, map_then=went_by)
 
     def move(self, move: Move) -> None:
         """A move begins."""
@@ -178,11 +181,12 @@ class RunRecord:
         )
         fault = str(error) if outcome == "fault" else None
         self.journal.finish(outcome, fault)
-        notices = self._notices
+        notices, unwritten = self._notices, None
         if self._history is not None:
             self._history.end(outcome, fault)
-            if self._history.failure is not None:
-                notices.append(f"the friction history is not whole: {self._history.failure}")
+            unwritten = self._history.failure
+            if unwritten is not None:
+                notices.append(f"the friction history is not whole: {unwritten}")
         content = recover(self.journal.path, overwrite=True).content
         recording = None if content is None else content.recording
         period = machine.bus.sync_period
@@ -200,6 +204,8 @@ class RunRecord:
             fault=fault,
             resumed=None if request.resumed is None else request.resumed.link(),
             retries=tuple(self._retries),
+            wafer=request.recipe.wafer,
+            map=self._map,
         )
         summary = build_summary(
             _empty(request) if recording is None else recording,
@@ -226,7 +232,7 @@ class RunRecord:
             )
         )
         return RunResult(
-            summary, recording, error, dict(self._first_update), verdicts, tuple(notices)
+            summary, recording, error, dict(self._first_update), verdicts, tuple(notices), unwritten
         )
 
     def _note_friction(self, event: FrictionUpdated) -> None:

@@ -148,11 +148,12 @@ def _active_map(request: RunRequest, history: History | None) -> ActiveMap | Non
     """The map to go by, where there is one and the run learns."""
     if history is None or not request.use_map or request.mode is not Mode.ESTIMATED:
         return None
+    from stagectl.history.run_history import begins
     from stagectl.maps.active import load_active
 
     stage = StageKey(request.machine.name, request.truth is not None)
     return load_active(
-        history, stage, request.machine, request.recipe.sites, request.started.timestamp()
+        history, stage, request.machine, request.recipe.sites, begins(history, request)
     )
 
 
@@ -160,6 +161,13 @@ def _noted(active: ActiveMap) -> dict[str, Any]:
     from stagectl.maps.snapshot import as_noted
 
     return as_noted(active)
+
+
+def _short_of(active: ActiveMap, request: RunRequest) -> list[str]:
+    """Where the run will be beyond its map."""
+    from stagectl.maps.applicable import short_of
+
+    return short_of(active.version, request.recipe.sites)
 
 
 def _known(request: RunRequest, active: ActiveMap | None) -> Mapping[str, Figures] | None:
@@ -225,6 +233,8 @@ class _Run:
         self._engine: Engine | None = None
         self._error: StagectlError | None = None
         self._record = RunRecord(request, history, None if active is None else _noted(active))
+        if active is not None:
+            self._record.stage_says(_short_of(active, request))
         self.note = self._record.note
 
     def drive(self, bus: BusSettings, axes: tuple[AxisSettings, ...], log: BusLog) -> None:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from stagectl.calibration.sites import DAY, Calibration, DueSection
 from stagectl.history.opening import is_server, open_history
 from stagectl.history.port import History
-from stagectl.history.records import Pair, StageKey
+from stagectl.history.records import Pair, StageKey, StepRecord, Wear
+from stagectl.history.run_history import begins
 from stagectl.maps.active import load_active
 from stagectl.maps.places import NEAR, TrackedPlaces
 from stagectl.request import RunRequest
@@ -52,17 +53,46 @@ def due_sites(
         places: the active map brought up to now, or None.
     """
     calibrated = history.calibrated(stage)
-    found = [_due(site, limits, history, stage, axes, now, places, calibrated) for site in sites]
+    last = {
+        site: max((t for p, t in calibrated if math.dist(p, site) <= NEAR), default=None)
+        for site in sites
+    }
+    begins = sorted({when for when in last.values() if when is not None}, reverse=True)
+    worn = _worn(history, stage, axes, begins)
+    steps = history.steps(stage, begins[-1]) if begins else []
+    found = [
+        DueSite(site, ("never calibrated",), math.inf)
+        if when is None
+        else _due(site, when, limits, worn[when], [s for s in steps if s.time > when], now, places)
+        for site, when in last.items()
+    ]
     return sorted((d for d in found if d.reasons), key=lambda d: -d.urgency)
 
 
+def _worn(
+    history: History, stage: StageKey, axes: Sequence[str], begins: Sequence[float]
+) -> dict[float, dict[str, Wear]]:
+    """What every axis has done since each of these times, the latest first.
+
+    Every move is counted once, however many sites there are.
+    """
+    found: dict[float, dict[str, Wear]] = {}
+    total = dict.fromkeys(axes, Wear(0, 0.0))
+    until = math.inf
+    for begin in begins:
+        for axis in axes:
+            more = history.wear(stage, axis, begin, until)
+            known = total[axis]
+            total[axis] = Wear(known.moves + more.moves, known.distance + more.distance)
+        found[begin], until = dict(total), begin
+    return found
+
+
 def _due(
-    site: Pair, limits: DueSection, history: History, stage: StageKey, axes: Sequence[str],
-    now: float, places: TrackedPlaces | None, calibrated: Sequence[tuple[Pair, float]],
+    site: Pair, when: float, limits: DueSection, worn: Mapping[str, Wear],
+    steps: Sequence[StepRecord], now: float, places: TrackedPlaces | None,
 ) -> DueSite:  # fmt: skip
-    when = max((t for p, t in calibrated if math.dist(p, site) <= NEAR), default=None)
-    if when is None:
-        return DueSite(site, ("never calibrated",), math.inf)
+    """A site that was calibrated `when`; `worn` and `steps`: since then."""
     passed: list[tuple[float, str]] = []
 
     def check(value: float, limit: float, text: str) -> None:
@@ -70,12 +100,11 @@ def _due(
             passed.append((value / limit, text))
 
     days = (now - when) / DAY
-    check(days, limits.days, f"calibrated {days:.1f} days ago")
-    for axis in axes:
-        worn = history.wear(stage, axis, when)
-        check(worn.moves, limits.moves, f"{axis}: {worn.moves} moves since")
-        check(worn.distance, limits.distance, f"{axis}: {worn.distance:.0f} m travelled since")
-    for step in history.steps(stage, when):
+    check(days, limits.days, f"calibrated {days:.3g} days ago")
+    for axis, done in worn.items():
+        check(done.moves, limits.moves, f"{axis}: {done.moves} moves since")
+        check(done.distance, limits.distance, f"{axis}: {done.distance:.3g} m travelled since")
+    for step in steps:
         if step.kind == "common" or math.dist(step.place, site) <= NEAR:
             urgency = 1.0 + abs(step.change) / limits.change
             passed.append((urgency, f"{step.axis}: stepped by {step.change:+.0%} since"))
@@ -105,7 +134,7 @@ def due_now(calibration: Calibration, request: RunRequest) -> list[DueSite]:
     history = open_history(where, write=True)
     try:
         stage = StageKey(machine.name, request.truth is not None)
-        now = request.started.timestamp()
+        now = begins(history, request)
         sites = calibration.recipe.sites
         active = load_active(history, stage, machine, sites, now)
         return due_sites(

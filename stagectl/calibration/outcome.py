@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from statistics import median
 from typing import Any
 
-from stagectl.calibration.sequence import Gain, SiteSequence
+from stagectl.calibration.sequence import START, Gain, SiteSequence
 from stagectl.history.records import Pair
 from stagectl.maps.compare import AxisChange
 from stagectl.maps.model import FrictionMap
@@ -15,8 +16,6 @@ from stagectl.maps.model import FrictionMap
 WATCH, ACT = 0.03, 0.10
 """Relative change of a site beside the common one from which it is to be watched, or seen to."""
 COMMON_ACT = 0.25
-BEFORE = 0.3
-"""What a site's figures are taken to be known to before, as in the prediction."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,12 +84,8 @@ def _outcome(
     refused = tuple(str(e["reason"]) for e in entries if not e["accepted"])
     gains: dict[str, Gain] = {}
     if accepted:
-        figures = accepted[-1]["parameters"]
-        gains = {
-            name: Gain(BEFORE, figure["sigma"] / figure["value"])
-            for name, figure in figures.items()
-            if figure["value"] and figure["sigma"] and name != "attraction"
-        }
+        known = _known(accepted[-1]["parameters"])
+        gains = {name: Gain(START[name], known[name]) for name in START if known.get(name)}
     level = sigma = None
     if built is not None and axis in built.axes:
         for site in built.axes[axis].sites:
@@ -106,6 +101,19 @@ def _outcome(
     return SiteOutcome(
         number, place, axis, level, sigma, change, gains, refused, severity, suggestion
     )
+
+
+def _known(figures: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
+    """Relative standard deviations; that of C/Fc out of those of C and Fc."""
+    known = {
+        name: figure["sigma"] / figure["value"]
+        for name, figure in figures.items()
+        if figure["value"] and figure["sigma"]
+    }
+    if "attraction" in known and "coulomb" in known:
+        rest = known.pop("attraction") ** 2 - known["coulomb"] ** 2
+        known["relaxation_rate"] = math.sqrt(max(rest, 0.0))
+    return known
 
 
 def _judged(
@@ -139,6 +147,23 @@ def overall(changes: Sequence[AxisChange]) -> list[str]:
         elif abs(entry.common) >= WATCH:
             text += ": warm-up or ageing; the tracking follows it"
         lines.append(text)
+    return lines
+
+
+def reached_lines(found: Sequence[SiteOutcome], sequence: SiteSequence) -> list[str]:
+    """What the sites have taught beside what was expected, medians over them, one line per axis."""
+    lines = []
+    for axis, expected in sequence.gains.items():
+        parts = []
+        for name, gain in expected.items():
+            mine = [o.gains[name] for o in found if o.axis == axis and name in o.gains]
+            if mine:
+                parts.append(
+                    f"{name} {median(g.after for g in mine):.1%} "
+                    f"({median(g.bits for g in mine):.1f} bit of {gain.bits:.1f})"
+                )
+        if parts:
+            lines.append(f"axis {axis}: {', '.join(parts)}")
     return lines
 
 

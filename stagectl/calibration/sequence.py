@@ -28,7 +28,7 @@ REST = 0.06
 """Rest after every move, at least [s]."""
 REACH = 1.5e-3
 """How far from the site the sliding moves go [m]."""
-_START = {"coulomb": 0.3, "viscous": 0.3, "stiffness": 0.3, "relaxation_rate": 0.2}
+START = {"coulomb": 0.3, "viscous": 0.3, "stiffness": 0.3, "relaxation_rate": 0.2}
 """What is known of a site before, for the prediction: relative standard deviations."""
 
 
@@ -138,15 +138,15 @@ def _gain(
     """The estimator on its own model's answer to the moves of one axis."""
     friction = friction_model(axis)
     estimator = AxisCompensation(axis, friction, Mode.ESTIMATED, period).estimator
-    values = {name: float(getattr(friction, name)) for name in _START}
-    estimator.believe({name: (value, _START[name] * value) for name, value in values.items()})
+    values = {name: float(getattr(friction, name)) for name in START}
+    estimator.believe({name: (value, START[name] * value) for name, value in values.items()})
     state = FrictionState.relaxed(friction.elements, 0.0)
     state.forces[:] = 0.0
     at, time = 0.0, 0.0
     # The arrival at the site: its onset says nothing, but the elements end as sliding leaves them.
     for target, profile in [(-0.02, excursions[0].profile), (0.0, excursions[0].profile)]:
         at, time = _move(estimator, axis, state, at, target, profile, time, period)
-    estimator.believe({name: (value, _START[name] * value) for name, value in values.items()})
+    estimator.believe({name: (value, START[name] * value) for name, value in values.items()})
     begin = time
     for excursion in excursions:
         at, time = _move(
@@ -154,7 +154,7 @@ def _gain(
         )
     after = estimator.sigma
     return {
-        name: Gain(_START[name], after[name] / value) for name, value in values.items()
+        name: Gain(START[name], after[name] / value) for name, value in values.items()
     }, time - begin
 
 

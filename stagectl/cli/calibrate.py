@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from stagectl.calibration.outcome import SiteOutcome
     from stagectl.calibration.sequence import SiteSequence
     from stagectl.calibration.sites import Calibration
-    from stagectl.history.records import Pair
+    from stagectl.history.records import Pair, StageKey
     from stagectl.maps.compare import AxisChange
+    from stagectl.maps.model import FrictionMap
     from stagectl.recipe.model import Recipe
     from stagectl.request import Resumed, RunRequest
 
@@ -147,16 +148,10 @@ def _measure(
     """
     from rich.console import Console
 
-    from stagectl.calibration.outcome import outcomes, overall
+    from stagectl.calibration.outcome import outcomes, overall, reached_lines
     from stagectl.cli.progress import RunProgress
-    from stagectl.errors import StagectlError
-    from stagectl.history.opening import open_history
+    from stagectl.errors import StagectlError, UnusableInput
     from stagectl.history.records import StageKey
-    from stagectl.maps.active import map_versions
-    from stagectl.maps.build import build_map
-    from stagectl.maps.compare import compare
-    from stagectl.maps.learning import tracking_settings
-    from stagectl.maps.model import to_json
     from stagectl.session import Listener, execute
 
     console = Console(stderr=quiet)
@@ -164,29 +159,32 @@ def _measure(
     with RunProgress(console, request.recipe, tuple(machine.axes)) as progress:
         result = execute(request, Listener(progress.phase, progress.event, stop_on_signal))
     stage = StageKey(machine.name, request.truth is not None)
-    history = open_history(str(request.history), write=True)
+    for notice in result.notices:
+        console.print(notice, style="yellow", markup=False, soft_wrap=True)
+    built, number, failed = None, None, result.error
     changes: list[AxisChange] = []
-    built, number = None, None
-    try:
-        versions = map_versions(history, stage)
-        if result.error is None:
-            try:
-                settings = tracking_settings(machine, history.measurements(stage))
-                built = build_map(history, stage, settings=settings)
-                now = datetime.now(UTC).timestamp()
-                number = history.save_map(stage, now, comment, to_json(built))
-                changes = compare(versions[-1].map, built) if versions else []
-            except StagectlError as error:
-                console.print(f"no new map: {error}", style="yellow", markup=False)
-    finally:
-        history.close()
+    if failed is None:
+        try:
+            if result.unwritten is not None:
+                raise StagectlError(
+                    f"{result.unwritten}; what was measured is in {request.folder} only: "
+                    "calibrate again"
+                )
+            number, built, changes = _new_map(request, stage, comment)
+        except UnusableInput as error:  # too few sites, say
+            console.print(f"no new map: {error}", style="yellow", markup=False, soft_wrap=True)
+        except StagectlError as error:
+            failed = StagectlError(f"no new map: {error}")
     found = outcomes(
         request.recipe.sites, [*before, *result.summary["friction"]], tuple(machine.axes), built,
         changes,
     )  # fmt: skip
     console.print(_table(found, calibration.sequence), crop=False, soft_wrap=True)
-    for line in overall(changes):
-        console.print(line, markup=False)
+    reached = reached_lines(found, calibration.sequence)
+    if reached:
+        console.print("known now, median of the sites, 1 sigma:")
+    for line in [*(f"  {line}" for line in reached), *overall(changes)]:
+        console.print(line, markup=False, soft_wrap=True)
     if number is not None:
         console.print(
             f"map {number} kept in {request.history}; 'stagectl map activate {number} --history "
@@ -199,8 +197,36 @@ def _measure(
             markup=False, soft_wrap=True,
         )  # fmt: skip
     if json_out is not None:
-        write_json(_as_dict(request, number, found), json_out)
-    return result.error
+        write_json(_as_dict(request, number, found, calibration.sequence), json_out)
+    return failed
+
+
+def _new_map(
+    request: RunRequest, stage: StageKey, comment: str
+) -> tuple[int, FrictionMap, list[AxisChange]]:
+    """Its number, itself, and what has changed since the version before; kept in the history.
+
+    Raises:
+        UnusableInput: there is too little to make one of.
+        StagectlError: the history cannot be read, or written.
+    """
+    from stagectl.history.opening import open_history
+    from stagectl.maps.active import map_versions
+    from stagectl.maps.build import build_map
+    from stagectl.maps.compare import compare
+    from stagectl.maps.learning import tracking_settings
+    from stagectl.maps.model import to_json
+
+    history = open_history(str(request.history), write=True)
+    try:
+        versions = map_versions(history, stage)
+        settings = tracking_settings(request.machine, history, stage)
+        built = build_map(history, stage, settings=settings)
+        now = datetime.now(UTC).timestamp()
+        number = history.save_map(stage, now, comment, to_json(built))
+        return number, built, compare(versions[-1].map, built) if versions else []
+    finally:
+        history.close()
 
 
 def _table(found: list[SiteOutcome], sequence: SiteSequence) -> RenderableType:
@@ -240,11 +266,15 @@ def _table(found: list[SiteOutcome], sequence: SiteSequence) -> RenderableType:
 
 
 def _as_dict(
-    request: RunRequest, number: int | None, found: list[SiteOutcome]
+    request: RunRequest, number: int | None, found: list[SiteOutcome], sequence: SiteSequence
 ) -> dict[str, object]:
     return {
         "format": "stagectl-calibration", "version": 1, "machine": request.machine.name,
         "simulated": request.truth is not None, "map": number,
+        "expected_bits": {
+            axis: {name: gain.bits for name, gain in gains.items()}
+            for axis, gains in sequence.gains.items()
+        },
         "sites": [
             {
                 "site": e.site, "place": list(e.place), "axis": e.axis, "coulomb": e.coulomb,

@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING
 import click
 
 from stagectl.cli.history_access import history_options, machine_of, open_for
-from stagectl.cli.options import FILE, OUTPUT
+from stagectl.cli.options import FILE, JSON_OUT, OUTPUT, quietly, write_json
 
 if TYPE_CHECKING:
     from stagectl.history.port import History
     from stagectl.history.records import StageKey
     from stagectl.maps.model import MapVersion
+
+MAX_AGE = 365.0
+"""A map of so long ago [days] is not put into use without being asked for."""
 
 
 @click.group(name="map")
@@ -63,20 +66,27 @@ def build(
 @history_options
 @click.option("--html", type=OUTPUT, help="Write heat maps, trends and changes here.")
 @click.option("--at", nargs=2, type=float, metavar="X Y", help="Also the value at this place [m].")
+@JSON_OUT
 def show(
     number: int | None, history: str | None, stage_name: str | None, simulated: bool | None,
-    html: Path | None, at: tuple[float, float] | None,
+    html: Path | None, at: tuple[float, float] | None, json_out: Path | None,
 ) -> None:  # fmt: skip
     """Version NUMBER [the active one, else the last]."""
+    from math import isfinite
+
     from rich.console import Console
 
+    from stagectl.maps.plain import shown
     from stagectl.maps.tables import at_place, summary
+
+    if at is not None and not all(map(isfinite, at)):
+        raise click.BadParameter("must be two finite numbers, in m", param_hint="--at")
 
     opened, stage = open_for(history, stage_name, simulated)
     try:
         versions = _versions(opened, stage)
         version = _chosen(versions, number, opened.name)
-        console = Console()
+        console = Console(stderr=quietly(json_out))
         console.print(summary(version), crop=False)
         if at is not None:
             console.print(at_place(version, at), crop=False)
@@ -84,26 +94,33 @@ def show(
             from stagectl.maps.report import write_map_report
 
             write_map_report(html, opened, stage, version, _before(versions, version))
-            click.echo(f"written: {html}")
+            click.echo(f"written: {html}", err=quietly(json_out))
+        if json_out is not None:
+            write_json(shown(version, at), json_out)
     finally:
         opened.close()
 
 
 @command.command(name="history", short_help="All versions, and when which was in use.")
 @history_options
-def list_versions(history: str | None, stage_name: str | None, simulated: bool | None) -> None:
+@JSON_OUT
+def list_versions(
+    history: str | None, stage_name: str | None, simulated: bool | None, json_out: Path | None
+) -> None:
     """All versions and their use."""
     from rich.console import Console
 
+    from stagectl.maps.plain import listed
     from stagectl.maps.tables import versions_table
 
     opened, stage = open_for(history, stage_name, simulated)
     try:
-        Console().print(
-            versions_table(stage, _versions(opened, stage), opened.activations(stage)), crop=False
-        )
+        versions, used = _versions(opened, stage), opened.activations(stage)
     finally:
         opened.close()
+    Console(stderr=quietly(json_out)).print(versions_table(stage, versions, used), crop=False)
+    if json_out is not None:
+        write_json(listed(stage, versions, used), json_out)
 
 
 @command.command(short_help="Put a version into use, once it is known to fit.")
@@ -111,15 +128,18 @@ def list_versions(history: str | None, stage_name: str | None, simulated: bool |
 @history_options
 @click.option("--machine", type=FILE, help="Machine file that it has to fit [wafer-xy].")
 @click.option("--check", is_flag=True, help="Only say whether it could be.")
+@click.option("--max-age", type=click.FloatRange(0.0), default=MAX_AGE, show_default=True,
+              help="An older one is refused [days].")  # fmt: skip
+@JSON_OUT
 def activate(
     number: int | None, history: str | None, stage_name: str | None, simulated: bool | None,
-    machine: Path | None, check: bool,
+    machine: Path | None, check: bool, max_age: float, json_out: Path | None,
 ) -> None:  # fmt: skip
     """Put version NUMBER [the last] into use: runs on this history go by it from the next on."""
     opened, stage = open_for(history, stage_name, simulated, write=not check)
     try:
         version = _chosen(_versions(opened, stage), number, opened.name, last=True)
-        _apply(opened, stage, version, machine, None if check else "activated")
+        _apply(opened, stage, version, machine, max_age, None if check else "activated", json_out)
     finally:
         opened.close()
 
@@ -127,9 +147,13 @@ def activate(
 @command.command(short_help="Back to the version that was in use before.")
 @history_options
 @click.option("--machine", type=FILE, help="Machine file that it has to fit [wafer-xy].")
+@click.option("--max-age", type=click.FloatRange(0.0), default=MAX_AGE, show_default=True,
+              help="An older one is refused [days].")  # fmt: skip
+@JSON_OUT
 def rollback(
-    history: str | None, stage_name: str | None, simulated: bool | None, machine: Path | None
-) -> None:
+    history: str | None, stage_name: str | None, simulated: bool | None, machine: Path | None,
+    max_age: float, json_out: Path | None,
+) -> None:  # fmt: skip
     """Put the version into use that was before the present one; none where there was none."""
     opened, stage = open_for(history, stage_name, simulated, write=True)
     try:
@@ -137,11 +161,15 @@ def rollback(
         if before is None:
             from datetime import UTC, datetime
 
+            from stagectl.maps.plain import applied
+
             opened.activate(stage, None, datetime.now(UTC).timestamp(), "rolled back")
-            click.echo(f"{stage}: no map in use")
+            click.echo(f"{stage}: no map in use", err=quietly(json_out))
+            if json_out is not None:
+                write_json(applied(stage, None, [], "rolled back"), json_out)
             return
         version = _chosen(_versions(opened, stage), before, opened.name)
-        _apply(opened, stage, version, machine, "rolled back")
+        _apply(opened, stage, version, machine, max_age, "rolled back", json_out)
     finally:
         opened.close()
 
@@ -186,13 +214,16 @@ def export(
 @click.argument("old", type=int)
 @click.argument("new", type=int)
 @history_options
+@JSON_OUT
 def compare(
-    old: int, new: int, history: str | None, stage_name: str | None, simulated: bool | None
-) -> None:
+    old: int, new: int, history: str | None, stage_name: str | None, simulated: bool | None,
+    json_out: Path | None,
+) -> None:  # fmt: skip
     """What has changed from version OLD to version NEW."""
     from rich.console import Console
 
     from stagectl.maps.compare import compare as changes
+    from stagectl.maps.plain import changed
     from stagectl.maps.tables import changes_table
 
     opened, stage = open_for(history, stage_name, simulated)
@@ -202,7 +233,10 @@ def compare(
         second = _chosen(versions, new, opened.name)
     finally:
         opened.close()
-    Console().print(changes_table(old, new, changes(first.map, second.map)), crop=False)
+    found = changes(first.map, second.map)
+    Console(stderr=quietly(json_out)).print(changes_table(old, new, found), crop=False)
+    if json_out is not None:
+        write_json(changed(stage, old, new, found), json_out)
 
 
 def _versions(history: History, stage: StageKey) -> list[MapVersion]:
@@ -249,23 +283,29 @@ def _before_present(history: History, stage: StageKey) -> int | None:
 
 
 def _apply(
-    history: History, stage: StageKey, version: MapVersion, machine: Path | None, reason: str | None
-) -> None:
+    history: History, stage: StageKey, version: MapVersion, machine: Path | None, max_age: float,
+    reason: str | None, json_out: Path | None,
+) -> None:  # fmt: skip
+    """Check a version, and put it into use where there is a reason to; what was found is said."""
     from datetime import UTC, datetime
 
     from stagectl.errors import UnusableInput
-    from stagectl.maps.applicable import problems
+    from stagectl.maps.applicable import outdated, problems
+    from stagectl.maps.plain import applied
 
-    found = problems(version.map, machine_of(machine))
+    now, quiet = datetime.now(UTC).timestamp(), quietly(json_out)
+    found = [*problems(version.map, machine_of(machine)), *outdated(version.map, now, max_age)]
     grave = [problem.text for problem in found if problem.grave]
+    if json_out is not None:
+        write_json(applied(stage, version.number, found, None if grave else reason), json_out)
     if grave:
         raise UnusableInput(
             f"{history.name}: map {version.number} cannot be applied: {'; '.join(grave)}"
         )
     for problem in found:
-        click.echo(f"note: {problem.text}")
+        click.echo(f"note: {problem.text}", err=quiet)
     if reason is None:
-        click.echo(f"map {version.number} can be applied")
+        click.echo(f"map {version.number} can be applied", err=quiet)
         return
-    history.activate(stage, version.number, datetime.now(UTC).timestamp(), reason)
-    click.echo(f"{stage}: map {version.number} is in use from now on ({reason})")
+    history.activate(stage, version.number, now, reason)
+    click.echo(f"{stage}: map {version.number} is in use from now on ({reason})", err=quiet)

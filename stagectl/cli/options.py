@@ -39,6 +39,17 @@ OUTPUT = _Output(path_type=Path)
 """A file to write; - is standard output where the command says so."""
 
 
+JSON_OUT = click.option(
+    "--json", "json_out", type=OUTPUT, help="Also write what is said here; - is stdout."
+)
+"""`--json`; with `-`, what people read goes to standard error."""
+
+
+def quietly(json_out: Path | None) -> bool:
+    """Whether standard output is for JSON alone."""
+    return json_out is not None and str(json_out) == "-"
+
+
 class BusType(click.ParamType[tuple[str, str]]):
     """INTERFACE:CHANNEL of any python-can interface."""
 

@@ -187,7 +187,12 @@ def _with_due_sites(request: RunRequest, path: Path, budget: float | None) -> Ru
     recipe, spent = slip_in(
         request.recipe, due, calibration.sequence, USUAL_BUDGET if allowed is None else allowed
     )
-    click.echo(f"{len(due)} sites due, {len(recipe.slipped)} slipped in ({spent:.1f} s)", err=True)
+    where = "; ".join(f"({x * 1e3:g}, {y * 1e3:g}) mm" for _, (x, y) in recipe.slipped)
+    click.echo(
+        f"{len(due)} sites due, {len(recipe.slipped)} slipped in ({spent:.1f} s)"
+        + (f": {where}" if where else ""),
+        err=True,
+    )
     return replace(request, recipe=recipe)
 
 

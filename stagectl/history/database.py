@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.history.schema import APPLICATION_ID, MIGRATIONS
+from stagectl.history.schema import APPLICATION_ID, MIGRATIONS, READABLE
 
 BUSY_TIMEOUT = 2.0
 """How long a write waits for another program's [s]."""
@@ -96,7 +96,7 @@ class SqliteDatabase:
             self.execute("PRAGMA synchronous = NORMAL")
             self.execute("PRAGMA foreign_keys = ON")
             self._migrate()
-        elif version < len(MIGRATIONS):
+        elif version < READABLE:
             raise UnusableInput(
                 f"{self.name}: tables of version {version}; open it once for writing "
                 f"(any run does) to bring them to {len(MIGRATIONS)}"

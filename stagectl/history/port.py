@@ -55,16 +55,41 @@ class History(Protocol):
         place: Pair,
         since: float = float("-inf"),
         until: float = float("inf"),
+        last: int | None = None,
+        apart: float = 0.0,
     ) -> Trend:
-        """Accepted estimates of one axis at one place in the order of time."""
+        """Accepted estimates of one axis at one place in the order of time.
+
+        Args:
+            stage: whose.
+            axis: its name.
+            place: [m].
+            since: nothing earlier [s since 1970].
+            until: nothing later.
+            last: only so many, the last ones.
+            apart: counted back from the last one, those at least so far one from another [s].
+        """
 
     def at_date(self, stage: StageKey, when: float) -> list[EstimateRecord]:
         """The last accepted estimate of each place and axis until `when` [s since 1970]."""
 
     def measurements(
-        self, stage: StageKey, since: float = float("-inf"), until: float = float("inf")
+        self,
+        stage: StageKey,
+        since: float = float("-inf"),
+        until: float = float("inf"),
+        each: int | None = None,
+        apart: float = 0.0,
     ) -> list[Measurement]:
-        """The sliding levels that moves have shown, in the order of time."""
+        """The sliding levels that moves have shown, in the order of time.
+
+        Args:
+            stage: whose.
+            since: nothing until then [s since 1970].
+            until: nothing later.
+            each: only so many of every place and axis, the last ones.
+            apart: as of `trend`.
+        """
 
     def calibrated(self, stage: StageKey) -> list[tuple[Pair, float]]:
         """Places with the time of their last calibration that an estimate came of."""
@@ -72,11 +97,14 @@ class History(Protocol):
     def refused(self, stage: StageKey, last: int = 100) -> list[EstimateRecord]:
         """The last refused estimates, newest first."""
 
-    def wear(self, stage: StageKey, axis: str, since: float) -> Wear:
-        """Moves and distance of an axis since then, as far as they were estimated."""
+    def wear(self, stage: StageKey, axis: str, since: float, until: float = float("inf")) -> Wear:
+        """Moves and distance of an axis after `since`, as far as they were estimated."""
 
     def add_step(self, step: StepRecord) -> None:
         """Note a step of the level."""
+
+    def newest(self, stage: StageKey) -> float | None:
+        """When the last estimate was made [s since 1970], None where there is none."""
 
     def steps(self, stage: StageKey, since: float = float("-inf")) -> list[StepRecord]:
         """Steps of the level in the order of time."""

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.history.schema import MIGRATIONS
+from stagectl.history.schema import MIGRATIONS, READABLE
 
 if TYPE_CHECKING:
     import psycopg
@@ -63,7 +63,7 @@ class PostgresDatabase:
                     f"{self.name}: tables of version {version}, made by a newer stagectl; this "
                     f"one knows up to {len(MIGRATIONS)}"
                 )
-            if version < len(MIGRATIONS):
+            if version < READABLE:
                 raise UnusableInput(f"{self.name}: no history there, or an older one")
         except BaseException:
             self.close()

@@ -1,7 +1,8 @@
 """A run's estimates on their way into the history.
 
-The history is never worth a run: where it cannot be written any more (disk full, server gone) that
-is kept in `failure`, the run goes on without, and its own files hold the estimates all the same.
+The history is never worth a run: where it cannot be written any more (disk full, server gone,
+another program at it) that is kept in `failure`, and the run goes on without waiting again. What
+was not written is tried once more at the end; the run's own files hold the estimates all the same.
 """
 
 from __future__ import annotations
@@ -42,6 +43,8 @@ class RunHistory:
 
     def __init__(self, history: History, run: RunEntry) -> None:
         self.failure: str | None = None
+        self._estimates: list[EstimateRecord] = []
+        self._steps: list[StepRecord] = []
         self._history, self._run = history, run
         self.number = history.start_run(run)
 
@@ -59,8 +62,6 @@ class RunHistory:
                 its target; else it is only where the whole move was near it.
             temperature: [deg C], where there is one.
         """
-        if self.failure is not None:
-            return
         estimate = event.estimate
         record = EstimateRecord(
             run=self.number,
@@ -78,27 +79,25 @@ class RunHistory:
             measured=measured_level(estimate) if placed or event.reach <= LOCAL else None,
             temperature=temperature,
         )
-        try:
-            self._history.add([record])
-        except StagectlError as error:
-            self.failure = str(error)
+        self._estimates.append(record)
+        if self.failure is None:
+            self._write()
 
     def note_step(self, event: LevelStepped) -> None:
         """Add a step of the level."""
-        if self.failure is not None:
-            return
         kind = "common" if event.everywhere else "site"
         time = self._run.started + event.time
-        try:
-            self._history.add_step(
-                StepRecord(self.number, event.axis, event.place, time, event.change, kind)
-            )
-        except StagectlError as error:
-            self.failure = str(error)
+        self._steps.append(
+            StepRecord(self.number, event.axis, event.place, time, event.change, kind)
+        )
+        if self.failure is None:
+            self._write()
 
     def end(self, outcome: str, fault: str | None) -> None:
         """Note how the run ended, and let go of the history; never raises."""
+        self.failure = None
         try:
+            self._write()
             if self.failure is None:
                 self._history.end_run(self.number, outcome, fault)
         except StagectlError as error:
@@ -106,15 +105,40 @@ class RunHistory:
         finally:
             self._history.close()
 
+    def _write(self) -> None:
+        """What is not there yet."""
+        try:
+            if self._estimates:
+                self._history.add(self._estimates)
+                self._estimates = []
+            while self._steps:
+                self._history.add_step(self._steps[0])
+                del self._steps[0]
+        except StagectlError as error:
+            self.failure = str(error)
 
-def run_entry(request: RunRequest) -> RunEntry:
-    """A run as the history notes it."""
+
+def begins(history: History, request: RunRequest) -> float:
+    """When a run begins, as its history counts [s since 1970].
+
+    A virtual stage has a time of its own, which goes faster than this computer's: it goes on where
+    the stage's last run ended, so that nothing that was learned then lies in this run's future.
+    """
+    now = request.started.timestamp()
+    if request.truth is None:
+        return now
+    newest = history.newest(StageKey(request.machine.name, simulated=True))
+    return now if newest is None else max(now, newest + 1.0)
+
+
+def run_entry(request: RunRequest, started: float) -> RunEntry:
+    """A run as the history notes it; `started`: as `begins` says."""
     simulated = request.truth is not None
     recipe, machine = request.recipe, request.machine
     return RunEntry(
         StageKey(machine.name, simulated),
         tuple(machine.axes),
-        request.started.timestamp(),
+        started,
         recipe.name,
         recipe.lot,
         recipe.wafer,

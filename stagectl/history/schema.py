@@ -53,4 +53,13 @@ MIGRATIONS: tuple[tuple[str, ...], ...] = (
             kind TEXT NOT NULL)""",
         "CREATE INDEX level_step_time ON level_step (time)",
     ),
+    # 3: what a run begins with, found without going through all that production has left.
+    (
+        """CREATE INDEX estimate_measured ON estimate (place, axis, time)
+            WHERE measured IS NOT NULL""",
+        """CREATE INDEX estimate_slipped ON estimate (place, time)
+            WHERE kind = 'other' AND site IS NULL""",
+    ),
 )
+READABLE = 2
+"""Tables from this version on can be read as they are: later ones are only read faster."""

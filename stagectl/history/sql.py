@@ -8,23 +8,16 @@ import struct
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from stagectl.history.database import Database
 from stagectl.history.records import (
-    F64,
     EstimateRecord,
-    Measurement,
     Pair,
     RunEntry,
     StageKey,
     StepRecord,
-    Trend,
     Wear,
 )
-from stagectl.history.sql_maps import SqlMaps
-
-_FAR = 1e18  # beyond any time in seconds; databases have no infinity in common
+from stagectl.history.sql_series import FAR, SqlSeries, covariance, micrometres
 
 _ESTIMATE = (
     "e.run, e.axis, e.kind, e.site, p.x_um, p.y_um, e.time, e.distance, e.accepted, e.reason, "
@@ -32,7 +25,7 @@ _ESTIMATE = (
 )
 
 
-class SqlHistory(SqlMaps):
+class SqlHistory(SqlSeries):
     """`port.History` on a database.
 
     Args:
@@ -106,38 +99,6 @@ class SqlHistory(SqlMaps):
         rows = self._database.execute("SELECT machine, simulated FROM stage ORDER BY id")
         return [StageKey(machine, bool(simulated)) for machine, simulated in rows]
 
-    def places(self, stage: StageKey) -> list[Pair]:
-        """As `port.History`."""
-        rows = self._database.execute(
-            "SELECT p.x_um, p.y_um FROM place p JOIN stage s ON s.id = p.stage "
-            "WHERE s.machine = ? AND s.simulated = ? AND EXISTS (SELECT 1 FROM estimate e "
-            "WHERE e.place = p.id AND e.accepted = 1) ORDER BY p.y_um, p.x_um",
-            (stage.machine, int(stage.simulated)),
-        )
-        return [(x / 1e6, y / 1e6) for x, y in rows]
-
-    def trend(
-        self,
-        stage: StageKey,
-        axis: str,
-        place: Pair,
-        since: float = -math.inf,
-        until: float = math.inf,
-    ) -> Trend:
-        """As `port.History`."""
-        rows = self._database.execute(
-            "SELECT e.time, e.figures, e.covariance, e.level, e.temperature, e.kind, e.run "
-            "FROM estimate e WHERE e.place = ("
-            "SELECT p.id FROM place p JOIN stage s ON s.id = p.stage WHERE s.machine = ? "
-            "AND s.simulated = ? AND p.x_um = ? AND p.y_um = ?) AND e.axis = ? "
-            "AND e.accepted = 1 AND e.time >= ? AND e.time <= ? ORDER BY e.time",
-            (
-                stage.machine, int(stage.simulated), *_micrometres(place), axis,
-                max(since, -_FAR), min(until, _FAR),
-            ),
-        )  # fmt: skip
-        return _trend(rows)
-
     def at_date(self, stage: StageKey, when: float) -> list[EstimateRecord]:
         """As `port.History`."""
         rows = self._database.execute(
@@ -147,32 +108,26 @@ class SqlHistory(SqlMaps):
             "SELECT l.id FROM estimate l WHERE l.place = p.id "
             "AND l.axis = a.axis AND l.accepted = 1 AND l.time <= ? ORDER BY l.time DESC LIMIT 1) "
             "WHERE s.machine = ? AND s.simulated = ? ORDER BY e.axis, p.y_um, p.x_um",
-            (min(when, _FAR), stage.machine, int(stage.simulated)),
+            (min(when, FAR), stage.machine, int(stage.simulated)),
         )
         return [_estimate(row) for row in rows]
 
-    def measurements(
-        self, stage: StageKey, since: float = -math.inf, until: float = math.inf
-    ) -> list[Measurement]:
-        """As `port.History`."""
-        rows = self._database.execute(
-            "SELECT e.axis, p.x_um, p.y_um, e.time, e.measured, e.measured_sigma FROM estimate e "
-            "JOIN place p ON p.id = e.place JOIN stage s ON s.id = p.stage WHERE s.machine = ? "
-            "AND s.simulated = ? AND e.measured IS NOT NULL "
-            "AND e.time > ? AND e.time <= ? ORDER BY e.time, e.id",
-            (stage.machine, int(stage.simulated), max(since, -_FAR), min(until, _FAR)),
-        )
-        return [Measurement(row[0], (row[1] / 1e6, row[2] / 1e6), *row[3:]) for row in rows]
-
     def calibrated(self, stage: StageKey) -> list[tuple[Pair, float]]:
         """As `port.History`."""
+        mine = (stage.machine, int(stage.simulated))
         rows = self._database.execute(
-            "SELECT p.x_um, p.y_um, max(e.time) FROM run r JOIN stage s ON s.id = r.stage "
+            "SELECT x_um, y_um, max(time) FROM ("
+            "SELECT p.x_um, p.y_um, e.time FROM run r JOIN stage s ON s.id = r.stage "
             "JOIN estimate e ON e.run = r.id JOIN place p ON p.id = e.place WHERE s.machine = ? "
-            "AND s.simulated = ? AND e.accepted = 1 AND e.measured IS NOT NULL "
-            "AND (r.purpose = 'calibration' OR (e.kind = 'other' AND e.site IS NULL)) "
-            "GROUP BY p.x_um, p.y_um",
-            (stage.machine, int(stage.simulated)),
+            "AND s.simulated = ? AND r.purpose = 'calibration' AND e.accepted = 1 "
+            "AND e.measured IS NOT NULL "
+            # Slipped into a production run: besides sites there are no other moves in one.
+            "UNION ALL SELECT p.x_um, p.y_um, e.time FROM place p JOIN stage s ON s.id = p.stage "
+            "JOIN estimate e ON e.place = p.id WHERE s.machine = ? AND s.simulated = ? "
+            "AND e.kind = 'other' AND e.site IS NULL AND e.accepted = 1 "
+            "AND e.measured IS NOT NULL AND EXISTS (SELECT 1 FROM estimate o "
+            "WHERE o.run = e.run AND o.site IS NOT NULL)) AS c GROUP BY x_um, y_um",
+            (*mine, *mine),
         )
         return [((x / 1e6, y / 1e6), time) for x, y, time in rows]
 
@@ -186,13 +141,13 @@ class SqlHistory(SqlMaps):
         )
         return [_estimate(row) for row in rows]
 
-    def wear(self, stage: StageKey, axis: str, since: float) -> Wear:
+    def wear(self, stage: StageKey, axis: str, since: float, until: float = math.inf) -> Wear:
         """As `port.History`."""
         rows = self._database.execute(
             "SELECT count(*), coalesce(sum(e.distance), 0) FROM estimate e "
             "JOIN place p ON p.id = e.place JOIN stage s ON s.id = p.stage WHERE s.machine = ? "
-            "AND s.simulated = ? AND e.axis = ? AND e.time > ?",
-            (stage.machine, int(stage.simulated), axis, max(since, -_FAR)),
+            "AND s.simulated = ? AND e.axis = ? AND e.time > ? AND e.time <= ?",
+            (stage.machine, int(stage.simulated), axis, max(since, -FAR), min(until, FAR)),
         )
         return Wear(int(rows[0][0]), float(rows[0][1]))
 
@@ -201,7 +156,7 @@ class SqlHistory(SqlMaps):
         with self._database.transaction():
             rows = self._database.execute("SELECT stage FROM run WHERE id = ?", (step.run,))
             place = self._id(
-                "place", ("stage", "x_um", "y_um"), (rows[0][0], *_micrometres(step.place))
+                "place", ("stage", "x_um", "y_um"), (rows[0][0], *micrometres(step.place))
             )
             self._database.execute(
                 "INSERT INTO level_step (run, place, axis, time, change, kind) "
@@ -215,7 +170,7 @@ class SqlHistory(SqlMaps):
             "SELECT l.run, l.axis, p.x_um, p.y_um, l.time, l.change, l.kind FROM level_step l "
             "JOIN place p ON p.id = l.place JOIN stage s ON s.id = p.stage WHERE s.machine = ? "
             "AND s.simulated = ? AND l.time > ? ORDER BY l.time, l.id",
-            (stage.machine, int(stage.simulated), max(since, -_FAR)),
+            (stage.machine, int(stage.simulated), max(since, -FAR)),
         )
         return [StepRecord(r[0], r[1], (r[2] / 1e6, r[3] / 1e6), *r[4:]) for r in rows]
 
@@ -241,7 +196,7 @@ class SqlHistory(SqlMaps):
             if not rows:
                 raise ValueError(f"run {e.run} is not in {self.name}")
             stage = self._stage_of_run[e.run] = int(rows[0][0])
-        key = (stage, *_micrometres(e.place))
+        key = (stage, *micrometres(e.place))
         place = self._places.get(key) or made.get(key)
         if place is None:
             place = made[key] = self._id("place", ("stage", "x_um", "y_um"), key)
@@ -264,46 +219,10 @@ class SqlHistory(SqlMaps):
         return self._id("stage", ("machine", "simulated"), (stage.machine, int(stage.simulated)))
 
 
-def _micrometres(place: Pair) -> tuple[int, int]:
-    """What tells one place from another: its position in whole um."""
-    return round(place[0] * 1e6), round(place[1] * 1e6)
-
-
-def _covariance(data: bytes) -> tuple[float, ...]:
-    return struct.unpack(f"<{len(data) // 8}d", data)
-
-
-def _trend(rows: Sequence[Sequence[Any]]) -> Trend:
-    """Columns out of rows, without a step per row where it can be helped."""
-    if not rows:
-        none = np.zeros(0)
-        return Trend(none, {}, {}, none, none, (), ())
-    time, texts, covariances, level, temperature, kind, run = zip(*rows, strict=True)
-    figures = json.loads(f"[{','.join(texts)}]")
-    names = list(dict.fromkeys(name for entry in figures for name in entry))
-    values = {name: np.array([f.get(name, math.nan) for f in figures], float) for name in names}
-    sigma: dict[str, F64]
-    if all(entry.keys() == figures[0].keys() for entry in figures):
-        count = len(names)
-        matrices = np.frombuffer(b"".join(covariances), "<f8").reshape(len(rows), count, count)
-        diagonal = np.sqrt(np.maximum(np.einsum("kii->ki", matrices), 0.0))
-        sigma = dict(zip(names, diagonal.T, strict=True))
-    else:  # another version of the estimator had other figures
-        sigma = {name: np.full(len(rows), math.nan) for name in names}
-        for k, (entry, data) in enumerate(zip(figures, covariances, strict=True)):
-            diagonal = _covariance(data)[:: len(entry) + 1]
-            for name, variance in zip(entry, diagonal, strict=True):
-                sigma[name][k] = math.sqrt(max(variance, 0.0))
-    return Trend(
-        np.array(time, float), values, sigma, np.array(level, float),
-        np.array([math.nan if t is None else t for t in temperature], float), kind, run,
-    )  # fmt: skip
-
-
 def _estimate(row: Sequence[Any]) -> EstimateRecord:
     return EstimateRecord(
         run=row[0], axis=row[1], kind=row[2], site=row[3], place=(row[4] / 1e6, row[5] / 1e6),
         time=row[6], distance=row[7], accepted=bool(row[8]), reason=row[9],
-        figures=json.loads(row[10]), covariance=_covariance(row[11]), level=row[12],
+        figures=json.loads(row[10]), covariance=covariance(row[11]), level=row[12],
         measured=None if row[13] is None else (row[13], row[14]), temperature=row[15],
     )  # fmt: skip

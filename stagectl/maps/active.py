@@ -14,8 +14,9 @@ from stagectl.maps.learning import figure_drift, tracking_settings
 from stagectl.maps.model import FrictionMap, MapVersion, from_json
 from stagectl.maps.places import TrackedPlaces
 
-REPLAYED = 20_000
-"""So many of the last measurements are gone through to bring a map up to now."""
+REPLAYED = 60
+"""So many of the last measurements of each place and axis are gone through to bring a map up to
+now: what they say together is known better than it stays as it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,22 +79,21 @@ def load_active(
     )  # fmt: skip
     refuse_unless_applicable(version, machine, history.name)
     friction_map = version.map
-    measured = history.measurements(stage)
+    since = history.measurements(stage, friction_map.date, started, each=REPLAYED)
     places = TrackedPlaces(
         friction_map,
         tuple(machine.axes),
         [axis.travel for axis in machine.axes.values()],
         sites,
-        tracking_settings(machine, measured),
+        tracking_settings(machine, history, stage),
         started,
     )
-    since = [m for m in measured if friction_map.date < m.time <= started]
-    places.replay(since[-REPLAYED:])
+    places.replay(since)
     return ActiveMap(
         version,
         places,
         _latest_figures(history, stage, friction_map, started),
-        figure_drift(history, stage, tuple(machine.axes), measured),
+        figure_drift(history, stage, tuple(machine.axes)),
     )
 
 

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from stagectl.config.machine import Axis, Machine
+from stagectl.history.records import Pair
 from stagectl.maps.build import LEAST_SITES
-from stagectl.maps.model import FrictionMap, MapAxis
+from stagectl.maps.model import FrictionMap, MapAxis, MapVersion
 
 FAR_OFF = (0.2, 5.0)
 """A Coulomb force outside of so many times the machine file's is no friction of this stage."""
 UNUSUAL = (0.6, 1.67)
 UNSURE = 0.1
 """A site known no better than that (relative, 1 sigma) is hardly known."""
+AGED = 30.0
+"""An older map [days] is used, and that is said."""
+DAY = 86400.0
 ODD = 4.0
 """A site so many standard deviations off what its neighbours say does not fit them."""
 
@@ -50,6 +55,47 @@ def problems(friction_map: FrictionMap, machine: Machine) -> list[Problem]:
         if name not in friction_map.axes
     ]
     return sorted(found, key=lambda problem: not problem.grave)
+
+
+def outdated(friction_map: FrictionMap, now: float, max_age: float) -> list[Problem]:
+    """What its age speaks against a map that is to be put into use.
+
+    A run does not ask: there what the map says counts for less the older it is, and what moves have
+    shown since for more.
+
+    Args:
+        friction_map: to be used.
+        now: [s since 1970].
+        max_age: [days].
+    """
+    days = (now - friction_map.date) / DAY
+    said = f"what it stands for is {days:.0f} days old"
+    if days > max_age:
+        return [Problem(True, f"{said}, older than {max_age:g}: calibrate again")]
+    if days > AGED:
+        return [Problem(False, said)]
+    if days < -1.0:
+        return [
+            Problem(False, "what it stands for is still to come: is this computer's clock right?")
+        ]
+    return []
+
+
+def short_of(version: MapVersion, sites: Sequence[Pair]) -> list[str]:
+    """What is to be said of sites [m] that lie outside of the map; nothing where none does."""
+    if not sites:
+        return []
+    inside = np.ones(len(sites), dtype=np.bool_)
+    for axis in version.map.axes.values():
+        inside &= axis.field().at(np.array(sites)).inside
+    if inside.all():
+        return []
+    x, y = sites[int(inside.argmin())]
+    return [
+        f"friction map {version.number} ends short of {np.sum(~inside)} of {len(sites)} sites, the "
+        f"first at ({x * 1e3:g}, {y * 1e3:g}) mm: the value at its edge stands there, with more "
+        "doubt the further away"
+    ]
 
 
 def _axis(name: str, axis: MapAxis, machine: Machine) -> list[Problem]:

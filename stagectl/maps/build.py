@@ -25,6 +25,9 @@ from stagectl.maps.model import FrictionMap, MapAxis, MapSite
 
 LEAST_SITES = 4
 """A map of fewer places says nothing of the others."""
+GATHERED = 100
+"""So many of the last measurements of each place and axis go in: the ones before them add nothing,
+and a year of production would take hours to go through."""
 WARMING = ((3e-5, 0.4), (2e-4, 0.3), (1e-3, 0.2), (3e-3, 0.1))
 """How fast the level may be changing when measurements begin, rms [1/s], and prior weights: it is
 asked for that the stage be warm, and not always so."""
@@ -54,7 +57,7 @@ def build_map(
     Raises:
         UnusableInput: there is too little to make a map of.
     """
-    measured = history.measurements(stage, since, until)
+    measured = history.measurements(stage, since, until, each=GATHERED)
     by_axis: dict[str, list[Measurement]] = {}
     for entry in measured:
         by_axis.setdefault(entry.axis, []).append(entry)

@@ -21,19 +21,23 @@ from stagectl.history.records import Measurement, Pair, StageKey
 HOUR = 3600.0
 MOST_STEPS = 400
 """The latest differences say enough, and a run should not wait for more."""
+RECENT = 20
+"""Of each place, to see how long it is from move to move."""
 LEAST_STEPS = 20
 """Fewer differences than that say nothing; the usual rates stand."""
 
 
 def tracking_settings(
-    machine: Machine, measured: Sequence[Measurement]
+    machine: Machine, history: History, stage: StageKey
 ) -> dict[str, TrackingSettings]:
     """Settings of the tracking by axis.
 
     Args:
         machine: whose `repeatability` is the level's wander.
-        measured: what moves have shown, in the order of time.
+        history: open.
+        stage: whose.
     """
+    measured = history.measurements(stage, each=MOST_STEPS // 4, apart=HOUR)
     settings: dict[str, TrackingSettings] = {}
     for name, axis in machine.axes.items():
         wander = axis.plant.friction.repeatability
@@ -48,7 +52,7 @@ def tracking_settings(
 
 
 def figure_drift(
-    history: History, stage: StageKey, axes: Sequence[str], measured: Sequence[Measurement]
+    history: History, stage: StageKey, axes: Sequence[str]
 ) -> dict[str, dict[str, float]]:
     """Relative 1-sigma by which the figures but the Coulomb force change from move to move.
 
@@ -58,8 +62,8 @@ def figure_drift(
         history: open.
         stage: whose.
         axes: their names.
-        measured: what moves have shown, in the order of time.
     """
+    measured = history.measurements(stage, each=RECENT)
     found: dict[str, dict[str, float]] = {}
     for axis in axes:
         time = np.array([m.time for m in measured if m.axis == axis])
@@ -106,18 +110,17 @@ def level_noise(measured: Sequence[Measurement]) -> ProcessNoise:
 def figure_noise(history: History, stage: StageKey, axis: str) -> Mapping[str, ProcessNoise]:
     """Rate and scatter of every friction figure of one axis, from the trends of all places.
 
-    Of each hour the last estimate counts: those before it have gone into it.
+    Of each hour one estimate counts: those before it have gone into it.
     """
     by_name: dict[str, list[Series]] = {}
     for place in history.places(stage):
-        trend = history.trend(stage, axis, place)
+        trend = history.trend(stage, axis, place, last=MOST_STEPS // 4, apart=HOUR)
         for name, values in trend.values.items():
             ok = np.isfinite(values) & (values > 0.0)
-            last = np.append(np.diff(trend.time[ok] // HOUR) > 0.0, True)
-            if last.sum() >= 2:
-                value = values[ok][last]
+            if ok.sum() >= 2:
+                value = values[ok]
                 by_name.setdefault(name, []).append(
-                    Series(trend.time[ok][last], np.log(value), trend.sigma[name][ok][last] / value)
+                    Series(trend.time[ok], np.log(value), trend.sigma[name][ok] / value)
                 )
     return {name: learn(_latest(series)) for name, series in by_name.items()}
 

@@ -16,7 +16,7 @@ from stagectl.maps.heat_map import HeatMap, draw_heat_map
 from stagectl.maps.learning import figure_noise
 from stagectl.maps.model import MapAxis, MapVersion
 from stagectl.maps.tables import FIGURES, day
-from stagectl.maps.trend_chart import draw_trend
+from stagectl.maps.trend_chart import MOST, draw_trend
 from stagectl.store.atomic import write_atomically
 
 _STYLE = Path(__file__).parents[1] / "report" / "static" / "report.css"
@@ -130,7 +130,7 @@ def _axis(
 def _trends(history: History, stage: StageKey, name: str, axis: MapAxis) -> list[Markup]:
     drawn = []
     for site in axis.sites:
-        trend = history.trend(stage, name, site.place)
+        trend = history.trend(stage, name, site.place, last=MOST)
         if len(trend) and "coulomb" in trend.values:
             text = draw_trend(trend, "coulomb", f"{name} at {_mm(site.place)} mm", site.coulomb)
             drawn.append(Markup(text))  # noqa: S704  numbers and an axis' name, which is a word

@@ -37,6 +37,8 @@ class MoveStep:
             for a relative move.
         profile: limits of the motion, for each axis.
         relative: signed distance from the last target [m] instead of `target`.
+        place: whose friction it shows, where that is not the site's or the target's [m]: of a
+            calibration slipped in.
     """
 
     site: int | None
@@ -44,6 +46,7 @@ class MoveStep:
     target: Pair | None
     profile: Profile
     relative: Pair | None = None
+    place: Pair | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +161,7 @@ def _excursions(
     for excursion in excursions:
         (x, y), (dx, dy) = place, excursion.offset
         target = (round(x + dx, 12), round(y + dy, 12))
-        yield MoveStep(site, excursion.kind, target, excursion.profile)
+        yield MoveStep(site, excursion.kind, target, excursion.profile, place=place)
         yield settle
 
 

@@ -103,6 +103,7 @@ class Engine:
         self._on_move, self._on_event = on_move, on_event
         self._site: int | None = None
         self._site_position: tuple[float, ...] = tuple(self._mover.target)
+        self._place: tuple[float, ...] | None = None
         self._mark: tuple[float, ...] | None = None
 
     @property
@@ -165,10 +166,13 @@ class Engine:
         self._site = step.site
         if step.kind == "macro":
             self._site_position = target
+        self._place = step.place
         profile = step.profile
         limits = Limits(profile.velocity, profile.acceleration, profile.jerk)
         self._on_event(MoveStarted(step.site, step.kind, self._mover.time))
-        if not self._mover.go(step.kind, step.site, target, limits, self._on_move):
+        if not self._mover.go(
+            step.kind, step.site, target, limits, self._on_move, step.place or target
+        ):
             self._check_stop()
 
     def _target_of(self, step: MoveStep) -> tuple[float, ...] | None:
@@ -236,7 +240,9 @@ class Engine:
         for axis, learned in self._mover.learn():
             assert move is not None  # noqa: S101  else there would be nothing to learn from
             site = move.site
-            place = tuple(move.target.values()) if site is None else self._site_position
+            place = self._place or (
+                tuple(move.target.values()) if site is None else self._site_position
+            )
             self._on_event(
                 FrictionUpdated(
                     site,

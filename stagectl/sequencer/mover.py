@@ -140,6 +140,7 @@ class Mover:
         target: Sequence[float],
         profile: Limits,
         announce: Callable[[Move], object],
+        place: Sequence[float] | None = None,
     ) -> bool:
         """Move all axes to rest at `target` [m]; returns False where it was stopped on the way.
 
@@ -151,6 +152,7 @@ class Mover:
             target: on the grid of setpoints.
             profile: asked for; the axes' limits hold besides.
             announce: called with the move before its first sample.
+            place: whose friction it is to show [m]; None: the target's.
         """
         motion = [
             plan(float(start), end, _within(profile, axis.limits))
@@ -161,7 +163,7 @@ class Mover:
         if len(self._tail):
             self._rest_force = self._tail.mean_force()
         demand = _demand(motion, rows, self._period)
-        self._relief = self._depart(target, demand)
+        self._relief = self._depart(target if place is None else place, demand)
         longest = max(m.duration for m in motion)
         self._brief = [m.duration < (1.0 - BRIEF) * longest for m in motion]
         offset = np.column_stack(
@@ -241,14 +243,14 @@ class Mover:
             return move
         return self._axes[a].compensation.level_with_target(move, self._behind[a])
 
-    def _depart(self, target: Sequence[float], demand: F64) -> F64 | None:
-        """Tell every axis what to expect at the target; what differs on the way, shape (K, n).
+    def _depart(self, place: Sequence[float], demand: F64) -> F64 | None:
+        """Tell every axis what to expect at a place; what differs on the way, shape (K, n).
 
         None where nothing is known of places, or the move stays at its own.
         """
         if self._places is None:
             return None
-        expected = self._places.depart(target, self.time)
+        expected = self._places.depart(place, self.time)
         if expected is None:
             return None
         for axis, there in zip(self._axes, expected, strict=True):

@@ -91,6 +91,7 @@ class RunFacts:
         outcome: "completed", "aborted" or "fault".  fault: its text, or None.
         resumed: what it went on with (run, started, done), None where it began at the start.
         retries: stretches that were begun again.
+        wafer: or None.  map: number of the friction map that it went by, None for none.
     """
 
     recipe: str
@@ -105,6 +106,8 @@ class RunFacts:
     fault: str | None = None
     resumed: Mapping[str, object] | None = None
     retries: Sequence[Retry] = ()
+    wafer: str | None = None
+    map: int | None = None
 
 
 def build_summary(
@@ -155,6 +158,10 @@ def build_summary(
     }
     if ledger is not None:
         summary["punctuality"] = _punctuality(ledger)
+    if facts.wafer is not None:
+        summary["wafer"] = facts.wafer
+    if facts.map is not None:
+        summary["map"] = facts.map
     if facts.resumed is not None:
         summary["resumed"] = dict(facts.resumed)
     if facts.retries:

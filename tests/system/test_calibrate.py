@@ -31,8 +31,11 @@ RECIPE = short_recipe((0.01, 0.01), (0.015, 0.01))
 
 
 def stagectl(*arguments, code=0):
-    """Run a command in this process; what it says."""
+    """Run a command in this process; what it says. `code`: None where it is used wrongly."""
     result = CliRunner().invoke(cli, [str(a) for a in arguments])
+    if code is None:
+        assert result.exit_code == 2, result.output
+        return result.output
     if code == 0:
         assert result.exit_code == 0, result.output + repr(result.exception)
         return result.output
@@ -121,6 +124,7 @@ def test_a_map_is_looked_at_put_into_use_and_taken_back(calibrated, tmp_path):
     assert page.read_text().count("<svg") == 2 * (2 + 4)  # two heat maps and the trends of an axis
     assert "map 2" in stagectl("map", "build", *where, "--comment", "again")
     assert "map 1 to 2: all sites" in stagectl("map", "compare", "1", "2", *where)
+    assert "finite" in stagectl("map", "show", *where, "--at", "nan", "0", code=None)
     stagectl("map", "activate", "1", "--check", *where)
     assert "no map is in use" in stagectl("map", "rollback", *where, code=2)
     stagectl("map", "activate", "1", *where)
@@ -139,6 +143,36 @@ def test_a_map_is_looked_at_put_into_use_and_taken_back(calibrated, tmp_path):
     assert "it is of wafer-xy" in said
 
 
+def test_what_maps_say_as_json(calibrated, tmp_path):
+    folder, _, outcome = calibrated
+    where = ("--history", shutil.copy(folder / "stage.db", tmp_path / "stage.db"))
+
+    def told(*arguments):
+        out = tmp_path / "told.json"
+        stagectl("map", *arguments, *where, "--json", out)
+        return json.loads(out.read_text())
+
+    shown = told("show", "--at", "0.01", "0.01")
+    assert (shown["format"], shown["map"], shown["active"]) == ("stagectl-map-shown", 1, False)
+    at = shown["axes"]["y"]["at"]
+    assert at["low"] < at["coulomb"] < at["high"]
+    sites = {tuple(s["place"]): s["coulomb"] for s in shown["axes"]["x"]["sites"]}
+    assert sites == {tuple(e["place"]): e["coulomb"] for e in outcome["sites"] if e["axis"] == "x"}
+    assert set(outcome["expected_bits"]["x"]) == set(outcome["sites"][0]["bits"])
+    checked = told("activate", "--check")
+    assert (checked["applicable"], checked["done"]) == (True, None)
+    assert told("activate")["done"] == "activated"
+    assert [m["active"] for m in told("history")["maps"]] == [True]
+    same = told("compare", "1", "1")["axes"]["x"]
+    assert (same["common"], len(same["sites"])) == (0.0, 4)
+    assert told("rollback")["map"] is None
+    refused = tmp_path / "refused.json"
+    other = tmp_path / "other.yaml"
+    other.write_text(load_machine().text.replace("wafer-xy", "another"))
+    stagectl("map", "activate", *where, "--machine", other, "--json", refused, code=2)
+    assert json.loads(refused.read_text())["applicable"] is False
+
+
 def test_a_run_goes_by_the_map_and_says_so(calibrated, tmp_path):
     folder, _, _ = calibrated
     where = ("--history", shutil.copy(folder / "stage.db", tmp_path / "stage.db"))
@@ -150,6 +184,8 @@ def test_a_run_goes_by_the_map_and_says_so(calibrated, tmp_path):
         stagectl(*run, "--out", tmp_path / name, *options)
         begun = read_notes(tmp_path / name / "recording.h5").events[0]
         assert (begun["event"], begun["map"]) == ("run", number)
+        summary = json.loads((tmp_path / name / "summary.json").read_text())
+        assert summary.get("map") == number
         history = open_history(str(where[1]))
         seen = [m for m in history.measurements(STAGE) if m.place == (0.015, 0.01)]
         history.close()
@@ -171,5 +207,16 @@ def test_due_sites_are_slipped_into_a_run_within_its_budget(calibrated, tmp_path
     assert due > slipped == 1  # the budget has room for one of them
     moves = json.loads((tmp_path / "slipped" / "summary.json").read_text())["moves"]
     assert sum(m["kind"] == "creep" or m["kind"] == "other" for m in moves) >= 8
+    # What it has shown there is that site's, wherever its moves ended; and production's its own.
+    history = open_history(str(where[1]))
+    slipped_at = set(history.places(STAGE)) - {(0.01, 0.01), (0.015, 0.01)}
+    assert slipped_at <= {(0.0, 0.0), (0.02, 0.0), (0.02, 0.02), (0.0, 0.02)}
+    # On a virtual stage time goes on where it ended, however fast it was simulated.
+    begun = [run.started for _, run, _ in history.runs(STAGE)]
+    newest = history.newest(STAGE)
+    history.close()
+    assert begun == sorted(begun, reverse=True)
+    assert newest - begun[0] > 2.0
+    assert begun[0] - begun[1] > 1.0
     said = stagectl("replay", tmp_path / "slipped", code=2)
     assert "had some slipped into it" in said

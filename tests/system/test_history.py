@@ -68,31 +68,50 @@ def test_a_history_that_cannot_be_used_is_refused_before_anything_moves(request_
 
 
 class Full:
-    """A history whose disk is full once the run is noted."""
+    """A history whose disk is full once the run is noted, for `refused` writes."""
 
     name = "full"
     closed = False
+
+    def __init__(self, refused=math.inf):
+        self.refused, self.tried, self.rows, self.outcome = refused, 0, [], None
 
     def start_run(self, run):
         return 1
 
     def add(self, estimates):
-        raise StagectlError("stage.db: database or disk is full")
+        self.tried += 1
+        if self.tried <= self.refused:
+            raise StagectlError("stage.db: database or disk is full")
+        self.rows += estimates
+
+    def end_run(self, run, outcome, fault):
+        self.outcome = outcome
 
     def close(self):
         self.closed = True
 
 
-def test_a_history_that_fails_on_the_way_is_told_and_left(request_):
-    full = Full()
+@pytest.mark.parametrize("refused", [1, math.inf])
+def test_a_history_that_fails_on_the_way_is_left_and_tried_again_at_the_end(request_, refused):
+    """A run does not wait for it twice; one that was only busy has all of the run in the end."""
+    full = Full(refused)
     stage = StageKey("m", True)
     history = RunHistory(full, RunEntry(stage, ("x",), 0.0, "r", None, None, "s", "f"))
+    noted = []
 
     def note(event):
         if isinstance(event, FrictionUpdated):
+            noted.append(event)
             history.note(event)
 
     execute(replace(request_, history=None), Listener(event=note))
+    assert full.tried == 1 < len(noted)
     history.end("completed", None)
-    assert history.failure == "stage.db: database or disk is full"
     assert full.closed
+    if refused == 1:
+        assert (history.failure, full.outcome) == (None, "completed")
+        assert [(row.axis, row.kind) for row in full.rows] == [(e.axis, e.kind) for e in noted]
+    else:
+        assert history.failure == "stage.db: database or disk is full"
+        assert (full.rows, full.outcome) == ([], None)

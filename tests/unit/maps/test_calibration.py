@@ -8,7 +8,7 @@ import pytest
 
 from stagectl.calibration.due import DueSite, due_sites
 from stagectl.calibration.outcome import outcomes
-from stagectl.calibration.sequence import GOALS, SiteSequence
+from stagectl.calibration.sequence import GOALS, START, SiteSequence
 from stagectl.calibration.sites import DAY, Calibration, DueSection, load_calibration
 from stagectl.calibration.slip_in import slip_in
 from stagectl.config.machine import load_machine
@@ -190,6 +190,14 @@ def test_what_a_calibration_says_of_a_site():
     assert "dirt" in found[0].suggestion
     assert "residual 9 times" in found[3].suggestion
     assert found[0].gains["coulomb"].bits == pytest.approx(math.log2(0.3 / 0.01))
+    figures = {
+        name: {"value": 1.0, "sigma": sigma} for name, sigma in
+        (("coulomb", 0.03), ("viscous", 0.05), ("stiffness", 0.01), ("attraction", 0.05))
+    }  # fmt: skip
+    told = outcomes(SITES[:1], [{**entry(1, True), "parameters": figures}], ("x",), None, [])
+    # What is predicted is reached of: C/Fc instead of C, whose variance has that of Fc in it.
+    assert set(told[0].gains) == set(START)
+    assert told[0].gains["relaxation_rate"].after == pytest.approx(0.04)
     down = [replace(changes[0], sites=(SiteChange(SITES[0], -0.2, 0.01),))]
     assert "grease" in outcomes(SITES[:1], friction, ("x",), None, down)[0].suggestion
 

@@ -2,19 +2,22 @@
 
 import csv
 import math
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from stagectl.calibration.due import due_sites
+from stagectl.calibration.sites import DueSection
 from stagectl.config.machine import load_machine
 from stagectl.errors import UnusableInput
 from stagectl.history.measured import doubt, measured_level
 from stagectl.history.opening import open_history
 from stagectl.history.records import EstimateRecord, RunEntry, StageKey
-from stagectl.maps.active import load_active, map_versions
-from stagectl.maps.applicable import problems
+from stagectl.maps.active import REPLAYED, load_active, map_versions
+from stagectl.maps.applicable import outdated, problems, short_of
 from stagectl.maps.build import build_map
 from stagectl.maps.compare import compare
 from stagectl.maps.export import grid_table, sites_table, trend_table, write_table
@@ -237,13 +240,12 @@ def test_how_fast_the_other_figures_drift_is_learnt_per_axis_and_figure(history)
                 for axis in "xy"
             ]
         )  # fmt: skip
-    drift = figure_drift(history, STAGE, ("x", "y"), history.measurements(STAGE))
+    drift = figure_drift(history, STAGE, ("x", "y"))
     assert set(drift["x"]) == {"viscous", "stiffness"}  # the Coulomb force is the tracking's
     gap = 1.0 / 86400.0  # a day's walk, in the second from one move to the next
     assert drift["x"]["viscous"] > 0.02 * gap**0.5
     assert drift["x"]["viscous"] > 3 * max(drift["y"]["viscous"], drift["x"]["stiffness"])
-    few = history.measurements(STAGE, until=BEGIN + 10.0)
-    assert figure_drift(history, STAGE, ("z",), few) == {}
+    assert figure_drift(history, STAGE, ("z",)) == {}
 
 
 def test_in_production_a_site_is_known_on_arrival_and_its_step_is_found(history):
@@ -277,6 +279,80 @@ def test_in_production_a_site_is_known_on_arrival_and_its_step_is_found(history)
     answer = places.arrived(0, "macro", estimate((1.2 * level("x", GRID[12]), 0.02)), 20.5)
     assert [(s.axis, s.place, s.everywhere) for s in steps] == [("x", GRID[12], False)]
     assert answer.coulomb == pytest.approx(1.2 * level("x", GRID[12]), rel=0.04)
+
+
+def test_production_and_doubt_make_sites_due(history):
+    """What production has found off the map, and what the map does not know well any more."""
+    calibrate(history)
+    number, _ = keep(history, BEGIN)
+    history.activate(STAGE, number, BEGIN, "activated")
+    machine, sites = load_machine(), GRID[:6]
+    run = history.start_run(RunEntry(STAGE, ("x", "y"), BEGIN + 200, "r", None, None, "s", "f"))
+    history.add(
+        [
+            EstimateRecord(
+                run, "x", "macro", i + 1, place, BEGIN + 200 + 10 * k + i, 1e-3, True, None,
+                {"coulomb": 6.0}, (0.01,), 1.0,
+                (level("x", place) * (1.06 if i == 4 else 1.0), 0.02),
+            )
+            for k in range(8) for i, place in enumerate(sites)
+        ]
+    )  # fmt: skip
+
+    def due(now, **limits):
+        places = load_active(history, STAGE, machine, sites, now).places
+        asked = DueSection.model_validate({"days": 1000, **limits})
+        found = due_sites(sites, asked, history, STAGE, ("x", "y"), now, places)
+        return {d.place: " ".join(d.reasons) for d in found}
+
+    found = due(BEGIN + 300)
+    assert set(found) == {sites[4]}
+    assert re.fullmatch(r"x: \+[56]\.\d% off the map", found[sites[4]])
+    assert due(BEGIN + 300, change=0.2) == {}
+    assert due(BEGIN + 86400 * 30, change=0.2).keys() == set(sites)  # nobody has looked since
+    assert all("known to" in reason for reason in due(BEGIN + 300, uncertainty=1e-3).values())
+
+
+def test_what_a_run_begins_with_does_not_grow_with_the_history(history):
+    """Weeks of production say the same as their last visits, and take no longer."""
+    calibrate(history)
+    number, _ = keep(history, BEGIN)
+    history.activate(STAGE, number, BEGIN, "activated")
+    machine, place = load_machine(), GRID[7]
+    generator = np.random.default_rng(4)
+    run = history.start_run(RunEntry(STAGE, ("x", "y"), BEGIN + 500, "r", None, None, "s", "f"))
+    rows = [
+        EstimateRecord(
+            run, "x", "macro", 1, place, BEGIN + 500 + 30 * k, 1e-3, True, None, {"coulomb": 6.0},
+            (0.01,), 1.0, (1.03 * level("x", place) * (1 + 0.01 * generator.normal()), 0.02),
+        )
+        for k in range(5 * REPLAYED)
+    ]  # fmt: skip
+    history.add(rows[: 2 * REPLAYED])
+    few = load_active(history, STAGE, machine, [place], rows[2 * REPLAYED - 1].time + 1.0).places
+    history.add(rows[2 * REPLAYED :])
+    many = load_active(history, STAGE, machine, [place], rows[-1].time + 1.0).places
+    for places in (few, many):
+        tracker, site = places.trackers["x"], places.number_of(place)
+        assert tracker.moves[site] == REPLAYED
+        mean, sigma = tracker.expected(site, wander=False)
+        assert abs(mean - math.log(1.03 * level("x", place))) < 3.0 * sigma < 0.03
+
+
+def test_a_map_is_told_its_age_and_its_end(history):
+    calibrate(history)
+    _, built = keep(history, BEGIN)
+    day = 86400.0
+    assert outdated(built, built.date + 29 * day, 365.0) == []
+    for days, limit, grave in ((31, 365.0, False), (366, 365.0, True), (2, 1.0, True)):
+        (found,) = outdated(built, built.date + days * day, limit)
+        assert found.grave is grave
+        assert f"{days} days old" in found.text
+    assert "clock" in outdated(built, built.date - 2 * day, 365.0)[0].text
+    version = MapVersion(3, BEGIN, "", True, built)
+    assert short_of(version, [*GRID, (0.045, 0.0)]) == short_of(version, []) == []
+    (said,) = short_of(version, [*GRID, (0.06, 0.0), (0.07, 0.0)])
+    assert "map 3 ends short of 2 of 27 sites, the first at (60, 0) mm" in said
 
 
 def test_tables_and_page(history, tmp_path):

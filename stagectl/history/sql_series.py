@@ -1,0 +1,170 @@
+"""Series of estimates in SQL: what one place has been through, and what all places have shown.
+
+A production history has millions of rows. What a run needs of it before it begins is read by index,
+place by place, and does not take longer the longer the history is.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from stagectl.history.records import F64, Measurement, Pair, StageKey, Trend
+from stagectl.history.sql_maps import SqlMaps
+
+FAR = 1e18  # beyond any time in seconds; databases have no infinity in common
+
+_ACCEPTED, _MEASURED = "e.accepted = 1", "e.measured IS NOT NULL"  # as the indices have it
+_TREND = "e.time, e.figures, e.covariance, e.level, e.temperature, e.kind, e.run"
+_LEVEL = "e.time, e.measured, e.measured_sigma"
+
+
+class SqlSeries(SqlMaps):
+    """The part of `port.History` that reads series; arguments as `SqlMaps`."""
+
+    def places(self, stage: StageKey) -> list[Pair]:
+        """As `port.History`."""
+        rows = self._database.execute(
+            "SELECT p.x_um, p.y_um FROM place p JOIN stage s ON s.id = p.stage "
+            "WHERE s.machine = ? AND s.simulated = ? AND EXISTS (SELECT 1 FROM estimate e "
+            "WHERE e.place = p.id AND e.accepted = 1) ORDER BY p.y_um, p.x_um",
+            (stage.machine, int(stage.simulated)),
+        )
+        return [(x / 1e6, y / 1e6) for x, y in rows]
+
+    def newest(self, stage: StageKey) -> float | None:
+        """As `port.History`."""
+        rows = self._database.execute(
+            "SELECT e.time FROM estimate e JOIN run r ON r.id = e.run JOIN stage s "
+            "ON s.id = r.stage WHERE s.machine = ? AND s.simulated = ? "
+            "ORDER BY e.time DESC LIMIT 1",
+            (stage.machine, int(stage.simulated)),
+        )
+        return float(rows[0][0]) if rows else None
+
+    def trend(
+        self,
+        stage: StageKey,
+        axis: str,
+        place: Pair,
+        since: float = -math.inf,
+        until: float = math.inf,
+        last: int | None = None,
+        apart: float = 0.0,
+    ) -> Trend:
+        """As `port.History`."""
+        numbers = self._database.execute(
+            "SELECT p.id FROM place p JOIN stage s ON s.id = p.stage WHERE s.machine = ? "
+            "AND s.simulated = ? AND p.x_um = ? AND p.y_um = ?",
+            (stage.machine, int(stage.simulated), *micrometres(place)),
+        )
+        if not numbers:
+            return _trend([])
+        key = (int(numbers[0][0]), axis)
+        # What has just been written is never after now, but may be at it.
+        return _trend(self._series(_TREND, _ACCEPTED, key, ">=", since, until, last, apart))
+
+    def measurements(
+        self,
+        stage: StageKey,
+        since: float = -math.inf,
+        until: float = math.inf,
+        each: int | None = None,
+        apart: float = 0.0,
+    ) -> list[Measurement]:
+        """As `port.History`."""
+        mine = (stage.machine, int(stage.simulated))
+        if each is None and not apart:
+            rows = self._database.execute(
+                f"SELECT e.axis, p.x_um, p.y_um, {_LEVEL} FROM estimate e "  # noqa: S608
+                "JOIN place p ON p.id = e.place JOIN stage s ON s.id = p.stage "
+                f"WHERE s.machine = ? AND s.simulated = ? AND {_MEASURED} "
+                "AND e.time > ? AND e.time <= ? ORDER BY e.time, e.id",
+                (*mine, max(since, -FAR), min(until, FAR)),
+            )
+            return [Measurement(row[0], (row[1] / 1e6, row[2] / 1e6), *row[3:]) for row in rows]
+        keys = self._database.execute(
+            "SELECT p.id, a.axis, p.x_um, p.y_um FROM place p JOIN stage s ON s.id = p.stage "
+            "JOIN stage_axis a ON a.stage = s.id WHERE s.machine = ? AND s.simulated = ? "
+            "ORDER BY p.id, a.axis",
+            mine,
+        )
+        found = [
+            Measurement(axis, (x / 1e6, y / 1e6), *row)
+            for number, axis, x, y in keys
+            for row in self._series(
+                _LEVEL, _MEASURED, (number, axis), ">", since, until, each, apart
+            )
+        ]
+        return sorted(found, key=lambda entry: entry.time)
+
+    def _series(
+        self, columns: str, which: str, key: tuple[int, str], after: str, since: float,
+        until: float, last: int | None, apart: float,
+    ) -> list[tuple[Any, ...]]:  # fmt: skip
+        """Rows of one place and axis in the order of time, the last ones where there are more."""
+        mine = f"e.place = ? AND e.axis = ? AND {which}"
+        within = (max(since, -FAR), min(until, FAR))
+        if not apart:
+            limit = "" if last is None else f" DESC LIMIT {int(last)}"
+            rows = self._database.execute(
+                f"SELECT {columns} FROM estimate e WHERE {mine} "  # noqa: S608
+                f"AND e.time {after} ? AND e.time <= ? ORDER BY e.time{limit}",
+                (*key, *within),
+            )
+            return rows if last is None else rows[::-1]
+        # One step down the index for each.
+        before = (
+            f"SELECT e.time FROM estimate e WHERE {mine} AND e.time {after} ? "  # noqa: S608
+            "AND e.time <= {} ORDER BY e.time DESC LIMIT 1"
+        )
+        return self._database.execute(
+            f"WITH RECURSIVE back(time, n) AS (SELECT ({before.format('?')}), 1 "  # noqa: S608
+            f"UNION ALL SELECT ({before.format('back.time - ?')}), n + 1 FROM back "
+            "WHERE n < ? AND back.time IS NOT NULL) "
+            f"SELECT {columns} FROM back JOIN estimate e ON {mine} AND e.time = back.time "
+            "ORDER BY e.time",
+            (*key, *within, *key, within[0], apart, last or 1_000_000, *key),
+        )
+
+
+def micrometres(place: Pair) -> tuple[int, int]:
+    """What tells one place from another: its position in whole um."""
+    return round(place[0] * 1e6), round(place[1] * 1e6)
+
+
+def covariance(data: bytes) -> tuple[float, ...]:
+    """Of an estimate, row by row."""
+    return struct.unpack(f"<{len(data) // 8}d", data)
+
+
+def _trend(rows: Sequence[Sequence[Any]]) -> Trend:
+    """Columns out of rows, without a step per row where it can be helped."""
+    if not rows:
+        none = np.zeros(0)
+        return Trend(none, {}, {}, none, none, (), ())
+    time, texts, covariances, level, temperature, kind, run = zip(*rows, strict=True)
+    figures = json.loads(f"[{','.join(texts)}]")
+    names = list(dict.fromkeys(name for entry in figures for name in entry))
+    values = {name: np.array([f.get(name, math.nan) for f in figures], float) for name in names}
+    sigma: dict[str, F64]
+    if all(entry.keys() == figures[0].keys() for entry in figures):
+        count = len(names)
+        matrices = np.frombuffer(b"".join(covariances), "<f8").reshape(len(rows), count, count)
+        diagonal = np.sqrt(np.maximum(np.einsum("kii->ki", matrices), 0.0))
+        sigma = dict(zip(names, diagonal.T, strict=True))
+    else:  # another version of the estimator had other figures
+        sigma = {name: np.full(len(rows), math.nan) for name in names}
+        for k, (entry, data) in enumerate(zip(figures, covariances, strict=True)):
+            diagonal = covariance(data)[:: len(entry) + 1]
+            for name, variance in zip(entry, diagonal, strict=True):
+                sigma[name][k] = math.sqrt(max(variance, 0.0))
+    return Trend(
+        np.array(time, float), values, sigma, np.array(level, float),
+        np.array([math.nan if t is None else t for t in temperature], float), kind, run,
+    )  # fmt: skip

@@ -1,0 +1,128 @@
+"""Maps and what is said of them as plain values, for JSON: docs/formats/history.md."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from stagectl.history.records import Activation, Pair, StageKey
+from stagectl.maps.applicable import Problem
+from stagectl.maps.compare import AxisChange
+from stagectl.maps.model import MapVersion
+
+VERSION = 1
+
+
+def head(kind: str, stage: StageKey) -> dict[str, Any]:
+    """How each of them begins."""
+    return {
+        "format": f"stagectl-map-{kind}",
+        "version": VERSION,
+        "machine": stage.machine,
+        "simulated": stage.simulated,
+    }
+
+
+def shown(version: MapVersion, at: Pair | None = None) -> dict[str, Any]:
+    """A version: its axes with their sites, and the field's value at a place [m], if asked for."""
+    axes: dict[str, Any] = {}
+    for name, axis in version.map.axes.items():
+        field = axis.field()
+        axes[name] = {
+            "correlation_length": field.length,
+            "figures": {
+                key: {"value": value, "sigma": sigma}
+                for key, (value, sigma) in axis.figures.items()
+            },
+            "sites": [
+                {
+                    "place": list(site.place),
+                    "coulomb": site.coulomb,
+                    "sigma": site.sigma,
+                    "measured": site.measured,
+                    "count": site.count,
+                }
+                for site in axis.sites
+            ],
+        }
+        if at is not None:
+            found = field.at(np.array([at]))
+            low, high = found.band()
+            axes[name]["at"] = {
+                "place": list(at),
+                "coulomb": float(found.value[0]),
+                "sigma": float(found.sigma[0]),
+                "low": float(low[0]),
+                "high": float(high[0]),
+                "inside": bool(found.inside[0]),
+            }
+    return {**head("shown", version.map.stage), **_version(version), "axes": axes}
+
+
+def listed(
+    stage: StageKey, versions: Sequence[MapVersion], used: Sequence[Activation]
+) -> dict[str, Any]:
+    """All versions, and what was put into use when."""
+    return {
+        **head("history", stage),
+        "maps": [
+            {
+                **_version(version),
+                "sites": {name: len(axis.sites) for name, axis in version.map.axes.items()},
+            }
+            for version in versions
+        ],
+        "used": [
+            {"map": entry.number, "time": entry.time, "reason": entry.reason} for entry in used
+        ],
+    }
+
+
+def changed(stage: StageKey, old: int, new: int, changes: Sequence[AxisChange]) -> dict[str, Any]:
+    """What has changed between two versions; every site, the largest change first."""
+    return {
+        **head("changes", stage),
+        "old": old,
+        "new": new,
+        "axes": {
+            change.axis: {
+                "common": change.common,
+                "own": change.own,
+                "sites": [
+                    {
+                        "place": list(site.place),
+                        "change": site.change,
+                        "sigma": site.sigma,
+                        "significant": site.significant,
+                    }
+                    for site in change.sites
+                ],
+            }
+            for change in changes
+        },
+    }
+
+
+def applied(
+    stage: StageKey, number: int | None, problems: Sequence[Problem], reason: str | None
+) -> dict[str, Any]:
+    """Whether a version can be applied, and what was done with it; None: no map is in use now."""
+    return {
+        **head("applied", stage),
+        "map": number,
+        "applicable": not any(problem.grave for problem in problems),
+        "problems": [{"grave": p.grave, "text": p.text} for p in problems],
+        "done": reason,
+    }
+
+
+def _version(version: MapVersion) -> dict[str, Any]:
+    return {
+        "map": version.number,
+        "made": version.made,
+        "date": version.map.date,
+        "comment": version.comment,
+        "active": version.active,
+    }
