@@ -19,7 +19,8 @@ import canopen
 
 from drivers.clock import Clock, clock_of
 from drivers.errors import BusError
-from drivers.settings import HOST_NODE, BusSettings
+from drivers.other_host import HEARTBEAT_ID, OtherHost, may_echo
+from drivers.settings import BusSettings
 
 Tap = Callable[[int, int, bytes], object]
 """Sees every frame sent or received: (time [ns], CAN-ID, data); id `BUS_FAILED` where that failed.
@@ -81,6 +82,7 @@ class Network(canopen.Network):
             would go on when their real host is gone.
         own_ids: CAN-IDs that the host sends. Seen again, they are its own echo (udp_multicast
             loops frames back), since an id has one sender.
+        other_host: whether somebody else sends what only a host does.
         watchers: called about every 25 ms of clock time with the time [ns] (heartbeat deadlines).
         service_due: when `service` has to be called next [ns].
         lock: held by the thread that sends and receives.
@@ -96,6 +98,7 @@ class Network(canopen.Network):
         self.clock: Clock = clock_of(bus)
         self.tap = tap
         self.own_ids: set[int] = set()
+        self.other_host = OtherHost(may_echo(bus))
         self.watchers: list[Callable[[int], None]] = []
         self.lock = threading.RLock()
         self.dispatching = False
@@ -126,6 +129,8 @@ class Network(canopen.Network):
         message = (can.Message if remote else OwnFrame)(
             arbitration_id=can_id, is_extended_id=False, is_remote_frame=remote, data=payload
         )
+        if self.other_host.echoes:
+            self.other_host.sent(can_id, payload, self.clock.now_ns())
         try:
             self.bus.send(message)
         except (can.CanError, OSError, ValueError) as why:
@@ -141,7 +146,10 @@ class Network(canopen.Network):
         """Shows one received frame to the tap and feeds it to canopen's services."""
         if message.is_error_frame or message.is_remote_frame or message.is_extended_id:
             return
-        if message.arbitration_id in self.own_ids:
+        others = message.arbitration_id in self.other_host.ids and self.other_host.sends(
+            message, self.clock.now_ns()
+        )
+        if message.arbitration_id in self.own_ids and not others:
             return
         if self.tap is not None:
             self.tap(self.clock.now_ns(), message.arbitration_id, bytes(message.data))
@@ -159,9 +167,35 @@ class Network(canopen.Network):
         if self.beats and now >= self._beat_due:
             # not `+= period`: after a long computation one beat, not a burst
             self._beat_due = max(self._beat_due + HEARTBEAT_NS, now + HEARTBEAT_NS // 2)
-            self.send_message(0x700 + HOST_NODE, _HOST_OPERATIONAL)
+            self.send_message(HEARTBEAT_ID, _HOST_OPERATIONAL)
         for watcher in self.watchers:
             watcher(now)
+
+    def check_alone(self) -> None:
+        """Whether this is the only host.
+
+        Raises:
+            BusError: another one was heard.
+        """
+        if self.other_host.found is not None:
+            raise BusError(
+                f"bus {self.label}: another host is on it: {self.other_host.found} that this one "
+                "did not send"
+            )
+
+    def listen(self, duration: float) -> None:
+        """Receives for `duration` [s], or until another host is heard; sends nothing.
+
+        Raises:
+            BusError: the bus cannot be read, or there is another host.
+        """
+        with self.lock:
+            deadline = self.clock.now_ns() + round(duration * 1e9)
+            while (left := deadline - self.clock.now_ns()) > 0:
+                message = self._receive(left * 1e-9)
+                if message is not None:
+                    self.received(message)
+                    self.check_alone()
 
     def pump(self, duration: float) -> None:
         """Receives and dispatches for `duration` [s]; 0 takes what is there.

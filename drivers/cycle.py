@@ -52,9 +52,10 @@ class Cycle:
         self._max_missed, self._max_late = settings.max_missed, settings.max_late
         self._late_in_a_row = 0
         self._origin: int | None = None
-        self._alarmed: list[Node] = []
+        self._alarmed: list[Node | Network] = []
         for axis in axes:
             axis.node.on_alarm = self._alarmed.append
+        network.other_host.on_found = lambda: self._alarmed.append(network)
 
     def resume(self) -> None:
         """Takes up the SYNC grid after a time without SYNCs; that time is not lateness."""
@@ -82,25 +83,29 @@ class Cycle:
             channel.told.clear()
 
     def clear_alarms(self) -> None:
-        """Forgets the nodes' alarms and missed frames."""
+        """Forgets the nodes' alarms and missed frames; another host is not forgotten."""
         self._alarmed.clear()
+        if self._network.other_host.found is not None:
+            self._alarmed.append(self._network)
         for channel in self.channels:
             channel.axis.node.clear_alarms()
             channel.missed = 0
 
     def check_alarms(self) -> None:
-        """Raises the first alarm of any node.
+        """Raises the first alarm of any node; before that, that the nodes have another host.
 
         Raises:
             AxisFault: with what the node said, or that its process data stay away.
+            BusError: there is another host.
         """
         if self._alarmed:
-            node = self._alarmed[0]
-            alarm = node.alarm
-            if alarm is not None:
-                raise AxisFault(
-                    alarm.cause + self._stall_before(alarm.code), axis=node.name, code=alarm.code
-                )
+            self._network.check_alone()
+            for node in self._alarmed:
+                if isinstance(node, Node) and (alarm := node.alarm) is not None:
+                    raise AxisFault(
+                        alarm.cause + self._stall_before(alarm.code), axis=node.name,
+                        code=alarm.code,
+                    )  # fmt: skip
         for channel in self.channels:
             if channel.missed > self._max_missed:
                 alone = len(self.channels) == 1 or any(c.valid for c in self.channels)

@@ -79,6 +79,8 @@ class Exchange:
         self.sent = self._due = network.clock.now_ns()
         network.own_ids.add(SYNC_ID)
         network.own_ids |= self._setpoint_ids
+        network.other_host.ids |= self._setpoint_ids
+        self._note_sent = network.other_host.sent if network.other_host.echoes else None
 
     def stalled(self, within_ns: int) -> int:
         """Periods passed over in one go, which ended within the last time; 0: none."""
@@ -116,7 +118,8 @@ class Exchange:
                 problem = str(why) or type(why).__name__
             else:
                 self._kernel, self._synced, self._begun = kernel, 0, 0
-                self._network.own_ids.discard(SYNC_ID)  # the tap is to see it
+                network.own_ids.discard(SYNC_ID)  # the tap is to see it
+                network.other_host.sent_elsewhere.add(SYNC_ID)
                 return
         elif source == "auto":
             return
@@ -201,6 +204,8 @@ class Exchange:
             self._sync.dlc = 1
         if self._network.tap is not None:
             self._network.tap(now, SYNC_ID, bytes(self._sync.data))
+        if self._note_sent is not None:
+            self._note_sent(SYNC_ID, bytes(self._sync.data), now)
         send(self._sync)
 
     def _open_window(self, send: Callable[[can.Message], None]) -> int:
@@ -290,6 +295,8 @@ class Exchange:
             message.data = bytearray(frame)  # not in place: a receiver may keep its own
             if tap is not None:
                 tap(now, message.arbitration_id, frame)
+            if self._note_sent is not None:
+                self._note_sent(message.arbitration_id, frame, now)
             send(message)
 
     def _collect(self, recv: Callable[[float], can.Message | None], sent: int) -> None:

@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from drivers.bus import Network, Tap, open_bus
 from drivers.clock import MonotonicClock
 from drivers.cycle import Sink, Until
-from drivers.errors import BusError, ConfigurationError, DriverError
+from drivers.errors import BusError, ConfigurationError, DriverError, NodeError
 from drivers.motion import Motion
+from drivers.other_host import LISTENING
 from drivers.profile_moves import ProfileMoves
 from drivers.safe_stop import SafeStop
 from drivers.samples import Samples
@@ -67,7 +68,7 @@ class Stage(StageState):
         self.sink: Sink | None = None
         self.settings = bus
         self._owned: can.BusABC | None = None
-        self._open = True
+        self._open, self._listened = True, False
         _check_unique(axes)
         parts = StageParts.on(Network(bus_object, str(bus), tap), bus, tuple(axes))
         super().__init__(parts)
@@ -133,13 +134,25 @@ class Stage(StageState):
         Raises:
             NodeError: a node is missing, refuses an access, or is another device.
             ConfigurationError: a drive cannot be set up as needed.
+            BusError: the bus fails, or there is another host on it.
         """
         self._stopping.begun = False
+        self._network.other_host.forget()
+        self._listen_first()
         self._cycle.sync.stop()
         self._cycle.forget()
         self._power.mode = None
         if isinstance(self.clock, MonotonicClock):
             self._real_time.begin()
+        try:
+            self._set_up()
+        except (NodeError, ConfigurationError):
+            self._network.check_alone()  # then this is what it comes from
+            raise
+        self._network.check_alone()
+        self._cycle.clear_alarms()
+
+    def _set_up(self) -> None:
         for axis in self.axes:
             axis.node.boot()
         for axis in self.axes:
@@ -149,7 +162,18 @@ class Stage(StageState):
         self._network.service(self._network.clock.now_ns())
         for axis in self.axes:
             axis.node.start()
-        self._cycle.clear_alarms()
+
+    def _listen_first(self) -> None:
+        """In real time: for another host, before the first frame of ours."""
+        if self._listened or not isinstance(self.clock, MonotonicClock):
+            return
+        self._listened = True
+        try:
+            self._network.listen(LISTENING)
+        except BusError:
+            for axis in self.axes:
+                axis.node.booted = 0  # not at our wish: there is nothing to let go of
+            raise
 
     @_exclusive
     def home(self, force: bool = False) -> None:
@@ -208,6 +232,7 @@ class Stage(StageState):
             AxisFault: a fault stays.
             NodeError: a node does not become OPERATIONAL.
         """
+        self._network.other_host.forget()
         for axis in self.axes:
             axis.node.start()  # a drive that missed the host's heartbeat has left it
         with self._stopping.on_failure():

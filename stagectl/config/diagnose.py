@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterator
-from typing import Any, TypeVar, get_args
+from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
@@ -148,9 +148,16 @@ def _known_keys(model: type[BaseModel], location: tuple[str | int, ...]) -> list
         inner = {m for one in models for m in _models_in(_annotation(one, part))}
         # list indices, keys of mappings and tags of unions are no fields: stay where we are;
         # a tag names the one member of a union that was tried
-        tagged = {m for m in models if part == m.__name__}
-        models = inner or tagged or models
+        models = inner or {m for m in models if _has_tag(m, part)} or models
     return list(dict.fromkeys(key for one in sorted(models, key=str) for key in _keys(one)))
+
+
+def _has_tag(model: type[BaseModel], part: str | int) -> bool:
+    """Whether this is how a union calls the model: by its name, or by its one literal value."""
+    return part == model.__name__ or any(
+        get_origin(f.annotation) is Literal and get_args(f.annotation) == (part,)
+        for f in model.model_fields.values()
+    )
 
 
 def _keys(model: type[BaseModel]) -> list[str]:

@@ -11,7 +11,7 @@ import can
 import numpy as np
 import pytest
 
-from drivers.errors import AxisFault, LimitError, NodeError
+from drivers.errors import AxisFault, BusError, LimitError, NodeError
 from drivers.objects import ObjectRef
 from drivers.samples import Samples
 from drivers.stage import Stage
@@ -165,8 +165,17 @@ def test_a_lost_heartbeat_stops_all_axes(stage: Stage, rig: Any, hold: Any) -> N
     assert not stage.enabled
 
 
-def test_a_reboot_while_running_is_noticed(stage: Stage, rig: Any, hold: Any) -> None:
-    """Another master resets node 1."""
+@pytest.mark.parametrize(
+    ("can_id", "data", "error", "said"),
+    [
+        (0x701, [0], AxisFault, r"^axis x: the drive rebooted"),
+        (0x000, [129, 1], BusError, r"^bus .*: another host is on it: .*reset node.*for node 1"),
+    ],
+    ids=["boot-up message", "another host's reset"],
+)
+def test_a_reboot_while_running_is_noticed(
+    stage: Stage, rig: Any, hold: Any, can_id: int, data: list[int], error: type, said: str
+) -> None:
     assert stage.homed
     counted = 0
     with rig.other() as other:
@@ -175,10 +184,10 @@ def test_a_reboot_while_running_is_noticed(stage: Stage, rig: Any, hold: Any) ->
             nonlocal counted
             counted += 1
             if counted == 5:
-                other.send(can.Message(arbitration_id=0, is_extended_id=False, data=[129, 1]))
+                other.send(can.Message(arbitration_id=can_id, is_extended_id=False, data=data))
             return False
 
-        with pytest.raises(AxisFault, match=r"^axis x: "):
+        with pytest.raises(error, match=said):
             stage.stream(*hold(stage, round(2.0 / rig.period)), until=until)
     assert not stage.homed
     assert not stage.enabled

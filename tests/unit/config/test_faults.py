@@ -127,6 +127,8 @@ def test_no_end_is_no_end(parse):
         ("fault: drop, frame: tpdo9", "2:26", "did you mean 'tpdo"),
         ("fault: drop", "2:5", "frame: is missing"),
         ("fault: drop, frame: sync, probabilty: 0.1", "2:32", "did you mean 'probability'"),
+        ("fault: drop, frame: sync, at: 2 s", "2:32", "unknown key; known: after, until, nth,"),
+        ("fault: reboot, axis: x, at: 1, frame: sync", "2:37", "known: fault, axis, at"),
         ("fault: drop, frame: sync, probability: 1.5", "2:45", "must be <= 1"),
         ("fault: drop, frame: sync, nth: 0", "2:37", "must be >= 1"),
         ("fault: drop, frame: tpdo1, axis: z", "2:39", "no such axis"),

@@ -1,0 +1,89 @@
+"""Another host on the bus: told from our own frames coming back, before anything moves."""
+
+from __future__ import annotations
+
+import can
+import pytest
+
+from drivers.errors import BusError
+from drivers.other_host import OtherHost, may_echo
+from drivers.settings import AxisSettings, BusSettings
+from drivers.stage import Stage
+
+MS = 1_000_000
+
+
+def frame(can_id: int, data: bytes = b"", is_rx: bool = True) -> can.Message:
+    return can.Message(arbitration_id=can_id, data=data, is_extended_id=False, is_rx=is_rx)
+
+
+def test_where_nothing_comes_back_every_frame_of_a_host_is_another_ones() -> None:
+    other = OtherHost(echoes=False)
+    told: list[str | None] = []
+    other.on_found = lambda: told.append(other.found)
+    other.sends(frame(0x77F, b"\x05", is_rx=False), 0)
+    assert told == []
+    other.sends(frame(0x77F, b"\x05"), 0)
+    other.sends(frame(0x080), 0)
+    assert told == ["a heartbeat of node 127 (0x77F)"]
+
+
+def test_own_frames_that_come_back_are_own_however_late_or_often() -> None:
+    other = OtherHost(echoes=True)
+    other.ids.add(0x201)
+    for k in range(50):  # read much later, with some lost on the way
+        other.sent(0x201, bytes([k]), k * MS)
+    for k in (0, 1, 2, 5, 9, 10, 49):
+        other.sends(frame(0x201, bytes([k])), 300 * MS)
+    other.sent(0x080, b"", 400 * MS)
+    for _ in range(3):  # a network that doubles frames
+        other.sends(frame(0x080), 401 * MS)
+    assert other.found is None
+
+
+@pytest.mark.parametrize(
+    ("can_id", "data", "at", "said"),
+    [
+        (0x201, b"\x0f\x01", 11, "set-points for node 1 (0x201)"),
+        (0x000, b"\x82\x00", 11, "the NMT command 'reset communication' (0x000) for all nodes"),
+        (0x77F, b"\x05", 60, "a heartbeat of node 127 (0x77F)"),
+        (0x080, b"", 60, "a SYNC (0x080)"),
+    ],
+)
+def test_frames_that_were_never_sent_are_another_ones(
+    can_id: int, data: bytes, at: int, said: str
+) -> None:
+    other = OtherHost(echoes=True)
+    other.ids.add(0x201)
+    for own in (frame(0x201, b"\x0f\x00"), frame(0x080), frame(0x77F, b"\x05"), frame(0, b"\1\1")):
+        other.sent(own.arbitration_id, bytes(own.data), 10 * MS)
+        other.sends(own, 10 * MS)
+    other.sends(frame(can_id, data), at * MS)
+    assert other.found == said
+
+
+def test_a_sync_that_the_kernel_sends_for_us_is_no_other_hosts() -> None:
+    other = OtherHost(echoes=True)
+    other.sent_elsewhere.add(0x080)
+    other.sends(frame(0x080), 0)
+    assert other.found is None
+
+
+def test_a_host_that_runs_is_heard_before_anything_is_sent(
+    bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
+) -> None:
+    seen: list[int] = []
+    with (
+        can.Bus(interface="virtual", channel="two-hosts") as ours,
+        can.Bus(interface="virtual", channel="two-hosts") as theirs,
+    ):
+        assert not may_echo(ours)
+        with Stage.open(
+            bus_settings, axis_settings, lambda t, i, data: seen.append(i), ours
+        ) as stage:
+            theirs.send(frame(0x701, b"\0"))  # a drive that boots just now is not let go of
+            theirs.send(frame(0x080))
+            with pytest.raises(BusError, match=r"another host is on it: a SYNC \(0x080\)"):
+                stage.boot()
+        assert theirs.recv(0) is None
+    assert seen == [0x701, 0x080]
