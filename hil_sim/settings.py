@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 SUBSTEPS = 5
 """Plant steps per control tick of the reference (docs/reference-stage.md)."""
+_COARSE = 2e-4
+"""Control period up to which one plant step per tick follows what swings and sticks [s]."""
 
 
 def _require(condition: bool, name: str, reason: str) -> None:
@@ -197,3 +199,8 @@ class StageSettings:
     def ticks(self) -> int:
         """Control ticks per SYNC period, n = Ts/Tc."""
         return round(self.sync_period / self.control_period)
+
+    @property
+    def quick_substeps(self) -> int:
+        """Fewest plant steps per control tick that are sound: 1, or the reference's."""
+        return 1 if self.control_period <= _COARSE else SUBSTEPS

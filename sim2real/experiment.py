@@ -109,7 +109,9 @@ def _difference(
     demand: F64, offset: F64, stages: Sequence[StageSettings], measured: Sequence[Measured]
 ) -> float:
     """Root mean square over floor of what two stages do differently, over all signals."""
-    one, other = (simulate(stage, demand, offset, None, substeps=1) for stage in stages)
+    one, other = (
+        simulate(stage, demand, offset, None, substeps=stage.quick_substeps) for stage in stages
+    )
     total = []
     for a, axis in enumerate(stages[0].axes):
         for signal in ("position", "force"):

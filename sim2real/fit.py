@@ -137,8 +137,11 @@ class AxisProblem:
         return np.clip(np.nan_to_num(np.concatenate(parts), nan=_CUT), -_CUT, _CUT)
 
     def residual(self, model: AxisModel) -> F64:
-        """Weighted deviations under a model, float64[R]."""
-        return self.weighted(self.track(model))
+        """Weighted deviations under a model, float64[R]; the largest under one that cannot be."""
+        try:
+            return self.weighted(self.track(model))
+        except ValueError:
+            return np.full(2 * sum(int(mask.sum()) for mask in self.masks), _CUT)
 
     def cost(self, model: AxisModel, residual: F64) -> float:
         """Twice the negative log posterior."""

@@ -46,8 +46,9 @@ _OPEN = 2.0
 """Squared gap over floor per signal from which the closed loop shows one."""
 _SHRUNK = (0.5, 0.0)
 """Shares of the fitted base parameters that are tried in the closed loop."""
-_ROUNDS = 4
-"""Fits that a set of effects may take that is fitted to the end."""
+_ROUNDS, _NARROWER = 5, 0.9
+"""Fits that a set of effects may take that is fitted to the end; and what counts as an outlier must
+not have come down below this share of what it was, or another one follows."""
 _CONTENDERS, _CONTEST, _CONTEST_SHARE = 4, 1000.0, 0.1
 """Sets that are fitted to the end, and the score (or its share) within which they contend."""
 _COHERENT = 1000.0
@@ -279,7 +280,7 @@ def _contended(problem: AxisProblem, book: _Book, trials: Sequence[Rival]) -> Ri
         return sorted((book.best(each) for each in names), key=book.score)
 
     for _ in range(_ROUNDS):
-        before = book.score(ranked()[0])
+        before, wide = book.score(ranked()[0]), problem.outlier
         last = before + max(_CONTEST, _CONTEST_SHARE * before)
         for rival in ranked()[:_CONTENDERS]:
             if book.score(rival) <= last:
@@ -287,7 +288,7 @@ def _contended(problem: AxisProblem, book: _Book, trials: Sequence[Rival]) -> Ri
         best = ranked()[0]
         gained = before - book.score(best)
         problem.rescale(best.fitted.residual)
-        if gained < _LEAST_GAIN:
+        if gained < _LEAST_GAIN and problem.outlier > _NARROWER * wide:
             break
     return best
 
@@ -320,13 +321,12 @@ def _looked_back(
             return rest
         starts, columns = _candidates(problem, rest.fitted, library, is_open, None)
         own = current.model.terms[index].name
-        for start in [s for s in starts if s.term.name != own][:2]:
-            trial = book.entered(
-                fit(problem, rest.model.added(start.term), 3, columns, thorough=False)
-            )
-            if book.score(trial) < book.score(current):
-                current = trial
-                break
+        trials = [
+            book.entered(fit(problem, rest.model.added(s.term), 3, columns, thorough=False))
+            for s in [s for s in starts if s.term.name != own][:2]
+        ]
+        if trials:
+            current = _contended(problem, book, [current, *trials])
     return current
 
 

@@ -337,13 +337,14 @@ class Tracker:
         replay: of the recording.
         settings: nominal, of all its axes.
         axis: which one.
-        substeps: plant steps per control tick: 1 is quick, 5 the reference.
+        substeps: plant steps per control tick: 1 is quick, 5 the reference; None: as few
+            as are sound.
     """
 
     def __init__(
-        self, replay: Replay, settings: StageSettings, axis: str, substeps: int = 1
+        self, replay: Replay, settings: StageSettings, axis: str, substeps: int | None = None
     ) -> None:
-        self._substeps = substeps
+        self._substeps = settings.quick_substeps if substeps is None else substeps
         self._stage = settings
         self._index = replay.names.index(axis)
         self._replay = replay

@@ -193,10 +193,14 @@ def _gap_of(setup: Setup, demands: Demands) -> Callable[[StageSettings], float]:
     blank = record(settings, demands, 0, SUBSTEPS[0], setup.machine, "blank")
     below = floor(prepare(blank, settings), settings, _FLOOR_DRAWS)
     floors = np.array([list(below.rms[a.name].values()) for a in settings.axes])
-    plain = simulate(settings, demands.position, demands.offset, None, substeps=1)
+    plain = simulate(
+        settings, demands.position, demands.offset, None, substeps=settings.quick_substeps
+    )
 
     def gap(stage: StageSettings) -> float:
-        seen = simulate(stage, demands.position, demands.offset, None, substeps=1)
+        seen = simulate(
+            stage, demands.position, demands.offset, None, substeps=settings.quick_substeps
+        )
         off = np.stack((seen.position - plain.position, seen.force - plain.force), axis=-1)
         energy = np.mean(np.square(off), axis=0) / np.square(floors)
         return float(np.sqrt(1.0 + np.mean(energy)))
