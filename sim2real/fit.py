@@ -137,9 +137,17 @@ class AxisProblem:
         return np.clip(np.nan_to_num(np.concatenate(parts), nan=_CUT), -_CUT, _CUT)
 
     def residual(self, model: AxisModel) -> F64:
-        """Weighted deviations under a model, float64[R]; the largest under one that cannot be."""
+        """Weighted deviations under a model, float64[R].
+
+        Raises:
+            ValueError: values that physics does not allow.
+        """
+        return self.weighted(self.track(model))
+
+    def attempted(self, model: AxisModel) -> F64:
+        """Weighted deviations under a model, the largest ones under a model that cannot be."""
         try:
-            return self.weighted(self.track(model))
+            return self.residual(model)
         except ValueError:
             return np.full(2 * sum(int(mask.sum()) for mask in self.masks), _CUT)
 
@@ -266,7 +274,7 @@ def fit(
             continue
         for shrink in (1.0, 0.3, 0.05):
             trial = _moved(model, problem, np.clip(shrink * step, -limit, limit))
-            trial_residual = problem.residual(trial)
+            trial_residual = problem.attempted(trial)
             trial_cost = problem.cost(trial, trial_residual)
             if trial_cost < cost + (_SLACK if thorough else 0.0):
                 break
@@ -330,7 +338,7 @@ def _with_term(problem: AxisProblem, model: AxisModel, index: int, where: F64) -
     """Residual with one effect at other coordinates."""
     shifted = moved(model.terms[index], problem.axis, where)
     terms = (*model.terms[:index], shifted, *model.terms[index + 1 :])
-    return problem.residual(replace(model, terms=terms))
+    return problem.attempted(replace(model, terms=terms))
 
 
 def _moved(model: AxisModel, problem: AxisProblem, step: F64) -> AxisModel:
