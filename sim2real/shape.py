@@ -15,7 +15,7 @@ from hil_sim.effects.effect import Effect, Parameter
 from hil_sim.settings import AxisSettings
 from sim2real.axis_model import AxisModel, Term, coordinates
 from sim2real.closed_loop import SIGNALS
-from sim2real.fit import AxisProblem, fit
+from sim2real.fit import AxisProblem, Fitted, fit
 from sim2real.scan import Scanner
 
 _HARMONICS, _FUNDAMENTAL = (2.0, 3.0), 0.5
@@ -47,12 +47,16 @@ class Repeat:
     before: float
 
     @property
+    def closes(self) -> bool:
+        """Whether the repeat takes up most of what is left in the closed loop."""
+        return self.before - self.gap >= _MOST * (self.before - _CLOSED)
+
+    @property
     def departs(self) -> bool:
         """Whether the repeat takes up most of what is left, which is more than chance."""
         if self.profile > _MOST and self.before > _CLOSED:
             return True
-        closes = self.before - self.gap >= _MOST * (self.before - _CLOSED)
-        return closes and self.gain > max(_LEAST_GAIN, _MOST * self.excess)
+        return self.closes and self.gain > max(_LEAST_GAIN, _MOST * self.excess)
 
 
 def repeats(
@@ -89,14 +93,38 @@ def repeats(
         if not trials:
             continue
         best = min(trials, key=lambda trial: trial.cost)
-        out[term.name] = Repeat(
+        repeat = Repeat(
             found.cost - best.cost,
             profile(found.model) if _is_profile(term.effect) else 0.0,
             found.cost - problem.expected(),
             loop(best.model),
             loop(found.model),
         )
+        out[term.name] = repeat
+        if repeat.closes and repeat.gain > _LEAST_GAIN and not repeat.departs:
+            out[term.name] = _farther(problem, repeat, found, best, loop)
     return out
+
+
+def _farther(
+    problem: AxisProblem,
+    repeat: Repeat,
+    found: Fitted,
+    best: Fitted,
+    loop: Callable[[AxisModel], float],
+) -> Repeat:
+    """A repeat that closes enough and saves too little, fitted on from where it is.
+
+    The derivatives by the base parameters were those of the single effect, and so was the size
+    from which deviations count as outliers.
+    """
+    wide = problem.outlier
+    problem.rescale(best.residual)
+    again = fit(problem, best.model, 10, thorough=False)
+    before = problem.recosted(found).cost
+    gain, excess = before - again.cost, before - problem.expected()
+    problem.outlier = wide
+    return replace(repeat, gain=gain, excess=excess, gap=loop(again.model))
 
 
 def _again(
