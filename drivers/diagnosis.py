@@ -14,6 +14,7 @@ from drivers import objects as od
 from drivers.cia402 import Command, Control, State, Status, decode
 from drivers.errors import AxisFault, ConfigurationError, DriverError, NodeError
 from drivers.faults import error_text, register_text
+from drivers.node import REBOOTED
 
 if TYPE_CHECKING:
     from drivers.channel import Channel
@@ -38,6 +39,7 @@ class Evidence:
         controlwords: last ones, each once, oldest first.
         mode: of operation, None before the first.
         target: last set-point in words, with its unit.  offset: last force offset [N].
+        boots: boot-up messages of its drive so far.
     """
 
     statusword: int | None
@@ -46,6 +48,7 @@ class Evidence:
     mode: int | None
     target: str
     offset: float
+    boots: int
 
     @classmethod
     def of(cls, channel: Channel) -> Evidence:
@@ -58,6 +61,7 @@ class Evidence:
             None if axis.mode is None else int(axis.mode),
             _target_text(channel),
             channel.offset * axis.scale.force,
+            axis.node.booted,
         )
 
     @property
@@ -143,6 +147,8 @@ def explained(problem: AxisFault, channel: Channel, evidence: Evidence) -> AxisF
             pass
     report = FaultReport(evidence, code, register, history)
     parts = [problem.cause]
+    if node.booted > evidence.boots:  # it was silent for as long as that took
+        parts.append(REBOOTED)
     for other in evidence.emergencies:
         if f"0x{other:04X}" not in "".join(parts):
             parts.append(f"emergency: {error_text(other)}")
@@ -155,7 +161,8 @@ def explained(problem: AxisFault, channel: Channel, evidence: Evidence) -> AxisF
         inputs = optional(od.DIGITAL_INPUTS)
         if inputs and inputs & od.INTERLOCK:
             parts.append("0x60FD:00 digital inputs: interlock active (STO or enable input)")
-    older = [f"0x{h:04X}" for h in history if f"0x{h:04X}" not in "".join(parts)]
+    told = "".join(parts)
+    older = [error_text(h) for h in dict.fromkeys(history) if f"0x{h:04X}" not in told]
     if older:
         parts.append("earlier errors: " + ", ".join(older))
     if evidence.statusword is not None and "statusword 0x" not in problem.cause:

@@ -29,6 +29,7 @@ BOOT_TIMEOUT = 2.0
 """How long a node may take from the reset of its communication to its boot-up message [s]."""
 SDO_TIMEOUT = 0.4
 SDO_ATTEMPTS = 2
+REBOOTED = "the drive rebooted (boot-up message): its set-up is lost"
 HEARTBEAT_PRODUCER_MS = 100
 HEARTBEAT_DEADLINE_NS = 350_000_000
 HEARTBEAT_CONSUMER_MS = 500
@@ -111,7 +112,7 @@ class Node:
         if state == 0:
             self.booted += 1
             if self.watched:
-                self._raise(Alarm("the drive rebooted (boot-up message): its set-up is lost"))
+                self._raise(Alarm(REBOOTED))
         elif self.watched and state != _OPERATIONAL:
             self._raise(Alarm(f"NMT state is {_NMT_STATES.get(state, state)}, not OPERATIONAL"))
 

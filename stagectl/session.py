@@ -299,12 +299,7 @@ class _Run:
             except AxisFault as fault:
                 attempt = attempt + 1 if record.done == attempted else 1
                 attempted = record.done
-                if attempt > self._request.retries or not recoverable(fault):
-                    raise
-                self._on_event(
-                    Retrying(record.done + 1, attempt, self._request.retries, str(fault))
-                )
-                self._recover(stage, fault)
+                attempt = self._recover(stage, fault, attempt)
                 broken = engine.begin_anew(record.journal.samples)
                 if broken is not None:
                     record.broken_off(broken)
@@ -325,26 +320,51 @@ class _Run:
 
         return sink
 
-    def _recover(self, stage: Stage, fault: AxisFault) -> None:
+    def _recover(self, stage: Stage, fault: AxisFault, attempt: int) -> int:
         """From a stopped stage with a fault to an enabled one.
 
+        A fault on the way, such as one that the other axis had meanwhile, is one attempt more.
+
+        Args:
+            stage: to be made ready again.
+            fault: what it was stopped by.
+            attempt: the number of this attempt at the present site, from 1.
+
+        Returns:
+            The number of the attempt that succeeded.
+
         Raises:
-            RunFault: the fault stays, or there is a new one.
+            AxisFault: the fault itself, where it may not be acknowledged, or not once more.
+            RunFault: the same of a fault on the way.
             BusError: the bus fails.
         """
-        try:
+        last = fault
+        while attempt <= self._request.retries and recoverable(last):
+            self._on_event(
+                Retrying(self._record.done + 1, attempt, self._request.retries, str(last))
+            )
             try:
-                stage.reset_faults()
+                self._make_ready(stage)
+                return attempt
             except BusError:
                 raise
-            except DriverError:  # a drive that rebooted, or that takes no reset as it is
-                stage.boot()
-            stage.home()  # only axes that have lost their zero
-            stage.enable()
+            except AxisFault as another:
+                last, attempt = another, attempt + 1
+            except DriverError as stays:
+                raise RunFault(f"{fault}; trying to go on: {stays}") from stays
+        if last is fault:
+            raise fault
+        raise RunFault(f"{fault}; trying to go on: {last}") from last
+
+    def _make_ready(self, stage: Stage) -> None:
+        try:
+            stage.reset_faults()
         except BusError:
             raise
-        except DriverError as stays:
-            raise RunFault(f"{fault}; trying to go on: {stays}") from stays
+        except DriverError:  # a drive that rebooted, or that takes no reset as it is
+            stage.boot()
+        stage.home()  # only axes that have lost their zero
+        stage.enable()
 
     def _ask_to_stop(self, reason: str) -> None:
         """Moves end in a controlled stop; before them there is nothing to bring to an end.

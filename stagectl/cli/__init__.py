@@ -61,12 +61,12 @@ def main() -> None:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")  # a µ that a terminal cannot show is no failure
     try:
-        cli.main(standalone_mode=False)
+        # where click is not the program, an exit code that a command asks for comes back
+        if code := cli.main(standalone_mode=False):
+            sys.exit(code)
     except click.exceptions.Abort:
         click.echo("stagectl: stopped", err=True)
         sys.exit(130)
-    except click.exceptions.Exit as end:
-        sys.exit(end.exit_code)
     except click.exceptions.NoArgsIsHelpError as problem:
         problem.show()
         sys.exit(problem.exit_code)

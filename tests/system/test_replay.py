@@ -118,7 +118,7 @@ def test_a_stop_by_the_operator_comes_at_the_same_sample(machine, tmp_path):
     assert replay(tmp_path / "run").difference is None
 
 
-def test_a_frame_that_the_host_sends_differently_is_the_first_one_told(folder):
+def test_a_frame_that_the_host_sends_differently_is_the_first_one_told(folder, stagectl):
     number = edit(folder / "bus.asc", r"( 201 .* d 8 \w\w \w\w) \w\w", r"\1 7F", 900)
     edit(folder / "bus.asc", r"( 202 .* d 8 \w\w \w\w) \w\w", r"\1 7F", 950)
     told = CliRunner().invoke(cli, ["replay", str(folder)])
@@ -126,6 +126,7 @@ def test_a_frame_that_the_host_sends_differently_is_the_first_one_told(folder):
     assert "is not as the run wrote it" in told.output
     assert f"differs at frame {number}" in told.output
     assert told.output.count("RPDO 1 of axis x: enable operation") == 2
+    assert stagectl("replay", folder).returncode == 1  # the program's own, not click's
 
 
 def test_what_the_host_gets_differently_shows_where_it_acts_on_it(folder):

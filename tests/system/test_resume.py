@@ -189,11 +189,16 @@ def test_a_site_is_begun_again_after_a_fault(go, sites, tmp_path):
     assert read_recording(tmp_path / "run" / "recording.h5").moves == result.recording.moves
 
 
-def test_a_drive_that_reboots_is_homed_again(go, sites):
-    result = go(sites, "run", faults=[f.Reboot(2, 3.2)], retries=1)
+def test_a_drive_that_reboots_is_homed_again_whatever_the_other_does_meanwhile(go, sites):
+    faults = [f.Reboot(2, 3.2), f.DriveFault(1, FOLLOWING, at=4.2)]
+    result = go(sites, "run", faults=faults, retries=2)
     assert result.summary["outcome"] == "completed"
-    assert len(result.summary["retries"]) == 1
-    assert "axis y" in result.summary["retries"][0]["fault"]
+    rebooted, on_the_way = result.summary["retries"]
+    assert "axis y" in rebooted["fault"]
+    assert "the drive rebooted" in rebooted["fault"]
+    assert "axis x" in on_the_way["fault"]
+    assert "0x8611" in on_the_way["fault"]
+    assert rebooted["site"] == on_the_way["site"]
     assert result.summary["micro"]["count"] == 10
 
 
