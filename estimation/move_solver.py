@@ -35,7 +35,9 @@ _SIZE = LEVEL + 1
 class _Room:
     """Arrays for moves of one length; what they hold does not outlive an update."""
 
-    __slots__ = ("columns", "heading", "p", "ready", "samples", "tables", "usable", "zone")
+    __slots__ = (
+        "columns", "heading", "p", "ready", "samples", "steady", "tables", "usable", "zone",
+    )  # fmt: skip
 
     def __init__(self, samples: int, knots: int) -> None:
         rows = max(samples - 2, 0)
@@ -44,6 +46,7 @@ class _Room:
         self.heading, self.zone = np.empty(rows, np.int8), np.empty(rows, np.int8)
         self.usable, self.ready = np.empty(rows, np.bool_), np.empty(rows, np.int8)
         self.p = np.empty(KNOTS + knots)
+        self.steady = np.zeros(samples, np.bool_)
 
 
 class MoveSolver:
@@ -115,7 +118,8 @@ class MoveSolver:
             ValueError: shapes that differ, or fewer than three valid samples.
         """
         samples = len(move.position)
-        if len(move.force) != samples or len(move.valid) != samples:
+        upset = samples if move.upset is None else len(move.upset)
+        if not len(move.force) == len(move.valid) == upset == samples:
             raise ValueError("position, force and valid must have the same length")
         room, result = self._room_for(samples), np.empty(UPDATE_SIZE)
         tables, heading, zone, usable = room.tables, room.heading, room.zone, room.usable
@@ -126,9 +130,10 @@ class MoveSolver:
         drift = settings.belief.drift[COULOMB]
         units[F_DRIFT, COULOMB] = math.hypot(drift, math.sqrt(restless) * float(mean[COULOMB]))
         counted = begin_update(
-            move.position, move.force, move.valid, rest, move.rest_force, elapsed, constants,
-            units, shares, mean, covariance, forces, state.memory, known, whole, tables, heading,
-            zone, usable, ready, before, spread, found, uncertain, p, result,
+            move.position, move.force, move.valid,
+            room.steady if move.upset is None else move.upset, rest, move.rest_force, elapsed,
+            constants, units, shares, mean, covariance, forces, state.memory, known, whole, tables,
+            heading, zone, usable, ready, before, spread, found, uncertain, p, result,
         )  # fmt: skip
         if counted < 3:
             raise ValueError("fewer than three valid samples")

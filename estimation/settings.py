@@ -133,6 +133,8 @@ class MoveData:
         valid: samples to be used, shape (K,).
         time: of position[0] on the axis' clock [s].
         rest_force: force measured at rest before the move [N].
+        upset: samples of which only the position counts, shape (K,): the drive was catching up with
+            its setpoints, and its force changed within a sample period; None: none.
     """
 
     position: F64
@@ -140,3 +142,4 @@ class MoveData:
     valid: NDArray[np.bool_]
     time: float
     rest_force: float
+    upset: NDArray[np.bool_] | None = None

@@ -63,8 +63,8 @@ UPDATE_SIZE = U_COVARIANCE + (LEVEL + 1) ** 2
 
 @numba.njit(cache=True, error_model="numpy")
 def begin_update(  # type: ignore[no-untyped-def]
-    position, force, valid, rest, rest_force, elapsed, constants, units, shares, mean, covariance,
-    forces, memory, state_known, whole, tables, heading, zone, usable, ready, before, spread,
+    position, force, valid, upset, rest, rest_force, elapsed, constants, units, shares, mean,
+    covariance, forces, memory, state_known, whole, tables, heading, zone, usable, ready, before, spread,
     found, uncertain, p, result,
 ):  # fmt: skip
     """Clean the samples, age the belief, correct the state by the force at rest, find the zones.
@@ -73,6 +73,7 @@ def begin_update(  # type: ignore[no-untyped-def]
         position: sampled [m], shape (K,).
         force: measured [N], shape (K,).
         valid: samples that can be used, shape (K,).
+        upset: those of which only the position counts, shape (K,).
         rest: position there [m], where the first sample may be lost; nan: not known.
         rest_force: measured at rest before the move [N].
         elapsed: since the end of the last move [s]; negative: there was none.
@@ -126,7 +127,7 @@ def begin_update(  # type: ignore[no-untyped-def]
         )
     result[R_STEP], result[R_KNOWN], result[R_REST_FORCE] = step, known, rest_force
     prepare(
-        good, constants, units, shares, before, state_known, whole, tables, heading, zone, usable,
+        good, upset, constants, units, shares, before, state_known, whole, tables, heading, zone, usable,
         result,
     )  # fmt: skip
     for k in range(count):

@@ -88,13 +88,14 @@ and whether it can tell sigma0."""
 
 @numba.njit(cache=True, error_model="numpy")
 def prepare(  # type: ignore[no-untyped-def]
-    valid, constants, units, shares, mean, state_known, zone_b, tables, heading, zone, usable,
-    report,
+    valid, upset, constants, units, shares, mean, state_known, zone_b, tables, heading, zone,
+    usable, report,
 ):  # fmt: skip
     """Kinematics and zones of a move; which samples count, and what can be solved.
 
     Args:
         valid: samples that can be used, shape (K,).
+        upset: samples whose force says nothing, though their position counts, shape (K,).
         constants: C_*.
         units: what the figures are relative to, their lowest and highest values, shape (3, LEVEL).
         shares: nu_i.
@@ -128,7 +129,7 @@ def prepare(  # type: ignore[no-untyped-def]
     peak = constants[C_PEAK]
     farthest = back = direction = 0.0
     for k in range(count):
-        if abs(force[k + 1]) >= peak:
+        if abs(force[k + 1]) >= peak or upset[k + 1]:
             usable[k] = False
         seen += zone[k] == SLIDE
         if zone[k] != REST:

@@ -48,8 +48,8 @@ def make(problem: Problem, p: F64) -> Callable[[int], float]:
     heading, zone = np.empty(count, np.int8), np.empty(count, np.int8)
     usable, ready = np.empty(count, np.bool_), np.zeros(count, np.int8)
     prepare(
-        np.ones(samples, dtype=np.bool_), constants, units, shares, mean, True, True, tables,
-        heading, zone, usable, report,
+        np.ones(samples, dtype=np.bool_), np.zeros(samples, dtype=np.bool_), constants, units,
+        shares, mean, True, True, tables, heading, zone, usable, report,
     )  # fmt: skip
     end = int(report[R_END])
     figures = np.array([COULOMB, VISCOUS, STIFFNESS, MASS])

@@ -220,8 +220,9 @@ class Mover:
     def _move_data(self) -> list[MoveData]:
         """What has come back of the move so far, axis by axis."""
         parts = [self._before, *map(MoveSamples.of, self._blocks)]
-        data = MoveSamples.joined(parts).punctual(self._period).fresh().on_grid(self._period)
-        data = data.placed(self._period)
+        data = MoveSamples.joined(parts).punctual(self._period).fresh()
+        upset = data.upset(self._period)
+        data = data.on_grid(self._period).placed(self._period)
         moves = [
             MoveData(
                 np.ascontiguousarray(data.position[:, a]),
@@ -229,6 +230,7 @@ class Mover:
                 np.ascontiguousarray(data.valid[:, a]),
                 float(data.time[0]),
                 float(self._rest_force[a]),
+                np.ascontiguousarray(upset[:, a]),
             )
             for a in range(len(self._axes))
         ]
