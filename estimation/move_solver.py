@@ -15,7 +15,7 @@ from estimation.gms import F64, Friction, FrictionState, element_shares
 from estimation.move_tables import KNOTS, TABLES
 from estimation.rows import lead
 from estimation.settings import EstimatorSettings, MoveData
-from estimation.update import F_DRIFT, UPDATE_SIZE, begin_update, end_update
+from estimation.update import F_DRIFT, MOSTLY, UPDATE_SIZE, begin_update, end_update
 from estimation.window import (
     F_UNIT,
     R_CHI_A,
@@ -23,6 +23,7 @@ from estimation.window import (
     R_FAILED,
     R_FAR,
     R_KNOWN,
+    R_STEADY,
     R_STICK,
     R_TOLD,
     fit,
@@ -145,8 +146,10 @@ class MoveSolver:
             spread, found, uncertain, masks, p, result,
         )  # fmt: skip
         misfit = math.sqrt(result[R_CHI_B] if result[R_STICK] > 0.0 else result[R_CHI_A])
-        if 1.0 < misfit <= settings.misfit and whole and result[R_FAILED] == 0.0:
-            tamed = tempered(Belief(before, spread), Belief(found, uncertain), misfit)
+        # What is left between jolts of the drive is not free of them either.
+        doubt = max(misfit, 1.0 / max(result[R_STEADY], MOSTLY) ** 2)
+        if misfit <= settings.misfit and doubt > 1.0 and whole and result[R_FAILED] == 0.0:
+            tamed = tempered(Belief(before, spread), Belief(found, uncertain), doubt)
             if not self._jumps_away(before, spread, found):  # that is for `end_update` to see
                 found[:], uncertain[:] = tamed.mean, tamed.covariance
         at_end, elements = self._at_end, self._elements

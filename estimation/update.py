@@ -34,6 +34,7 @@ from estimation.window import (
     R_KNOWN,
     R_REST_FORCE,
     R_SLIDE,
+    R_STEADY,
     R_STEP,
     R_STICK,
     REPORT_SIZE,
@@ -43,6 +44,8 @@ from estimation.window import (
 # Constants behind those of `window`.
 C_COMPLETE, C_MISFIT, C_JUMP, C_JUMP_SHARE, C_LEAST = range(CONSTANTS, CONSTANTS + 5)
 ALL_CONSTANTS = CONSTANTS + 5
+MOSTLY = 0.25
+"""A motion is not learned from where its force was upset but for less than this share of it."""
 F_DRIFT = 3
 """Row of an axis' table of figures: standard deviation by which each drifts from move to move."""
 
@@ -64,8 +67,8 @@ UPDATE_SIZE = U_COVARIANCE + (LEVEL + 1) ** 2
 @numba.njit(cache=True, error_model="numpy")
 def begin_update(  # type: ignore[no-untyped-def]
     position, force, valid, upset, rest, rest_force, elapsed, constants, units, shares, mean,
-    covariance, forces, memory, state_known, whole, tables, heading, zone, usable, ready, before, spread,
-    found, uncertain, p, result,
+    covariance, forces, memory, state_known, whole, tables, heading, zone, usable, ready, before,
+    spread, found, uncertain, p, result,
 ):  # fmt: skip
     """Clean the samples, age the belief, correct the state by the force at rest, find the zones.
 
@@ -127,8 +130,8 @@ def begin_update(  # type: ignore[no-untyped-def]
         )
     result[R_STEP], result[R_KNOWN], result[R_REST_FORCE] = step, known, rest_force
     prepare(
-        good, upset, constants, units, shares, before, state_known, whole, tables, heading, zone, usable,
-        result,
+        good, upset, constants, units, shares, before, state_known, whole, tables, heading, zone,
+        usable, result,
     )  # fmt: skip
     for k in range(count):
         ready[k] = 0
@@ -173,6 +176,8 @@ def end_update(  # type: ignore[no-untyped-def]
     result[U_MISFIT] = math.sqrt(result[R_CHI_B] if stick else result[R_CHI_A])
     if whole and usable < constants[C_COMPLETE] * samples:
         result[U_VERDICT], result[U_NUMBER] = HOLES, usable / samples
+    elif whole and result[R_STEADY] < MOSTLY:
+        result[U_VERDICT], result[U_NUMBER] = HOLES, result[R_STEADY]
     elif result[R_SLIDE] == 0.0 and not stick:
         result[U_VERDICT] = STILL
     else:

@@ -78,12 +78,12 @@ F_UNIT, F_LOWER, F_UPPER = range(3)
 # What the kernels report.
 (
     R_SLIDE, R_STICK, R_CHI_A, R_CHI_B, R_BOUND, R_EVALUATIONS, R_FAILED, R_SAMPLES, R_KNOWN,
-    R_REST_FORCE, R_STEP, R_END, R_FAR, R_TOLD,
-) = range(14)  # fmt: skip
-REPORT_SIZE = 14
+    R_REST_FORCE, R_STEP, R_END, R_FAR, R_TOLD, R_STEADY,
+) = range(15)  # fmt: skip
+REPORT_SIZE = 15
 """Also what is passed on: Coulomb force in force before the move and force measured at rest [N],
 resolution of the force [N], up to which row the move is used, whether it goes FULL_SLIP,
-and whether it can tell sigma0."""
+whether it can tell sigma0, and the share of the motion in which the force was not upset."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -125,7 +125,7 @@ def prepare(  # type: ignore[no-untyped-def]
         / (units[F_UNIT, STIFFNESS] * mean[STIFFNESS])
     )  # fmt: skip
     mark_zones(position, velocity, heading, travel, constants[C_VS], zone)
-    slide = stick = seen = end = 0
+    slide = stick = seen = end = moving = shaken = 0
     peak = constants[C_PEAK]
     farthest = back = direction = 0.0
     for k in range(count):
@@ -134,6 +134,8 @@ def prepare(  # type: ignore[no-untyped-def]
         seen += zone[k] == SLIDE
         if zone[k] != REST:
             end = k + 1
+            moving += 1
+            shaken += upset[k + 1]
         if zone[k] != SLIDE and not state_known and seen == 0:
             usable[k] = False
         if usable[k]:
@@ -149,6 +151,7 @@ def prepare(  # type: ignore[no-untyped-def]
     report[R_SLIDE] = slide if slide >= MIN_SLIDE else 0.0
     report[R_STICK] = stick if zone_b and stick >= MIN_STICK else 0.0
     report[R_BOUND] = -1.0
+    report[R_STEADY] = 1.0 - shaken / max(moving, 1)
     # A settling alone, of nanometres, has more than one stiffness that fits.
     report[R_TOLD] = state_known or back >= TOLD * travel
     report[R_FAR] = abs(position[count + 1] - position[0]) > FULL_SLIP * travel

@@ -387,6 +387,7 @@ class _Run:
                 axis.increment,
                 compensation,
                 axis.following_error,
+                self._request.machine.axes[axis.name].plant.mass,
             )
             for axis, compensation in zip(axes, self._compensation, strict=True)
         )

@@ -19,6 +19,7 @@ from estimation.trajectory import Limits, Trajectory, plan, plan_stop
 from sim2real.recording import Move
 from stagectl.compensation import AxisCompensation, Learned
 from stagectl.errors import RunFault
+from stagectl.sequencer import jolts
 from stagectl.sequencer.places import Places
 from stagectl.sequencer.samples import Block, MoveSamples
 
@@ -60,6 +61,7 @@ class MovingAxis:
         compensation: its force offsets.
         following_error: window around the demand [m]. The drive watches its own demand; this is
             for the case that ours does not reach it, or that its position does not reach us.
+        mass: moved, about [kg].
     """
 
     name: str
@@ -67,6 +69,7 @@ class MovingAxis:
     increment: float
     compensation: AxisCompensation
     following_error: float = math.inf
+    mass: float = math.inf
 
 
 class Mover:
@@ -221,8 +224,9 @@ class Mover:
         """What has come back of the move so far, axis by axis."""
         parts = [self._before, *map(MoveSamples.of, self._blocks)]
         data = MoveSamples.joined(parts).punctual(self._period).fresh()
-        upset = data.upset(self._period)
+        upset = jolts.upset(data, self._period)
         data = data.on_grid(self._period).placed(self._period)
+        upset |= jolts.aside(data, self._period, [axis.mass for axis in self._axes])
         moves = [
             MoveData(
                 np.ascontiguousarray(data.position[:, a]),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -18,12 +17,6 @@ EXACT = 1e-5
 """A SYNC that is off its place by less than this share of Ts is where it belongs."""
 REACH = 0.3
 """A sample may be brought back to its place from so much of Ts away."""
-UPSET, UPSET_STEPS = 0.04, 100
-"""A SYNC that is off its place by more than this share of Ts lets the drive's demand stand still, and
-jump; what the axis would have gone meanwhile matters from so many of its smallest steps on."""
-FADES = 1e-3
-"""How fast the drive's answer to such a jump fades, by 1/e [s]: what its derivative's low-pass
-takes. The rest of the answer changes little within a sample period."""
 STALE_STEPS = 20
 """An axis that jumps by so many of its smallest steps had moved while its samples repeated."""
 
@@ -187,41 +180,13 @@ class MoveSamples:
             ok[rows[1:][stale]] = False
         return replace(self, valid=valid)
 
-    def upset(self, period: float) -> NDArray[np.bool_]:
-        """Samples of which the force says nothing, on the grid, shape (places, n).
-
-        A drive that gets its setpoints late stands still in its demand, and then jumps. The force
-        that follows changes within a sample period: what is sampled of it isn't what accelerates
-        the axis. With setpoints 0.15 ms late at 0.1 m/s it is off by 5 N, on 8 kg.
-
-        Args:
-            period: Ts [s].
-        """
-        place = np.round((self.time - self.time[0]) / period).astype(np.int64)
-        away = np.abs(self.sync - np.median(self.sync))
-        still = np.where(away > UPSET * period, away, 0.0)
-        passed = np.diff(place, prepend=place[0] - 1) - 1
-        still += period * passed
-        mask = np.zeros((int(place[-1]) + 1, self.position.shape[1]), dtype=np.bool_)
-        late = np.flatnonzero(still)
-        if not len(late):
-            return mask
-        for a, position in enumerate(self.bridged().T):
-            step = np.abs(np.diff(position))
-            if not step.any():
-                continue
-            least = UPSET_STEPS * step[step > 0.0].min()
-            speed = np.append(step, 0.0) / np.append(np.diff(place), 1)
-            for k in late:
-                jump = float(speed[max(k - 3, 0) : k + 1].max() * still[k] / period)
-                if jump > least:
-                    fades = math.ceil(math.log(jump / least) * FADES / period) + 1
-                    mask[max(place[k] - passed[k] - 1, 0) : place[k] + fades + 1, a] = True
-        return mask
+    def places(self, period: float) -> NDArray[np.int64]:
+        """Of the SYNCs on the grid, counted from the first one's, shape (K,)."""
+        return np.asarray(np.round((self.time - self.time[0]) / period), dtype=np.int64)
 
     def on_grid(self, period: float) -> MoveSamples:
         """With an invalid sample wherever a SYNC period was passed over."""
-        place = np.round((self.time - self.time[0]) / period).astype(np.int64)
+        place = self.places(period)
         if place[-1] == len(place) - 1:
             return self
         count, axes = int(place[-1]) + 1, self.position.shape[1]

@@ -330,3 +330,21 @@ class TestRefusals:
         move = data.move(0)
         with pytest.raises(ValueError, match="length"):
             self.settled(data).update(replace(move, force=move.force[:-1]))
+
+
+def test_an_upset_force_counts_for_nothing_while_the_position_is_followed(data):
+    plain, spoiled = (SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS) for _ in range(2))
+    for estimator in (plain, spoiled):
+        estimator.at_rest(0.0, 0.0, 0.0)
+    for number in range(len(data.starts)):
+        upset = np.zeros(len(data.move(number).valid), dtype=bool)
+        upset[12:17] = True
+        good = spoil = replace(data.move(number), upset=upset)
+        spoil.force[upset] += 30.0
+        for estimator, move in ((plain, replace(good, force=data.move(number).force)),
+                                (spoiled, spoil)):  # fmt: skip
+            assert estimator.update(move).accepted
+    np.testing.assert_allclose(spoiled.state.forces, plain.state.forces, rtol=1e-9)
+    assert spoiled.friction == plain.friction
+    with pytest.raises(ValueError, match="same length"):
+        spoiled.update(replace(good, upset=upset[1:]))

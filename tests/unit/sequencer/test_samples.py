@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from estimation.trajectory import Limits, plan
+from stagectl.sequencer.jolts import aside, upset
 from stagectl.sequencer.samples import PUNCTUAL, REACH, MoveSamples
 
 TS = 1e-3
@@ -100,3 +101,30 @@ def test_an_axis_at_rest_may_repeat_itself():
     samples.position[:, 0] = np.round(samples.position[:, 0], 9)
     assert (np.diff(samples.position[:, 0]) == 0.0).sum() > 20  # before and after the motion
     assert samples.fresh().valid.all()
+
+
+def test_a_force_behind_late_setpoints_says_nothing():
+    samples = jittered(1e-5)
+    samples.position[:, 0] = np.round(samples.position[:, 0], 9)
+    assert not upset(samples, TS).any()  # what a drive's lock on SYNC takes
+    samples.sync[3] += 2e-4  # at rest: nothing jumps
+    samples.sync[50] += 1e-4
+    samples.time[80:] += 3 * TS
+    mask = upset(samples, TS)
+    assert mask.shape == samples.on_grid(TS).position.shape
+    where = np.flatnonzero(mask[:, 0])
+    assert {49, 50, 52} < set(where) <= {*range(49, 57), *range(79, 93)}
+    assert {*range(79, 87)} < set(where)  # the longer it stood still, the longer it takes
+
+
+def test_a_position_of_another_instant_is_told_by_the_force():
+    samples = jittered(1e-5)
+    rng = np.random.default_rng(3)
+    samples.position[:, 0] += rng.normal(0.0, 1e-9, COUNT)
+    placed = samples.placed(TS)
+    assert not aside(placed, TS, [8.0]).any()
+    placed.position[60, 0] += 2e-7  # 0.05 m/s for 4 us
+    assert np.flatnonzero(aside(placed, TS, [8.0])[:, 0]).tolist() == [59, 60, 61]
+    same = jittered(0.0)
+    same.position[60, 0] += 2e-7
+    assert not aside(same, TS, [8.0]).any()  # where SYNC is exact, it was no late SYNC

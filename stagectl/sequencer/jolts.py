@@ -1,0 +1,90 @@
+"""What a host that is late does to the samples of a move: whose force says nothing, and why."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.sequencer.samples import EXACT, MoveSamples
+
+UPSET, UPSET_STEPS = 0.04, 100
+"""A SYNC that is off its place by more than this share of Ts lets the drive's demand stand still,
+and jump; what the axis would have gone meanwhile matters from so many of its smallest steps on."""
+FADES = 1e-3
+"""How fast the drive's answer to such a jump fades, by 1/e [s]: what is fast in it, by its
+derivative's low-pass. The rest of the answer changes little within a sample period."""
+ASIDE = 8.0
+"""A position is of another instant where it is so many standard deviations off what its neighbours
+and the force say."""
+
+_MEDIAN = 0.6745  # of the absolute values, over their standard deviation, of normal ones
+_BEND = np.array([1.0, -2.0, 1.0])
+_JUMP = np.convolve(_BEND, _BEND)
+_AROUND = len(_JUMP)
+
+
+def upset(samples: MoveSamples, period: float) -> NDArray[np.bool_]:
+    """Samples of which the force says nothing, on the grid, shape (places, n).
+
+    A drive that gets its setpoints late stands still in its demand, and then jumps. The force
+    that follows changes within a sample period: what is sampled of it isn't what accelerates
+    the axis. With setpoints 0.15 ms late at 0.1 m/s it is off by 5 N, on 8 kg.
+
+    Args:
+        samples: of a move.
+        period: Ts [s].
+    """
+    place = samples.places(period)
+    away = np.abs(samples.sync - np.median(samples.sync))
+    still = np.where(away > UPSET * period, away, 0.0)
+    passed = np.diff(place, prepend=place[0] - 1) - 1
+    still += period * passed
+    mask = np.zeros((int(place[-1]) + 1, samples.position.shape[1]), dtype=np.bool_)
+    late = np.flatnonzero(still)
+    if not len(late):
+        return mask
+    for a, position in enumerate(samples.bridged().T):
+        measured = np.abs(np.diff(samples.position[samples.valid[:, a], a]))
+        if not measured.any():
+            continue
+        least = UPSET_STEPS * measured[measured > 0.0].min()
+        step = np.abs(np.diff(position))
+        speed = np.append(step, 0.0) / np.append(np.diff(place), 1)
+        for k in late:
+            jump = float(speed[max(k - 3, 0) : k + 1].max() * still[k] / period)
+            if jump > least:
+                fades = math.ceil(math.log(jump / least) * FADES / period) + 1
+                mask[max(place[k] - passed[k] - 1, 0) : place[k] + fades + 1, a] = True
+    return mask
+
+
+def aside(samples: MoveSamples, period: float, masses: Sequence[float]) -> NDArray[np.bool_]:
+    """Samples next to a position of another instant than its own; on the grid, placed.
+
+    SYNCs that come at uneven times have time stamps, and some of those are microseconds off. At
+    0.1 m/s, 5 us are 0.5 um: the axis seems to jump there and back, and no force did it.
+
+    Args:
+        samples: of a move.
+        period: Ts [s].
+        masses: moved by each axis [kg].
+    """
+    mask = np.zeros(samples.position.shape, dtype=np.bool_)
+    known = samples.sync[samples.valid.any(axis=1)]
+    if len(known) < _AROUND or np.ptp(known) <= EXACT * period:
+        return mask
+    for a, mass in enumerate(masses):
+        whole = np.convolve(samples.valid[:, a], np.ones(_AROUND), "valid") == _AROUND
+        if not whole.any():
+            continue
+        off = np.convolve(samples.position[:, a], _JUMP, "valid")
+        off -= period**2 / mass * np.convolve(samples.force[:, a], _BEND, "valid")[1:-1]
+        off = np.abs(off)
+        usual = float(np.median(off[whole])) / _MEDIAN
+        most = [off[max(k - 2, 0) : k + 3].max() for k in range(len(off))]  # not its neighbours
+        for k in np.flatnonzero(whole & (off > ASIDE * usual) & (off == most)):
+            mask[k + 1 : k + 4, a] = True
+    return mask
