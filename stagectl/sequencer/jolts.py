@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 
 from stagectl.sequencer.samples import EXACT, MoveSamples
 
-UPSET, UPSET_STEPS = 0.04, 100
+UPSET, UPSET_STEPS = 0.03, 100
 """A SYNC that is off its place by more than this share of Ts lets the drive's demand stand still,
 and jump; what the axis would have gone meanwhile matters from so many of its smallest steps on."""
 FADES = 1e-3
 """How fast the drive's answer to such a jump fades, by 1/e [s]: what is fast in it, by its
 derivative's low-pass. The rest of the answer changes little within a sample period."""
 ASIDE = 8.0
-"""A position is of another instant where it is so many standard deviations off what its neighbours
-and the force say."""
+"""Something is amiss where a position is so many standard deviations off what its neighbours and
+the force say."""
 
-_MEDIAN = 0.6745  # of the absolute values, over their standard deviation, of normal ones
+_QUARTER = 0.3186  # of normal absolute values, over their standard deviation; most may be upset
 _BEND = np.array([1.0, -2.0, 1.0])
 _JUMP = np.convolve(_BEND, _BEND)
 _AROUND = len(_JUMP)
@@ -62,10 +62,11 @@ def upset(samples: MoveSamples, period: float) -> NDArray[np.bool_]:
 
 
 def aside(samples: MoveSamples, period: float, masses: Sequence[float]) -> NDArray[np.bool_]:
-    """Samples next to a position of another instant than its own; on the grid, placed.
+    """Samples whose position does not go with the force around it; on the grid, placed.
 
     SYNCs that come at uneven times have time stamps, and some of those are microseconds off. At
-    0.1 m/s, 5 us are 0.5 um: the axis seems to jump there and back, and no force did it.
+    0.1 m/s, 5 us are 0.5 um: the axis seems to jump there and back, and no force did it. Jolts that
+    `upset` doesn't know of show the same way.
 
     Args:
         samples: of a move.
@@ -83,8 +84,7 @@ def aside(samples: MoveSamples, period: float, masses: Sequence[float]) -> NDArr
         off = np.convolve(samples.position[:, a], _JUMP, "valid")
         off -= period**2 / mass * np.convolve(samples.force[:, a], _BEND, "valid")[1:-1]
         off = np.abs(off)
-        usual = float(np.median(off[whole])) / _MEDIAN
-        most = [off[max(k - 2, 0) : k + 3].max() for k in range(len(off))]  # not its neighbours
-        for k in np.flatnonzero(whole & (off > ASIDE * usual) & (off == most)):
+        usual = float(np.quantile(off[whole], 0.25)) / _QUARTER
+        for k in np.flatnonzero(whole & (off > ASIDE * usual)):
             mask[k + 1 : k + 4, a] = True
     return mask

@@ -59,6 +59,10 @@ class Block(Protocol):
     def doubt(self) -> F64:
         """How much later than that it may have reached the drives [s]; inf: not known."""
 
+    @property
+    def extra(self) -> NDArray[np.uint8]:
+        """Samples that came besides, between the SYNC before and this one, shape (K, n)."""
+
 
 @dataclass(frozen=True, slots=True)
 class MoveSamples:
@@ -94,8 +98,13 @@ class MoveSamples:
 
     @classmethod
     def of(cls, block: Block) -> MoveSamples:
-        """What a stream brought back."""
+        """What a stream brought back.
+
+        Behind a hole, the first of two samples that came for one SYNC answers a SYNC before: the
+        drive was held up.
+        """
         valid = block.valid & ~block.late[:, None]
+        valid[1:-1] &= (block.extra[2:] == 0) | block.valid[:-2]
         return cls(
             block.time, block.position, block.force, valid, block.arrival, block.sync, block.doubt
         )

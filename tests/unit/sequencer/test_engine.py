@@ -46,6 +46,7 @@ class Samples:
     arrival: np.ndarray
     sync: np.ndarray
     doubt: np.ndarray
+    extra: np.ndarray
 
 
 class BareStage:
@@ -91,6 +92,7 @@ class BareStage:
             np.zeros((count, 2)),
             np.zeros(count),
             np.full(count, np.inf),
+            np.zeros((count, 2), dtype=np.uint8),
         )
 
 

@@ -10,6 +10,7 @@ import pytest
 from estimation.trajectory import Limits
 from stagectl.errors import RunFault
 from stagectl.sequencer.mover import Mover, MovingAxis
+from stagectl.sequencer.samples import MoveSamples
 
 TS = 1e-3
 
@@ -24,6 +25,20 @@ class Samples:
     arrival: np.ndarray
     sync: np.ndarray
     doubt: np.ndarray
+    extra: np.ndarray
+
+
+def test_behind_a_hole_the_first_of_two_answers_is_that_of_a_sync_before():
+    count = 10
+    block = Samples(
+        np.zeros((count, 1)), np.zeros((count, 1)), np.ones((count, 1), dtype=bool),
+        TS * np.arange(count), np.zeros(count, dtype=bool), np.full((count, 1), 2e-4),
+        np.zeros(count), np.zeros(count), np.zeros((count, 1), np.uint8),
+    )  # fmt: skip
+    block.extra[3] = 1  # one that was sent twice is as good as any
+    block.valid[5:7] = False
+    block.extra[8] = 1
+    assert np.flatnonzero(~MoveSamples.of(block).valid[:, 0]).tolist() == [5, 6, 7]
 
 
 class Echo:
@@ -57,7 +72,7 @@ class Echo:
         return Samples(
             np.array(rows), np.full((count, 1), 1.5), np.ones((count, 1), dtype=bool),
             np.array(time), np.array(late), np.array(arrival),
-            np.zeros(count), np.full(count, np.inf),
+            np.zeros(count), np.full(count, np.inf), np.zeros((count, 1), np.uint8),
         )  # fmt: skip
 
 
