@@ -58,6 +58,8 @@ REST_AFTER = 0.05
 TOLD = 0.005
 """A settling that goes back less than this share of the breakaway travel does not tell sigma0 by
 itself, without an onset."""
+HIDDEN = 0.25
+"""A hole in which an onset goes this share of the breakaway travel hides how what follows began."""
 FULL_SLIP = 2.0
 """C/Fc is learned from moves of so many breakaway travels and more: shorter ones end among elements
 of which only the sum was known at rest, and what that leaves open would go into it."""
@@ -128,7 +130,13 @@ def prepare(  # type: ignore[no-untyped-def]
     slide = stick = seen = end = moving = shaken = 0
     peak = constants[C_PEAK]
     farthest = back = direction = 0.0
+    told, gone = state_known, position[0]
     for k in range(count):
+        if valid[k]:
+            # How elements began to slip inside a hole nobody knows.
+            if k > 0 and not valid[k - 1] and abs(position[k] - gone) > HIDDEN * travel:
+                told = False
+            gone = position[k]
         if abs(force[k + 1]) >= peak or upset[k + 1]:
             usable[k] = False
         seen += zone[k] == SLIDE
@@ -136,7 +144,7 @@ def prepare(  # type: ignore[no-untyped-def]
             end = k + 1
             moving += 1
             shaken += upset[k + 1]
-        if zone[k] != SLIDE and not state_known and seen == 0:
+        if zone[k] != SLIDE and not told and seen == 0:
             usable[k] = False
         if usable[k]:
             slide += zone[k] == SLIDE
