@@ -5,8 +5,8 @@ bus at 25 sites over 100 x 100 mm, of a stage whose Coulomb force differs by +-2
 wanders by 1 %, and what its moves have shown becomes the map.
 
 A map's errors are alike over some 40 mm, so one map has little more than a dozen of them: of exact
-posteriors (field, noise and all figures known), too, only six of ten maps have 90 to 99 % of the
-truths inside the 95 % band, and one of eight has less.
+posteriors (kernel, length, amplitude and noise known), too, only two of three have 90 to 99 % of
+the truths inside the 95 % band, and one of seven has less (`friction_map.py --observer`).
 
     python benchmarks/calibrated_maps.py [--tables 20] [--first 1]
 """

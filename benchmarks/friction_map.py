@@ -7,6 +7,12 @@ and a quadratic with a step that was smoothed. Sites: a grid, a grid with jitter
 Each site's estimate is off by its own error (`--noise`, known to the map as its sigma).
 
     python benchmarks/friction_map.py [--tables 60] [--seed 1] [--noise 0.01]
+
+A map's errors are alike over some 40 mm: how much of the truths is inside its band differs from map
+to map even where nothing is wrong with it. By how much, an observer shows who knows kernel, length,
+amplitude and noise (so that nothing is better), on the same tables:
+
+    python benchmarks/friction_map.py --observer [--tables 150]
 """
 
 from __future__ import annotations
@@ -19,7 +25,7 @@ import numpy as np
 from machine_facts import machine_facts
 from numpy.typing import NDArray
 
-from estimation.friction_field import FrictionField
+from estimation.friction_field import FrictionField, Node
 
 F64 = NDArray[np.float64]
 Function = Callable[[F64], F64]
@@ -114,14 +120,44 @@ def sites(kind: str, generator: np.random.Generator) -> F64:
     return places + (generator.uniform(-0.008, 0.008, places.shape) if kind == "jittered" else 0)
 
 
+def beside_the_observer(count: int, seed: int, noise: float) -> None:
+    """Maps and the observer's, Gaussian fields, sites on a grid: error, honesty of each map."""
+    rms = SWING / np.sqrt(3.0)  # of levels spread evenly over +-SWING
+    known = [Node(1.0, "gaussian", LENGTH, float(rms), 0.0)]
+    found: dict[str, list[tuple[float, float, float]]] = {"map": [], "observer": []}
+    for number in range(count):
+        generator = np.random.default_rng([seed, number])
+        raw = gaussian(generator)
+        places, unseen = sites("grid", generator), generator.uniform(0, SIDE, (500, 2))
+        measured, true = (rms * np.sqrt(2.0 / 300) * raw(p) for p in (places, unseen))
+        values = np.exp(measured + noise * generator.standard_normal(25))
+        for name, nodes in (("map", None), ("observer", known)):
+            told = FrictionField(places, values, np.full(25, noise), nodes=nodes).at(unseen)
+            error = np.log(told.value) - true
+            z = error / told.sigma
+            found[name].append((np.mean(error**2), np.mean(z**2), np.mean(np.abs(z) < 1.96)))
+    print("           error rms  error/sigma rms  in 95 % band  maps < 90 %  90...99 %  > 99 %")
+    for name, rows in found.items():
+        error, z, held = np.array(rows).T
+        inside = np.mean((held >= 0.9) & (held <= 0.99))
+        print(
+            f"{name:<10} {np.sqrt(error.mean()):9.2%} {np.sqrt(z.mean()):16.2f} {held.mean():13.1%}"
+            f"{np.mean(held < 0.9):12.0%} {inside:10.0%} {np.mean(held > 0.99):7.0%}"
+        )
+
+
 def main() -> None:
     """Error rms and share of truths inside the 95 % band, by kind of field and of sites."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--tables", type=int, default=60, help="of each kind")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--noise", type=float, default=0.01, help="relative error of an estimate")
+    parser.add_argument("--observer", action="store_true", help="maps beside who knows it all")
     options = parser.parse_args()
     print(machine_facts())
+    if options.observer:
+        beside_the_observer(options.tables, options.seed, options.noise)
+        return
     print(f"{options.tables} tables each, estimates off by {options.noise:.1%} rms")
     print(
         "sites     field     error rms  worst table  in 95 % band  tables 90...99 %  outside  fit"

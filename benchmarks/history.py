@@ -1,17 +1,20 @@
 """The friction history at its limits: killed 200 times, and ten years of calibrations in it.
 
-`python benchmarks/history.py [--kills N] [--url postgresql://...]`
+`python benchmarks/history.py [--kills N] [--wafers N] [--url postgresql://...]`
 
 Kills: a process writes pairs of estimates, tells after each commit, and gets SIGKILL at a random
 instant, the making of the file included. Afterwards the file must open and pass SQLite's check,
 with everything that was told, and no half pair.
 Speed: 521 weekly calibrations of 49 sites and 2 axes, 51,058 rows; medians and worst of 50 reads.
+Production: how long a run takes to begin by the map (and to say what is due) behind so many wafers
+of 20 sites, 80 rows each: it should not be longer the more there have been.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import os
 import random
 import signal
@@ -22,12 +25,19 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Literal
 
 from machine_facts import machine_facts
 
+from stagectl.calibration.due import due_sites
+from stagectl.calibration.sites import DueSection
+from stagectl.config.machine import load_machine
 from stagectl.history.opening import open_history
 from stagectl.history.port import History
 from stagectl.history.records import EstimateRecord, RunEntry, StageKey
+from stagectl.maps.active import load_active
+from stagectl.maps.build import build_map
+from stagectl.maps.model import to_json
 
 WEEK = 7 * 86400.0
 STAGE = StageKey("wafer-xy", False)
@@ -145,10 +155,59 @@ def speed(history: History, label: str) -> None:
         )
 
 
+def produce(history: History, first: int, last: int) -> None:
+    """Wafers of production, a minute each; the first one is a calibration."""
+    generator = random.Random(first)  # noqa: S311
+    covariance = tuple(0.01 * (j % 5 == 0) for j in range(16))
+    for wafer in range(first, last):
+        at = 60.0 * wafer
+        purpose: Literal["calibration", "production"] = "production" if wafer else "calibration"
+        run = history.start_run(
+            RunEntry(STAGE, ("x", "y"), at, "r", "l", str(wafer), "s", "f", purpose)
+        )
+        rows = []
+        for i, site in enumerate(SITES[:40:2]):
+            for axis, kind in itertools.product("xy", ("macro", "micro")):
+                level = (6.0 if axis == "x" else 9.0) * (1.0 + generator.gauss(0.0, 0.01))
+                rows.append(
+                    EstimateRecord(
+                        run, axis, kind, i + 1, site, at + 2.0 * i, 0.02, True, None,
+                        FIGURES | {"coulomb": level}, covariance, 1.0, (level, 0.03),
+                    )
+                )  # fmt: skip
+        history.add(rows)
+
+
+def beginnings(history: History, wafers: int) -> None:
+    """How long it takes until a run knows what it goes by, early and late in a stage's life."""
+    machine, limits = load_machine(), DueSection()
+    produce(history, 0, 1)
+    number = history.save_map(STAGE, 0.0, "", to_json(build_map(history, STAGE)))
+    history.activate(STAGE, number, 0.0, "activated")
+    done = 1
+    for count in (wafers // 10, wafers):
+        produce(history, done, count)
+        done, now = count, 60.0 * count
+        spent: dict[str, list[float]] = {"begin": [], "due": []}
+        for _ in range(3):
+            begin = time.perf_counter()
+            active = load_active(history, STAGE, machine, SITES, now)
+            middle = time.perf_counter()
+            assert active is not None
+            due_sites(SITES, limits, history, STAGE, ("x", "y"), now, active.places)
+            spent["begin"].append(middle - begin)
+            spent["due"].append(time.perf_counter() - middle)
+        print(
+            f"behind {sum(history.counted(STAGE)):,} rows of production a run begins by its map "
+            f"after {min(spent['begin']):.2f} s; {min(spent['due']):.2f} s more to say what is due"
+        )
+
+
 def main() -> None:
-    """Both parts."""
+    """All parts."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--wafers", type=int, default=2000, help="of production; 0: none")
     parser.add_argument("--url", help="also time this (empty) PostgreSQL database")
     options = parser.parse_args()
     print(machine_facts())
@@ -158,6 +217,10 @@ def main() -> None:
         history = open_history(str(Path(folder) / "stage.db"), write=True)
         speed(history, "SQLite")
         history.close()
+        if options.wafers:
+            history = open_history(str(Path(folder) / "production.db"), write=True)
+            beginnings(history, options.wafers)
+            history.close()
     if options.url:
         history = open_history(options.url, write=True)
         speed(history, "PostgreSQL")

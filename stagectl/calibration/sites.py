@@ -107,6 +107,11 @@ def load_calibration(path: Path, machine: Machine) -> Calibration:
         for coordinate, (name, axis) in zip(place, machine.axes.items(), strict=True)
         if not (axis.travel[0] + file.reach <= coordinate <= axis.travel[1] - file.reach)
     ]
+    problems += [
+        document.problem(("sites",), f"site {number} is site {sites.index(place) + 1} again")
+        for number, place in enumerate(sites, 1)
+        if sites.index(place) + 1 < number
+    ]
     if problems:
         raise ConfigError(problems[:20])
     sequence = choose(machine, file.reach)

@@ -81,6 +81,8 @@ def command(
         )
         for line in predicted_line(calibration.sequence):
             click.echo(f"  {line}")
+        if not calibration.sequence.reaches():
+            click.echo("  not as well as it should: a larger 'reach' may help")
     from stagectl.compensation import Mode
     from stagectl.request import RunRequest
 

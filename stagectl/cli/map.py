@@ -179,10 +179,11 @@ def rollback(
 @click.option("--number", type=int, help="Version [the active one, else the last].")
 @click.option(
     "--what",
-    type=click.Choice(["sites", "grid", "estimates"]),
+    type=click.Choice(["sites", "grid", "estimates", "refused"]),
     default="sites",
     show_default=True,
-    help="The map's sites, its field on a grid, or every accepted estimate of the history.",
+    help="The map's sites, its field on a grid, or the history: every accepted estimate, or every "
+    "refused one with the reason.",
 )
 @click.option("--step", type=click.FloatRange(1e-5), default=5e-3, show_default=True,
               help="Of the grid [m].")  # fmt: skip
@@ -196,8 +197,9 @@ def export(
 
     opened, stage = open_for(history, stage_name, simulated)
     try:
-        if what == "estimates":
-            table = tables.trend_table(opened, stage)
+        if what in ("estimates", "refused"):
+            whole = tables.trend_table if what == "estimates" else tables.refused_table
+            table = whole(opened, stage)
         else:
             version = _chosen(_versions(opened, stage), number, opened.name)
             table = (

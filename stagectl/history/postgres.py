@@ -137,4 +137,5 @@ def _one_line(error: Exception) -> str:
 def _without_password(url: str) -> str:
     """What of a URL may stand in a message."""
     scheme, mark, rest = url.partition("://")
+    rest = rest.partition("?")[0]  # behind it there may be one, too
     return f"{scheme}{mark}{rest.rpartition('@')[2]}" if mark else "PostgreSQL"

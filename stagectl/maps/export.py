@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,9 +13,10 @@ import numpy as np
 
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.history.port import History
-from stagectl.history.records import StageKey
+from stagectl.history.records import RunEntry, StageKey
 from stagectl.maps.model import MapVersion
 
+_ALL = 10**9
 Cell = str | float | int | bool | None
 
 
@@ -73,8 +74,8 @@ def grid_table(version: MapVersion, step: float) -> Table:
 
 def trend_table(history: History, stage: StageKey) -> Table:
     """Every accepted estimate of every place and axis."""
-    runs = history.runs(stage, last=1)
-    axes = runs[0][1].axes if runs else ()
+    runs = _runs(history, stage)
+    axes = next(iter(runs.values())).axes if runs else ()
     rows: list[dict[str, Cell]] = []
     for place in history.places(stage):
         for axis in axes:
@@ -83,7 +84,7 @@ def trend_table(history: History, stage: StageKey) -> Table:
                 row: dict[str, Cell] = {
                     "axis": axis, "x_m": place[0], "y_m": place[1],
                     "time": iso(float(trend.time[k])), "kind": trend.kind[k],
-                    "run": trend.run[k],
+                    **_run(trend.run[k], runs),
                 }  # fmt: skip
                 for name, values in trend.values.items():
                     row[name] = _number(float(values[k]))
@@ -91,6 +92,38 @@ def trend_table(history: History, stage: StageKey) -> Table:
                 row["level"] = float(trend.level[k])
                 row["temperature_C"] = _number(float(trend.temperature[k]))
                 rows.append(row)
+    return _table(rows)
+
+
+def refused_table(history: History, stage: StageKey) -> Table:
+    """Every refused estimate with the reason, the newest first."""
+    runs = _runs(history, stage)
+    return _table(
+        [
+            {
+                "axis": e.axis, "x_m": e.place[0], "y_m": e.place[1], "time": iso(e.time),
+                "kind": e.kind, **_run(e.run, runs), "site": e.site, "distance_m": e.distance,
+                "reason": e.reason,
+            }
+            for e in history.refused(stage, last=_ALL)
+        ]
+    )  # fmt: skip
+
+
+def _runs(history: History, stage: StageKey) -> dict[int, RunEntry]:
+    return {number: run for number, run, _ in history.runs(stage, last=_ALL)}
+
+
+def _run(number: int, runs: Mapping[int, RunEntry]) -> dict[str, Cell]:
+    run = runs[number]
+    return {
+        "run": number, "purpose": run.purpose, "recipe": run.recipe, "lot": run.lot,
+        "wafer": run.wafer, "software": run.software,
+    }  # fmt: skip
+
+
+def _table(rows: Sequence[Mapping[str, Cell]]) -> Table:
+    """Columns as they come up in the rows."""
     columns = tuple(dict.fromkeys(name for row in rows for name in row))
     return Table(columns, [[row.get(name) for name in columns] for row in rows])
 

@@ -88,6 +88,7 @@ def test_every_site_is_visited_and_the_first_one_again(machine, sequence):
     [
         ("calibrate: c\n", "sites: is missing"),
         (FILE.replace("[0, 0]", "[0.15, 0]"), "outside the travel of axis x"),
+        ("calibrate: c\nsites: [[0, 0], [0.01, 0], [0, 0]]\n", "site 3 is site 1 again"),
         (FILE + "due: {weeks: 1}\n", "due.weeks"),
         (FILE + "due: {days: -1}\n", "due.days"),
         (FILE + "reach: 2 kg\n", "reach"),

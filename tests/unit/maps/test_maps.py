@@ -20,7 +20,13 @@ from stagectl.maps.active import REPLAYED, load_active, map_versions
 from stagectl.maps.applicable import outdated, problems, short_of
 from stagectl.maps.build import build_map
 from stagectl.maps.compare import compare
-from stagectl.maps.export import grid_table, sites_table, trend_table, write_table
+from stagectl.maps.export import (
+    grid_table,
+    refused_table,
+    sites_table,
+    trend_table,
+    write_table,
+)
 from stagectl.maps.learning import figure_drift
 from stagectl.maps.model import MapVersion, from_json, to_json
 from stagectl.maps.places import TrackedPlaces
@@ -366,6 +372,21 @@ def test_tables_and_page(history, tmp_path):
     assert {row[inside] for row in grid.rows} == {True, False}
     estimates = trend_table(history, STAGE)
     assert len(estimates.rows) == 208
+    assert {row[estimates.columns.index("purpose")] for row in estimates.rows} == {"calibration"}
+    assert refused_table(history, STAGE).rows == []
+    number = history.start_run(
+        RunEntry(STAGE, ("x", "y"), BEGIN + 900, "r", "L7", "W3", "stagectl", "f")
+    )
+    history.add(
+        [
+            EstimateRecord(number, "y", "macro", 3, GRID[0], BEGIN + 901, 0.02, False,
+                           "coulomb jumps by -16%", {"coulomb": 6.0}, (0.01,))
+        ]
+    )  # fmt: skip
+    refused = refused_table(history, STAGE)
+    (row,) = (dict(zip(refused.columns, row, strict=True)) for row in refused.rows)
+    assert (row["axis"], row["lot"], row["wafer"]) == ("y", "L7", "W3")
+    assert row["reason"] == "coulomb jumps by -16%"
     path = tmp_path / "sites.csv"
     write_table(sites, path)
     with path.open() as file:
