@@ -30,14 +30,16 @@ def command(
     """Check NODE against CiA 301 and CiA 402, any drive, without an EDS.
 
     The axis comes under force where it stands and gets its actual position as set-point; keep
-    clear all the same. Values that are changed are put back, the drive ends disabled. No other
-    host may use the drive meanwhile. Exit code 0 when nothing failed, else 1.
+    clear all the same. Values that are changed are put back, the drive ends disabled. Refused
+    while another host is on the bus. Exit code 0 when nothing failed, else 1.
     """
     from drivers.conformance import Verdict, run
+    from drivers.other_host import LISTENING
     from stagectl.errors import StagectlError
 
     bench = Bench(machine, bus, simulate, seed)
     with bench.onlooker() as network:
+        network.listen(LISTENING)  # a stage that runs is left alone
         findings = run(network, node, power=power, homing=homing)
         label = network.label
     if json_out is not None:

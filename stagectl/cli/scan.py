@@ -34,7 +34,7 @@ def command(
     bench = Bench(machine, bus, simulate, seed)
     with bench.onlooker() as network:
         found = scan(network, ask=not passive, listen=listen)
-        label = network.label
+        label, host = network.label, network.other_host.found
     axes = {axis.node: axis.name for axis in bench.axes}
     if json_out is not None:
         write_json([_entry(node, axes) for node in found], json_out)
@@ -43,6 +43,8 @@ def command(
     from rich.console import Console
 
     Console().print(_table(found, axes, label))
+    if host is not None:
+        click.echo(f"a host commands this bus: {host} was heard", err=True)
     for node, name in axes.items():
         if all(one.node != node for one in found):
             click.echo(

@@ -3,6 +3,7 @@
 import json
 import re
 
+import can
 import pytest
 from click.testing import CliRunner
 
@@ -123,3 +124,17 @@ def test_check_passes_on_the_virtual_drive(call):
 def test_check_of_nobody_is_one_line(call):
     failure, _, _ = call("check", 9, "--simulate")
     assert str(failure) == "node 9 does not answer SDO"
+
+
+@pytest.mark.real_time
+def test_a_bus_with_a_host_is_left_alone(call):
+    beat = can.Message(arbitration_id=0x77F, data=[5], is_extended_id=False)
+    with can.Bus(interface="virtual", channel="with-host") as host:
+        host.send_periodic(beat, 0.01)
+        for refused in (("check", 1), ("jog", "x", "1mm"), ("enable",)):
+            failure, _, _ = call(*refused, "--bus", "virtual:with-host")
+            assert "another host is on it: a heartbeat of node 127 (0x77F)" in str(failure)
+        assert host.recv(0.0) is None
+        failure, _, told = call("scan", "--passive", "--listen", 0.1, "--bus", "virtual:with-host")
+        assert failure == 0
+        assert "a host commands this bus: a heartbeat of node 127" in told
