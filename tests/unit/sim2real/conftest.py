@@ -1,0 +1,72 @@
+"""Simulated stages with known effects, for what finds them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil_sim.effects.library import library
+from hil_sim.settings import StageSettings
+from hil_sim.simulate import simulate
+from sim2real.axis_model import NUISANCES, AxisModel, Term
+from sim2real.recording import Recording
+from sim2real.replay import prepare
+from sim2real.strangers import KIN
+from stagectl.config.machine import parse_machine
+from stagectl.config.mapping import stage_settings
+from stagectl.store.recording import read_recording
+
+DATA = Path(__file__).parents[2] / "data"
+TOLERANCE = {"x": 0.003, "y": 0.003}
+SECONDS = 3.0
+FINER = 8
+"""Plant steps per control tick of these stages, of which the diagnosis knows nothing."""
+
+
+@pytest.fixture(scope="session")
+def nominal() -> tuple[Recording, StageSettings]:
+    recording = read_recording(DATA / "null-1.h5")
+    return recording, stage_settings(parse_machine(recording.machine, "null-1"))
+
+
+def stage_with(
+    nominal: tuple[Recording, StageSettings], seed: int, **effects: dict[str, dict[str, float]]
+) -> Recording:
+    """A recording of a stage with effects (axis -> effect -> values), finer steps, other plant."""
+    recording, settings = nominal
+    count = round(SECONDS / settings.sync_period)
+    rng = np.random.default_rng(seed)
+    known = {e.name: e for e in KIN} | dict(library())
+    axes = []
+    for axis in settings.axes:
+        terms = tuple(
+            Term(known[name], tuple(values.values()))
+            for name, values in effects.get(axis.name, {}).items()
+        )
+        axes.append(
+            AxisModel(TOLERANCE[axis.name] * rng.standard_normal(NUISANCES), terms).settings(axis)
+        )
+    replay = prepare(recording, settings)
+    run = simulate(
+        replace(settings, axes=tuple(axes)), replay.demand[:count], replay.offset[:count], seed,
+        substeps=FINER,
+    )  # fmt: skip
+    signals = {
+        name: replace(
+            of,
+            position_demand=of.position_demand[:count],
+            force_offset=of.force_offset[:count],
+            position_actual=run.position[:, a],
+            force_actual=run.force[:, a],
+            statusword=None,
+            valid=of.valid[:count],
+        )
+        for a, (name, of) in enumerate(recording.axes.items())
+    }
+    moves = tuple(m for m in recording.moves if m.end < count)
+    return replace(
+        recording, time=recording.time[:count], axes=signals, moves=moves, source=f"seed {seed}"
+    )

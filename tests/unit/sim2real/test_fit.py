@@ -1,0 +1,165 @@
+"""One axis tracked and fitted: innovations, their response to effects, models that cannot be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hil_sim.effects.library import library
+from hil_sim.settings import SUBSTEPS, StageSettings
+from sim2real.axis_model import (
+    NUISANCES,
+    STEP,
+    AxisModel,
+    Term,
+    coordinates,
+    fitted,
+    moved,
+    within_tolerance,
+)
+from sim2real.fit import AxisProblem, fit, structure
+from sim2real.recording import Recording
+from sim2real.replay import prepare
+from sim2real.scan import Scanner
+from sim2real.tracking import Tracker, respond
+from tests.unit.sim2real.conftest import FINER, stage_with
+
+
+def problem_of(recording: Recording, settings: StageSettings, axis: str = "x") -> AxisProblem:
+    return AxisProblem([Tracker(prepare(recording, settings), settings, axis)], 0.003)
+
+
+def test_innovations_of_the_right_model_are_white(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    recording, settings = nominal
+    problem = problem_of(recording, settings, "x")
+    found = fit(problem, problem.start, 2, thorough=False)
+    innovations = problem.positions(found.residual)
+    lagged = np.corrcoef(innovations[:-10], innovations[10:])[0, 1]
+    assert 0.7 < innovations.std() < 1.1
+    assert abs(lagged) < 0.1
+    assert problem.white(found.residual)
+
+
+def test_response_to_a_force_is_what_a_simulation_shows(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    recording = stage_with(nominal, 3)
+    settings = nominal[1]
+    problem = problem_of(recording, settings, "x")
+    track, gains = problem.tracks[0], problem.gains[0]
+    term = Term(library()["cogging"], (0.3, 0.03, 1.0))
+    simulated = problem.track(AxisModel(np.zeros(NUISANCES), (term,)))[0].position - track.position
+    force = -0.3 * np.sin(2.0 * np.pi * track.x / 0.03 + 1.0)
+    predicted = -respond(gains, gains.force, force)
+    assert np.corrcoef(simulated, predicted)[0, 1] > 0.9
+
+
+@pytest.mark.parametrize("name", sorted(library()))
+def test_coordinates_go_there_and_back(nominal: tuple[Recording, StageSettings], name: str) -> None:
+    axis = nominal[1].axes[0]
+    effect = library()[name]
+    values = []
+    for parameter in effect.parameters:
+        low, high = parameter.ranges(axis)[-1]
+        values.append(0.4 * low + 0.6 * high)
+    term = Term(effect, tuple(values))
+    assert moved(term, axis, fitted(term, axis)).values == pytest.approx(term.values)
+    for entry, value in zip(coordinates(effect, axis), values, strict=True):
+        step = 1e-6
+        slope = (entry.outward(entry.inward(value) + step) - value) / step
+        assert slope == pytest.approx(entry.slope(value), rel=1e-3)
+
+
+def test_structure_of_white_noise_is_one_and_of_a_drift_is_more() -> None:
+    rng = np.random.default_rng(5)
+    noise = rng.standard_normal(20_000)
+    assert structure(noise) == pytest.approx(1.0, abs=0.25)
+    assert structure(noise + np.sin(np.arange(20_000) / 50.0)) > 3.0
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "within"),
+    [
+        ("payload_mass", (0.05,), True),
+        ("payload_mass", (-0.3,), False),
+        ("coulomb_level", (1.01,), True),
+        ("coulomb_level", (0.97,), False),
+        ("dead_time", (1e-6,), False),
+        ("cable_stiffness", (0.1, 0.0), False),
+    ],
+)
+def test_a_figure_off_by_tolerance_is_no_effect(
+    nominal: tuple[Recording, StageSettings],
+    effect: str,
+    values: tuple[float, ...],
+    within: bool,
+) -> None:
+    axis = nominal[1].axes[0]
+    assert within_tolerance(Term(library()[effect], values), axis, 0.003) is within
+
+
+def test_a_wander_with_a_course_is_a_start_for_what_scales_friction(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    recording = stage_with(nominal, 17, y={"coulomb_level": {"ratio": 0.9}})
+    settings = nominal[1]
+    problem = problem_of(recording, settings, "y")
+    start = problem.at_start()
+    scanner = Scanner(
+        problem, start.model, start.residual,
+        problem.base_columns(start.model, start.residual), problem.weights(start.residual),
+    )  # fmt: skip
+    known = library()
+    followed = [s for s in scanner.best(known["coulomb_level"]) if s.followed]
+    assert len(followed) == 1
+    assert followed[0].term.values[0] == pytest.approx(0.9, abs=0.03)
+    assert not [s for s in scanner.best(known["force_offset"]) if s.followed]
+
+
+def test_how_finely_a_stage_is_stepped_is_found_beside_its_figures(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    problem = problem_of(stage_with(nominal, 20), nominal[1], "y")
+    found = fit(problem, problem.start, 4, thorough=False)
+    assert found.model.base[STEP] == pytest.approx(1.0 - SUBSTEPS / FINER, abs=0.05)
+    assert np.abs(found.model.base[:STEP]).max() < 5.0 * 0.003
+
+
+def test_gains_of_another_model_change_every_cost(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    recording = stage_with(nominal, 21, x={"coulomb_level": {"ratio": 1.3}})
+    problem = problem_of(recording, nominal[1])
+    known = Term(library()["coulomb_level"], (1.3,))
+    before = fit(problem, AxisModel(np.zeros(NUISANCES), (known,)), 2, thorough=False)
+    problem.regain(before.model)
+    after = problem.revalued(before)
+    assert after.cost < before.cost  # the filter that knows the friction foretells more
+    assert after.cost == problem.cost(after.model, after.residual)
+
+
+def test_a_fit_steps_back_from_what_cannot_be(nominal: tuple[Recording, StageSettings]) -> None:
+    problem = problem_of(*nominal)
+    stiff = AxisModel(np.zeros(NUISANCES), (Term(library()["presliding_stiffness"], (1e4,)),))
+    with pytest.raises(ValueError, match="too stiff"):
+        problem.residual(stiff)
+    worst = problem.attempted(stiff)
+    assert problem.cost(stiff, worst) > 10.0 * problem.cost(
+        problem.start, problem.residual(problem.start)
+    )
+
+
+def test_long_control_periods_are_simulated_in_the_references_steps(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    settings = nominal[1]
+    slow = replace(
+        settings,
+        axes=tuple(replace(a, control=replace(a.control, period=1e-3)) for a in settings.axes),
+    )
+    assert settings.quick_substeps == 1
+    assert slow.quick_substeps == SUBSTEPS
