@@ -110,28 +110,3 @@ def test_moves_that_would_tell_two_models_apart_are_a_recipe(
     path.write_text(yaml.safe_dump(asked.recipe()), encoding="utf-8")
     assert load_recipe(path, load_machine()).name == "next-experiment"
     assert next_experiment("nothing", plain, plain, "y", measured, settings) is None
-
-
-def test_two_strands_of_a_cable_are_one_cable_in_another_shape(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
-    strands = {"force": 1.4, "stiffness": 4e3}
-    recording = stage_with(nominal, 18, x={"two_strand_cable": strands})
-    found = told(recording, nominal[1], "cable_hysteresis", "coulomb_level", "dead_time")
-    assert found.report.verdict == "partly_explained"
-    assert [(c.axis, c.effect) for c in found.report.causes] == [("x", "cable_hysteresis")]
-
-
-def test_a_name_found_first_gives_way_to_the_right_one_beside_a_second_effect(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
-    effects = {
-        "friction_asymmetry": {"ratio": 0.16},
-        "thermal_drift": {"amplitude": 0.3, "time_constant": 4.0},
-    }
-    recording = stage_with(nominal, 19, y=effects)
-    found = told(
-        recording, nominal[1],
-        "friction_position", "friction_asymmetry", "thermal_drift", "coulomb_level",
-    )  # fmt: skip
-    assert {(c.axis, c.effect) for c in found.report.causes} == {("y", name) for name in effects}
