@@ -223,6 +223,51 @@ def coordinate(effect: Effect, key: str, axis: AxisSettings) -> Coordinate:
     return next(c for c in coordinates(effect, axis) if c.parameter.key == key)
 
 
+_TENTH, _MOST_TENTHS = 0.1, 5.0
+"""Unit of how far a value lies beyond what is plausible, of its range; the most that counts."""
+
+
+def implausible(term: Term, axis: AxisSettings) -> float:
+    """How far an effect's sizes and shapes lie beyond what is plausible, in tenths of its ranges.
+
+    A size may be anything down to none. Each parameter counts by `_MOST_TENTHS` at most.
+    """
+    total = 0.0
+    for parameter, value, near in zip(
+        term.effect.parameters, term.values, plausible(term, axis).values, strict=True
+    ):
+        if value == near:
+            continue
+        ranges = parameter.ranges(axis)
+        low, high = min(r[0] for r in ranges), max(r[1] for r in ranges)
+        if parameter.log:
+            away = abs(math.log(value / near)) / math.log(high / low)
+        else:
+            away = abs(value - near) / (high - low)
+        total += min(away / _TENTH, _MOST_TENTHS)
+    return total
+
+
+def plausible(term: Term, axis: AxisSettings) -> Term:
+    """The effect with sizes and shapes no farther than what is plausible."""
+    turned = any(p.role == "phase" for p in term.effect.parameters)
+    values = []
+    for parameter, value in zip(term.effect.parameters, term.values, strict=True):
+        if parameter.role not in ("size", "shape"):
+            values.append(value)
+            continue
+        ranges = parameter.ranges(axis)
+        low, high = min(r[0] for r in ranges), max(r[1] for r in ranges)
+        if parameter.role == "size":
+            neutral = parameter.neutral_on(axis)
+            none = low if neutral is None else neutral
+            low, high = min(low, none), max(high, none)
+            if turned:  # half a turn changes the sign
+                low = min(low, -high)
+        values.append(min(max(value, low), high))
+    return Term(term.effect, tuple(values))
+
+
 _PLAIN = ("mass", "coulomb", "viscous", "stiffness", "static_ratio")
 """Ports that are figures of the plant."""
 

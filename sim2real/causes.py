@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
 from hil_sim.settings import AxisSettings
-from sim2real.axis_model import NUISANCES, Coordinate, coordinates, parameters
+from sim2real.axis_model import NUISANCES, Coordinate, coordinates, implausible, parameters
 from sim2real.held_out import HeldOut, given_back
 from sim2real.report import Candidate, Cause, Confusable, Parameter
 from sim2real.search import AxisSearch, score, sets_of
@@ -33,7 +33,10 @@ _FAMILY = 0.55
 _CLOSED = 0.8
 """Share of an axis' gap from which it counts as closed, for trust."""
 _DOUBTED = 0.45
-"""An effect is believed no more than this whose size may as well be none, by its sigma."""
+"""An effect is believed no more than this whose size may as well be none, by its sigma; or whose
+values are not plausible at all."""
+_STRANGE = 4.0
+"""Tenths of its plausible ranges beyond which an effect's values are not plausible at all."""
 _SHOWN = 8
 """Candidates shown per axis."""
 
@@ -79,7 +82,8 @@ def causes_of(
             )
             for entry, s in zip(entries, spread, strict=True)
         }
-        if any(_may_be_none(entry, figures, problem.axis) for entry in entries):
+        may_be_none = any(_may_be_none(entry, figures, problem.axis) for entry in entries)
+        if may_be_none or implausible(term, problem.axis) > _STRANGE:
             probability = min(probability, _DOUBTED)
         causes.append(
             Cause(

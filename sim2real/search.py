@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
 from hil_sim.settings import AxisSettings
-from sim2real.axis_model import AxisModel, within_tolerance
+from sim2real.axis_model import AxisModel, implausible, plausible, within_tolerance
 from sim2real.closed_loop import SIGNALS
 from sim2real.fit import AxisProblem, Fitted, fit
 from sim2real.scan import Scanner, Start
@@ -40,6 +40,8 @@ _LEAST_GAIN = 100.0
 """Score that an effect must save: nominal stages show accidental ones of 12."""
 _OCCAM = 20.0
 """Score that each parameter of an effect but the first must save: more than chance does."""
+_IMPLAUSIBLE = 40.0
+"""Score for each tenth of its plausible range that a value lies beyond it."""
 _FAINT = 40.0
 """First-order gain from which effects are fitted where the closed loop shows a gap."""
 _OPEN = 2.0
@@ -107,12 +109,14 @@ def score(problem: AxisProblem, rival: Rival, each: float = _OCCAM) -> float:
 
     The latter counts as twice a negative log likelihood too, of as many samples as are on their
     own; both as outliers count by now. The simpler one wins where both fit: each parameter of an
-    effect but the first has to save `each`.
+    effect but the first has to save `each`. So does the likelier one: values beyond what is
+    plausible count against an effect.
     """
     samples = sum(int(mask.sum()) for mask in problem.masks)
     loop = samples / _COHERENT * rival.gap
     simpler = each * sum(len(term.values) - 1 for term in rival.model.terms)
-    return problem.cost(rival.model, rival.fitted.residual) + loop + simpler
+    far = _IMPLAUSIBLE * sum(implausible(term, problem.axis) for term in rival.model.terms)
+    return problem.cost(rival.model, rival.fitted.residual) + loop + simpler + far
 
 
 class _Book:
@@ -124,11 +128,26 @@ class _Book:
         self._kept: dict[tuple[str, ...], Rival] = {}
 
     def entered(self, fitted: Fitted) -> Rival:
-        rival = Rival(fitted, self._loop(fitted.model))
+        rival = self._likelier(Rival(fitted, self._loop(fitted.model)))
         key = tuple(sorted(fitted.model.names()))
         if key not in self._kept or self.score(rival) < self.score(self._kept[key]):
             self._kept[key] = rival
         return rival
+
+    def _likelier(self, rival: Rival) -> Rival:
+        """The fit, or with values no farther than plausible where that costs less than it brings.
+
+        Where the data are silent a fit goes anywhere.
+        """
+        axis = self._problem.axis
+        terms = tuple(plausible(term, axis) for term in rival.model.terms)
+        if terms == rival.model.terms:
+            return rival
+        model = replace(rival.model, terms=terms)
+        residual = self._problem.attempted(model)
+        cost = self._problem.cost(model, residual)
+        other = Rival(Fitted(model, cost, residual, None, 1), self._loop(model))
+        return min(rival, other, key=self.score)
 
     def score(self, rival: Rival) -> float:
         return score(self._problem, rival)
