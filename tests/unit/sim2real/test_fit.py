@@ -16,7 +16,9 @@ from sim2real.axis_model import (
     Term,
     coordinates,
     fitted,
+    implausible,
     moved,
+    plausible,
     within_tolerance,
 )
 from sim2real.fit import AxisProblem, fit, structure
@@ -163,3 +165,28 @@ def test_long_control_periods_are_simulated_in_the_references_steps(
     )
     assert settings.quick_substeps == 1
     assert slow.quick_substeps == SUBSTEPS
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "tenths", "near"),
+    [
+        ("coulomb_level", (1.36,), 1.0, (1.3,)),
+        ("coulomb_level", (1.05,), 0.0, (1.05,)),
+        ("thermal_drift", (0.05, 20.0), 0.0, (0.05, 20.0)),  # small, but of that sign
+        ("thermal_drift", (-0.03, 20.0), 1.0, (0.0, 20.0)),
+        ("friction_position", (0.3, 0.0, 0.1), 5.0, (0.3, 0.0, 0.025)),
+        ("cogging", (-1.0, 0.03, 0.0), 0.0, (-1.0, 0.03, 0.0)),  # half a turn
+        ("force_saturation", (90.0,), 0.0, (90.0,)),
+    ],
+)
+def test_values_beyond_what_is_plausible_are_told(
+    nominal: tuple[Recording, StageSettings],
+    effect: str,
+    values: tuple[float, ...],
+    tenths: float,
+    near: tuple[float, ...],
+) -> None:
+    axis = nominal[1].axes[0]
+    term = Term(library()[effect], values)
+    assert implausible(term, axis) == pytest.approx(tenths, abs=1e-9)
+    assert plausible(term, axis).values == near
