@@ -68,7 +68,8 @@ class Peer:
 
 
 PEERS = (
-    Peer("scipy", "scipy leastsq (MINPACK)", "minpack", "scipy", ("leastsq",)),
+    Peer("scipy", "scipy leastsq (MINPACK), differences", "minpack", "scipy", ("differences",)),
+    Peer("scipy", "scipy leastsq (MINPACK), derivatives", "minpack", "scipy", ("derivatives",)),
     Peer("scipy", "scipy least_squares, method lm", "minpack", "scipy", ("least_squares",)),
     Peer("jax", "JAX scan, jacfwd, Gauss-Newton", "jax_scan", "jax", (0.0,)),
     Peer("jax", "JAX scan, jacfwd, Levenberg-Marquardt", "jax_scan", "jax", (1e-3,)),

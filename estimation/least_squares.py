@@ -24,8 +24,22 @@ def gauss_newton_step(  # type: ignore[no-untyped-def]
     again. The length is nan where the quadratic model has no minimum.
     """
     n = value.shape[0]
-    step, gradient = np.empty(n), np.empty(n)
-    normal, factor = np.empty((n, n)), np.empty((n, n))
+    step = np.empty(n)
+    size = gauss_newton_into(
+        curvature, slope, information, prior, value, lower, upper, np.empty((2 * n + 1) * n), step
+    )
+    return step, size
+
+
+@numba.njit(cache=True)
+def gauss_newton_into(  # type: ignore[no-untyped-def]
+    curvature, slope, information, prior, value, lower, upper, room, step
+):
+    """`gauss_newton_step` into `step`, in a room of (2 n + 1) n; returns the length."""
+    n = value.shape[0]
+    gradient = room[:n]
+    normal = room[n : n + n * n].reshape((n, n))
+    factor = room[n + n * n : n + 2 * n * n].reshape((n, n))
     for i in range(n):
         rise = slope[i]
         for j in range(n):
@@ -33,14 +47,14 @@ def gauss_newton_step(  # type: ignore[no-untyped-def]
             rise += information[i, j] * (value[j] - prior[j])
         gradient[i], step[i] = rise, -rise
     if not _factor(factor):
-        return np.zeros(n), math.nan
+        return math.nan
     inside = True
     _substitute(factor, step)
     for i in range(n):
         inside = inside and lower[i] - value[i] <= step[i] <= upper[i] - value[i]
     if not inside and not _active_set(normal, gradient, value, lower, upper, step):
-        return np.zeros(n), math.nan
-    return step, math.sqrt(max(quadratic_form(normal, step), 0.0))
+        return math.nan
+    return math.sqrt(max(quadratic_form(normal, step), 0.0))
 
 
 @numba.njit(cache=True, fastmath={"contract"})

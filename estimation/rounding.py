@@ -96,7 +96,7 @@ def refine(  # type: ignore[no-untyped-def]
         normal: normal equations there, written, shape (n + 1, n + 1).
     """
     n, count = value.shape[0], use.shape[0]
-    rows, order = np.empty((n + 1, count)), np.empty(n + 1, dtype=np.int64)
+    rows, order = np.empty((n + 1, count)), np.empty(n + 1, dtype=np.int8)
     weights, doubt, whole = np.empty((3, count)), np.empty(count), np.empty(count)
     covariance = np.empty((n, n))
     before = noise * (mass / period**2 - 0.5 * viscous / period)

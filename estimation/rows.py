@@ -94,7 +94,7 @@ def fill_rows(  # type: ignore[no-untyped-def]
     """
     doubts = lead(
         p, figures, shape, noise, period, start, known_coulomb, rest_force, tables, heading, ready,
-        wide, weigh, columns, elements,
+        wide, weigh, knots >= 0, columns, elements,
     )  # fmt: skip
     pull = -figures[STIFFNESS] * p[STIFFNESS] * noise
     _finish(p, knots, figures, pull, noise / period, period, tables, wide, columns)
@@ -104,11 +104,11 @@ def fill_rows(  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, error_model="numpy")
 def lead(  # type: ignore[no-untyped-def]
     p, figures, shape, noise, period, start, known_coulomb, rest_force, tables, heading, ready,
-    wide, weigh, columns, elements,
+    wide, weigh, record, columns, elements,
 ):  # fmt: skip
     """Lead the elements through a move; of each row the sum of their forces and its derivatives.
 
-    Arguments and what it returns: as `fill_rows`.
+    Arguments and what it returns: as `fill_rows`; `record` is whether the rows are wanted at all.
     """
     count, n = columns.shape[1], elements.shape[1] - 1
     coulomb = figures[COULOMB] * p[COULOMB]
@@ -126,15 +126,16 @@ def lead(  # type: ignore[no-untyped-def]
         turn = tables[T_SHARE, k]
         if stuck == n:
             reached = spring(
-                k, direction, coulomb, stiffness, alpha, level_at, wide, tables, columns, elements,
+                k, direction, coulomb, stiffness, alpha, level_at, wide, record, tables, columns,
+                elements,
             )  # fmt: skip
             if reached > k:
                 k = reached
                 continue
         elif stuck == 0 and turn < 0.0:
             reached = slip(
-                k, direction, kept, coulomb, rate, alpha, shape, period, wide, tables, ready,
-                columns, elements,
+                k, direction, kept, coulomb, rate, alpha, shape, period, wide, record, tables,
+                ready, columns, elements,
             )  # fmt: skip
             if weigh:
                 follows = (1.0 - kept) * error_by_slope
@@ -173,8 +174,8 @@ def lead(  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
 def _between(  # type: ignore[no-untyped-def]
-    k, haze, kept, error_by_slope, coulomb, stiffness, rate, alpha, shape, noise, period, tables,
-    heading, ready, elements,
+    k, haze, kept, error_by_slope, coulomb, stiffness, rate, alpha, shape, noise, period,
+    tables, heading, ready, elements,
 ):  # fmt: skip
     """One sample of any kind.
 

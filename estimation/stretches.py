@@ -1,8 +1,8 @@
 """Stretches of samples that are taken at once: all elements stick, or all slip.
 
 While all stick they are a spring. While all slip they relax at one rate, each towards its share of
-what the sum relaxes to: the sums of force and derivatives are led on, and the elements follow from
-them at the end. What lies between is `rows`'.
+what the sum relaxes to: the motion alone says how much of a force is kept and how much comes, the
+same for the sums of force and derivatives. What lies between is `rows`'.
 """
 
 from __future__ import annotations
@@ -38,12 +38,15 @@ from estimation.move_tables import (
     T_DECAY,
     T_DECAY_BY_ALPHA,
     T_DECAY_BY_RATE,
+    T_GAINED,
     T_GOAL,
     T_GOAL_BY_ALPHA,
     T_GOAL_BY_RATE,
     T_HAZE,
+    T_KEPT,
     T_LEVEL,
     T_POSITION,
+    T_SINCE,
     T_SLOPE,
     T_STUCK,
     T_UNTIL,
@@ -54,7 +57,7 @@ from estimation.slip_maps import map_samples, map_shape
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
 def spring(  # type: ignore[no-untyped-def]
-    k, direction, coulomb, stiffness, alpha, level_at, wide, tables, columns, elements
+    k, direction, coulomb, stiffness, alpha, level_at, wide, record, tables, columns, elements
 ):
     """Samples from k on while all elements stick; returns the first that it leaves."""
     n, end = elements.shape[1] - 1, min(int(tables[T_UNTIL, k]), columns.shape[1])
@@ -67,20 +70,19 @@ def spring(  # type: ignore[no-untyped-def]
     origin, at = position[k], k
     while at < end and (position[at + 1] - origin) * direction < room:
         at += 1
-    total, by_stiffness = elements[FORCE, n], elements[BY_STIFFNESS, n]
-    by_coulomb, by_rest = elements[BY_COULOMB, n], elements[BY_REST, n]
-    by_turn, by_slip = elements[BY_TURN, n], elements[BY_SLIP, n]
-    for j in range(k, at):
-        travel = position[j + 1] - origin
-        columns[RESIDUAL, j] = total + n * stiffness * travel
-        columns[STIFFNESS, j] = by_stiffness + travel
-        columns[COULOMB, j] = by_coulomb
-        columns[REST_FORCE, j] = by_rest
-        columns[TURN_FORCE, j] = by_turn
-        columns[SLIP_FORCE, j] = by_slip
-        tables[T_STUCK, j] = n * stiffness
-        tables[T_LEVEL, j] = level_at
-        tables[T_HAZE, j] = 0.0
+    if record:
+        total, by_stiffness = elements[FORCE, n], elements[BY_STIFFNESS, n]
+        by_coulomb, by_rest = elements[BY_COULOMB, n], elements[BY_REST, n]
+        by_turn, by_slip = elements[BY_TURN, n], elements[BY_SLIP, n]
+        # Slices that begin at 0: else every index is looked at for its sign.
+        _stretch(
+            position[k + 1 : at + 1], origin, total, n * stiffness, by_stiffness,
+            columns[RESIDUAL, k:at], columns[STIFFNESS, k:at],
+        )  # fmt: skip
+        _level(by_coulomb, by_rest, columns[COULOMB, k:at], columns[REST_FORCE, k:at])
+        _level(by_turn, by_slip, columns[TURN_FORCE, k:at], columns[SLIP_FORCE, k:at])
+        _level(n * stiffness, 0.0, tables[T_STUCK, k:at], tables[T_HAZE, k:at])
+        _level(level_at, 0.0, tables[T_LEVEL, k:at], tables[T_HAZE, k:at])
     if wide:
         for j in range(k, at):
             columns[RATE, j] = elements[BY_RATE, n]
@@ -95,47 +97,59 @@ def spring(  # type: ignore[no-untyped-def]
     return at
 
 
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _stretch(position, origin, force, stiffness, by_stiffness, forces, by_stiffnesses):  # type: ignore[no-untyped-def]
+    """Force of a spring, and its derivative by the stiffness, at positions."""
+    for j in range(position.shape[0]):
+        travel = position[j] - origin
+        forces[j] = force + stiffness * travel
+        by_stiffnesses[j] = by_stiffness + travel
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _level(one, two, first, second):  # type: ignore[no-untyped-def]
+    """Two rows that stay what they are."""
+    for j in range(first.shape[0]):
+        first[j] = one
+        second[j] = two
+
+
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
 def slip(  # type: ignore[no-untyped-def]
-    k, direction, kept, coulomb, rate, alpha, shape, period, wide, tables, ready, columns, elements
-):
+    k, direction, kept, coulomb, rate, alpha, shape, period, wide, record, tables, ready, columns,
+    elements,
+):  # fmt: skip
     """Samples from k on while all slip in one direction; returns the first that it leaves.
 
-    They all relax at one rate, each towards its share of what the sum relaxes to: the sums are led
-    on, and the elements follow from them at the end.
+    They all relax at one rate, each towards its share of what the sum relaxes to.
     """
     n, at = elements.shape[1] - 1, min(int(tables[T_UNTIL, k]), columns.shape[1])
-    decays, goals = tables[T_DECAY], tables[T_GOAL]
+    # Slices that begin at 0: else every index is looked at for its sign, and no loop vectorised.
+    kept_since, gained = tables[T_KEPT, k:at], tables[T_GAINED, k:at]
     if not ready[at - 1] & MAPPED or not ready[k] & MAPPED:  # else all between are
         map_samples(k, at, direction, kept, rate, alpha, shape, period, tables, ready)
-    before, whole = elements[FORCE, n], 1.0  # what an element keeps of its force
-    total, by_coulomb = before, elements[BY_COULOMB, n]
-    by_stiffness, by_rest = elements[BY_STIFFNESS, n], elements[BY_REST, n]
-    by_turn, by_slip = elements[BY_TURN, n], elements[BY_SLIP, n]
-    for j in range(k, at):
-        decay, goal = decays[j], goals[j]
-        total = decay * total + goal * coulomb
-        by_coulomb = decay * by_coulomb + goal
-        by_stiffness *= decay
-        by_rest *= decay
-        by_turn *= decay
-        by_slip *= decay
-        whole *= decay
-        columns[RESIDUAL, j] = total
-        columns[COULOMB, j] = by_coulomb
-        columns[STIFFNESS, j] = by_stiffness
-        columns[REST_FORCE, j] = by_rest
-        columns[TURN_FORCE, j] = by_turn
-        columns[SLIP_FORCE, j] = by_slip
-        tables[T_LEVEL, j] = j
-    new_coulomb = by_coulomb - whole * elements[BY_COULOMB, n]
+        tables[T_SINCE, at - 1] = -1.0
+    if tables[T_SINCE, at - 1] != k:
+        _follow_on(tables[T_DECAY, k:at], tables[T_GOAL, k:at], kept_since, gained)
+        tables[T_SINCE, at - 1] = k
+    whole, new = kept_since[at - k - 1], gained[at - k - 1]
+    if record:
+        _relax(elements[FORCE, n], coulomb, kept_since, gained, columns[RESIDUAL, k:at])
+        _relax(elements[BY_COULOMB, n], 1.0, kept_since, gained, columns[COULOMB, k:at])
+        _keep(elements[BY_STIFFNESS, n], kept_since, columns[STIFFNESS, k:at])
+        _keep(elements[BY_REST, n], kept_since, columns[REST_FORCE, k:at])
+        _keep(elements[BY_TURN, n], kept_since, columns[TURN_FORCE, k:at])
+        _keep(elements[BY_SLIP, n], kept_since, columns[SLIP_FORCE, k:at])
+        level = tables[T_LEVEL, k:at]
+        for j in range(at - k):
+            level[j] = k + j
     if wide:
         map_shape(k, at, direction, kept, rate, alpha, period, tables, ready)
         _slip_shape(k, at, coulomb, tables, columns, elements)
     for i in range(n):
-        part = elements[SHARES, i]
-        elements[FORCE, i] = whole * elements[FORCE, i] + part * (total - whole * before)
-        elements[BY_COULOMB, i] = whole * elements[BY_COULOMB, i] + part * new_coulomb
+        part = elements[SHARES, i] * new
+        elements[FORCE, i] = whole * elements[FORCE, i] + part * coulomb
+        elements[BY_COULOMB, i] = whole * elements[BY_COULOMB, i] + part
         for row in (BY_STIFFNESS, BY_REST, BY_TURN, BY_SLIP):
             elements[row, i] *= whole
     sum_elements(elements)
@@ -145,6 +159,30 @@ def slip(  # type: ignore[no-untyped-def]
             elements[SHARES, n] = tables[T_CURVE + 2 * (last - 1), j]
             break
     return at
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _follow_on(decays, goals, kept, gained):  # type: ignore[no-untyped-def]
+    """What samples do to a force together, up to each of them."""
+    whole, new = 1.0, 0.0
+    for j in range(kept.shape[0]):
+        whole *= decays[j]
+        new = decays[j] * new + goals[j]
+        kept[j], gained[j] = whole, new
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _relax(before, towards, kept, gained, out):  # type: ignore[no-untyped-def]
+    """A force, or a derivative of it, along samples; few rows are what a compiler sees through."""
+    for j in range(out.shape[0]):
+        out[j] = kept[j] * before + gained[j] * towards
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _keep(before, kept, out):  # type: ignore[no-untyped-def]
+    """What is left of a derivative along samples; mostly there was none."""
+    for j in range(out.shape[0]):
+        out[j] = kept[j] * before
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract"})

@@ -1,9 +1,11 @@
-"""From the samples of a move to a verdict: what an update is before and after its solves, compiled.
+"""From the samples of a move to a verdict, compiled.
 
-Before: cleans the samples, ages the belief, takes the force at rest as the sum of the element
-forces, finds the zones. After (`window.fit`, once or twice): decides whether the estimate can be
-trusted and which figures the move says anything about. Not one call for all: a compiled function
-carries all that it calls inside itself, and everything in it is compiled anew with it.
+`begin_update` cleans the samples, ages the belief, takes the force at rest as the sum of the
+element forces, finds the zones. `learn` solves them (`window.fit`, once or twice), decides whether
+the estimate can be trusted and which figures the move says anything about, and carries the friction
+state on. Two calls, not one: a compiled function carries all that it calls inside itself, and
+everything in it is compiled anew with it. What they work on comes in few arrays, cut up inside:
+each argument of a compiled call costs time.
 """
 
 from __future__ import annotations
@@ -14,8 +16,22 @@ import numba
 import numpy as np
 
 from estimation.belief import ALPHA, COULOMB, LEVEL, MASS, RATE
-from estimation.elements import correct_forces
-from estimation.move_tables import T_FORCE, T_POSITION
+from estimation.elements import ELEMENT_ROWS, FORCE, SHARES, SLIPS, correct_forces
+from estimation.move_tables import (
+    KNOTS,
+    M_GOOD,
+    M_HEADING,
+    M_READY,
+    M_UPSET,
+    MARKS,
+    MOST_KNOTS,
+    SPARE,
+    T_FORCE,
+    T_POSITION,
+    TABLES,
+)
+from estimation.rows import lead
+from estimation.tempering import temper
 from estimation.window import (
     C_CORRELATION,
     C_FORCE_NOISE,
@@ -23,6 +39,7 @@ from estimation.window import (
     C_PERIOD,
     C_POSITION_NOISE,
     C_STEP,
+    C_VS,
     C_WANDER,
     CONSTANTS,
     F_UNIT,
@@ -31,13 +48,17 @@ from estimation.window import (
     R_CHI_A,
     R_CHI_B,
     R_FAILED,
+    R_FAR,
     R_KNOWN,
     R_REST_FORCE,
     R_SLIDE,
     R_STEADY,
     R_STEP,
     R_STICK,
+    R_TOLD,
     REPORT_SIZE,
+    fit,
+    knots_of,
     prepare,
 )
 
@@ -63,12 +84,20 @@ U_SLIDING = U_FOUND + LEVEL + 1
 U_COVARIANCE = U_SLIDING + 4
 UPDATE_SIZE = U_COVARIANCE + (LEVEL + 1) ** 2
 
+# Beliefs of one move, end to end: mean before it and after it, their covariances, the unknowns.
+B_BEFORE, B_FOUND, B_SPREAD = 0, LEVEL + 1, 2 * (LEVEL + 1)
+B_UNCERTAIN = B_SPREAD + (LEVEL + 1) ** 2
+B_UNKNOWNS = B_UNCERTAIN + (LEVEL + 1) ** 2
+BELIEFS = B_UNKNOWNS + KNOTS + MOST_KNOTS
+
+# Which figures are solved for: usually, in moves that do not go far, in those that settle at once.
+USUAL, SHORT, CALM = range(3)
+
 
 @numba.njit(cache=True, error_model="numpy")
 def begin_update(  # type: ignore[no-untyped-def]
-    position, force, valid, upset, rest, rest_force, elapsed, constants, units, shares, mean,
-    covariance, forces, memory, state_known, whole, tables, heading, zone, usable, ready, before,
-    spread, found, uncertain, p, result,
+    position, force, valid, upset, rest, rest_force, elapsed, restless, state_known, whole,
+    constants, units, shares, mean, covariance, forces, memory, beliefs, floats, small, result,
 ):  # fmt: skip
     """Clean the samples, age the belief, correct the state by the force at rest, find the zones.
 
@@ -76,10 +105,13 @@ def begin_update(  # type: ignore[no-untyped-def]
         position: sampled [m], shape (K,).
         force: measured [N], shape (K,).
         valid: samples that can be used, shape (K,).
-        upset: those of which only the position counts, shape (K,).
+        upset: those of which only the position counts, shape (K,); none: shape (0,).
         rest: position there [m], where the first sample may be lost; nan: not known.
         rest_force: measured at rest before the move [N].
         elapsed: since the end of the last move [s]; negative: there was none.
+        restless: variance by which Coulomb force ages beside its drift, relative.
+        state_known: False where only the sum of the element forces is known.
+        whole: False for a look at a move that is not over: zone A only.
         constants: C_*, shape (ALL_CONSTANTS,).
         units: of the figures, rows F_*, shape (4, LEVEL).
         shares: nu_i, shape (N,).
@@ -87,18 +119,10 @@ def begin_update(  # type: ignore[no-untyped-def]
         covariance: of it.
         forces: element forces at rest before the move [N], shape (N,); corrected.
         memory: of the friction state; becomes that at the end of the move.
-        state_known: False where only the sum of the element forces is known.
-        whole: False for a look at a move that is not over: zone A only.
-        tables: T_* of the data, written, shape (TABLES, K).
-        heading: of `window.prepare`, written.
-        zone: the same.
-        usable: the same.
-        ready: of `rows.fill_rows`, cleared.
-        before: belief before this move, written, shape (LEVEL + 1,).
-        spread: covariance of it, written.
-        found: where belief after the move begins: the same.
-        uncertain: covariance of it.
-        p: first iterate of `window.fit`, written.
+        beliefs: B_*, written: belief before this move, and where belief after it begins; first
+            iterate of the solves.
+        floats: room of both calls, shape (>= `floats_for(K, N)`,); T_* of the data written.
+        small: the same, shape (>= `marks_for(K)`,); M_* written.
         result: R_*, written; U_NUMBER becomes the number of valid samples.
 
     Returns:
@@ -106,15 +130,22 @@ def begin_update(  # type: ignore[no-untyped-def]
     """
     for i in range(UPDATE_SIZE):
         result[i] = 0.0
+    samples = position.shape[0]
+    begin = SPARE + ELEMENT_ROWS * (shares.shape[0] + 1)
+    tables = floats[begin : begin + TABLES * samples].reshape((TABLES, samples))
+    marks = small[: MARKS * samples].reshape((MARKS, samples))
     known = units[F_UNIT, COULOMB] * mean[COULOMB]
-    good = np.empty(position.shape[0], dtype=np.bool_)
-    result[U_NUMBER] = clean(
-        position, force, valid, rest, tables[T_POSITION], tables[T_FORCE], good
+    counted = clean(
+        position, force, valid, rest, tables[T_POSITION], tables[T_FORCE], marks[M_GOOD]
     )
-    count = heading.shape[0]
-    if result[U_NUMBER] < 3:
-        return int(result[U_NUMBER])
-    age(mean, covariance, elapsed, constants, units, before, spread)
+    result[U_NUMBER] = counted
+    if counted < 3:
+        return counted
+    for k in range(samples):
+        marks[M_UPSET, k] = upset[k] if upset.shape[0] > 0 else False
+    before, spread = beliefs[B_BEFORE:B_FOUND], _square(beliefs[B_SPREAD:B_UNCERTAIN])
+    found, uncertain = beliefs[B_FOUND:B_SPREAD], _square(beliefs[B_UNCERTAIN:B_UNKNOWNS])
+    age(mean, covariance, elapsed, restless, constants, units, before, spread)
     correct_forces(
         forces, shares, known * (1.0 + before[LEVEL]) * (1.0 + before[ALPHA]), rest_force
     )
@@ -129,22 +160,102 @@ def begin_update(  # type: ignore[no-untyped-def]
             0.0 if missed or drowned else rounding_step(tables[T_FORCE], constants[C_FORCE_NOISE])
         )
     result[R_STEP], result[R_KNOWN], result[R_REST_FORCE] = step, known, rest_force
-    prepare(
-        good, upset, constants, units, shares, before, state_known, whole, tables, heading, zone,
-        usable, result,
-    )  # fmt: skip
-    for k in range(count):
-        ready[k] = 0
-        if heading[k] != 0:
-            memory[0] = heading[k]
-    memory[1] = tables[T_POSITION, count]
-    for i in range(p.shape[0]):
-        p[i] = before[i] if i < LEVEL else 0.0
+    prepare(constants, units, shares, before, state_known, whole, tables, marks, result)
+    for k in range(samples - 2):
+        marks[M_READY, k] = 0
+        if marks[M_HEADING, k] != 0:
+            memory[0] = marks[M_HEADING, k]
+    memory[1] = tables[T_POSITION, samples - 2]
+    for i in range(KNOTS + MOST_KNOTS):
+        beliefs[B_UNKNOWNS + i] = before[i] if i < LEVEL else 0.0
     for i in range(LEVEL + 1):
         found[i] = before[i]
         for j in range(LEVEL + 1):
             uncertain[i, j] = spread[i, j]
-    return int(result[U_NUMBER])
+    return counted
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _square(entries):  # type: ignore[no-untyped-def]
+    """A matrix of figures and level out of its row of entries."""
+    return entries.reshape((LEVEL + 1, LEVEL + 1))
+
+
+@numba.njit(cache=True, error_model="numpy")
+def learn(  # type: ignore[no-untyped-def]
+    samples, whole, constants, units, shares, masks, mean, covariance, forces, slips, beliefs,
+    floats, small, result,
+):  # fmt: skip
+    """Solve the zones, decide what is believed, and carry the friction state to the move's end.
+
+    Args:
+        samples: of the move, as above.
+        whole: as above.
+        constants: as above.
+        units: as above.
+        shares: as above.
+        masks: figures to solve for in zone A, in a move without zone A, and in one that has both:
+            usually, in moves that do not go far, in those that settle at once, shape (3, 3, LEVEL).
+        mean: belief after the last move; updated, unless the move is not over.
+        covariance: of it; the same.
+        forces: as above; left as at the last sample.
+        slips: which elements slip there, written, shape (N,).
+        beliefs: as `begin_update` left it.
+        floats: the same.
+        small: the same.
+        result: U_*, written.
+    """
+    n, count = shares.shape[0], samples - 2
+    begin = SPARE + ELEMENT_ROWS * (n + 1)
+    end = begin + TABLES * samples
+    elements = floats[SPARE:begin].reshape((ELEMENT_ROWS, n + 1))
+    tables = floats[begin:end].reshape((TABLES, samples))
+    marks = small[: MARKS * samples].reshape((MARKS, samples))
+    spare, scratch = floats[:SPARE], floats[end:]
+    chosen = small[MARKS * samples :]
+    for i in range(n):
+        elements[SHARES, i] = shares[i]
+    before, spread = beliefs[B_BEFORE:B_FOUND], _square(beliefs[B_SPREAD:B_UNCERTAIN])
+    found, uncertain = beliefs[B_FOUND:B_SPREAD], _square(beliefs[B_UNCERTAIN:B_UNKNOWNS])
+    knots = knots_of(count, constants[C_PERIOD], constants[C_WANDER])
+    p = beliefs[B_UNKNOWNS : B_UNKNOWNS + KNOTS + knots]
+    slide, stick = result[R_SLIDE] > 0.0, result[R_STICK] > 0.0
+    kind = CALM if result[R_TOLD] == 0.0 else USUAL if result[R_FAR] > 0.0 else SHORT
+    for both in (False, True):
+        if (stick if both else slide) and result[R_BOUND] < 0.0 and result[R_FAILED] == 0.0:
+            fit(
+                both, tables, marks, constants, units, forces, before, spread, found, uncertain,
+                masks[kind, 0 if not both else 2 if slide else 1], p, elements, chosen, spare,
+                scratch, result,
+            )  # fmt: skip
+    misfit = math.sqrt(result[R_CHI_B] if stick else result[R_CHI_A])
+    # What is left between jolts of the drive is not free of them either.
+    doubt = max(misfit, 1.0 / max(result[R_STEADY], MOSTLY) ** 2)
+    # A figure that jumps is for `end_update` to see.
+    if (
+        misfit <= constants[C_MISFIT]
+        and doubt > 1.0
+        and whole
+        and result[R_FAILED] == 0.0
+        and jumping(before, spread, found, constants) < 0
+    ):
+        temper(before, spread, found, uncertain, doubt)
+    reshaped = end_update(
+        samples, constants, masks[USUAL], before, spread, found, uncertain, whole, mean, covariance,
+        p[:KNOTS], result,
+    )  # fmt: skip
+    if reshaped:
+        for k in range(count):
+            marks[M_READY, k] = 0
+    no = n < 0  # not written as False: numba would compile anew what takes it, for a constant
+    lead(
+        p, units[F_UNIT], constants[C_VS:], constants[C_POSITION_NOISE], constants[C_PERIOD],
+        forces, result[R_KNOWN], result[R_REST_FORCE], tables, marks[M_HEADING], marks[M_READY],
+        no, no, no, scratch[: KNOTS * count].reshape((KNOTS, count)), elements,
+    )  # fmt: skip
+    for i in range(n):
+        forces[i] = elements[FORCE, i]
+        slips[i] = elements[SLIPS, i] > 0.0
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -247,7 +358,7 @@ def clean(position, force, valid, rest, x, f, good):  # type: ignore[no-untyped-
 
 
 @numba.njit(cache=True, error_model="numpy")
-def age(mean, covariance, elapsed, constants, units, after, spread):  # type: ignore[no-untyped-def]
+def age(mean, covariance, elapsed, restless, constants, units, after, spread):  # type: ignore[no-untyped-def]
     """The belief one move later: the figures drifted, the level partly forgotten."""
     keep = math.exp(-max(elapsed, 0.0) / constants[C_CORRELATION])
     for i in range(LEVEL + 1):
@@ -259,6 +370,7 @@ def age(mean, covariance, elapsed, constants, units, after, spread):  # type: ig
         spread[i, LEVEL] *= keep
         spread[LEVEL, i] *= keep
         spread[i, i] += units[F_DRIFT, i] ** 2
+    spread[COULOMB, COULOMB] += restless * mean[COULOMB] ** 2
     spread[LEVEL, LEVEL] *= keep * keep
     spread[LEVEL, LEVEL] += (1.0 - keep * keep) * constants[C_WANDER] ** 2 + 1e-12
 
@@ -276,12 +388,20 @@ def judge(before, spread, found, uncertain, constants, commit, result):  # type:
     elif result[R_BOUND] >= 0.0:
         result[U_VERDICT], result[U_FIGURE] = BOUND, result[R_BOUND]
     elif commit:
-        for i in range(MASS):
-            change = found[i] / before[i] - 1.0
-            allowed = constants[C_JUMP] * math.sqrt(spread[i, i]) / before[i]
-            if abs(change) > max(allowed, constants[C_JUMP_SHARE]):
-                result[U_VERDICT], result[U_FIGURE], result[U_NUMBER] = JUMP, i, change
-                return
+        figure = jumping(before, spread, found, constants)
+        if figure >= 0:
+            result[U_VERDICT], result[U_FIGURE] = JUMP, figure
+            result[U_NUMBER] = found[figure] / before[figure] - 1.0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def jumping(before, spread, found, constants):  # type: ignore[no-untyped-def]
+    """The first figure that changes by more than drift can explain, or -1."""
+    for i in range(MASS):
+        allowed = constants[C_JUMP] * math.sqrt(spread[i, i]) / before[i]
+        if abs(found[i] / before[i] - 1.0) > max(allowed, constants[C_JUMP_SHARE]):
+            return i
+    return -1
 
 
 @numba.njit(cache=True, error_model="numpy")

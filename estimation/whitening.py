@@ -13,7 +13,6 @@ stiffness is weighed wrongly.
 from __future__ import annotations
 
 import numba
-import numpy as np
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -87,36 +86,38 @@ def whiten(columns, chosen, lower, lowest):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
-def _dots(a, b0, b1, b2, b3):  # type: ignore[no-untyped-def]
-    """Products of one row with four: what is loaded once serves four sums."""
-    t0 = t1 = t2 = t3 = 0.0
-    for k in range(a.shape[0]):
-        t0 += a[k] * b0[k]
-        t1 += a[k] * b1[k]
-        t2 += a[k] * b2[k]
-        t3 += a[k] * b3[k]
-    return t0, t1, t2, t3
-
-
-@numba.njit(cache=True, error_model="numpy")
-def products(row, columns, chosen, n, out):  # type: ignore[no-untyped-def]
-    """Products of a row with the first n chosen columns, shape (>= n,)."""
-    for j in range(0, n, 4):
-        j1, j2, j3 = min(j + 1, n - 1), min(j + 2, n - 1), min(j + 3, n - 1)
-        out[j], out[j1], out[j2], out[j3] = _dots(
-            row, columns[chosen[j]], columns[chosen[j1]], columns[chosen[j2]], columns[chosen[j3]]
-        )
+def _dots(weight, a, b, c0, c1, c2, c3):  # type: ignore[no-untyped-def]
+    """Weighted products of two rows with four: what is loaded once serves several sums."""
+    a0 = a1 = a2 = a3 = b0 = b1 = b2 = b3 = 0.0
+    for k in range(weight.shape[0]):
+        x, y = a[k] * weight[k], b[k] * weight[k]
+        a0 += x * c0[k]
+        b0 += y * c0[k]
+        a1 += x * c1[k]
+        b1 += y * c1[k]
+        a2 += x * c2[k]
+        b2 += y * c2[k]
+        a3 += x * c3[k]
+        b3 += y * c3[k]
+    return a0, a1, a2, a3, b0, b1, b2, b3
 
 
 @numba.njit(cache=True, error_model="numpy")
 def normal_equations(columns, chosen, inverse, normal):  # type: ignore[no-untyped-def]
     """Weighted products of all chosen whitened columns, shape (n, n), both triangles."""
-    n, count = chosen.shape[0], columns.shape[1]
-    weighted = np.empty(count)
+    n = chosen.shape[0]
+    # Two rows by four columns at a time; the last ones may come twice.
+    for i in range(0, n, 2):
+        i1 = min(i + 1, n - 1)
+        a, b = columns[chosen[i]], columns[chosen[i1]]
+        for j in range(0, i1 + 1, 4):
+            j1, j2, j3 = min(j + 1, n - 1), min(j + 2, n - 1), min(j + 3, n - 1)
+            a0, a1, a2, a3, b0, b1, b2, b3 = _dots(
+                inverse, a, b, columns[chosen[j]], columns[chosen[j1]], columns[chosen[j2]],
+                columns[chosen[j3]],
+            )  # fmt: skip
+            normal[i, j], normal[i, j1], normal[i, j2], normal[i, j3] = a0, a1, a2, a3
+            normal[i1, j], normal[i1, j1], normal[i1, j2], normal[i1, j3] = b0, b1, b2, b3
     for i in range(n):
-        a = columns[chosen[i]]
-        for k in range(count):
-            weighted[k] = a[k] * inverse[k]
-        products(weighted, columns, chosen, i + 1, normal[i])
         for j in range(i):
             normal[j, i] = normal[i, j]

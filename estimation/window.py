@@ -15,16 +15,24 @@ from __future__ import annotations
 import math
 
 import numba
-import numpy as np
 
 from estimation.belief import ALPHA, COULOMB, LAG, LEVEL, MASS, RATE, STIFFNESS, VISCOUS
-from estimation.elements import ELEMENT_ROWS, SHARES
-from estimation.least_squares import cholesky_inverse, gauss_newton_step, quadratic_form
+from estimation.least_squares import cholesky_inverse, gauss_newton_into, quadratic_form
 from estimation.move_tables import (
     KNOTS,
+    M_GOOD,
+    M_HEADING,
+    M_READY,
+    M_UPSET,
+    M_USABLE,
+    M_USE,
+    M_ZONE,
+    MOST,
+    MOST_KNOTS,
     OFFSETS,
     RESIDUAL,
     REST_FORCE,
+    SLIP_FORCE,
     T_ACCELERATION,
     T_AT,
     T_FORCE,
@@ -35,6 +43,7 @@ from estimation.move_tables import (
     T_STUCK,
     T_UNTIL,
     T_VELOCITY,
+    TURN_FORCE,
 )
 from estimation.rounding import refine
 from estimation.rows import fill_rows
@@ -47,7 +56,6 @@ from estimation.zones import REST, SLIDE, STICK, differences, find_stretches, fi
 
 KNOT_SPACING = 0.1
 """Of the level's knots [s]: a fifth of its usual correlation time."""
-MOST_KNOTS = 8
 LEVEL_BOUND = 0.2
 FREE_SLIP = 0.3
 """Spread of the element forces where zone A begins, in a solve of zone A alone [Coulomb force]."""
@@ -90,14 +98,11 @@ whether it can tell sigma0, and the share of the motion in which the force was n
 
 @numba.njit(cache=True, error_model="numpy")
 def prepare(  # type: ignore[no-untyped-def]
-    valid, upset, constants, units, shares, mean, state_known, zone_b, tables, heading, zone,
-    usable, report,
-):  # fmt: skip
+    constants, units, shares, mean, state_known, zone_b, tables, marks, report
+):
     """Kinematics and zones of a move; which samples count, and what can be solved.
 
     Args:
-        valid: samples that can be used, shape (K,).
-        upset: samples whose force says nothing, though their position counts, shape (K,).
         constants: C_*.
         units: what the figures are relative to, their lowest and highest values, shape (3, LEVEL).
         shares: nu_i.
@@ -107,12 +112,13 @@ def prepare(  # type: ignore[no-untyped-def]
         zone_b: whether the stick zones are solved at all.
         tables: positions and forces are there, shape (TABLES, K); the other T_* of the data are
             written.
-        heading: written, shape (K - 2,).
-        zone: the same.
-        usable: the same.
+        marks: which samples are sound in M_GOOD, and in M_UPSET those whose force says nothing,
+            though their position counts; the other M_* written, shape (MARKS, K).
         report: R_*; R_KNOWN is there, what can be solved is written.
     """
-    count = heading.shape[0]
+    count = tables.shape[1] - 2
+    heading, zone, usable = marks[M_HEADING, :count], marks[M_ZONE, :count], marks[M_USABLE, :count]
+    valid, upset = marks[M_GOOD], marks[M_UPSET]
     period, noise = constants[C_PERIOD], constants[C_POSITION_NOISE]
     position, force, velocity = tables[T_POSITION], tables[T_FORCE], tables[T_VELOCITY, :count]
     differences(position, valid, period, velocity, tables[T_ACCELERATION, :count], usable)
@@ -143,7 +149,7 @@ def prepare(  # type: ignore[no-untyped-def]
         if zone[k] != REST:
             end = k + 1
             moving += 1
-            shaken += upset[k + 1]
+            shaken += upset[k + 1] != 0
         if zone[k] != SLIDE and not told and seen == 0:
             usable[k] = False
         if usable[k]:
@@ -166,7 +172,8 @@ def prepare(  # type: ignore[no-untyped-def]
     report[R_END] = min(count, end + int(REST_AFTER / period + 0.5))
 
 
-def knots_of(count: int, period: float, wander: float) -> int:
+@numba.njit(cache=True, error_model="numpy")
+def knots_of(count, period, wander):  # type: ignore[no-untyped-def]
     """How many knots the level has in a move of so many rows."""
     if wander <= 0.0:
         return 0
@@ -175,202 +182,203 @@ def knots_of(count: int, period: float, wander: float) -> int:
 
 @numba.njit(cache=True, error_model="numpy")
 def fit(  # type: ignore[no-untyped-def]
-    tables, heading, zone, usable, ready, constants, units, shares, forces, prior_mean,
-    prior_covariance, mean, covariance, masks, p, report,
+    whole, tables, marks, constants, units, forces, prior_mean, prior_covariance, mean, covariance,
+    mask, p, elements, room, spare, scratch, report,
 ):  # fmt: skip
-    """Gauss-Newton over the free figures and what goes with them: zone A, then all that is usable.
+    """Gauss-Newton over the free figures and what goes with them, in zone A or all that is usable.
 
     Args:
+        whole: all that is usable, else zone A.
         tables: of `prepare`.
-        heading: the same.
-        zone: the same.
-        usable: the same.
-        ready: of `rows.fill_rows`.
+        marks: M_*, of `prepare`; M_READY of `rows.fill_rows`, M_USE written.
         constants: C_*.
         units: as there.
-        shares: nu_i.
         forces: of the elements at rest before the move, under R_KNOWN [N], shape (N,).
         prior_mean: belief before the move.
         prior_covariance: of it.
         mean: belief after it, written.
         covariance: the same.
-        masks: figures to solve for in zone A, in a move without zone A, and in one that has both,
-            shape (3, LEVEL).
+        mask: figures to solve for, shape (LEVEL,).
         p: first iterate, shape (KNOTS + knots,); becomes the solution.
+        elements: of `rows.fill_rows`.
+        room: for the names of the columns, shape (>= MOST,).
+        spare: for what belongs to them, shape (>= SPARE,).
+        scratch: for rows and weights, shape (>= (KNOTS + knots + 4) K,).
         report: R_*. Chi-squares are means over their zones' samples; R_BOUND is a figure on its
             bound, or -1; R_FAILED is 1 where the problem has no solution.
     """
-    count, elements_n = heading.shape[0], shares.shape[0]
+    heading, zone, usable = marks[M_HEADING], marks[M_ZONE], marks[M_USABLE]
+    ready, use = marks[M_READY], marks[M_USE]
+    count = tables.shape[1] - 2
     knots = p.shape[0] - KNOTS
-    slide, stick = report[R_SLIDE] > 0.0, report[R_STICK] > 0.0
-    for whole in (False, True):
-        if not (stick if whole else slide) or report[R_BOUND] >= 0.0:
-            continue
-        mask = masks[0] if not whole else masks[2] if slide else masks[1]
-        linear = not whole and stick  # one step, for the second solve to begin at
-        # Which rows count. The force at rest is known from the mean of the rest's samples: they
-        # count once, but where the force is so exact that they tell the positions' errors.
-        exact = constants[C_FORCE_NOISE] < (
-            units[F_UNIT, STIFFNESS] * p[STIFFNESS] * constants[C_POSITION_NOISE]
-        )
-        use = np.empty(count, dtype=np.bool_)
-        moves = exact
-        last = counted = 0
-        for k in range(count):
-            moves = moves or zone[k] != REST
-            if whole:
-                use[k] = usable[k] and k < report[R_END] and moves
-            else:
-                use[k] = usable[k] and zone[k] == SLIDE
-            if use[k]:
-                last = k + 1
-                counted += 1
-        end = int(report[R_END]) if whole else last
+    linear = not whole and report[R_STICK] > 0.0  # one step, for the second solve to begin at
+    # Which rows count. The force at rest is known from the mean of the rest's samples: they count
+    # once, but where the force is so exact that they tell the positions' errors.
+    moves = constants[C_FORCE_NOISE] < (
+        units[F_UNIT, STIFFNESS] * p[STIFFNESS] * constants[C_POSITION_NOISE]
+    )
+    last = counted = 0
+    for k in range(count):
+        moves = moves or zone[k] != REST
         if whole:
-            _first_stiffness(
-                p, prior_mean, prior_covariance, zone, tables, use, forces, constants, units, report
-            )
-        figures = _count(mask)
-        for i in range(LEVEL):
-            if not mask[i]:
-                p[i] = prior_mean[i]
-        reshaped = mask[RATE] or mask[ALPHA]
-        wide = reshaped or mask[LAG]
-        first = figures + knots
-        n = first + OFFSETS
-        chosen = np.empty(n + 1, dtype=np.int64)
-        a = 0
-        for i in range(LEVEL):
-            if mask[i]:
-                chosen[a] = i
-                a += 1
-        for j in range(knots):
-            chosen[figures + j] = KNOTS + j
-        for j in range(OFFSETS):
-            chosen[first + j] = REST_FORCE + j
-        chosen[n] = RESIDUAL
-        vectors, information = np.empty((6, n)), np.empty((n, n))
-        prior, lower, upper, value = vectors[0], vectors[1], vectors[2], vectors[3]
-        away, at = vectors[4], vectors[5]
-        _arrival_cost(
-            prior_mean, prior_covariance, chosen, figures, knots, count, constants, prior,
-            information,
+            use[k] = usable[k] != 0 and k < report[R_END] and moves
+        else:
+            use[k] = usable[k] != 0 and zone[k] == SLIDE
+        if use[k]:
+            last = k + 1
+            counted += 1
+    end = int(report[R_END]) if whole else last
+    if whole:
+        _first_stiffness(
+            p, prior_mean, prior_covariance, zone[:count], tables, use, forces, constants, units,
+            report,
         )  # fmt: skip
-        for a in range(n):
-            i = chosen[a]
-            lower[a] = units[F_LOWER, i] if i < LEVEL else -LEVEL_BOUND if i >= KNOTS else -1e300
-            upper[a] = units[F_UPPER, i] if i < LEVEL else LEVEL_BOUND if i >= KNOTS else 1e300
-            p[i] = value[a] = min(max(p[i], lower[a]), upper[a])
-        spread = constants[C_MODEL_ERROR] * units[F_UNIT, COULOMB] * prior_mean[COULOMB]
-        white = constants[C_FORCE_NOISE] ** 2 + spread * spread
-        rows, weights = np.empty((KNOTS + knots, end)), np.empty((4, end))
-        elements = np.empty((ELEMENT_ROWS, elements_n + 1))
-        for i in range(elements_n):
-            elements[SHARES, i] = shares[i]
-        normal, trial_normal = np.empty((n + 1, n + 1)), np.empty((n + 1, n + 1))
-        # Where the encoder alone moves the force through codes, rounding is as good as white.
-        jitter = (
-            units[F_UNIT, MASS] * p[MASS] * constants[C_POSITION_NOISE] / constants[C_PERIOD] ** 2
-        )
-        refined = not linear and jitter < QUIET * report[R_STEP]
-        raw = np.empty((KNOTS + knots, end if refined else 0))
-        step = prior
-        cost, evaluations, halvings = math.inf, 0, 0
-        while True:
-            if reshaped:
-                for k in range(end):
-                    ready[k] = 0
-            turned, begun = fill_rows(
-                p, knots, units[F_UNIT], constants[C_VS:], constants[C_POSITION_NOISE],
-                constants[C_PERIOD], forces, report[R_KNOWN], report[R_REST_FORCE], tables, heading,
-                ready, wide, evaluations == 0, rows, elements,
+    figures = _count(mask)
+    for i in range(LEVEL):
+        if not mask[i]:
+            p[i] = prior_mean[i]
+    reshaped = mask[RATE] or mask[ALPHA]
+    wide = reshaped or mask[LAG]
+    first = figures + knots
+    # Zone A does not rely on how it began: the force there is free, and what else was unknown
+    # before makes no other difference. The first position's error is a force on all elements, but
+    # in the first row; where that does not count, it goes with the force at rest.
+    apart = whole and use[0]
+    n = first + (1 if not whole else OFFSETS if apart else OFFSETS - 1)
+    chosen = room[: n + 1]
+    a = 0
+    for i in range(LEVEL):
+        if mask[i]:
+            chosen[a] = i
+            a += 1
+    for j in range(knots):
+        chosen[figures + j] = KNOTS + j
+    for a in range(first, n):
+        chosen[a] = REST_FORCE + (a - first) if whole else SLIP_FORCE
+    chosen[n] = RESIDUAL
+    prior, lower, upper = spare[:n], spare[n : 2 * n], spare[2 * n : 3 * n]
+    value, away, step = spare[3 * n : 4 * n], spare[4 * n : 5 * n], spare[5 * n : 6 * n]
+    begin, size = 6 * MOST, (n + 1) * (n + 1)
+    information = spare[begin : begin + n * n].reshape((n, n))
+    normal = spare[begin + size : begin + 2 * size].reshape((n + 1, n + 1))
+    trial_normal = spare[begin + 2 * size : begin + 3 * size].reshape((n + 1, n + 1))
+    spare = spare[begin + 3 * size :]
+    _arrival_cost(
+        prior_mean, prior_covariance, chosen, figures, knots, count, constants, prior, information,
+        spare,
+    )  # fmt: skip
+    for a in range(n):
+        i = chosen[a]
+        lower[a] = units[F_LOWER, i] if i < LEVEL else -LEVEL_BOUND if i >= KNOTS else -1e300
+        upper[a] = units[F_UPPER, i] if i < LEVEL else LEVEL_BOUND if i >= KNOTS else 1e300
+        p[i] = value[a] = min(max(p[i], lower[a]), upper[a])
+    spread = constants[C_MODEL_ERROR] * units[F_UNIT, COULOMB] * prior_mean[COULOMB]
+    white = constants[C_FORCE_NOISE] ** 2 + spread * spread
+    columns, taken = KNOTS + knots, (KNOTS + knots) * end
+    rows = scratch[:taken].reshape((columns, end))
+    weights = scratch[taken : taken + 4 * end].reshape((4, end))
+    # Where the encoder alone moves the force through codes, rounding is as good as white.
+    jitter = units[F_UNIT, MASS] * p[MASS] * constants[C_POSITION_NOISE] / constants[C_PERIOD] ** 2
+    refined = not linear and jitter < QUIET * report[R_STEP]
+    cost, evaluations, halvings, done = math.inf, 0, 0, False
+    while True:
+        if reshaped:
+            for k in range(end):
+                ready[k] = 0
+        turned, begun = fill_rows(
+            p, knots, units[F_UNIT], constants[C_VS:], constants[C_POSITION_NOISE],
+            constants[C_PERIOD], forces, report[R_KNOWN], report[R_REST_FORCE], tables, heading,
+            ready, wide, evaluations == 0, rows, elements,
+        )  # fmt: skip
+        if evaluations == 0:  # the weights stay what they are at the first iterate
+            for k in range(end):
+                weights[3, k] = white + tables[T_HAZE, k]
+            factor_weights(
+                units[F_UNIT, MASS] * p[MASS], units[F_UNIT, VISCOUS] * p[VISCOUS],
+                constants[C_PERIOD], constants[C_POSITION_NOISE], tables[T_STUCK], weights[3],
+                use[:end], weights[0], weights[1], weights[2],
             )  # fmt: skip
-            if evaluations == 0:  # the weights stay what they are at the first iterate
-                for k in range(end):
-                    weights[3, k] = white + tables[T_HAZE, k]
-                factor_weights(
-                    units[F_UNIT, MASS] * p[MASS], units[F_UNIT, VISCOUS] * p[VISCOUS],
-                    constants[C_PERIOD], constants[C_POSITION_NOISE], tables[T_STUCK], weights[3],
-                    use[:end], weights[0], weights[1], weights[2],
-                )  # fmt: skip
-                pull = units[F_UNIT, STIFFNESS] * p[STIFFNESS] * constants[C_POSITION_NOISE]
-                # Zone A alone does not rely on how it began: the stiffness may be far off.
-                fresh = constants[C_SLIP_SPREAD] if whole else FREE_SLIP
-                fresh *= units[F_UNIT, COULOMB] * p[COULOMB]
-                information[first, first] = 1.0 / white
-                information[first + 1, first + 1] = 1.0 / (white + pull * pull + turned * turned)
-                information[first + 2, first + 2] = 1.0 / (fresh * fresh + begun * begun + 1e-20)
-                information[first + 3, first + 3] = 1.0
-            if refined:
-                for i in range(KNOTS + knots):
-                    for k in range(end):
-                        raw[i, k] = rows[i, k]
-                for a in range(n):
-                    at[a] = p[chosen[a]]
-            whiten(rows, chosen, weights[0], weights[1])
-            normal_equations(rows, chosen, weights[2], trial_normal)
-            evaluations += 1
-            trial_cost = trial_normal[n, n]
+            pull = units[F_UNIT, STIFFNESS] * p[STIFFNESS] * constants[C_POSITION_NOISE]
+            fresh = constants[C_SLIP_SPREAD] if whole else FREE_SLIP
+            fresh *= units[F_UNIT, COULOMB] * p[COULOMB]
+            for a in range(first, n):
+                if chosen[a] == REST_FORCE:
+                    open_left = white if apart else white + pull * pull
+                elif chosen[a] == TURN_FORCE:
+                    open_left = white + pull * pull + turned * turned
+                elif chosen[a] == SLIP_FORCE:
+                    open_left = fresh * fresh + begun * begun + 1e-20
+                else:
+                    open_left = 1.0
+                information[a, a] = 1.0 / open_left
+        if done:  # rows at the solution, not whitened
+            break
+        whiten(rows, chosen, weights[0], weights[1])
+        normal_equations(rows, chosen, weights[2], trial_normal)
+        evaluations += 1
+        trial_cost = trial_normal[n, n]
+        for a in range(n):
+            away[a] = p[chosen[a]] - prior[a]
+        trial_cost += quadratic_form(information, away)
+        if trial_cost <= cost * (1.0 + 1e-12):
+            cost, halvings = trial_cost, 0
+            normal, trial_normal = trial_normal, normal
             for a in range(n):
-                away[a] = p[chosen[a]] - prior[a]
-            trial_cost += quadratic_form(information, away)
-            if trial_cost <= cost * (1.0 + 1e-12):
-                cost, halvings = trial_cost, 0
-                normal, trial_normal = trial_normal, normal
-                for a in range(n):
-                    value[a] = p[chosen[a]]
-                step, size = gauss_newton_step(
-                    normal[:n, :n], normal[:n, n], information, prior, value, lower, upper
-                )
-                if not math.isfinite(size):
-                    report[R_FAILED] = 1.0
-                    return
-                # The last step is taken, but not evaluated once more.
-                if size < TOLERANCE or linear or evaluations > MAX_ITERATIONS:
-                    normal[n, n] += quadratic_form(normal, step)
-                    for a in range(n):
-                        normal[n, n] += 2.0 * step[a] * normal[a, n]
-                    for a in range(n):
-                        value[a] = min(max(value[a] + step[a], lower[a]), upper[a])
-                    break
-            elif evaluations == 1:  # not finite
+                value[a] = p[chosen[a]]
+            length = gauss_newton_into(
+                normal[:n, :n], normal[:n, n], information, prior, value, lower, upper, spare, step
+            )
+            if not math.isfinite(length):
                 report[R_FAILED] = 1.0
                 return
-            else:
-                halvings += 1
-                if halvings == HALVINGS:
-                    break
+            # The last step is taken, but not evaluated once more.
+            if length < TOLERANCE or linear or evaluations > MAX_ITERATIONS:
+                normal[n, n] += quadratic_form(normal, step)
                 for a in range(n):
-                    step[a] *= 0.5
-            for a in range(n):
-                p[chosen[a]] = min(max(value[a] + step[a], lower[a]), upper[a])
-        if refined:
-            chi = normal[n, n]
-            for k in range(end):
-                weights[3, k] -= white
-            refine(
-                raw, chosen, at, tables[T_STUCK], weights[3], use[:end],
-                units[F_UNIT, MASS] * p[MASS], units[F_UNIT, VISCOUS] * p[VISCOUS],
-                constants[C_PERIOD], constants[C_POSITION_NOISE], report[R_STEP], prior,
-                information, lower, upper, value, normal,
-            )  # fmt: skip
-            normal[n, n] = chi
-        for a in range(n):
-            p[chosen[a]] = value[a]
-            for b in range(n):
-                information[a, b] += normal[a, b]
-        report[R_EVALUATIONS] += evaluations
-        if not cholesky_inverse(information):
+                    normal[n, n] += 2.0 * step[a] * normal[a, n]
+                for a in range(n):
+                    value[a] = min(max(value[a] + step[a], lower[a]), upper[a])
+                done = True
+        elif evaluations == 1:  # not finite
             report[R_FAILED] = 1.0
             return
-        _believe(
-            p, information, chosen, figures, knots, prior_mean, prior_covariance, mean, covariance
-        )
-        for a in range(figures):
-            if value[a] <= lower[a] or value[a] >= upper[a]:
-                report[R_BOUND] = chosen[a]
-        report[R_SAMPLES] = counted
-        report[R_CHI_B if whole else R_CHI_A] = normal[n, n] / max(counted, 1)
+        else:
+            halvings += 1
+            done = halvings == HALVINGS
+            for a in range(n):
+                step[a] *= 0.5
+        for a in range(n):
+            beyond = 0.0 if done else step[a]
+            p[chosen[a]] = min(max(value[a] + beyond, lower[a]), upper[a])
+        if done and not refined:
+            break
+    if refined:
+        chi = normal[n, n]
+        for k in range(end):
+            weights[3, k] -= white
+        for a in range(n):
+            away[a] = value[a]
+        refine(
+            rows, chosen, away, tables[T_STUCK], weights[3], use[:end],
+            units[F_UNIT, MASS] * p[MASS], units[F_UNIT, VISCOUS] * p[VISCOUS],
+            constants[C_PERIOD], constants[C_POSITION_NOISE], report[R_STEP], prior,
+            information, lower, upper, value, normal,
+        )  # fmt: skip
+        normal[n, n] = chi
+    for a in range(n):
+        p[chosen[a]] = value[a]
+        for b in range(n):
+            information[a, b] += normal[a, b]
+    report[R_EVALUATIONS] += evaluations
+    if not cholesky_inverse(information):
+        report[R_FAILED] = 1.0
+        return
+    _believe(p, information, chosen, figures, knots, prior_mean, prior_covariance, mean, covariance)
+    for a in range(figures):
+        if value[a] <= lower[a] or value[a] >= upper[a]:
+            report[R_BOUND] = chosen[a]
+    report[R_SAMPLES] = counted
+    report[R_CHI_B if whole else R_CHI_A] = normal[n, n] / max(counted, 1)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -423,12 +431,13 @@ def _first_stiffness(  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def _arrival_cost(  # type: ignore[no-untyped-def]
-    prior_mean, prior_covariance, chosen, figures, knots, count, constants, prior, information
-):
+    prior_mean, prior_covariance, chosen, figures, knots, count, constants, prior, information,
+    room,
+):  # fmt: skip
     """Joint prior of the chosen figures and the knots: mean and inverse covariance."""
     base = figures + 1 if knots > 0 else figures
     n = prior.shape[0]
-    block = np.empty((base, base))
+    block = room[: base * base].reshape((base, base))
     for a in range(base):
         i = chosen[a] if a < figures else LEVEL
         for b in range(base):

@@ -7,13 +7,16 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import least_squares, leastsq
 
-from peers.problem import F64, ZONE_A, ZONE_AB, Problem, compiled_residual
+from peers.problem import F64, ZONE_A, ZONE_AB, Problem, compiled_jacobian, compiled_residual
 
 
 def make(problem: Problem, method: str) -> Callable[[], F64]:
-    """A complete two-zone estimate by `leastsq` or by `least_squares(method="lm")`.
+    """A complete two-zone estimate by MINPACK; residual and derivatives are a compiled call each.
 
-    Derivatives by MINPACK's forward differences: the model's residual is a single compiled call.
+    Args:
+        problem: of all peers.
+        method: "differences" and "derivatives" are `leastsq`, with MINPACK's forward differences
+            and with the model's own sensitivities; "least_squares" is that, method="lm".
     """
     solvers = [_Zone(problem, free, method) for free in (ZONE_A, ZONE_AB)]
 
@@ -42,8 +45,18 @@ class _Zone:
             compiled_residual(p, *self.arguments, out)
             return out
 
-        if self.method == "leastsq":
+        def derivatives(values: F64) -> F64:
+            p[self.free] = values
+            out = np.empty((len(self.free), self.count))
+            compiled_jacobian(p, *self.arguments, out)
+            return out
+
+        if self.method == "differences":
             found, _ = leastsq(residual, start[self.free], ftol=1e-8, xtol=1e-8)
+        elif self.method == "derivatives":
+            found, _ = leastsq(
+                residual, start[self.free], Dfun=derivatives, col_deriv=True, ftol=1e-8, xtol=1e-8
+            )
         else:
             found = least_squares(residual, start[self.free], method="lm").x
         p[self.free] = found

@@ -12,6 +12,10 @@ from estimation.elements import ELEMENT_ROWS, SHARES
 from estimation.gms import element_shares
 from estimation.move_tables import (
     KNOTS,
+    M_GOOD,
+    M_HEADING,
+    M_READY,
+    MARKS,
     RESIDUAL,
     T_FORCE,
     T_HAZE,
@@ -45,12 +49,10 @@ def make(problem: Problem, p: F64) -> Callable[[int], float]:
     samples = len(problem.position)
     tables, report[R_KNOWN] = np.empty((TABLES, samples)), START.coulomb
     tables[T_POSITION], tables[T_FORCE] = problem.position, problem.force
-    heading, zone = np.empty(count, np.int8), np.empty(count, np.int8)
-    usable, ready = np.empty(count, np.bool_), np.zeros(count, np.int8)
-    prepare(
-        np.ones(samples, dtype=np.bool_), np.zeros(samples, dtype=np.bool_), constants, units,
-        shares, mean, True, True, tables, heading, zone, usable, report,
-    )  # fmt: skip
+    marks = np.zeros((MARKS, samples), np.int8)
+    marks[M_GOOD] = 1
+    prepare(constants, units, shares, mean, True, True, tables, marks, report)
+    heading, ready = marks[M_HEADING], marks[M_READY]
     end = int(report[R_END])
     figures = np.array([COULOMB, VISCOUS, STIFFNESS, MASS])
     relative = np.zeros(KNOTS)

@@ -192,6 +192,46 @@ def compiled_residual(  # type: ignore[no-untyped-def]
         out[end - begin + i] = (p[free[i]] - 1.0) / spread[free[i]]
 
 
+@numba.njit(cache=True)
+def compiled_jacobian(  # type: ignore[no-untyped-def]
+    p, position, velocity, acceleration, force, model, shares, scale, spread, free, begin, end,
+    factor, out,
+):  # fmt: skip
+    """Derivatives of `compiled_residual` by the free unknowns, a row each, into `out`."""
+    figures = scale.copy()
+    for i in range(free.shape[0]):
+        figures[free[i]] = p[free[i]] * scale[free[i]]
+    vector = model.copy()
+    vector[0], vector[1] = figures[0], figures[2]
+    elements, jacobian = np.empty(end), np.empty((end, 3))
+    follow_elements(
+        vector, vector[:1], shares, np.zeros(shares.shape[0]),
+        np.zeros(shares.shape[0], dtype=np.bool_), np.array([0.0, position[0]]),
+        position[1 : end + 1], velocity[:end], TS, SUBSTEPS, REST_BAND, elements, jacobian,
+    )  # fmt: skip
+    count = end - begin
+    for i in range(free.shape[0]):
+        row = out[i]
+        for k in range(count):
+            if free[i] == 0:
+                value = jacobian[begin + k, 0]
+            elif free[i] == 1:
+                value = velocity[begin + k]
+            elif free[i] == 2:
+                value = jacobian[begin + k, 1]
+            else:
+                value = acceleration[begin + k]
+            value *= scale[free[i]]
+            if k > 0:
+                value -= factor[k, 1] * row[k - 1]
+            if k > 1:
+                value -= factor[k, 0] * row[k - 2]
+            row[k] = value / factor[k, 2]
+        for j in range(free.shape[0]):
+            row[count + j] = 0.0
+        row[count + i] = 1.0 / spread[free[i]]
+
+
 def build(samples: int = 250) -> Problem:
     """The move of the comparison, its noise on a seed."""
     motion = plan(0.0, 25e-3, Limits(0.5, 3.0, 200.0))
