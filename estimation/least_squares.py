@@ -28,6 +28,8 @@ def gauss_newton_step(  # type: ignore[no-untyped-def]
     size = gauss_newton_into(
         curvature, slope, information, prior, value, lower, upper, np.empty((2 * n + 1) * n), step
     )
+    if not math.isfinite(size):
+        step[:] = 0.0
     return step, size
 
 
