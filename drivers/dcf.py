@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import canopen
 
 from drivers.errors import ConfigurationError, NodeError
-from drivers.node import Node
+from drivers.node import Node, Value
 from drivers.objects import ObjectRef
 
 LISTED = 5
@@ -23,15 +23,14 @@ _OURS = {
 _PDOS = range(0x1400, 0x1C00)
 
 
-def configured(dictionary: canopen.ObjectDictionary) -> list[tuple[ObjectRef, int]]:
-    """The integer objects that the file gives a value of its own, in the order of their indices."""
-    values = []
+def configured(dictionary: canopen.ObjectDictionary) -> list[tuple[ObjectRef, Value]]:
+    """The objects that the file gives a value of its own, in the order of their indices."""
+    values: list[tuple[ObjectRef, Value]] = []
     for variable in _variables(dictionary):
         value = variable.value
         if (
-            isinstance(value, int)
+            value is not None
             and variable.writable
-            and variable.data_type in canopen.objectdictionary.INTEGER_TYPES
             and variable.index not in _OURS
             and variable.index not in _PDOS
         ):
@@ -50,7 +49,7 @@ def _variables(
             yield from entry.values()
 
 
-def apply(node: Node, values: list[tuple[ObjectRef, int]]) -> None:
+def apply(node: Node, values: list[tuple[ObjectRef, Value]]) -> None:
     """Writes the values, reads all of them back.
 
     Raises:
@@ -71,12 +70,20 @@ def apply(node: Node, values: list[tuple[ObjectRef, int]]) -> None:
     for ref, value in values:
         if f"0x{ref.index:04X}:{ref.sub:02X}" in told:
             continue
-        held = node.read(ref)
-        if held != value:
-            differences.append(f"{ref} wrote {value}, the drive holds {held}")
+        held = node.read(ref) if isinstance(value, int) else node.read_value(ref)
+        if held != _as_held(node, ref, value):
+            differences.append(f"{ref} wrote {value!r}, the drive holds {held!r}")
     if differences:
         more = len(differences) - LISTED
         text = "; ".join(differences[:LISTED]) + (f"; and {more} more" if more > 0 else "")
         raise ConfigurationError(
             f"DCF: {len(differences)} of {len(values)} objects differ: {text}", axis=node.name
         )
+
+
+def _as_held(node: Node, ref: ObjectRef, value: Value) -> Value:
+    """A number in the object's own precision."""
+    variable = node.dictionary.get_variable(ref.index, ref.sub)
+    if variable is None or not isinstance(value, float):
+        return value
+    return float(variable.decode_raw(variable.encode_raw(value)))

@@ -24,6 +24,8 @@ from drivers.sdo_channel import SdoChannel
 from drivers.settings import HOST_NODE, AxisSettings
 
 T = TypeVar("T")
+Value = int | float | str | bytes | bytearray
+"""Of an object, by its data type."""
 
 BOOT_TIMEOUT = 2.0
 """How long a node may take from the reset of its communication to its boot-up message [s]."""
@@ -302,8 +304,23 @@ class Node:
                 raise
         return tuple(codes)
 
-    def write(self, obj: ObjectRef, value: int) -> None:
-        """Writes an integer object by SDO.
+    def read_value(self, obj: ObjectRef) -> Value:
+        """Reads an object of any type by SDO, bytes where the EDS says nothing of its type.
+
+        Raises:
+            NodeError: as `read`, or the answer is not of the object's type.
+        """
+        data = self._attempt("read", obj, lambda: self._sdo.upload(obj.index, obj.sub))
+        variable = self._variable(obj)
+        try:
+            return data if variable is None else variable.decode_raw(data)
+        except canopen.ObjectDictionaryError as why:
+            raise NodeError(
+                f"read: {len(data)} bytes are not of its type", axis=self.name, obj=obj
+            ) from why
+
+    def write(self, obj: ObjectRef, value: Value) -> None:
+        """Writes an object by SDO.
 
         Raises:
             ConfigurationError: the EDS does not list the object, or the value does not fit it.
@@ -311,7 +328,7 @@ class Node:
         """
         data = self._encoded(obj, value)
         self._attempt(
-            f"write of {value}",
+            f"write of {value!r}",
             obj,
             lambda: self._sdo.download(obj.index, obj.sub, data),
         )
@@ -366,7 +383,7 @@ class Node:
     def _variable(self, obj: ObjectRef) -> canopen.objectdictionary.ODVariable | None:
         return self._dictionary.get_variable(obj.index, obj.sub)
 
-    def _encoded(self, obj: ObjectRef, value: int) -> bytes:
+    def _encoded(self, obj: ObjectRef, value: Value) -> bytes:
         variable = self._variable(obj)
         if variable is None:
             raise ConfigurationError("the EDS does not list it", axis=self.name, obj=obj)
@@ -374,7 +391,7 @@ class Node:
             return bytes(variable.encode_raw(value))
         except (struct.error, ValueError, OverflowError, TypeError) as why:
             raise ConfigurationError(
-                f"{value} does not fit the object: {why}", axis=self.name, obj=obj
+                f"{value!r} does not fit the object: {why}", axis=self.name, obj=obj
             ) from why
 
     def _attempt(self, what: str, obj: ObjectRef, access: Callable[[], T]) -> T:

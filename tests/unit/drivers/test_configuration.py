@@ -170,3 +170,26 @@ def test_a_mapping_of_more_than_64_bits_names_the_eds(
     axes = (dataclasses.replace(axis_settings[0], eds=other), axis_settings[1])
     with pytest.raises(ConfigurationError, match=r"^axis x: EDS file .*wide\.eds: a PDO carries 8"):
         Stage.open(bus_settings, axes, bus_object=scripted)
+
+
+def test_numbers_and_texts_of_a_dcf_are_written_too(
+    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...], tmp_path: Any
+) -> None:
+    text = axis_settings[0].eds.read_text()
+    for index, data_type, value in (("2100", "0x0008", "0.1"), ("2101", "0x0009", "fine")):
+        text += f"\n[{index}]\nParameterName=gain\nObjectType=0x7\nDataType={data_type}\n"
+        text += f"AccessType=rw\nParameterValue={value}\nPDOMapping=0\n"
+    other = tmp_path / "drive.dcf"
+    other.write_text(text)
+    axes = (dataclasses.replace(axis_settings[0], eds=other), axis_settings[1])
+    drive = scripted.drives[X]
+    with Stage.open(bus_settings, axes, bus_object=scripted) as stage:
+        stage.boot()
+        assert struct.pack("<I", drive.objects[0x2100, 0]) == struct.pack("<f", 0.1)
+        assert struct.pack("<I", drive.objects[0x2101, 0]) == b"fine"
+        drive.stuck.add((0x2100, 0))
+        drive.objects[0x2100, 0] = 0
+        with pytest.raises(
+            ConfigurationError, match=r"DCF: 1 of 2 .*0x2100:00 gain wrote 0\.1, .* holds 0\.0"
+        ):
+            stage.boot()
