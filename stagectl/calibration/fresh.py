@@ -15,8 +15,6 @@ F64 = NDArray[np.float64]
 
 NEAR = 5e-3
 """Moves within this distance stay at their site [m]."""
-OPEN_LEVEL = (0.0, 0.01)
-"""The wander after a move over unknown friction, which the estimator may have taken for it."""
 SPREAD = 0.3
 """How far the Coulomb force of another site may be from the last one's, relative, 1 sigma."""
 
@@ -43,8 +41,11 @@ class FreshPlaces:
         """As `Places`: nothing is known of the way."""
         return np.zeros(len(path))
 
+    def teaches(self, kind: str) -> bool:
+        """As `Places`: a level that differs along a long way looks like viscous friction."""
+        return kind != "macro"
+
     def arrived(self, axis: int, kind: str, estimate: Estimate, time: float) -> Expectation | None:
-        """As `Places`: what the way there has shown is that of the way; the site is open again."""
-        level = estimate.friction.coulomb * estimate.level
-        self._coulomb[axis] = level
-        return Expectation(level, SPREAD * level / 2.0, OPEN_LEVEL) if kind == "macro" else None
+        """As `Places`: the next site is expected to be as the last one was."""
+        self._coulomb[axis] = estimate.friction.coulomb * estimate.level
+        return None

@@ -142,6 +142,10 @@ class TrackedPlaces:
         result: F64 = np.expm1(level[:-1] - level[-1])
         return result
 
+    def teaches(self, kind: str) -> bool:
+        """As `sequencer.places.Places`: the map knows the way."""
+        return True
+
     def arrived(self, axis: int, kind: str, estimate: Estimate, time: float) -> Expectation | None:
         """As `sequencer.places.Places`.
 

@@ -291,9 +291,10 @@ class Mover:
         if move is None or not self._blocks:
             return []
         learned = []
+        teaches = self._places is None or self._places.teaches(move.kind)
         for a, (axis, data) in enumerate(zip(self._axes, self._move_data(), strict=True)):
             moved = abs(move.distance(axis.name)) >= axis.increment and data.valid.sum() >= 3
-            if self._relief is not None and self._brief[a]:
+            if not teaches or (self._relief is not None and self._brief[a]):
                 moved = False  # its friction state is followed all the same
             result = axis.compensation.learn(self._level(a, data)) if moved else None
             if self._relief is not None:

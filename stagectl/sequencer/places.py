@@ -52,6 +52,9 @@ class Places(Protocol):
             path: positions [m], shape (K, n).
         """
 
+    def teaches(self, kind: str) -> bool:
+        """Whether a move of this kind can be learned from: is friction on its way known?"""
+
     def arrived(self, axis: int, kind: str, estimate: Estimate, time: float) -> Expectation | None:
         """After a move: what it has shown. An answer replaces what is believed of the place.
 

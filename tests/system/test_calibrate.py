@@ -19,6 +19,7 @@ from stagectl.config.machine import load_machine
 from stagectl.errors import StagectlError
 from stagectl.history.opening import open_history
 from stagectl.history.records import StageKey
+from stagectl.maps.active import map_versions
 from stagectl.request import RunRequest
 from stagectl.sequencer.events import StretchDone
 from stagectl.session import Listener, execute
@@ -97,6 +98,38 @@ def test_a_killed_calibration_goes_on_behind_the_last_site_and_loses_nothing(cal
         "calibrate", folder / "sites.yaml", "--simulate", "--due", "--history",
         folder / "stage.db", "--out", folder / "none",
     )  # fmt: skip
+
+
+def test_friction_that_differs_on_the_way_is_not_taken_for_viscous(tmp_path):
+    """+-25 % over 40 mm, sites 50 mm apart: what is the same everywhere is found as it is."""
+    lines, seeds = [], iter((214, 215))
+    for line in load_machine().text.splitlines():
+        lines.append(line)
+        if line.strip().startswith("repeatability:"):
+            field = f"amplitude: 0.25, length: 0.04, seed: {next(seeds)}"
+            lines.append(f"    effects: [{{effect: friction_map, {field}}}]")
+    truth = tmp_path / "truth.yaml"
+    truth.write_text("\n".join(lines))
+    (tmp_path / "sites.yaml").write_text(
+        "calibrate: far\n"
+        "sites: {grid: {origin: [-0.05, -0.05], pitch: [0.05, 0.05], count: [3, 2]}}\n"
+    )
+    stagectl(
+        "calibrate", tmp_path / "sites.yaml", "--simulate", truth, "--history",
+        tmp_path / "stage.db", "--out", tmp_path / "run",
+    )  # fmt: skip
+    history = open_history(str(tmp_path / "stage.db"))
+    ((version),) = map_versions(history, STAGE)
+    history.close()
+    for name, axis in load_machine().axes.items():
+        true = axis.plant.friction
+        for figure, is_ in (
+            ("viscous", true.viscous), ("stiffness", true.stiffness),
+            ("relaxation_rate", true.attraction / true.coulomb),
+        ):  # fmt: skip
+            value, sigma = version.map.axes[name].figures[figure]
+            assert abs(value - is_) < 3.5 * sigma, (name, figure, value, sigma)
+            assert sigma < 0.03 * is_
 
 
 def test_what_cannot_be_gone_on_with(calibrated):

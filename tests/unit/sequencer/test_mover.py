@@ -175,16 +175,22 @@ def test_an_axis_that_does_not_follow_is_a_named_fault():
 
 
 class Everywhere:
-    """Knows how friction differs from place to place; keeps what it is told of moves."""
+    """Knows how friction differs from place to place; keeps what it is told of moves.
 
-    def __init__(self):
-        self.told = []
+    `unknown`: kinds of moves whose way it does not know.
+    """
+
+    def __init__(self, unknown=()):
+        self.told, self.unknown = [], unknown
 
     def depart(self, target, time):
         return [None, None] if max(abs(t - 0.01) for t in target) > 2e-3 else None
 
     def relief(self, axis, path):
         return np.zeros(len(path))
+
+    def teaches(self, kind):
+        return kind not in self.unknown
 
     def arrived(self, axis, kind, estimate, time):
         self.told.append((axis, kind))
@@ -227,3 +233,16 @@ def test_an_axis_that_soon_rested_has_shown_nothing_of_the_place_it_was_taken_to
         mover.learn()
     assert places.told == [(0, "macro"), (1, "micro")]
     assert axes[1].compensation.arrived  # its friction state is followed all the same
+
+
+def test_where_the_way_is_unknown_a_move_is_followed_and_teaches_nothing():
+    axes = [MovingAxis(n, Limits(1.0, 10.0, 2000.0), 1e-9, Learning()) for n in "xy"]
+    places = Everywhere(unknown=("macro",))
+    mover = Mover(EchoOfTwo(), axes, TS, lambda: False, places)
+    mover.hold(0.02)
+    for kind, target in (("macro", (0.03, 0.04)), ("other", (0.0315, 0.0415))):
+        mover.go(kind, 1, target, Limits(0.5, 3.0, 200.0), lambda _: None)
+        mover.hold(0.03)
+        mover.learn()
+    assert places.told == [(0, "other"), (1, "other")]
+    assert all(axis.compensation.arrived for axis in axes)
