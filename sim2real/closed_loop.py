@@ -9,6 +9,7 @@ import numpy as np
 from hil_sim.settings import StageSettings
 from sim2real.axis_model import AxisModel, composed
 from sim2real.gap import Measured
+from sim2real.recording import BoolArray
 from sim2real.replay import residual, rms
 
 _MOVING = 0.02
@@ -26,6 +27,7 @@ def axis_gap(
     models: Mapping[str, AxisModel],
     measured: Sequence[Measured],
     settings: StageSettings,
+    masks: Sequence[BoolArray] | None = None,
 ) -> float:
     """Squared gap over floor of one axis, summed over its signals, mean over recordings.
 
@@ -34,12 +36,15 @@ def axis_gap(
         models: axis -> its model; axes that are not in it are as the machine file says.
         measured: recordings, with their floors.
         settings: of the machine file.
+        masks: samples that count, of those that are valid, per recording; all by default.
     """
     stage = composed(settings, models)
     total = samples = 0.0
-    for m in measured:
+    for number, m in enumerate(measured):
         left = residual(m.replay.measured(), m.replay.run(stage))[name]
         valid = m.replay.valid(name)
+        if masks is not None:
+            valid = valid & masks[number]
         count = float(valid.sum())
         total += count * sum(
             (rms(values, valid) / max(m.floor.rms[name][signal], 1e-12)) ** 2

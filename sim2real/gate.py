@@ -8,12 +8,13 @@ more only if it closes much of what is left, and none if none closes enough.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 from hil_sim.settings import StageSettings
 from sim2real.axis_model import AxisModel
 from sim2real.closed_loop import SIGNALS, axis_gap
-from sim2real.fit import fit
+from sim2real.fit import AxisProblem, Fitted, fit
 from sim2real.gap import Measured
 from sim2real.search import AxisSearch, sets_of
 
@@ -39,13 +40,33 @@ def gate(
             else _closing(name, found, models, measured, settings)
         )
         if best.names() != found.best.model.names():
-            problem = found.problem
-            found.best = fit(problem.finer() if best.terms else problem, best, 3)
+            problem = found.problem.finer() if best.terms else found.problem
+            found.best = _settled(problem, best, partial(_alone, name, models, measured, settings))
         models[name] = found.best.model
         before = axis_gap(name, {**models, name: found.problem.start}, measured, settings)
         after = _gap(name, found, models, measured, settings)
         if before > SIGNALS + _VISIBLE:
             found.closes = 1.0 - (after - SIGNALS) / (before - SIGNALS)
+
+
+def _alone(
+    name: str,
+    models: Mapping[str, AxisModel],
+    measured: Sequence[Measured],
+    settings: StageSettings,
+    model: AxisModel,
+) -> float:
+    """Gap of an axis under another model of it, the other axes as they are."""
+    return axis_gap(name, {**models, name: model}, measured, settings)
+
+
+def _settled(problem: AxisProblem, model: AxisModel, gap: Callable[[AxisModel], float]) -> Fitted:
+    """The model fitted once more; as it is, where that would open its gap again.
+
+    An effect in a shape that is not quite the stage's is bent by innovations it cannot take up.
+    """
+    again = fit(problem, model, 3)
+    return again if gap(again.model) <= gap(model) else fit(problem, model, 0)
 
 
 def _visible(
