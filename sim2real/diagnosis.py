@@ -25,11 +25,11 @@ from sim2real.axis_model import (
     coordinate,
     with_base,
 )
+from sim2real.axis_problem import AxisProblem
 from sim2real.causes import candidates_of, causes_of
 from sim2real.closed_loop import axis_gap, friction_profile
 from sim2real.examine import Examination, without_causes
 from sim2real.experiment import next_experiment
-from sim2real.fit import AxisProblem
 from sim2real.gate import gate
 from sim2real.held_out import FOLDS, HeldOut, closed, combined
 from sim2real.replay import Signals

@@ -13,8 +13,9 @@ from functools import partial
 
 from hil_sim.settings import StageSettings
 from sim2real.axis_model import AxisModel
+from sim2real.axis_problem import AxisProblem, Fitted
 from sim2real.closed_loop import SIGNALS, axis_gap
-from sim2real.fit import AxisProblem, Fitted, fit
+from sim2real.fit import fit
 from sim2real.gap import Measured
 from sim2real.search import AxisSearch, sets_of
 

@@ -19,7 +19,7 @@ from hil_sim.effects.effect import Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import AxisSettings
 from sim2real.axis_model import AxisModel, Term
-from sim2real.fit import AxisProblem
+from sim2real.axis_problem import AxisProblem
 from sim2real.signature import inputs, response
 
 F64 = NDArray[np.float64]

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from hil_sim.effects.effect import Effect
 from hil_sim.settings import AxisSettings
 from sim2real.axis_model import AxisModel, implausible, plausible, within_tolerance
+from sim2real.axis_problem import AxisProblem, Fitted
 from sim2real.closed_loop import SIGNALS
-from sim2real.fit import AxisProblem, Fitted, fit
+from sim2real.fit import fit
 from sim2real.scan import Scanner, Start
 from sim2real.shape import Repeat
 

@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 from hil_sim.effects.effect import Effect, Parameter
 from hil_sim.settings import AxisSettings
 from sim2real.axis_model import AxisModel, Term, coordinates
+from sim2real.axis_problem import AxisProblem, Fitted
 from sim2real.closed_loop import SIGNALS
-from sim2real.fit import AxisProblem, Fitted, fit
+from sim2real.fit import fit
 from sim2real.scan import Scanner
 
 _HARMONICS, _FUNDAMENTAL = (2.0, 3.0), 0.5

@@ -17,7 +17,8 @@ from scipy.signal import lfilter
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import AxisSettings
 from sim2real.axis_model import Term, with_effects
-from sim2real.tracking import Gains, Track, respond
+from sim2real.error_states import Gains, respond
+from sim2real.tracking import Track
 
 F64 = NDArray[np.float64]
 

@@ -21,11 +21,13 @@ from sim2real.axis_model import (
     plausible,
     within_tolerance,
 )
-from sim2real.fit import AxisProblem, fit, structure
+from sim2real.axis_problem import AxisProblem, structure
+from sim2real.error_states import respond
+from sim2real.fit import fit
 from sim2real.recording import Recording
 from sim2real.replay import prepare
 from sim2real.scan import Scanner
-from sim2real.tracking import Tracker, respond
+from sim2real.tracking import Tracker
 from tests.unit.sim2real.conftest import FINER, stage_with
 
 
