@@ -90,6 +90,7 @@ class RunRecord:
         self._friction: list[FrictionEntry] = []
         self._notices: list[str] = []
         self._retries: list[Retry] = []
+        self._steps: list[dict[str, Any]] = []
         self._first_update: dict[str, int] = {}
         self._moves = 0
         self.journal = Journal(
@@ -125,6 +126,7 @@ class RunRecord:
                     now = self.temperature.at(event.time)
                     self._history.note(event, self._placed, now)
             case LevelStepped():
+                self._steps.append(asdict(event))
                 self.journal.event("level_stepped", **asdict(event))
                 if self._history is not None:
                     self._history.note_step(event)
@@ -206,6 +208,7 @@ class RunRecord:
             retries=tuple(self._retries),
             wafer=request.recipe.wafer,
             map=self._map,
+            steps=tuple(self._steps),
         )
         summary = build_summary(
             _empty(request) if recording is None else recording,

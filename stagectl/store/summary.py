@@ -92,6 +92,7 @@ class RunFacts:
         resumed: what it went on with (run, started, done), None where it began at the start.
         retries: stretches that were begun again.
         wafer: or None.  map: number of the friction map that it went by, None for none.
+        steps: of the friction level that it has found, in the order of time.
     """
 
     recipe: str
@@ -108,6 +109,7 @@ class RunFacts:
     retries: Sequence[Retry] = ()
     wafer: str | None = None
     map: int | None = None
+    steps: Sequence[Mapping[str, object]] = ()
 
 
 def build_summary(
@@ -162,6 +164,8 @@ def build_summary(
         summary["wafer"] = facts.wafer
     if facts.map is not None:
         summary["map"] = facts.map
+    if facts.steps:
+        summary["steps"] = [dict(step) for step in facts.steps]
     if facts.resumed is not None:
         summary["resumed"] = dict(facts.resumed)
     if facts.retries:
