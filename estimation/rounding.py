@@ -3,10 +3,10 @@
 Where a force runs through many codes from sample to sample, rounding is as good as white noise of
 step/sqrt(12). Where it changes slowly, its error is a sawtooth that neighbouring samples share: the
 middle of a code says hardly anything, its borders a lot. So every code counts as what it is, the
-statement that the force, as the positions' rows explain it, was between two borders (softened by
-`SOFT`). The logarithm of that is concave; its slope and curvature at the present force make
-each sample a measurement with a variance of its own; a few rounds of weighted least squares find
-the most probable figures (Newton's method, as for any generalised linear model).
+statement that the force was between two borders: a measurement with mean and variance of its own
+stands for it, such that together with all that the other codes and the positions say it leaves the
+same mean and variance of the force (expectation propagation: T. P. Minka, 2001). A few rounds of
+weighted least squares find figures and measurements that agree.
 """
 
 from __future__ import annotations
@@ -19,53 +19,64 @@ import numpy as np
 from estimation.least_squares import cholesky_inverse, gauss_newton_step
 from estimation.whitening import factor_weights, normal_equations, whiten
 
-SOFT = 0.04
-"""Deviation of a border, in steps."""
-LEAST = 0.1
+SOFT = 0.01
+"""Deviation of a border, in steps: what keeps a force just outside from being impossible."""
+LEAST = 1e-3
 """Least information of a code, in 1/step^2 (white noise would be 12)."""
-MOST_ROUNDS, ENOUGH = 12, 0.03
+MOST_ROUNDS, ENOUGH = 24, 0.01
 """Rounds; a step of less than so many standard deviations ends them."""
 
 
 @numba.njit(cache=True, error_model="numpy")
 def read_codes(force, doubt, step, away, variance):  # type: ignore[no-untyped-def]
-    """Each code as a measurement that has the same slope and curvature of its log-likelihood.
+    """Each code as a measurement that leaves the same mean and variance of the force as it does.
 
     Args:
         force: presumed, relative to the code's middle [N], shape (K,).
         doubt: variance of that [N^2], shape (K,).
         step: between codes [N].
-        away: what is measured, relative to the code's middle, written [N], shape (K,).
+        away: what is measured, relative to the code's middle, changed half the way [N], shape (K,).
         variance: of it, changed half the way [N^2], shape (K,).
     """
-    soft = SOFT * step
+    least, soft = LEAST / step**2, SOFT * step
     for k in range(force.shape[0]):
-        slope = curvature = 0.0
-        for node in range(3):
-            share = 2.0 / 3.0 if node == 0 else 1.0 / 6.0
-            d = force[k] + (0.0 if node == 0 else math.sqrt(3.0 * doubt[k]) * (2 * node - 3))
-            one, two = _code(d, soft, step)
-            slope += share * one
-            curvature += share * two
+        # What all but this code say.
+        others = max(1.0 / doubt[k] - 1.0 / variance[k], 1e-6 / step**2)
+        expected = (force[k] / doubt[k] - away[k] / variance[k]) / others
+        spread = 1.0 / others
+        mean, left = _code(expected, spread + soft * soft, step)
+        # The border is soft: that part of the spread is not the force's.
+        share = spread / (spread + soft * soft)
+        mean, left = expected + share * mean, spread - share * share * left
+        information = max(1.0 / max(left, 1e-9 * step**2) - others, least)
+        pull = mean / max(left, 1e-9 * step**2) - expected * others
         # Half the way: where all depends on a few borders, doubt and weights would take turns.
-        curvature = 0.5 * (max(curvature, LEAST / step**2) + 1.0 / variance[k])
-        away[k] = force[k] + slope / curvature
-        variance[k] = 1.0 / curvature
+        pull = 0.5 * (pull + away[k] / variance[k])
+        variance[k] = 1.0 / (0.5 * (information + 1.0 / variance[k]))
+        away[k] = pull * variance[k]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _code(d, soft, step):  # type: ignore[no-untyped-def]
-    """Slope of a code's log-likelihood at a force, and minus its curvature."""
-    left, right = (-0.5 * step - d) / soft, (0.5 * step - d) / soft
-    if min(-left, right) > 6.0:
+def _code(expected, variance, step):  # type: ignore[no-untyped-def]
+    """By how much a normal variable's mean moves, and its variance falls, inside a code."""
+    sigma = math.sqrt(variance)
+    left, right = (-0.5 * step - expected) / sigma, (0.5 * step - expected) / sigma
+    if min(-left, right) > 8.0:
         return 0.0, 0.0
-    if max(left, -right) > 6.0:  # far outside
-        return (left if left > 0.0 else right) / soft, 1.0 / soft**2
-    inside = 0.5 * (math.erf(right * math.sqrt(0.5)) - math.erf(left * math.sqrt(0.5)))
+    if max(left, -right) > 8.0:  # far outside: on the border
+        border = -0.5 * step if left > 0.0 else 0.5 * step
+        return border - expected, variance * (1.0 - 1.0 / max(left, -right) ** 2)
+    root = math.sqrt(0.5)
+    # Differences of what is small, not of what is nearly 1.
+    if left > 0.0:
+        inside = 0.5 * (math.erfc(left * root) - math.erfc(right * root))
+    else:
+        inside = 0.5 * (math.erfc(-right * root) - math.erfc(-left * root))
     at_left = math.exp(-0.5 * left * left) / math.sqrt(2.0 * math.pi)
     at_right = math.exp(-0.5 * right * right) / math.sqrt(2.0 * math.pi)
-    slope = (at_left - at_right) / (inside * soft)
-    return slope, slope * slope + (right * at_right - left * at_left) / (inside * soft**2)
+    slope = (at_left - at_right) / inside
+    curvature = slope * slope + (right * at_right - left * at_left) / inside
+    return slope * sigma, curvature * variance
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -99,8 +110,6 @@ def refine(  # type: ignore[no-untyped-def]
     rows, order = np.empty((n + 1, count)), np.empty(n + 1, dtype=np.int8)
     weights, doubt, whole = np.empty((3, count)), np.empty(count), np.empty(count)
     covariance = np.empty((n, n))
-    before = noise * (mass / period**2 - 0.5 * viscous / period)
-    after_next = noise * (mass / period**2 + 0.5 * viscous / period)
     force, away, variance = np.empty(count), np.empty(count), np.empty(count)
     for k in range(count):
         away[k], variance[k] = 0.0, step * step / 12.0
@@ -130,25 +139,50 @@ def refine(  # type: ignore[no-untyped-def]
                 rows[n, k] += change[a] * rows[a, k]
         if number > 1 and size < ENOUGH:
             return
-        # The force itself, as the positions and its code together have it.
-        after = later = 0.0
-        for k in range(count - 1, -1, -1):
-            pull = rows[n, k] * weights[2, k]
-            if k + 1 < count:
-                pull -= weights[0, k + 1] * after
-            if k + 2 < count:
-                pull -= weights[1, k + 2] * later
-            force[k] = away[k] + variance[k] * pull
-            after, later = pull, after
         for a in range(n):
             for b in range(n):
                 covariance[a, b] = information[a, b] + normal[a, b]
         if not cholesky_inverse(covariance):
             return
+        # The force itself, as all positions and codes together have it, and its variance: what is
+        # left of a code's own, and what the unknowns leave open.
+        for a in range(n + 1):
+            _whiten_back(rows[a], weights[0], weights[1], weights[2])
+        _own_part(weights[0], weights[1], weights[2], doubt)
         for k in range(count):
-            here = noise * stuck[k] - before - after_next
-            doubt[k] = 1.0 / (1.0 / variance[k] + 1.0 / (before**2 + after_next**2 + here**2))
+            force[k] = away[k] + variance[k] * rows[n, k]
+            open_left = 0.0
             for a in range(n):
                 for b in range(n):
-                    doubt[k] += raw[chosen[a], k] * covariance[a, b] * raw[chosen[b], k]
+                    open_left += rows[a, k] * covariance[a, b] * rows[b, k]
+            doubt[k] = variance[k] + variance[k] ** 2 * (open_left - doubt[k])
         read_codes(force, doubt, step, away, variance)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _whiten_back(row, lower, lowest, inverse):  # type: ignore[no-untyped-def]
+    """From a whitened row to the inverse covariance times the row, in place."""
+    count = row.shape[0]
+    after = later = 0.0
+    for k in range(count - 1, -1, -1):
+        pull = row[k] * inverse[k]
+        if k + 1 < count:
+            pull -= lower[k + 1] * after
+        if k + 2 < count:
+            pull -= lowest[k + 2] * later
+        row[k] = pull
+        after, later = pull, after
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _own_part(lower, lowest, inverse, diagonal):  # type: ignore[no-untyped-def]
+    """Diagonal of the inverse covariance, from its factor (Takahashi's recursion)."""
+    count = diagonal.shape[0]
+    next_next = next_later = later_later = 0.0
+    for k in range(count - 1, -1, -1):
+        first = lower[k + 1] if k + 1 < count else 0.0
+        second = lowest[k + 2] if k + 2 < count else 0.0
+        here_next = -first * next_next - second * next_later
+        here_later = -first * next_later - second * later_later
+        diagonal[k] = inverse[k] - first * here_next - second * here_later
+        later_later, next_later, next_next = next_next, here_next, diagonal[k]

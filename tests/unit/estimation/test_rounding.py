@@ -1,29 +1,41 @@
-"""A rounded force as an interval: log-likelihood of a code, and what a line through codes says."""
+"""A rounded force as an interval: what a code leaves, and what a line through codes says."""
 
 import math
 
 import numpy as np
 import pytest
 
-from estimation.rounding import SOFT, _code, refine
+from estimation.rounding import _code, read_codes, refine
 
 STEP, COUNT = 0.04, 80
-SOFTNESS = SOFT * STEP
 
 
-def log_likelihood(force):
-    left, right = (-0.5 * STEP - force) / SOFTNESS, (0.5 * STEP - force) / SOFTNESS
-    return math.log(0.5 * (math.erfc(left / math.sqrt(2)) - math.erfc(right / math.sqrt(2))))
+@pytest.mark.parametrize(
+    ("expected", "sigma"),
+    [(-1.4, 0.3), (-0.56, 0.05), (-0.5, 2.0), (0.0, 0.05), (0.2, 0.3), (0.53, 0.05), (0.9, 2.0)],
+)
+def test_a_code_moves_mean_and_variance_as_the_integral_over_it_does(expected, sigma):
+    inside = np.linspace(-0.5, 0.5, 20001)
+    density = np.exp(-0.5 * ((inside - expected) / sigma) ** 2)
+    density /= density.sum()
+    mean = inside @ density
+    variance = (inside - mean) ** 2 @ density
+    moved, fallen = _code(expected * STEP, (sigma * STEP) ** 2, STEP)
+    assert expected + moved / STEP == pytest.approx(mean, abs=1e-3)
+    assert sigma**2 - fallen / STEP**2 == pytest.approx(variance, rel=2e-2)
 
 
-@pytest.mark.parametrize("force", [-0.56, -0.5, -0.42, 0.38, 0.45, 0.5, 0.53])
-def test_slope_and_curvature_are_those_of_the_codes_likelihood(force):
-    h = 1e-3 * SOFTNESS
-    here = force * STEP
-    below, at, above = (log_likelihood(here + d) for d in (-h, 0.0, h))
-    slope, curvature = _code(here, SOFTNESS, STEP)
-    assert slope == pytest.approx((above - below) / (2 * h), rel=1e-4)
-    assert curvature == pytest.approx(-(above - 2 * at + below) / h**2, rel=1e-3)
+def test_one_code_leaves_what_a_uniform_error_does():
+    """A force of which nothing else is known: the middle of the code, step/sqrt(12) about it."""
+    force, doubt = np.zeros(1), np.array([STEP**2 / 12.0])
+    away, variance = np.array([0.3 * STEP]), np.array([STEP**2])
+    for _ in range(60):
+        others = 1.0 / (100.0 * STEP**2)
+        doubt[0] = 1.0 / (1.0 / variance[0] + others)
+        force[0] = doubt[0] * away[0] / variance[0]
+        read_codes(force, doubt, STEP, away, variance)
+    assert away[0] == pytest.approx(0.0, abs=1e-6 * STEP)
+    assert variance[0] == pytest.approx(STEP**2 / 12.0, rel=1e-2)
 
 
 def line(slope, number):
