@@ -21,6 +21,7 @@ ASIDE = 8.0
 the force say."""
 
 _QUARTER = 0.3186  # of normal absolute values, over their standard deviation; most may be upset
+_HALF = 0.6745  # median of the same
 _BEND = np.array([1.0, -2.0, 1.0])
 _JUMP = np.convolve(_BEND, _BEND)
 _AROUND = len(_JUMP)
@@ -47,18 +48,64 @@ def upset(samples: MoveSamples, period: float) -> NDArray[np.bool_]:
     if not len(late):
         return mask
     for a, position in enumerate(samples.bridged().T):
-        measured = np.abs(np.diff(samples.position[samples.valid[:, a], a]))
-        if not measured.any():
-            continue
-        least = UPSET_STEPS * measured[measured > 0.0].min()
+        least = _least(samples, a)
         step = np.abs(np.diff(position))
         speed = np.append(step, 0.0) / np.append(np.diff(place), 1)
         for k in late:
             jump = float(speed[max(k - 3, 0) : k + 1].max() * still[k] / period)
             if jump > least:
-                fades = math.ceil(math.log(jump / least) * FADES / period) + 1
-                mask[max(place[k] - passed[k] - 1, 0) : place[k] + fades + 1, a] = True
+                mask[
+                    max(place[k] - passed[k] - 1, 0) : place[k] + _fades(jump / least, period), a
+                ] = True
     return mask
+
+
+def kicked(samples: MoveSamples, period: float) -> NDArray[np.bool_]:
+    """The same where SYNC did not reach the drive; `on_grid` already.
+
+    A sample that stays away may have been lost on its way here, which does no harm, or it was never
+    taken, and the setpoint not taken over either. Then the drive stood still in its demand as long
+    as the hole is, and its force behind the hole is another than the one before leads to expect.
+
+    Args:
+        samples: of a move, shape (K, n).
+        period: Ts [s].
+    """
+    mask = np.zeros(samples.position.shape, dtype=np.bool_)
+    for a, valid in enumerate(samples.valid.T):
+        rows = np.flatnonzero(valid)
+        apart = np.diff(rows)
+        holes = np.flatnonzero(apart > 1)
+        force, position = samples.force[rows, a], samples.position[rows, a]
+        if not len(holes) or len(rows) < _AROUND:
+            continue
+        least = _least(samples, a)
+        steps = np.diff(force) / apart
+        bends = np.abs(np.diff(steps))[(apart[1:] == 1) & (apart[:-1] == 1)]
+        finest = np.abs(steps[steps != 0.0])
+        if not len(bends) or not len(finest):
+            continue
+        usual = max(float(np.median(bends)) / _HALF, float(finest.min()))
+        speed = np.abs(np.diff(position)) / apart
+        for i in holes[holes > 0]:
+            before, behind, hole = rows[i], rows[i + 1], apart[i]
+            off = abs(force[i + 1] - force[i] - steps[i - 1] * hole)
+            jump = float(speed[max(i - 3, 0) : i + 1].max() * (hole - 1))
+            known = off <= ASIDE * usual * hole * (hole + 1) / 2 and not mask[before, a]
+            if jump > least and not known:
+                mask[before : behind + _fades(jump / least, period), a] = True
+    return mask
+
+
+def _least(samples: MoveSamples, a: int) -> float:
+    """From which jump of an axis' demand on its force says nothing [m]; inf where it rests."""
+    measured = np.abs(np.diff(samples.position[samples.valid[:, a], a]))
+    return UPSET_STEPS * float(measured[measured > 0.0].min()) if measured.any() else math.inf
+
+
+def _fades(times: float, period: float) -> int:
+    """Samples until a jump so many times the least one doesn't matter, the first one included."""
+    return math.ceil(math.log(times) * FADES / period) + 2
 
 
 def aside(samples: MoveSamples, period: float, masses: Sequence[float]) -> NDArray[np.bool_]:

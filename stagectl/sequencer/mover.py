@@ -226,6 +226,7 @@ class Mover:
         data = MoveSamples.joined(parts).punctual(self._period).fresh()
         upset = jolts.upset(data, self._period)
         data = data.on_grid(self._period).placed(self._period)
+        upset |= jolts.kicked(data, self._period)
         upset |= jolts.aside(data, self._period, [axis.mass for axis in self._axes])
         moves = [
             MoveData(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimation.trajectory import Limits, plan
-from stagectl.sequencer.jolts import aside, upset
+from stagectl.sequencer.jolts import aside, kicked, upset
 from stagectl.sequencer.samples import PUNCTUAL, REACH, MoveSamples
 
 TS = 1e-3
@@ -115,6 +115,19 @@ def test_a_force_behind_late_setpoints_says_nothing():
     where = np.flatnonzero(mask[:, 0])
     assert {49, 50, 52} < set(where) <= {*range(49, 58), *range(79, 94)}
     assert {*range(79, 87)} < set(where)  # the longer it stood still, the longer it takes
+
+
+def test_behind_a_hole_a_force_that_was_not_to_be_expected_says_nothing():
+    samples = jittered(0.0)
+    samples.position[:, 0] = np.round(samples.position[:, 0], 9)
+    samples.force[:, 0] = np.round(samples.force[:, 0] / 0.04) * 0.04
+    samples.valid[[5, 50, 51, 54, 70]] = False  # lost on their way here
+    assert not kicked(samples, TS).any()
+    samples.force[52:56, 0] += [20.0, -9.0, 0.0, 1.0]  # 50 and 51: SYNC didn't reach the drive
+    where = np.flatnonzero(kicked(samples, TS)[:, 0])
+    assert {49, 50, 51, 52, 53, 54, 55} < set(where) <= {*range(49, 66)}
+    samples.valid[:] = False
+    assert not kicked(samples, TS).any()
 
 
 def test_a_position_of_another_instant_is_told_by_the_force():
