@@ -61,6 +61,10 @@ from estimation.move_tables import (
 from estimation.slip_maps import follow_curve, rise_before
 from estimation.stretches import slip, slip_haze, spring
 
+UNSEEN = 0.5
+"""A motion that comes to a stop without turning visibly creeps on below the noise for so many
+samples; elements that slip gain meanwhile."""
+
 
 @numba.njit(cache=True, error_model="numpy")
 def fill_rows(  # type: ignore[no-untyped-def]
@@ -217,7 +221,8 @@ def _between(  # type: ignore[no-untyped-def]
     backward = k > 0 and float(heading[k - 1]) == -heading_now
     old = -heading_now if backward else heading_now
     at = tables[T_AT, k]
-    dt = turn * period / SUBSTEPS
+    sharp = tables[T_SHARP, k]
+    dt = (turn if sharp > 0.0 else turn + UNSEEN) * period / SUBSTEPS
     for j in range(SUBSTEPS if turn > 0.0 else 0):
         left = 1.0 - (j + 0.5) / SUBSTEPS  # the velocity falls to nothing
         rise = stribeck_rise(abs(v0) * left / vs, delta)
@@ -234,7 +239,6 @@ def _between(  # type: ignore[no-untyped-def]
             elements[SLIPS, i] = 0.0
             elements[BY_TURN, i] = 1.0 / n
     relaxed *= 1.0 - kept
-    sharp = tables[T_SHARP, k]
     relaxed *= min(0.5, noise / sharp) if sharp > 0.0 else 0.5
     if turn < 1.0:
         elements[SHARES, n] = 1.0

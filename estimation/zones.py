@@ -24,6 +24,9 @@ however small: a coarser band would have them slip on where the stage creeps to 
 CREEP, CREEP_NOISE = 3, 6.0
 """Where so many samples stay within so many standard deviations of one, the motion has stopped
 there: what little it springs back is below the noise, but elements that slipped have stuck."""
+CREPT_NOISE = 1.5
+"""... from the sample on that no step of so many standard deviations follows. Elements slip on up
+to there: at rest, under the Stribeck curve, they gain a hundredth of the force per millisecond."""
 REST_NOISE = 9.0
 """Positions that stay within so many standard deviations are at rest."""
 SLIP_MARGIN = 6.0
@@ -115,6 +118,7 @@ def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[
         i += 1
         if i > since and i + CREEP <= stop and _creeps(position, i, creep):
             # Too slow to tell where it goes: the elements stick until it has gone somewhere.
+            i = _crept(position, i, stop, direction, noise)
             for j in range(since, i + 1):
                 if 1 <= j <= count:
                     heading[j - 1] = direction
@@ -136,6 +140,7 @@ def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[
                 _vertex(position, turned, direction, noise, share, at, sharpness)
             since, direction = turned + 1, -direction
             turned, extreme = i, position[i]
+    stop = _crept(position, stop, last, direction, noise)
     for j in range(since, min(stop, count) + 1):
         heading[j - 1] = direction
     if stop <= count and share[stop - 1] < 0.0:
@@ -158,6 +163,14 @@ def _creeps(position, i, band):  # type: ignore[no-untyped-def]
         if abs(position[j] - position[i]) > band:
             return False
     return True
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _crept(position, i, last, direction, noise):  # type: ignore[no-untyped-def]
+    """The sample from which on no step goes on the same way by more than noise does."""
+    while i < last and (position[i + 1] - position[i]) * direction > CREPT_NOISE * noise:
+        i += 1
+    return i
 
 
 @numba.njit(cache=True, error_model="numpy")

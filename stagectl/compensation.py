@@ -26,6 +26,7 @@ from estimation.feedforward import (
 from estimation.gms import F64, Friction, FrictionState
 from estimation.noise import encoder_noise, quantisation
 from estimation.relief import level_with_target, relief_feedforward, state_after
+from estimation.sampled_force import kink_share, with_mean_force
 from estimation.split_horizon import Estimate, EstimatorSettings, MoveData, SplitHorizonEstimator
 from estimation.trajectory import Limits, Trajectory, plan
 from stagectl.config.machine import Axis, Machine
@@ -95,7 +96,9 @@ class AxisCompensation:
         self._mass = axis.plant.mass
         self._period = period
         drive = axis.drive
-        self._ahead = 1.0 / (2.0 * math.pi * drive.current_bandwidth) + drive.control_period / 2.0
+        lag = 1.0 / (2.0 * math.pi * drive.current_bandwidth)
+        self._ahead = lag + drive.control_period / 2.0
+        self._kink = kink_share(period, lag - drive.control_period / 2.0)
         wander = axis.plant.friction.repeatability
         self.estimator = SplitHorizonEstimator(
             friction,
@@ -238,7 +241,7 @@ class AxisCompensation:
             move: samples up to now, level with the target.
             relief: as in `offsets`.
         """
-        preview = self.estimator.preview(move)
+        preview = self.estimator.preview(self._with_mean_force(move))
         if preview is None or abs(preview.change) < REVISE:
             return None
         samples = len(offsets)
@@ -273,6 +276,13 @@ class AxisCompensation:
         force = mass_feedforward(self._mass, stop, samples, self._period, self._ahead)
         return offset - self._mass * acceleration + force
 
+    def _with_mean_force(self, move: MoveData) -> MoveData:
+        estimator = self.estimator
+        return with_mean_force(
+            move, self._kink, estimator.effective(move.time), estimator.state, self._period,
+            estimator.settings.peak_force,
+        )  # fmt: skip
+
     def forget_state(self) -> None:
         """The stage has been without power: its friction figures stay, its state is unknown."""
         self.estimator.forget_state()
@@ -288,7 +298,7 @@ class AxisCompensation:
         if self.mode is Mode.NONE:
             return None
         begin = time.perf_counter()
-        estimate = self.estimator.update(move)
+        estimate = self.estimator.update(self._with_mean_force(move))
         spent = time.perf_counter() - begin
         return Learned(estimate, spent) if self.mode is Mode.ESTIMATED else None
 

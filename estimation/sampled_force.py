@@ -1,0 +1,74 @@
+"""From the forces at SYNC to those around it, which are what accelerates the axis.
+
+The second difference of three positions is the mean of the acceleration over the two periods
+between them, weighted as a triangle. Force and friction have to be the same mean. That of a smooth
+one is what it is in the middle and a twelfth of its second difference. But drives interpolate their
+setpoints, so the force has kinks at the SYNCs, and at the tip of a kink it is a sixth. On 14 kg,
+short moves at 200 m/s^3 have a residual of 0.15 N rms by that, and 0.01 N without: it made C/Fc 6 %
+too large.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from estimation.gms import F64, Friction, FrictionState, follow
+from estimation.settings import MoveData
+
+SMOOTH = 1.0 / 12.0
+"""Of the second difference, where there is no kink."""
+
+
+def kink_share(period: float, tip: float) -> float:
+    """How much of its second difference to add to a force with kinks.
+
+    Args:
+        period: of the samples [s].
+        tip: of a kink, after the sample: the current loop's lag, less half a control tick (in which
+            the drive's interpolation is ahead) [s].
+    """
+    return (1.0 - min(max(tip / period, 0.0), 1.0)) ** 3 / 6.0
+
+
+def with_mean_force(
+    move: MoveData,
+    share: float,
+    friction: Friction,
+    state: FrictionState | None,
+    period: float,
+    peak: float,
+) -> MoveData:
+    """A move's data with forces that go with the second differences of its positions.
+
+    The friction's part is taken off the measured force, from the model so far: it matters where
+    the friction changes fast, and is small enough for a model that is half wrong.
+
+    Args:
+        move: as sampled. Where a neighbour is missing, upset or saturated, its force stays.
+        share: of `kink_share`.
+        friction: the model so far.
+        state: friction state at rest before the move; None: not known.
+        period: of the samples [s].
+        peak: the force saturates there [N].
+    """
+    sound = move.valid & (np.abs(move.force) < peak)
+    if move.upset is not None:
+        sound &= ~move.upset
+    if len(sound) < 3 or not move.valid.any():
+        return move
+    around = share * _bend(move.force)
+    if state is not None:
+        index = np.arange(len(sound))
+        path = np.interp(index, index[move.valid], move.position[move.valid])
+        model, _ = follow(friction, state.copy(), path, np.gradient(path, period), period)
+        around -= SMOOTH * _bend(model)
+    force = move.force.copy()
+    inner = sound[:-2] & sound[1:-1] & sound[2:]
+    force[1:-1][inner] += around[inner]
+    return replace(move, force=force)
+
+
+def _bend(values: F64) -> F64:
+    return values[2:] - 2.0 * values[1:-1] + values[:-2]
