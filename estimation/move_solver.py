@@ -9,7 +9,7 @@ from estimation.belief import RATE, STIFFNESS, Belief
 from estimation.gms import F64, Friction, FrictionState, element_shares
 from estimation.move_tables import floats_for, marks_for
 from estimation.settings import EstimatorSettings, MoveData
-from estimation.update import BELIEFS, UPDATE_SIZE, begin_update, learn
+from estimation.update import BELIEFS, C_TYPICAL, UPDATE_SIZE, begin_update, learn
 
 _LEAST_ROOM, _MANY_ELEMENTS = 512, 16
 _rooms: list[_Room] = []
@@ -60,6 +60,10 @@ class MoveSolver:
         self._masks[1, :, RATE] = False  # moves that do not go far
         self._masks[2, :, STIFFNESS] = False  # those that settle at once
         self._shares = element_shares(friction.elements).copy()
+
+    def expect(self, misfit: float) -> None:
+        """The misfit that this axis' moves usually have; until the first call anything is usual."""
+        self._constants[C_TYPICAL] = misfit
 
     def solve(
         self,

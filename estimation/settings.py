@@ -84,7 +84,7 @@ class EstimatorSettings:
                 self.belief.wander, self.belief.correlation_time, self.peak_force,
                 self.slip_spread, -1.0 if self.force_step is None else self.force_step,
                 friction.stribeck_velocity, friction.stribeck_shape, self.complete, self.misfit,
-                self.jump, self.jump_share, self.least_gain,
+                self.jump, self.jump_share, self.least_gain, math.inf,
             ]
         )  # fmt: skip
 

@@ -12,6 +12,7 @@ Not here: Stribeck velocity and shape, direction asymmetry, shape of the hystere
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -23,13 +24,25 @@ from estimation.gms import F64, Friction, FrictionState
 from estimation.move_solver import MoveSolver
 from estimation.restlessness import Restlessness
 from estimation.settings import EstimatorSettings, MoveData
-from estimation.update import ACCEPTED, JUMP, STILL, U_FOUND, U_LEVEL, U_MEAN, U_SLIDING, U_VERDICT
+from estimation.update import (
+    ACCEPTED,
+    JUMP,
+    STILL,
+    U_FOUND,
+    U_LEVEL,
+    U_MEAN,
+    U_MISFIT,
+    U_SLIDING,
+    U_VERDICT,
+)
 from estimation.window import F_UNIT, FULL_SLIP, R_SLIDE
 
 __all__ = ["Estimate", "EstimatorSettings", "MoveData", "Preview", "SplitHorizonEstimator"]
 
 _LEARNED = 0.05
 """A level believed to this is not being learned any more: what it does then, the stage does."""
+_FEW, _RECENT = 3, 15
+"""After so many moves it is known what misfit is usual; of so many the last ones say it."""
 SURE = 0.15
 """A move that was refused leaves the elements' forces known where Fc and sigma0 are known to this,
 relative: else they have been followed with a wrong model."""
@@ -84,6 +97,7 @@ class SplitHorizonEstimator:
         self._end: float | None = None
         self._rest: float | None = None
         self._restless = Restlessness()
+        self._misfits: deque[float] = deque(maxlen=_RECENT)
         self._frozen = frozen
         self._jump: F64 | None = None
         self._jumps = 0
@@ -200,6 +214,10 @@ class SplitHorizonEstimator:
         self._end = move.time + (len(move.position) - 1) * self.settings.period
         self._known = self._followed(result, move)
         self._rest = None
+        if result[U_VERDICT] == ACCEPTED:
+            self._misfits.append(float(result[U_MISFIT]))
+            if len(self._misfits) > _FEW:
+                self._solver.expect(sorted(self._misfits)[len(self._misfits) // 2])
         if result[U_VERDICT] == ACCEPTED and not self._frozen:
             self._watch(result, self._end - move.time)
         return Estimate(result, self._start, self.settings.mass, self.settings.period)

@@ -63,8 +63,12 @@ from estimation.window import (
 )
 
 # Constants behind those of `window`.
-C_COMPLETE, C_MISFIT, C_JUMP, C_JUMP_SHARE, C_LEAST = range(CONSTANTS, CONSTANTS + 5)
-ALL_CONSTANTS = CONSTANTS + 5
+C_COMPLETE, C_MISFIT, C_JUMP, C_JUMP_SHARE, C_LEAST, C_TYPICAL = range(CONSTANTS, CONSTANTS + 6)
+"""Last: what misfit this axis' moves usually have."""
+ALL_CONSTANTS = CONSTANTS + 6
+UNUSUAL = 1.6
+"""A move whose misfit is more than so many times the usual one counts less: what the model misses
+in it is not what it misses elsewhere."""
 MOSTLY = 0.25
 """A motion is not learned from where its force was upset but for less than this share of it."""
 F_DRIFT = 3
@@ -231,6 +235,8 @@ def learn(  # type: ignore[no-untyped-def]
     misfit = math.sqrt(result[R_CHI_B] if stick else result[R_CHI_A])
     # What is left between jolts of the drive is not free of them either.
     doubt = max(misfit, 1.0 / max(result[R_STEADY], MOSTLY) ** 2)
+    if misfit > UNUSUAL * constants[C_TYPICAL]:
+        doubt = max(doubt, misfit / constants[C_TYPICAL])
     # A figure that jumps is for `end_update` to see.
     if (
         misfit <= constants[C_MISFIT]

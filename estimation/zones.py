@@ -25,9 +25,9 @@ CREEP, CREEP_NOISE = 3, 6.0
 """Where so many samples stay within so many standard deviations of one, the motion has stopped
 there: what little it springs back is below the noise, but elements that slipped have stuck."""
 PAUSE, CREPT_NOISE = 2, 1.5
-"""So it has where so many samples gain less than so many standard deviations: that hides a reversal,
-whatever comes next. It stopped at the sample from which on no step gains as much; up to there
-elements slip, and at rest, under the Stribeck curve, gain a hundredth of the force in 1 ms."""
+"""So it has where so many samples gain less than so many standard deviations: that hides a
+reversal, whatever comes next. It stopped at the sample from which on no step gains as much; up to
+there elements slip, and up the Stribeck curve they gain a hundredth of their force in 1 ms."""
 REST_NOISE = 9.0
 """Positions that stay within so many standard deviations are at rest."""
 SLIP_MARGIN = 6.0
@@ -117,9 +117,13 @@ def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[
     i = first - 1
     while i < stop:
         i += 1
-        if i > since and i + CREEP <= stop and (
-            _creeps(position, i, creep)
-            or abs(position[i + PAUSE] - position[i]) < CREPT_NOISE * noise
+        if (
+            i > since
+            and i + CREEP <= stop
+            and (
+                _creeps(position, i, creep)
+                or abs(position[i + PAUSE] - position[i]) < CREPT_NOISE * noise
+            )
         ):
             # Too slow to tell where it goes: the elements stick until it has gone somewhere.
             i = _crept(position, i, stop, direction, noise)

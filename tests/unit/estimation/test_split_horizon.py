@@ -348,3 +348,24 @@ def test_an_upset_force_counts_for_nothing_while_the_position_is_followed(data):
     assert spoiled.friction == plain.friction
     with pytest.raises(ValueError, match="same length"):
         spoiled.update(replace(good, upset=upset[1:]))
+
+
+def test_a_move_that_is_not_like_the_others_counts_less(data):
+    """The same oddity, well below what is refused: among usual moves, and before anything is."""
+
+    def spoiled(number):
+        move = data.move(number)
+        move.force[25:60] += 0.25
+        return move
+
+    odd = len(data.starts) - 1
+    aware = SplitHorizonEstimator(TRUE, SETTINGS)
+    learn(aware, data, range(odd))
+    before = aware.sigma["relaxation_rate"]
+    usual = SplitHorizonEstimator(TRUE, SETTINGS)
+    learn(usual, data, range(odd))
+    plain, noticed = usual.update(data.move(odd)), aware.update(spoiled(odd))
+    assert plain.accepted
+    assert noticed.accepted
+    assert noticed.misfit > 1.6 * plain.misfit
+    assert before / noticed.sigma["relaxation_rate"] < before / plain.sigma["relaxation_rate"]
