@@ -138,6 +138,7 @@ class Stage(StageState):
         """
         self._stopping.begun = False
         self._network.other_host.forget()
+        self._network.beats = True
         self._listen_first()
         self._cycle.sync.stop()
         self._cycle.forget()
@@ -233,6 +234,7 @@ class Stage(StageState):
             NodeError: a node does not become OPERATIONAL.
         """
         self._network.other_host.forget()
+        self._network.beats = True
         for axis in self.axes:
             axis.node.start()  # a drive that missed the host's heartbeat has left it
         with self._stopping.on_failure():

@@ -140,6 +140,13 @@ def test_a_drive_that_answers_to_nothing_is_said_to_be_loose(bench):
     assert b.enabled == []
 
 
+def test_a_drive_that_hears_us_but_not_what_we_say_misses_us(bench):
+    b = bench(f.Freeze(f.Frames(frozenset({0x202, 0x602}), "host", after=1.0)))
+    b.hold(100)
+    b.stage.safe_stop()
+    assert b.enabled == []
+
+
 def test_safe_torque_off_stops_both_and_is_named(bench):
     b = bench(f.SafeTorqueOff(2, at=1.1, until=6.0))
     with pytest.raises(AxisFault, match=r"^axis y: .*STO.*0x60FD:00 .*interlock") as caught:
