@@ -106,6 +106,43 @@ def fill_rows(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
+def fill_slide(  # type: ignore[no-untyped-def]
+    p, knots, figures, shape, period, start, tables, heading, ready, wide, columns, elements
+):
+    """Rows of zone A alone: all elements slip, from one force on that is as after a fresh slip.
+
+    `start` is the first row of zone A; what comes before it is nought, what follows has to be one
+    stretch. The other arguments: as `fill_rows`.
+    """
+    n = elements.shape[1] - 1
+    direction, coulomb = float(heading[start]), figures[COULOMB] * p[COULOMB]
+    for column in (COULOMB, STIFFNESS, REST_FORCE, TURN_FORCE, SLIP_FORCE, RESIDUAL):
+        for k in range(start):
+            columns[column, k] = 0.0
+    for k in range(start):
+        tables[T_STUCK, k] = tables[T_HAZE, k] = tables[T_LEVEL, k] = 0.0
+    for row in range(SLIPS):
+        for i in range(n + 1):
+            elements[row, i] = 0.0
+    for i in range(n):
+        share = elements[SHARES, i]
+        elements[FORCE, i] = direction * share * coulomb
+        elements[BY_COULOMB, i], elements[BY_SLIP, i] = direction * share, share
+        elements[SLIPS, i] = 1.0
+    elements[SHARES, n] = -1.0
+    sum_elements(elements)
+    rate, alpha = figures[RATE] * p[RATE], p[ALPHA]
+    kept = math.exp(-rate * period)
+    slip(
+        start, direction, kept, coulomb, rate, alpha, shape, period, wide, knots >= 0, tables,
+        ready, columns, elements,
+    )  # fmt: skip
+    for k in range(columns.shape[1]):
+        tables[T_STUCK, k] = tables[T_HAZE, k] = 0.0
+    _finish(p, knots, figures, 0.0, 0.0, period, tables, wide, columns)
+
+
+@numba.njit(cache=True, error_model="numpy")
 def lead(  # type: ignore[no-untyped-def]
     p, figures, shape, noise, period, start, known_coulomb, rest_force, tables, heading, ready,
     wide, weigh, record, columns, elements,
@@ -270,8 +307,10 @@ def _finish(p, knots, figures, pull, swing, period, tables, wide, columns):  # t
         figures[MASS] * p[MASS] / period - 0.5 * figures[VISCOUS] * p[VISCOUS]
     )
     _add(columns[VISCOUS], p[VISCOUS], columns[MASS], p[MASS], residual)
-    _add(columns[REST_FORCE], p[REST_FORCE], columns[TURN_FORCE], p[TURN_FORCE], residual)
-    _add(columns[SLIP_FORCE], p[SLIP_FORCE], columns[ORIGIN], p[ORIGIN], residual)
+    if p[REST_FORCE] != 0.0 or p[TURN_FORCE] != 0.0:
+        _add(columns[REST_FORCE], p[REST_FORCE], columns[TURN_FORCE], p[TURN_FORCE], residual)
+    if p[SLIP_FORCE] != 0.0 or p[ORIGIN] != 0.0:
+        _add(columns[SLIP_FORCE], p[SLIP_FORCE], columns[ORIGIN], p[ORIGIN], residual)
     for k in range(count):
         residual[k] -= force[k + 1]
     if wide:

@@ -131,7 +131,7 @@ def slip(  # type: ignore[no-untyped-def]
         tables[T_SINCE, at - 1] = -1.0
     if tables[T_SINCE, at - 1] != k:
         _follow_on(tables[T_DECAY, k:at], tables[T_GOAL, k:at], kept_since, gained)
-        tables[T_SINCE, at - 1] = k
+        tables[T_SINCE, k:at] = k
     whole, new = kept_since[at - k - 1], gained[at - k - 1]
     if record:
         _relax(elements[FORCE, n], coulomb, kept_since, gained, columns[RESIDUAL, k:at])

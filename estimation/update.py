@@ -15,8 +15,16 @@ import math
 import numba
 import numpy as np
 
-from estimation.belief import ALPHA, COULOMB, LEVEL, MASS, RATE
-from estimation.elements import ELEMENT_ROWS, FORCE, SHARES, SLIPS, correct_forces
+from estimation.belief import ALPHA, COULOMB, LEVEL, MASS, RATE, STIFFNESS
+from estimation.elements import (
+    BY_COULOMB,
+    BY_STIFFNESS,
+    ELEMENT_ROWS,
+    FORCE,
+    SHARES,
+    SLIPS,
+    correct_forces,
+)
 from estimation.move_tables import (
     KNOTS,
     M_GOOD,
@@ -47,6 +55,7 @@ from estimation.window import (
     R_BOUND,
     R_CHI_A,
     R_CHI_B,
+    R_END,
     R_FAILED,
     R_FAR,
     R_KNOWN,
@@ -88,11 +97,16 @@ U_SLIDING = U_FOUND + LEVEL + 1
 U_COVARIANCE = U_SLIDING + 4
 UPDATE_SIZE = U_COVARIANCE + (LEVEL + 1) ** 2
 
-# Beliefs of one move, end to end: mean before it and after it, their covariances, the unknowns.
+# Beliefs of one move, end to end: mean before it and after it, their covariances, the unknowns,
+# the figures that the elements were last led through with.
 B_BEFORE, B_FOUND, B_SPREAD = 0, LEVEL + 1, 2 * (LEVEL + 1)
 B_UNCERTAIN = B_SPREAD + (LEVEL + 1) ** 2
 B_UNKNOWNS = B_UNCERTAIN + (LEVEL + 1) ** 2
-BELIEFS = B_UNKNOWNS + KNOTS + MOST_KNOTS
+B_LED = B_UNKNOWNS + KNOTS + MOST_KNOTS
+BELIEFS = B_LED + LEVEL
+NEARLY = 0.01
+"""Figures that have moved by so many standard deviations since the elements were led through a move
+lead them to the same end, but for what the derivatives tell."""
 
 # Which figures are solved for: usually, in moves that do not go far, in those that settle at once.
 USUAL, SHORT, CALM = range(3)
@@ -224,13 +238,14 @@ def learn(  # type: ignore[no-untyped-def]
     knots = knots_of(count, constants[C_PERIOD], constants[C_WANDER])
     p = beliefs[B_UNKNOWNS : B_UNKNOWNS + KNOTS + knots]
     slide, stick = result[R_SLIDE] > 0.0, result[R_STICK] > 0.0
+    led = beliefs[B_LED:BELIEFS]
     kind = CALM if result[R_TOLD] == 0.0 else USUAL if result[R_FAR] > 0.0 else SHORT
     for both in (False, True):
         if (stick if both else slide) and result[R_BOUND] < 0.0 and result[R_FAILED] == 0.0:
             fit(
                 both, tables, marks, constants, units, forces, before, spread, found, uncertain,
-                masks[kind, 0 if not both else 2 if slide else 1], p, elements, chosen, spare,
-                scratch, result,
+                masks[kind, 0 if not both else 2 if slide else 1], p, led, elements, chosen,
+                spare, scratch, result,
             )  # fmt: skip
     misfit = math.sqrt(result[R_CHI_B] if stick else result[R_CHI_A])
     # What is left between jolts of the drive is not free of them either.
@@ -250,6 +265,18 @@ def learn(  # type: ignore[no-untyped-def]
         samples, constants, masks[USUAL], before, spread, found, uncertain, whole, mean, covariance,
         p[:KNOTS], result,
     )  # fmt: skip
+    through = stick and result[R_END] == count and not reshaped
+    for i in range(LEVEL):
+        through = through and abs(p[i] - led[i]) <= NEARLY * math.sqrt(uncertain[i, i])
+    if through:  # what little the figures have moved since, the derivatives know
+        by_coulomb = units[F_UNIT, COULOMB] * (p[COULOMB] - led[COULOMB])
+        by_stiffness = units[F_UNIT, STIFFNESS] * (p[STIFFNESS] - led[STIFFNESS])
+        for i in range(n):
+            elements[FORCE, i] += by_coulomb * elements[BY_COULOMB, i]
+            elements[FORCE, i] += by_stiffness * elements[BY_STIFFNESS, i]
+            forces[i] = elements[FORCE, i]
+            slips[i] = elements[SLIPS, i] > 0.0
+        return
     if reshaped:
         for k in range(count):
             marks[M_READY, k] = 0

@@ -46,7 +46,7 @@ from estimation.move_tables import (
     TURN_FORCE,
 )
 from estimation.rounding import refine
-from estimation.rows import fill_rows
+from estimation.rows import fill_rows, fill_slide
 from estimation.whitening import (
     factor_weights,
     normal_equations,
@@ -183,7 +183,7 @@ def knots_of(count, period, wander):  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, error_model="numpy")
 def fit(  # type: ignore[no-untyped-def]
     whole, tables, marks, constants, units, forces, prior_mean, prior_covariance, mean, covariance,
-    mask, p, elements, room, spare, scratch, report,
+    mask, p, led, elements, room, spare, scratch, report,
 ):  # fmt: skip
     """Gauss-Newton over the free figures and what goes with them, in zone A or all that is usable.
 
@@ -200,7 +200,8 @@ def fit(  # type: ignore[no-untyped-def]
         covariance: the same.
         mask: figures to solve for, shape (LEVEL,).
         p: first iterate, shape (KNOTS + knots,); becomes the solution.
-        elements: of `rows.fill_rows`.
+        led: figures that the elements were last led through with, written, shape (LEVEL,).
+        elements: of `rows.fill_rows`; left as at the last row.
         room: for the names of the columns, shape (>= MOST,).
         spare: for what belongs to them, shape (>= SPARE,).
         scratch: for rows and weights, shape (>= (KNOTS + knots + 4) K,).
@@ -218,6 +219,7 @@ def fit(  # type: ignore[no-untyped-def]
         units[F_UNIT, STIFFNESS] * p[STIFFNESS] * constants[C_POSITION_NOISE]
     )
     last = counted = 0
+    start = count
     for k in range(count):
         moves = moves or zone[k] != REST
         if whole:
@@ -225,6 +227,7 @@ def fit(  # type: ignore[no-untyped-def]
         else:
             use[k] = usable[k] != 0 and zone[k] == SLIDE
         if use[k]:
+            start = min(start, k)
             last = k + 1
             counted += 1
     end = int(report[R_END]) if whole else last
@@ -280,16 +283,26 @@ def fit(  # type: ignore[no-untyped-def]
     # Where the encoder alone moves the force through codes, rounding is as good as white.
     jitter = units[F_UNIT, MASS] * p[MASS] * constants[C_POSITION_NOISE] / constants[C_PERIOD] ** 2
     refined = not linear and jitter < QUIET * report[R_STEP]
+    sliding = not whole and tables[T_UNTIL, start] >= end
+    turned = begun = 0.0
     cost, evaluations, halvings, done = math.inf, 0, 0, False
     while True:
         if reshaped:
             for k in range(end):
                 ready[k] = 0
-        turned, begun = fill_rows(
-            p, knots, units[F_UNIT], constants[C_VS:], constants[C_POSITION_NOISE],
-            constants[C_PERIOD], forces, report[R_KNOWN], report[R_REST_FORCE], tables, heading,
-            ready, wide, evaluations == 0, rows, elements,
-        )  # fmt: skip
+        if sliding:
+            fill_slide(
+                p, knots, units[F_UNIT], constants[C_VS:], constants[C_PERIOD], start, tables,
+                heading, ready, wide, rows, elements,
+            )  # fmt: skip
+        else:
+            turned, begun = fill_rows(
+                p, knots, units[F_UNIT], constants[C_VS:], constants[C_POSITION_NOISE],
+                constants[C_PERIOD], forces, report[R_KNOWN], report[R_REST_FORCE], tables, heading,
+                ready, wide, evaluations == 0, rows, elements,
+            )  # fmt: skip
+        for i in range(LEVEL):
+            led[i] = p[i]
         if evaluations == 0:  # the weights stay what they are at the first iterate
             for k in range(end):
                 weights[3, k] = white + tables[T_HAZE, k]

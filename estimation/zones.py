@@ -159,9 +159,13 @@ def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[
 def find_stretches(heading, share, until):  # type: ignore[no-untyped-def]
     """Fill for each inner sample the first one from it on that turns, or goes another way."""
     count = heading.shape[0]
+    reached = count
     for k in range(count - 1, -1, -1):
-        on = k + 1 < count and heading[k + 1] == heading[k] and share[k + 1] < 0.0
-        until[k] = k if share[k] >= 0.0 else until[k + 1] if on else k + 1
+        if k + 1 < count and (heading[k + 1] != heading[k] or share[k + 1] >= 0.0):
+            reached = k + 1
+        if share[k] >= 0.0:
+            reached = k
+        until[k] = reached
 
 
 @numba.njit(cache=True, error_model="numpy")
