@@ -298,6 +298,8 @@ def _apply(
     now, quiet = datetime.now(UTC).timestamp(), quietly(json_out)
     found = [*problems(version.map, machine_of(machine)), *outdated(version.map, now, max_age)]
     grave = [problem.text for problem in found if problem.grave]
+    if grave and machine is None and stage.machine != machine_of(None).name:
+        grave.append(f"name the machine file of {stage.machine}: --machine")
     if json_out is not None:
         write_json(applied(stage, version.number, found, None if grave else reason), json_out)
     if grave:

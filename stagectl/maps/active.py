@@ -10,7 +10,7 @@ from stagectl.config.machine import Machine
 from stagectl.history.port import History
 from stagectl.history.records import EstimateRecord, Pair, StageKey
 from stagectl.maps.applicable import problems
-from stagectl.maps.learning import figure_drift, tracking_settings
+from stagectl.maps.learning import figure_drift, of_each, tracking_settings
 from stagectl.maps.model import FrictionMap, MapVersion, from_json
 from stagectl.maps.places import TrackedPlaces
 
@@ -79,7 +79,8 @@ def load_active(
     )  # fmt: skip
     refuse_unless_applicable(version, machine, history.name)
     friction_map = version.map
-    since = history.measurements(stage, friction_map.date, started, each=REPLAYED)
+    each = of_each(history, stage, REPLAYED)
+    since = history.measurements(stage, friction_map.date, started, each)
     places = TrackedPlaces(
         friction_map,
         tuple(machine.axes),

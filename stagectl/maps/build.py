@@ -21,6 +21,7 @@ from estimation.site_tracking import COMMON, SITES, SiteTracker, TrackingSetting
 from stagectl.errors import UnusableInput
 from stagectl.history.port import History
 from stagectl.history.records import F64, Measurement, Pair, StageKey
+from stagectl.maps.learning import of_each
 from stagectl.maps.model import FrictionMap, MapAxis, MapSite
 
 LEAST_SITES = 4
@@ -57,7 +58,7 @@ def build_map(
     Raises:
         UnusableInput: there is too little to make a map of.
     """
-    measured = history.measurements(stage, since, until, each=GATHERED)
+    measured = history.measurements(stage, since, until, of_each(history, stage, GATHERED))
     by_axis: dict[str, list[Measurement]] = {}
     for entry in measured:
         by_axis.setdefault(entry.axis, []).append(entry)

@@ -21,10 +21,18 @@ from stagectl.history.records import Measurement, Pair, StageKey
 HOUR = 3600.0
 MOST_STEPS = 400
 """The latest differences say enough, and a run should not wait for more."""
+MOST_TOGETHER, LEAST_EACH = 6000, 10
+"""Measurements of all places of an axis that can be waited for, and of each that are wanted."""
 RECENT = 20
 """Of each place, to see how long it is from move to move."""
 LEAST_STEPS = 20
 """Fewer differences than that say nothing; the usual rates stand."""
+
+
+def of_each(history: History, stage: StageKey, most: int) -> int:
+    """How many of the last measurements of every place can be gone through, at most `most`."""
+    places = max(len(history.places(stage)), 1)
+    return min(most, max(MOST_TOGETHER // places, LEAST_EACH))
 
 
 def tracking_settings(

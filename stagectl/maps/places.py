@@ -46,7 +46,7 @@ class LevelGrid:
         )
         axes = [np.linspace(a, b, n) for a, b, n in zip(low, high, counts, strict=True)]
         nodes = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 2)
-        self._values = np.log(field.at(nodes).value).reshape(counts)
+        self._values = np.log(field.value(nodes)).reshape(counts)
 
     def at(self, path: F64) -> F64:
         """Logarithm of the level at positions [m], shape (K, 2)."""

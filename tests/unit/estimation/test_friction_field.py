@@ -123,3 +123,9 @@ def test_hull_and_the_nearest_point_of_it():
     for flat in ([[1, 1]], [[0, 0], [2, 2]], [[0, 0], [1, 1], [2, 2], [0.5, 0.5]]):
         points, away = Hull.of(np.array(flat, float)).clamp(np.array([[1.0, 1.0]]))
         assert (points.tolist(), away.tolist()) == ([[1.0, 1.0]], [0.0])
+
+
+def test_the_figure_alone_is_that_with_its_uncertainty():
+    field = FrictionField(GRID, waves(np.random.default_rng(5))(GRID), np.full(25, 0.01))
+    places = np.random.default_rng(6).uniform(-0.5 * SIDE, 1.5 * SIDE, (50, 2))  # beyond it, too
+    assert field.value(places) == pytest.approx(field.at(places).value, rel=1e-12)
