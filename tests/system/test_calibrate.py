@@ -249,7 +249,7 @@ def test_due_sites_are_slipped_into_a_run_within_its_budget(calibrated, tmp_path
     newest = history.newest(STAGE)
     history.close()
     assert begun == sorted(begun, reverse=True)
-    assert newest - begun[0] > 2.0
+    assert newest - begun[0] > 1.0
     assert begun[0] - begun[1] > 1.0
     said = stagectl("replay", tmp_path / "slipped", code=2)
     assert "had some slipped into it" in said
