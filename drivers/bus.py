@@ -9,9 +9,13 @@ loop and hands over what is not process data. One thread at a time: `lock` is he
 from __future__ import annotations
 
 import logging
+import os
+import socket
 import struct
+import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import can
@@ -28,6 +32,8 @@ Tap = Callable[[int, int, bytes], object]
 BUS_FAILED = 0x2000_0000
 """SocketCAN's flag of an error frame."""
 
+_IP_MULTICAST_ALL, _IPV6_MULTICAST_ALL = 49, 29
+"""Of linux/in.h and linux/in6.h; Python's socket module doesn't have them."""
 HEARTBEAT_NS = 100_000_000
 SERVICE_NS = 25_000_000
 _HOST_OPERATIONAL = b"\x05"
@@ -60,11 +66,23 @@ def open_bus(settings: BusSettings) -> can.BusABC:
         BusError: unknown interface, missing driver, no such channel.
     """
     try:
-        return can.Bus(
+        bus = can.Bus(
             interface=settings.interface, channel=settings.channel, bitrate=settings.bitrate
         )
     except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, TypeError) as why:
         raise BusError(f"bus {settings}: cannot open: {_line(why)}") from why
+    if ".udp_multicast" in type(bus).__module__ and sys.platform == "linux":
+        _hear_own_group_only(bus)
+    return bus
+
+
+def _hear_own_group_only(bus: can.BusABC) -> None:
+    """A socket hears the groups of all programs on this computer otherwise: other stages."""
+    with socket.socket(fileno=os.dup(bus.fileno())) as shared, suppress(OSError):
+        if shared.family == socket.AF_INET6:
+            shared.setsockopt(socket.IPPROTO_IPV6, _IPV6_MULTICAST_ALL, 0)
+        else:
+            shared.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
 
 
 def _line(problem: BaseException) -> str:

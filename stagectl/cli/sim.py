@@ -33,6 +33,8 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
     """  # noqa: D301  (\b keeps click from wrapping what follows)
     import can
 
+    from drivers.bus import open_bus
+    from drivers.errors import BusError
     from drivers.realtime import RealTime
     from hil_sim.plant import warm_up
     from hil_sim.server import serve
@@ -45,9 +47,9 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
     settings = stage_settings(stage)
     interface, channel = bus or (stage.bus.interface, str(stage.bus.channel))
     try:
-        opened = can.Bus(interface=interface, channel=channel, bitrate=stage.bus.bitrate)
-    except (can.CanError, OSError, ValueError, ImportError) as error:
-        raise RunFault(f"bus {interface}:{channel}: cannot open: {error}") from error
+        opened = open_bus(replace(driver_settings(stage)[0], interface=interface, channel=channel))
+    except BusError as error:
+        raise RunFault(str(error)) from error
     # the same as the host asks for; but on one core both would wait for each other
     real_time = RealTime(replace(driver_settings(stage)[0].realtime, core=None))
     stop = threading.Event()
