@@ -36,6 +36,7 @@ _IP_MULTICAST_ALL, _IPV6_MULTICAST_ALL = 49, 29
 """Of linux/in.h and linux/in6.h; Python's socket module doesn't have them."""
 HEARTBEAT_NS = 100_000_000
 SERVICE_NS = 25_000_000
+_JUST_OPENED_NS = 1_000_000_000
 _HOST_OPERATIONAL = b"\x05"
 
 # canopen logs what we raise as exceptions anyway; without a handler Python prints it to stderr
@@ -120,7 +121,7 @@ class Network(canopen.Network):
         self.watchers: list[Callable[[int], None]] = []
         self.lock = threading.RLock()
         self.dispatching = False
-        self._beat_due = self.service_due = self.clock.now_ns()
+        self._beat_due = self.service_due = self._opened = self.clock.now_ns()
 
     def connect(self, *args: Any, **kwargs: Any) -> Network:
         """Nothing to do: the bus is open, and there is no Notifier."""
@@ -204,16 +205,28 @@ class Network(canopen.Network):
     def listen(self, duration: float) -> None:
         """Receives for `duration` [s], or until another host is heard; sends nothing.
 
+        Where the bus has just been opened, the time since then counts: its queue has it all.
+
         Raises:
             BusError: the bus cannot be read, or there is another host.
         """
         with self.lock:
-            deadline = self.clock.now_ns() + round(duration * 1e9)
-            while (left := deadline - self.clock.now_ns()) > 0:
-                message = self._receive(left * 1e-9)
+            begin = self.clock.now_ns()
+            if begin - self._opened <= _JUST_OPENED_NS:
+                begin = self._opened
+            else:
+                while (old := self._receive(0.0)) is not None:
+                    self.received(old)
+                self.other_host.forget()
+            deadline = begin + round(duration * 1e9)
+            while True:
+                left = deadline - self.clock.now_ns()
+                message = self._receive(max(0.0, left * 1e-9))
                 if message is not None:
                     self.received(message)
                     self.check_alone()
+                if left <= 0 and (message is None or left <= -_JUST_OPENED_NS):
+                    return  # a queue that never gets empty says nothing new
 
     def pump(self, duration: float) -> None:
         """Receives and dispatches for `duration` [s]; 0 takes what is there.
