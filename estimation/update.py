@@ -98,15 +98,16 @@ U_COVARIANCE = U_SLIDING + 4
 UPDATE_SIZE = U_COVARIANCE + (LEVEL + 1) ** 2
 
 # Beliefs of one move, end to end: mean before it and after it, their covariances, the unknowns,
-# the figures that the elements were last led through with.
+# the figures that the elements were last led through with, and the solution.
 B_BEFORE, B_FOUND, B_SPREAD = 0, LEVEL + 1, 2 * (LEVEL + 1)
 B_UNCERTAIN = B_SPREAD + (LEVEL + 1) ** 2
 B_UNKNOWNS = B_UNCERTAIN + (LEVEL + 1) ** 2
 B_LED = B_UNKNOWNS + KNOTS + MOST_KNOTS
-BELIEFS = B_LED + LEVEL
-NEARLY = 0.01
-"""Figures that have moved by so many standard deviations since the elements were led through a move
-lead them to the same end, but for what the derivatives tell."""
+B_SOLVED = B_LED + LEVEL
+BELIEFS = B_SOLVED + LEVEL
+NEARLY, CLOSE = 0.01, 0.02
+"""Figures that are what the solve found, to so many standard deviations, and have moved by no more
+than that share since the elements were led through the move: the derivatives tell where it ends."""
 
 # Which figures are solved for: usually, in moves that do not go far, in those that settle at once.
 USUAL, SHORT, CALM = range(3)
@@ -238,7 +239,7 @@ def learn(  # type: ignore[no-untyped-def]
     knots = knots_of(count, constants[C_PERIOD], constants[C_WANDER])
     p = beliefs[B_UNKNOWNS : B_UNKNOWNS + KNOTS + knots]
     slide, stick = result[R_SLIDE] > 0.0, result[R_STICK] > 0.0
-    led = beliefs[B_LED:BELIEFS]
+    led, solved = beliefs[B_LED:B_SOLVED], beliefs[B_SOLVED:BELIEFS]
     kind = CALM if result[R_TOLD] == 0.0 else USUAL if result[R_FAR] > 0.0 else SHORT
     for both in (False, True):
         if (stick if both else slide) and result[R_BOUND] < 0.0 and result[R_FAILED] == 0.0:
@@ -261,13 +262,16 @@ def learn(  # type: ignore[no-untyped-def]
         and jumping(before, spread, found, constants) < 0
     ):
         temper(before, spread, found, uncertain, doubt)
+    for i in range(LEVEL):
+        solved[i] = p[i]
     reshaped = end_update(
         samples, constants, masks[USUAL], before, spread, found, uncertain, whole, mean, covariance,
         p[:KNOTS], result,
     )  # fmt: skip
     through = stick and result[R_END] == count and not reshaped
     for i in range(LEVEL):
-        through = through and abs(p[i] - led[i]) <= NEARLY * math.sqrt(uncertain[i, i])
+        through = through and abs(p[i] - led[i]) <= CLOSE * max(abs(p[i]), 0.5)
+        through = through and abs(p[i] - solved[i]) <= NEARLY * math.sqrt(uncertain[i, i])
     if through:  # what little the figures have moved since, the derivatives know
         by_coulomb = units[F_UNIT, COULOMB] * (p[COULOMB] - led[COULOMB])
         by_stiffness = units[F_UNIT, STIFFNESS] * (p[STIFFNESS] - led[STIFFNESS])

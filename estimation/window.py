@@ -73,8 +73,9 @@ FULL_SLIP = 2.0
 of which only the sum was known at rest, and what that leaves open would go into it."""
 MIN_SLIDE, MIN_STICK = 12, 6
 """Fewest samples of a zone that is worth solving."""
-MAX_ITERATIONS, HALVINGS, TOLERANCE = 20, 10, 1e-3
-"""Of Gauss-Newton; a step below TOLERANCE posterior standard deviations ends it."""
+MAX_ITERATIONS, HALVINGS, TOLERANCE, REMAINS = 20, 10, 1e-3, 0.03
+"""Of Gauss-Newton; a step below TOLERANCE posterior standard deviations ends it, and one that
+leaves at most REMAINS of them to go."""
 
 # Constants of an axis, as a vector for the kernels.
 (
@@ -344,8 +345,24 @@ def fit(  # type: ignore[no-untyped-def]
             if not math.isfinite(length):
                 report[R_FAILED] = 1.0
                 return
+            # Residuals are products of figures, and of figures and level: a step leaves about its
+            # square. The offsets are linear.
+            largest = 0.0
+            for a in range(n):
+                if a < figures:
+                    share = step[a] / max(abs(value[a]), 0.5)
+                    largest = max(largest, abs(share))
+                    away[a] = step[a] * share
+                else:
+                    away[a] = step[a] * largest if a < first else 0.0
+            left = quadratic_form(normal[:n, :n], away) + quadratic_form(information, away)
             # The last step is taken, but not evaluated once more.
-            if length < TOLERANCE or linear or evaluations > MAX_ITERATIONS:
+            if (
+                length < TOLERANCE
+                or left < REMAINS * REMAINS
+                or linear
+                or evaluations > MAX_ITERATIONS
+            ):
                 normal[n, n] += quadratic_form(normal, step)
                 for a in range(n):
                     normal[n, n] += 2.0 * step[a] * normal[a, n]
