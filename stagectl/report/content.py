@@ -212,6 +212,10 @@ def rows(summary: Summary, axes: Sequence[str]) -> list[Row]:
     return table
 
 
+_TOLD = 1.02
+"""A move has told a figure where it narrowed it by so much."""
+
+
 def refusals(summary: Summary) -> list[Refusal]:
     """The estimates that were refused, in order."""
     return [
@@ -233,6 +237,36 @@ def latest_friction(summary: Summary, axes: Sequence[str]) -> list[tuple[str, st
             table.append(
                 (axis, name, _figure(figure["value"]), _figure(figure["sigma"]), figure["unit"])
             )
+    return table
+
+
+_TOLD_BY = {
+    "coulomb": "moves that slide",
+    "viscous": "fast moves",
+    "stiffness": "the onset of a move, and a reversal",
+    "attraction": "moves without a fast slide, of two breakaway travels and more",
+}
+
+
+def figures_that_stayed(summary: Summary, axes: Sequence[str]) -> list[tuple[str, str, str]]:
+    """Figures that no move has told, and why: (axis, parameter, why)."""
+    table: list[tuple[str, str, str]] = []
+    for axis in axes:
+        entries = [e for e in summary["friction"] if e["axis"] == axis]
+        accepted = [e for e in entries if e["accepted"]]
+        for name in entries[0]["parameters"] if entries else ():
+            held = sum(name in e.get("held", ()) for e in accepted)
+            # A summary of an earlier version does not say what a move has told.
+            if any((e.get("gain", {}).get(name) or _TOLD) >= _TOLD for e in accepted):
+                continue
+            if not accepted:
+                why = "no estimate was accepted"
+            elif held:
+                why = f"{held} of {len(accepted)} accepted moves say less of it than was known"
+            else:
+                why = "no accepted move could tell it"
+            told_by = f"; it is told by {_TOLD_BY[name]}" if name in _TOLD_BY else ""
+            table.append((axis, name, why + told_by))
     return table
 
 

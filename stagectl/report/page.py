@@ -63,6 +63,7 @@ def render(recording: Recording, summary: Mapping[str, Any], *, control_period: 
         rows=content.rows(summary, axes),
         refusals=content.refusals(summary),
         friction=content.latest_friction(summary, axes),
+        stayed=content.figures_that_stayed(summary, axes),
         started=content.date,
         micrometres=content.micrometres,
         milliseconds=content.milliseconds,

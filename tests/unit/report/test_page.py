@@ -225,3 +225,29 @@ def test_a_list_of_moves_has_no_sites(recording: Recording, summary: dict[str, A
     assert "Settling over moves" in page.text
     assert "no site" not in page.text
     assert "site 0" not in page.text
+
+
+def test_figures_that_no_move_has_told_are_named(recording: Recording, summary: dict[str, Any]):
+    def entry(axis: str, accepted: bool, **gain: float) -> dict[str, Any]:
+        figures = {name: {"value": 1.0, "sigma": 0.1, "unit": "1"} for name in gain}
+        held = [name for name, value in gain.items() if value == 1.0]
+        return {
+            "site": 1, "axis": axis, "accepted": accepted, "reason": None if accepted else "why",
+            "parameters": figures, "gain": gain, "held": held if accepted else [],
+            "compute_time": 1e-4,
+        }  # fmt: skip
+
+    friction = [
+        entry("x", True, coulomb=30.0, viscous=1.0), entry("x", True, coulomb=1.0, viscous=1.0),
+        entry("y", False, coulomb=1.0, viscous=1.0),
+    ]  # fmt: skip
+    told = {**summary, "friction": friction}
+    stayed = content.figures_that_stayed(told, ("x", "y"))
+    assert [line[:2] for line in stayed] == [("x", "viscous"), ("y", "coulomb"), ("y", "viscous")]
+    assert stayed[0][2].startswith(
+        "2 of 2 accepted moves say less of it than was known; it is told"
+    )
+    assert stayed[1][2].startswith("no estimate was accepted")
+    page = Page(render(recording, told, control_period=TC))
+    assert "Viscous of axis x stayed what it was at the start: 2 of 2" in page.text
+    assert "Coulomb of axis x" not in page.text
