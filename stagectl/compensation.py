@@ -29,7 +29,7 @@ from estimation.relief import level_with_target, relief_feedforward, state_after
 from estimation.sampled_force import kink_share, with_mean_force
 from estimation.split_horizon import Estimate, EstimatorSettings, MoveData, SplitHorizonEstimator
 from estimation.trajectory import Limits, Trajectory, plan
-from stagectl.config.machine import Axis, Machine
+from stagectl.config.machine import Axis, Drive, Machine
 
 TAKE_OVER = 0.1
 """Shortest move in which the offset takes over what the integrator holds [s]."""
@@ -98,7 +98,7 @@ class AxisCompensation:
         drive = axis.drive
         lag = 1.0 / (2.0 * math.pi * drive.current_bandwidth)
         self._ahead = lag + drive.control_period / 2.0
-        self._kink = kink_share(period, lag - drive.control_period / 2.0)
+        self._kink = kink_share(period, kink_tip(drive))
         wander = axis.plant.friction.repeatability
         self.estimator = SplitHorizonEstimator(
             friction,
@@ -301,6 +301,11 @@ class AxisCompensation:
         estimate = self.estimator.update(self._with_mean_force(move))
         spent = time.perf_counter() - begin
         return Learned(estimate, spent) if self.mode is Mode.ESTIMATED else None
+
+
+def kink_tip(drive: Drive) -> float:
+    """When a kink of a drive's force comes after the sample, see `estimation.sampled_force` [s]."""
+    return 1.0 / (2.0 * math.pi * drive.current_bandwidth) - drive.control_period / 2.0
 
 
 def friction_model(axis: Axis) -> Friction:

@@ -11,11 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from estimation.gms import Friction, FrictionState
 from estimation.noise import encoder_noise, quantisation
 from estimation.offline.identify import Identification, OfflineSettings, identify
 from estimation.offline.records import Samples
+from estimation.sampled_force import kink_share, with_mean_force
+from estimation.settings import MoveData
 from sim2real.recording import Recording
-from stagectl.compensation import friction_model
+from stagectl.compensation import friction_model, kink_tip
 from stagectl.config.machine import Axis, Machine
 from stagectl.errors import UnusableInput
 
@@ -59,11 +62,21 @@ def identify_axis(
         if name not in recording.axes:
             raise UnusableInput(f"{where}: the recording has no such axis")
         try:
-            pieces += _pieces(recording, name, period, offset)
+            new = _pieces(recording, name, period, offset)
         except ValueError as error:
             raise UnusableInput(f"{where}: {error}") from error
+        pieces += [_around_syncs(piece, axis, friction, period) for piece in new]
         offset = pieces[-1].time + 2.0 * period * len(pieces[-1].position)  # never joined
     return identify(pieces, friction, settings_of(axis, period))
+
+
+def _around_syncs(piece: Samples, axis: Axis, friction: Friction, period: float) -> Samples:
+    """With mean forces around the SYNCs, not those at them: see `estimation.sampled_force`."""
+    move = MoveData(piece.position, piece.force, piece.valid, piece.time, 0.0)
+    state = FrictionState.relaxed(friction.elements, float(piece.position[0]))
+    share = kink_share(period, kink_tip(axis.drive))
+    level = with_mean_force(move, share, friction, state, period, axis.drive.peak_force)
+    return replace(piece, force=level.force)
 
 
 def _pieces(recording: Recording, name: str, period: float, offset: float) -> list[Samples]:

@@ -88,6 +88,7 @@ class Fit:
         chi: sum of the squared whitened residuals over the counted blocks.
         samples: how many they are.
         levels: w at the knots of every block.
+        converged: False where the steps allowed did not suffice: then it is no minimum.
     """
 
     q: F64
@@ -96,6 +97,7 @@ class Fit:
     chi: float
     samples: int
     levels: tuple[F64, ...]
+    converged: bool = True
 
     @property
     def misfit(self) -> float:
@@ -159,6 +161,7 @@ class Problem:
         information = np.diag(1.0 / u.spread[index] ** 2)
         now = self._linearised(q, levels, index, counted, both)
         cost = now.cost + self._away(q, index)
+        converged = False
         for _ in range(MAX_ITERATIONS):
             if not math.isfinite(cost):
                 raise NoSolutionError("the residual is not finite")
@@ -182,9 +185,11 @@ class Problem:
                     break
                 step, moves = step * 0.5, [m * 0.5 for m in moves]
             if not improved:
+                converged = True
                 break
             gained, q, levels, now, cost = cost - lower, trial, shifted, then, lower
             if size < TOLERANCE or gained < max(LEAST_GAIN[0], LEAST_GAIN[1] * cost):
+                converged = True
                 break
         covariance = np.zeros((len(q), len(q)))
         if len(index):
@@ -194,7 +199,7 @@ class Problem:
                 raise NoSolutionError("no minimum") from error
         scores = np.zeros((len(counted), len(q)))
         scores[:, index] = now.scores
-        return Fit(q, covariance, scores, now.chi, now.samples, levels)
+        return Fit(q, covariance, scores, now.chi, now.samples, levels, converged)
 
     def _step(self, now: _Linear, q: F64, index: NDArray[np.int64], information: F64
               ) -> tuple[F64, float]:  # fmt: skip

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.gms import F64, Friction
-from estimation.offline.fit import Fit, Noise, NoSolutionError, Problem
+from estimation.offline.fit import MAX_ITERATIONS, Fit, Noise, NoSolutionError, Problem
 from estimation.offline.records import Samples, joined, record
 from estimation.offline.unknowns import (
     BASE,
@@ -37,6 +37,8 @@ from estimation.offline.unknowns import (
 ESTIMATED, PRIOR, BOUND = "estimated", "stays at its prior", "refused: on its bound"
 TOGETHER = "with its neighbours"
 """Of one k_i or nu_i of a shape that is told as a whole: by itself it is hardly known better."""
+LEAST_LEFT = 0.2
+"""Of the blocks, at least this share counts as free to disagree, however much they were asked."""
 FOLDS = 3
 """Parts of the blocks that are left out in turn."""
 KNOWN_AFTER = 4.0
@@ -182,13 +184,19 @@ def identify(
             sigma = np.hypot(sigma, apart)
         verdicts = _verdicts(u, fit.q, sigma, spread, free)
         told = np.array([v in (ESTIMATED, TOGETHER) for v in verdicts])
+        sigma = np.where(told, np.maximum(sigma, _sigma(u, fit, shared=True)), sigma)
         if not told.all():
             start = np.where(told, fit.q, u.mean)
             fit = problem.solve(start, told, fit.levels)
-            sigma = np.where(told, np.maximum(sigma, _sigma(u, fit)), spread)
-        held_out = _held_out(problem, fit, told)
+            sigma = np.where(told, np.maximum(sigma, _sigma(u, fit, shared=True)), spread)
+        if not fit.converged:  # once more from there
+            fit = problem.solve(fit.q, told, fit.levels)
+        held_out = _held_out(problem, fit, told) if fit.converged else math.nan
     except NoSolutionError as problem_found:
         return _refused(u, str(problem_found), samples, sum(problem.counted))
+    if not fit.converged:
+        reason = f"no minimum was reached in {2 * MAX_ITERATIONS} steps"
+        return _refused(u, reason, samples, sum(problem.counted), before.misfit, fit.misfit)
     if not fit.misfit <= settings.misfit:
         reason = f"residual {fit.misfit:.1f} times what noise and wander explain"
         return _refused(u, reason, samples, sum(problem.counted), before.misfit, fit.misfit)
@@ -198,8 +206,12 @@ def identify(
     )  # fmt: skip
 
 
-def _sigma(u: Unknowns, fit: Fit) -> F64:
-    """Standard deviations of the values: of the noise, or of the blocks' disagreement."""
+def _sigma(u: Unknowns, fit: Fit, shared: bool = False) -> F64:
+    """Standard deviations of the values: of the noise, or of the blocks' disagreement.
+
+    `shared`: as large as it is in spite of all that was fitted to the same blocks. A minimum over
+    many unknowns has them agree.
+    """
     slopes = u.slopes(fit.q)
     covariance = slopes @ fit.covariance @ slopes.T
     noise = np.sqrt(np.maximum(covariance.diagonal(), 0.0)) * max(1.0, fit.misfit)
@@ -208,8 +220,17 @@ def _sigma(u: Unknowns, fit: Fit) -> F64:
     if count < 3:
         return noise
     each = (scores - scores.mean(axis=0)) @ fit.covariance @ slopes.T
-    spread: F64 = np.sqrt((each**2).sum(axis=0) * count / (count - 1))
+    left = count - 1.0
+    if shared:
+        narrowed = 1.0 - (fit.covariance.diagonal() / u.spread**2)[_free(fit)]
+        left = max(left - float(narrowed.clip(0.0, 1.0).sum()), LEAST_LEFT * count)
+    spread: F64 = np.sqrt((each**2).sum(axis=0) * count / left)
     return np.maximum(noise, spread)
+
+
+def _free(fit: Fit) -> NDArray[np.bool_]:
+    """Which unknowns were solved for."""
+    return np.asarray(fit.covariance.diagonal() > 0.0, dtype=np.bool_)
 
 
 def _prior_sigma(u: Unknowns) -> F64:

@@ -223,3 +223,13 @@ def test_missing_samples_do_no_harm():
     assert holed.samples < clean.samples
     for name in ("coulomb", "stiffness", "static_ratio"):
         assert holed[name].value == pytest.approx(clean[name].value, rel=0.03), name
+
+
+def test_what_has_not_converged_is_refused(monkeypatch):
+    monkeypatch.setattr("estimation.offline.fit.MAX_ITERATIONS", 1)
+    start = BELIEVED.scaled(0.6)
+    found = identify([drive(macro=3)], start, SETTINGS)
+    assert found.reason is not None
+    assert found.reason.startswith("no minimum was reached in")
+    assert found["coulomb"].value == start.coulomb
+    assert found["coulomb"].verdict == PRIOR
