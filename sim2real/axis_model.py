@@ -268,6 +268,15 @@ def plausible(term: Term, axis: AxisSettings) -> Term:
     return Term(term.effect, tuple(values))
 
 
+def is_level(term: Term, axis: AxisSettings) -> bool:
+    """Whether an effect is another Coulomb level, over time or place, which also wanders."""
+    ports = EffectPorts(axis, 1e-3, 1.0)
+    term.effect.apply(ports, term.mapping())
+    tables = (ports.time_coulomb, ports.position_coulomb)
+    courses = bool(ports.decays) or any(table is not None for table in tables)
+    return courses or ports.coulomb != 1.0
+
+
 _PLAIN = ("mass", "coulomb", "viscous", "stiffness", "static_ratio")
 """Ports that are figures of the plant."""
 

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
 from hil_sim.settings import AxisSettings
-from sim2real.axis_model import NUISANCES, Coordinate, coordinates, implausible, parameters
+from sim2real.axis_model import (
+    NUISANCES,
+    Coordinate,
+    Term,
+    coordinates,
+    implausible,
+    is_level,
+    parameters,
+)
 from sim2real.held_out import HeldOut, given_back
 from sim2real.report import Candidate, Cause, Confusable, Parameter
 from sim2real.search import AxisSearch, score, sets_of
@@ -20,6 +28,8 @@ F64 = NDArray[np.float64]
 _TEMPER = 5.0
 """The log likelihood counts for so much less than it says: innovations of the true model are white,
 those of a model that is right but for details are not."""
+_LEVELS = 50.0
+"""The same among courses of the Coulomb level: the filter follows them, and it wanders besides."""
 _SIMPLER = 10.0
 """Cost that a parameter more is worth in the odds of names: a simple cause is a little likelier."""
 _RIVALRY = 0.9
@@ -35,6 +45,8 @@ _CLOSED = 0.8
 _DOUBTED = 0.45
 """An effect is believed no more than this whose size may as well be none, by its sigma; or whose
 values are not plausible at all."""
+_VAGUE = 0.55
+"""A course of the Coulomb level is believed no more than this that may as well be another one."""
 _STRANGE = 4.0
 """Tenths of its plausible ranges beyond which an effect's values are not plausible at all."""
 _SHOWN = 8
@@ -85,6 +97,9 @@ def causes_of(
         may_be_none = any(_may_be_none(entry, figures, problem.axis) for entry in entries)
         if may_be_none or implausible(term, problem.axis) > _STRANGE:
             probability = min(probability, _DOUBTED)
+        if is_level(term, problem.axis) and any(_vague(entry, figures) for entry in entries):
+            probability = min(probability, _VAGUE)
+            rivals = rivals or _levels(found, term, problem.axis)[:1]
         causes.append(
             Cause(
                 name,
@@ -114,6 +129,25 @@ def _may_be_none(entry: Coordinate, figures: Mapping[str, Parameter], axis: Axis
         return False
     figure = figures[entry.parameter.key]
     return figure.sigma > abs(figure.value - neutral)
+
+
+def _vague(entry: Coordinate, figures: Mapping[str, Parameter]) -> bool:
+    """Whether a duration may as well be without end."""
+    figure = figures[entry.parameter.key]
+    return entry.parameter.role == "shape" and entry.parameter.log and figure.sigma > figure.value
+
+
+def _levels(found: AxisSearch, term: Term, axis: AxisSettings) -> list[str]:
+    """Other courses of the Coulomb level that were fitted in an effect's place, best first."""
+    rest = {name for name in found.best.model.names() if name != term.name}
+    return [
+        other.name
+        for rival in sets_of(found.rivals, len(rest) + 1)
+        for other in rival.model.terms
+        if rest < set(rival.model.names())
+        and other.name not in (*rest, term.name)
+        and is_level(other, axis)
+    ]
 
 
 def _sigma(
@@ -165,9 +199,15 @@ def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
         if effect in others:
             continue
         worse = score(problem, rival, _SIMPLER) - least
-        odds = math.exp(-max(worse, 0.0) / (2.0 * _TEMPER))
-        weight += odds
         swapped = [n for n in others if n not in rest]
+        courses = len(swapped) == 1 and all(
+            is_level(term, problem.axis)
+            for model in (best.model, rival.model)
+            for term in model.terms
+            if term.name in (effect, *swapped)
+        )
+        odds = math.exp(-max(worse, 0.0) / (2.0 * (_LEVELS if courses else _TEMPER)))
+        weight += odds
         if odds > 0.05 and len(others) == len(names) and len(swapped) == 1:
             rivals.append(swapped[0])
     told = 1.0 / (1.0 + min(weight, _RIVALRY))

@@ -304,13 +304,29 @@ def _contended(problem: AxisProblem, book: _Book, trials: Sequence[Rival]) -> Ri
         last = before + max(_CONTEST, _CONTEST_SHARE * before)
         for rival in ranked()[:_CONTENDERS]:
             if book.score(rival) <= last:
-                book.entered(fit(problem, rival.model, 4, thorough=False))
+                start = _lent(problem, book, rival, ranked()[0])
+                book.entered(fit(problem, start.model, 4, thorough=False))
         best = ranked()[0]
         gained = before - book.score(best)
         problem.rescale(best.fitted.residual)
         if gained < _LEAST_GAIN and problem.outlier > _NARROWER * wide:
             break
     return best
+
+
+def _lent(problem: AxisProblem, book: _Book, rival: Rival, best: Rival) -> Rival:
+    """The rival, or with the best one's figures for all that they share, whichever does better.
+
+    Fits of different names stop at different figures of the same plant.
+    """
+    if rival.model.names() == best.model.names():
+        return rival
+    shared = {term.name: term for term in best.model.terms}
+    terms = tuple(shared.get(term.name, term) for term in rival.model.terms)
+    model = AxisModel(best.model.base, terms)
+    residual = problem.attempted(model)
+    book.entered(Fitted(model, problem.cost(model, residual), residual, None, 1))
+    return book.best(rival.model.names())
 
 
 def _no_worse(problem: AxisProblem, book: _Book, fitted: Fitted) -> Rival:

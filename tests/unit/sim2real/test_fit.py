@@ -17,6 +17,7 @@ from sim2real.axis_model import (
     coordinates,
     fitted,
     implausible,
+    is_level,
     moved,
     plausible,
     within_tolerance,
@@ -192,3 +193,16 @@ def test_values_beyond_what_is_plausible_are_told(
     term = Term(library()[effect], values)
     assert implausible(term, axis) == pytest.approx(tenths, abs=1e-9)
     assert plausible(term, axis).values == near
+
+
+def test_courses_of_the_coulomb_level_are_told_from_other_friction(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    axis = nominal[1].axes[0]
+    middle = {
+        name: Term(e, tuple(p.ranges(axis)[-1][1] for p in e.parameters))
+        for name, e in library().items()
+        if e.searched
+    }
+    courses = {name for name, term in middle.items() if is_level(term, axis)}
+    assert courses == {"coulomb_level", "thermal_drift", "friction_position"}
