@@ -82,6 +82,10 @@ class Cycle:
             channel.controlword = channel.offset = 0
             channel.told.clear()
 
+    def beat(self, on: bool) -> None:
+        """Whether the host's heartbeat goes out; off: drives that hear nothing else stop."""
+        self._network.beats = on
+
     def clear_alarms(self) -> None:
         """Forgets the nodes' alarms and missed frames; another host is not forgotten."""
         self._alarmed.clear()

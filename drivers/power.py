@@ -223,7 +223,9 @@ class Power:
         """Quick-stops all axes at once and waits until none is moving under power.
 
         Setpoints or SYNC may not get through where SDO does, so that is tried as well. Axes that
-        stay silent are given the time in which their drives notice that we do not reach them.
+        stay silent are given the time in which their drives notice that we do not reach them. One
+        that is heard, and goes on, may hear our heartbeat and nothing else: it has to miss that,
+        until the next boot or reset of faults.
 
         Raises:
             AxisFault: an axis is still enabled or still stopping after `timeout` [s].
@@ -242,8 +244,10 @@ class Power:
                 s in moving and (s is not State.QUICK_STOP_ACTIVE or not still) for s in states
             ):
                 if len(states) == len(self.channels) or count * self._period >= GIVEN_UP:
+                    self._cycle.beat(True)
                     return
             if count == round(UNHEARD / self._period):
+                self._cycle.beat(moving[0] not in states)
                 self.attempt_by_sdo(
                     Command.QUICK_STOP,
                     [c for c in self.channels if not c.valid or state_of(c) is moving[0]],

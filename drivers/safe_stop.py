@@ -6,10 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from drivers import objects as od
-from drivers.cia402 import Command, State
+from drivers.cia402 import Command
 from drivers.diagnosis import Evidence, explained
 from drivers.errors import AxisFault, BusError
-from drivers.power import state_of
 from drivers.stage_parts import StageParts
 
 PERSISTENCE, PAUSE = 0.6, 0.01
@@ -28,7 +27,7 @@ class SafeStop:
 
     def __init__(self, parts: StageParts) -> None:
         self.begun = False
-        self._network, self._clock, self._axes = parts.network, parts.network.clock, parts.axes
+        self._clock, self._axes = parts.network.clock, parts.axes
         self._cycle, self._power = parts.cycle, parts.power
 
     @property
@@ -78,23 +77,14 @@ class SafeStop:
             return True
         except BusError:
             refused = True
-        except Exception:  # noqa: BLE001  whatever it was: try the other way to the drives
-            self._let_them_miss_us()
+        except Exception:  # noqa: BLE001, S110  whatever it was: try the other way to the drives
+            pass
         for command in (Command.QUICK_STOP, Command.DISABLE_VOLTAGE):
             try:
                 self._power.attempt_by_sdo(command)
             except Exception:  # noqa: BLE001  nothing is left to try
                 break
         return not refused
-
-    def _let_them_miss_us(self) -> None:
-        """No heartbeat any more where a drive goes on although it was told to stop.
-
-        It hears us, but not what we say; it will stop by its own watch. Until the next boot or
-        reset of faults.
-        """
-        if any(c.valid and state_of(c) is State.OPERATION_ENABLED for c in self._cycle.channels):
-            self._network.beats = False
 
     def let_go(self) -> None:
         """Disables what may still be under power; never raises."""
