@@ -427,8 +427,9 @@ def report(modes: Sequence[str], wafers: int, folder: Path, spot: float) -> None
         true = [f for f in there if f[0] >= wafers // 2]
         visits = "never" if not true else f"after {true[0][0] - wafers // 2 + 1} move(s) there"
         moves = sum(len(line["micro"]) for line in rows["map"])
+        others = [f for f in flagged if f not in true[:1]]
         print(f"spot of {spot:.0%}: flagged {visits}")
-        print(f"other flags: {len(flagged) - len(true[:1])} in {moves} moves: {flagged[:8]}")
+        print(f"other flags: {len(others)} in {moves} moves: {others[:8]}")
 
 
 def beside_the_oracle(lines: Sequence[Any], oracle: Sequence[Any]) -> None:
