@@ -207,30 +207,31 @@ class SplitHorizonEstimator:
         # An onset of which the beginning is not known says nothing.
         begun = self._rest is not None or (len(move.valid) > 0 and bool(move.valid[0]))
         result = self._run(move, state, self._known and begun, True)
-        if result[U_VERDICT] == ACCEPTED:
+        verdict = result.item(U_VERDICT)
+        if verdict == ACCEPTED:
             self._jumps = 0
-        elif result[U_VERDICT] == JUMP:
+        elif verdict == JUMP:
             self._open_up(result)
         self._end = move.time + (len(move.position) - 1) * self.settings.period
-        self._known = self._followed(result, move)
+        self._known = self._followed(verdict, move)
         self._rest = None
-        if result[U_VERDICT] == ACCEPTED:
-            self._misfits.append(float(result[U_MISFIT]))
+        if verdict == ACCEPTED:
+            self._misfits.append(result.item(U_MISFIT))
             if len(self._misfits) > _FEW:
                 self._solver.expect(sorted(self._misfits)[len(self._misfits) // 2])
-        if result[U_VERDICT] == ACCEPTED and not self._frozen:
-            self._watch(result, self._end - move.time)
+            if not self._frozen:
+                self._watch(result, self._end - move.time)
         return Estimate(result, self._start, self.settings.mass, self.settings.period)
 
-    def _followed(self, result: F64, move: MoveData) -> bool:
+    def _followed(self, verdict: float, move: MoveData) -> bool:
         """Whether the elements' forces are known behind a move.
 
         Followed through one that was refused with figures that are wrong, they end up wrong, until
         a move is learned from, or some that reach far enough have been followed without harm.
         """
-        if self._frozen or result[U_VERDICT] == ACCEPTED or self._sure():
+        if self._frozen or verdict == ACCEPTED or self._sure():
             self._doubt = 0
-        elif result[U_VERDICT] != STILL:
+        elif verdict != STILL:
             self._doubt = self.settings.patience + 1
         elif np.ptp(move.position[move.valid]) > FULL_SLIP * self.friction.breakaway_travel:
             self._doubt = max(self._doubt - 1, 0)
@@ -243,7 +244,7 @@ class SplitHorizonEstimator:
 
     def _watch(self, result: F64, duration: float) -> None:
         """Compare the level that a sound move showed with the one expected."""
-        expected, variance = result[U_SLIDING : U_SLIDING + 2].tolist()
+        expected, variance = result.item(U_SLIDING), result.item(U_SLIDING + 1)
         believed = variance / expected**2 - self._restless.variance
         if believed >= _LEARNED**2:
             return

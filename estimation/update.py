@@ -160,8 +160,9 @@ def begin_update(  # type: ignore[no-untyped-def]
     result[U_NUMBER] = counted
     if counted < 3:
         return counted
-    for k in range(samples):
-        marks[M_UPSET, k] = upset[k] if upset.shape[0] > 0 else False
+    marks[M_UPSET] = 0
+    for k in range(upset.shape[0]):
+        marks[M_UPSET, k] = upset[k]
     before, spread = beliefs[B_BEFORE:B_FOUND], _square(beliefs[B_SPREAD:B_UNCERTAIN])
     found, uncertain = beliefs[B_FOUND:B_SPREAD], _square(beliefs[B_UNCERTAIN:B_UNKNOWNS])
     age(mean, covariance, elapsed, restless, constants, units, before, spread)
@@ -172,9 +173,10 @@ def begin_update(  # type: ignore[no-untyped-def]
     if step < 0.0:
         # Where the model misses more than that, rounding is not what matters.
         missed = constants[C_MODEL_ERROR] * known > 2.0 * constants[C_FORCE_NOISE]
-        # The same where the encoder's noise is far more, as a force (see `window.QUIET`).
+        # The same where the encoder's noise is far more, as a force (see `window.QUIET`), and would
+        # be with a fifth less mass: sqrt(12) and that.
         jitter = units[F_UNIT, MASS] * before[MASS] * constants[C_POSITION_NOISE]
-        drowned = jitter > 7.0 * QUIET * constants[C_FORCE_NOISE] * constants[C_PERIOD] ** 2
+        drowned = jitter > 4.5 * QUIET * constants[C_FORCE_NOISE] * constants[C_PERIOD] ** 2
         step = (
             0.0 if missed or drowned else rounding_step(tables[T_FORCE], constants[C_FORCE_NOISE])
         )
