@@ -261,7 +261,7 @@ def learn(  # type: ignore[no-untyped-def]
         and doubt > 1.0
         and whole
         and result[R_FAILED] == 0.0
-        and jumping(before, spread, found, constants) < 0
+        and jumping(before, spread, found, uncertain, constants) < 0
     ):
         temper(before, spread, found, uncertain, doubt)
     for i in range(LEVEL):
@@ -427,17 +427,22 @@ def judge(before, spread, found, uncertain, constants, commit, result):  # type:
     elif result[R_BOUND] >= 0.0:
         result[U_VERDICT], result[U_FIGURE] = BOUND, result[R_BOUND]
     elif commit:
-        figure = jumping(before, spread, found, constants)
+        figure = jumping(before, spread, found, uncertain, constants)
         if figure >= 0:
             result[U_VERDICT], result[U_FIGURE] = JUMP, figure
             result[U_NUMBER] = found[figure] / before[figure] - 1.0
 
 
 @numba.njit(cache=True, error_model="numpy")
-def jumping(before, spread, found, constants):  # type: ignore[no-untyped-def]
-    """The first figure that changes by more than drift can explain, or -1."""
+def jumping(before, spread, found, uncertain, constants):  # type: ignore[no-untyped-def]
+    """The first figure that changes by more than drift can explain, or -1.
+
+    A move changes a figure by as much as it narrows it (the variance of a Kalman filter's step is
+    that before less that after): one that says little may not change much.
+    """
     for i in range(MASS):
-        allowed = constants[C_JUMP] * math.sqrt(spread[i, i]) / before[i]
+        narrowed = max(spread[i, i] - uncertain[i, i], 0.0)
+        allowed = constants[C_JUMP] * math.sqrt(narrowed) / before[i]
         if abs(found[i] / before[i] - 1.0) > max(allowed, constants[C_JUMP_SHARE]):
             return i
     return -1

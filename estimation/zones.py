@@ -24,10 +24,11 @@ however small: a coarser band would have them slip on where the stage creeps to 
 CREEP, CREEP_NOISE = 3, 6.0
 """Where so many samples stay within so many standard deviations of one, the motion has stopped
 there: what little it springs back is below the noise, but elements that slipped have stuck."""
-PAUSE, CREPT_NOISE = 2, 1.5
+PAUSE, CREPT_NOISE, STOP_NOISE = 2, 1.5, 4.5
 """So it has where so many samples gain less than so many standard deviations: that hides a
 reversal, whatever comes next. It stopped at the sample from which on no step gains as much; up to
-there elements slip, and up the Stribeck curve they gain a hundredth of their force in 1 ms."""
+there elements slip, and up the Stribeck curve they gain a hundredth of their force in 1 ms. The
+last stop is sought well above the noise: a millisecond too many spoils Fc more than one too few."""
 REST_NOISE = 9.0
 """Positions that stay within so many standard deviations are at rest."""
 SLIP_MARGIN = 6.0
@@ -126,7 +127,7 @@ def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[
             )
         ):
             # Too slow to tell where it goes: the elements stick until it has gone somewhere.
-            i = _crept(position, i, stop, direction, noise)
+            i = _crept(position, i, stop, direction, CREPT_NOISE * noise)
             for j in range(since, i + 1):
                 if 1 <= j <= count:
                     heading[j - 1] = direction
@@ -148,7 +149,7 @@ def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[
                 _vertex(position, turned, direction, noise, share, at, sharpness)
             since, direction = turned + 1, -direction
             turned, extreme = i, position[i]
-    stop = _crept(position, stop, last, direction, noise)
+    stop = _crept(position, stop, last, direction, STOP_NOISE * noise)
     for j in range(since, min(stop, count) + 1):
         heading[j - 1] = direction
     if stop <= count and share[stop - 1] < 0.0:
@@ -178,9 +179,9 @@ def _creeps(position, i, band):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _crept(position, i, last, direction, noise):  # type: ignore[no-untyped-def]
-    """The sample from which on no step goes on the same way by more than noise does."""
-    while i < last and (position[i + 1] - position[i]) * direction > CREPT_NOISE * noise:
+def _crept(position, i, last, direction, least):  # type: ignore[no-untyped-def]
+    """The sample from which on no step goes on the same way by more than `least`."""
+    while i < last and (position[i + 1] - position[i]) * direction > least:
         i += 1
     return i
 
