@@ -4,7 +4,7 @@ Five figures relative to the model the axis started from (Coulomb force, viscous
 presliding stiffness, relaxation rate C/Fc, apparent mass), two as they are (alpha; lag of the force
 behind the position, in sample periods), and the level: the Coulomb force of a real stage wanders by
 itself, a stationary Gauss-Markov factor 1 + w. The figures drift slowly from move to move; w is
-forgotten with its correlation time (`update.age`).
+forgotten with its correlation time (`arrival_cost.age`).
 
 The apparent mass is what the sampled force shows of the mass. The drive interpolates the setpoints
 linearly between SYNCs, the ripple of force that this causes has a fixed phase to the sampling, so

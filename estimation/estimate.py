@@ -8,12 +8,15 @@ import numpy as np
 
 from estimation.belief import FIGURES, LEVEL, MASS, model_at
 from estimation.gms import F64, Friction
-from estimation.update import (
+from estimation.update_tables import (
     ACCEPTED,
     BOUND,
     HOLES,
     JUMP,
     MISFIT,
+    R_EVALUATIONS,
+    R_SLIDE,
+    R_STICK,
     STILL,
     U_COVARIANCE,
     U_FIGURE,
@@ -27,7 +30,6 @@ from estimation.update import (
     U_SPREAD,
     U_VERDICT,
 )
-from estimation.window import R_EVALUATIONS, R_SLIDE, R_STICK
 
 FIGURES_OF_FRICTION = FIGURES[:MASS]
 TELLING = 0.5
@@ -38,7 +40,7 @@ class Estimate:
     """What one move said.
 
     Args:
-        result: of `update.update_move`; kept.
+        result: of `update.learn`; kept.
         start: model that the figures are relative to.
         mass: that the apparent mass is relative to [kg].
         period: of the samples [s].

@@ -9,7 +9,8 @@ from estimation.belief import RATE, STIFFNESS, Belief
 from estimation.gms import F64, Friction, FrictionState, element_shares
 from estimation.move_tables import floats_for, marks_for
 from estimation.settings import EstimatorSettings, MoveData
-from estimation.update import BELIEFS, C_TYPICAL, UPDATE_SIZE, begin_update, learn
+from estimation.update import begin_update, learn
+from estimation.update_tables import BELIEFS, C_TYPICAL, UPDATE_SIZE
 
 _LEAST_ROOM, _MANY_ELEMENTS = 512, 16
 _rooms: list[_Room] = []

@@ -77,7 +77,7 @@ class EstimatorSettings:
     force_step: float | None = None
 
     def constants(self, friction: Friction) -> F64:
-        """The constants as `update_move` takes them, shape (ALL_CONSTANTS,)."""
+        """The constants as the kernels take them, shape (CONSTANTS,)."""
         return np.array(
             [
                 self.period, self.position_noise, self.force_noise, self.model_error,
@@ -89,7 +89,7 @@ class EstimatorSettings:
         )  # fmt: skip
 
     def units(self, friction: Friction) -> F64:
-        """The table of figures as `update_move` takes it, shape (4, LEVEL)."""
+        """The table of figures as the kernels take it, shape (4, LEVEL)."""
         unit = [
             friction.coulomb, friction.viscous, friction.stiffness, friction.relaxation_rate,
             self.mass, 1.0, 1.0,

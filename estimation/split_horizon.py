@@ -3,7 +3,7 @@
 Zone A (all elements slip) gives Coulomb force, viscous coefficient and apparent mass; then all that
 is usable gives the rest, from zone A's result. Each is a bounded least-squares problem with an
 arrival cost (source paper, equation (4)). What the unknowns are: `belief`; how a move is solved:
-`window`; how belief ages and an estimate is judged: `update`.
+`window`; how belief ages: `arrival_cost`; how an estimate is judged: `judgement`.
 
 An estimate is accepted or refused as a whole; a refused one leaves the last good model in force.
 Not here: Stribeck velocity and shape, direction asymmetry, shape of the hysteresis.
@@ -22,11 +22,14 @@ from estimation.belief import COULOMB, FIGURES, LEVEL, MASS, STIFFNESS, Belief, 
 from estimation.estimate import Estimate, in_units, sliding_shown, spreads
 from estimation.gms import F64, Friction, FrictionState
 from estimation.move_solver import MoveSolver
+from estimation.preparation import FULL_SLIP
 from estimation.restlessness import Restlessness
 from estimation.settings import EstimatorSettings, MoveData
-from estimation.update import (
+from estimation.update_tables import (
     ACCEPTED,
+    F_UNIT,
     JUMP,
+    R_SLIDE,
     STILL,
     U_FOUND,
     U_LEVEL,
@@ -35,7 +38,6 @@ from estimation.update import (
     U_SLIDING,
     U_VERDICT,
 )
-from estimation.window import F_UNIT, FULL_SLIP, R_SLIDE
 
 __all__ = ["Estimate", "EstimatorSettings", "MoveData", "Preview", "SplitHorizonEstimator"]
 

@@ -12,13 +12,12 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Callable
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
 from estimation.gms import REST_BAND
+from peers import own_rows
 from peers.problem import F64, START, TS, ZONE_AB, Problem
 
 SOURCE = Path(__file__).with_name("pass.c")
@@ -43,9 +42,7 @@ def ratio(problem: Problem, rounds: int) -> dict[str, float]:
     p = np.array([1.97, 2.03, 1.9, 0.991])
     with tempfile.TemporaryDirectory() as folder:
         c_call = _c(problem, p, Path(folder))
-        # Where the pass is in a module of its own, that; else in `window`.
-        name = "own_rows" if find_spec("estimation.rows") else "own_window"
-        own_call = import_module(f"peers.{name}").make(problem, p)
+        own_call = own_rows.make(problem, p)
         chi_c, chi_own = c_call(1), own_call(1)
         best_c = best_own = np.inf
         for _ in range(rounds):

@@ -23,9 +23,9 @@ from estimation.move_tables import (
     T_STUCK,
     TABLES,
 )
+from estimation.preparation import prepare
 from estimation.rows import fill_rows
-from estimation.whitening import factor_weights, normal_equations, whiten
-from estimation.window import (
+from estimation.update_tables import (
     C_FORCE_NOISE,
     C_PERIOD,
     C_POSITION_NOISE,
@@ -34,8 +34,8 @@ from estimation.window import (
     R_END,
     R_KNOWN,
     REPORT_SIZE,
-    prepare,
 )
+from estimation.whitening import factor_weights, normal_equations, whiten
 from peers.problem import F64, START, ZONE_AB, Problem
 
 
