@@ -1,13 +1,13 @@
 """The estimated Coulomb level of a stage that warms up, against the one in force.
 
-    python benchmarks/thermal_drift.py [--seeds 3] [--amplitude 0.3] [--time 5]
+    python benchmarks/thermal_drift.py [--seeds 3] [--amplitude 0.3] [--time 5] [--sites rows]
 
-Whole runs with 40 sites on the virtual stage. Its Coulomb force begins 30 % too high and falls with
-a time constant of 5 s, and it wanders by 1 % rms besides; the host knows of neither, and starts at
-half of all friction figures. After every move from the fifth site on, Fc (1 + w) as estimated over
-that of the simulated stage at that instant, wander included; both axes. An axis that does not slide
-in a move cannot see its level, only guess it: moves of less than two breakaway travels are told
-apart.
+Whole runs with 40 sites on the virtual stage, row by row, column by column or anywhere. Its Coulomb
+force begins 30 % too high and falls with a time constant of 5 s, and it wanders by 1 % rms besides;
+the host knows of neither, and starts at half of all friction figures. After every move from the
+fifth site on, Fc (1 + w) as estimated over that of the simulated stage at that instant, wander
+included; both axes. An axis that does not slide in a move cannot see its level, only guess it:
+moves of less than two breakaway travels are told apart.
 """
 
 from __future__ import annotations
@@ -32,13 +32,28 @@ from stagectl.session import Listener, execute
 FIRST_SITE = 5
 MOST_RMS, MOST = 0.015, 0.05
 RECIPE = """recipe: inspection-40
-macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
-micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
-settle: {window: 5.0e-8, hold: 0.005, timeout: 0.15}
+macro: {{velocity: 0.5, acceleration: 3.0, jerk: 200.0}}
+micro: {{velocity: 0.01, acceleration: 0.2, jerk: 20.0}}
+settle: {{window: 5.0e-8, hold: 0.005, timeout: 0.15}}
 expose: 0.02
-sites: {grid: {origin: [-0.05, -0.05], pitch: [0.0143, 0.025], count: [8, 5], order: serpentine}}
-fiducial: {source: simulated, range: 80.0e-6, seed: 1}
+sites: {sites}
+fiducial: {{source: simulated, range: 80.0e-6, seed: 1}}
 """
+
+
+def sites(order: str) -> str:
+    """40 of them: along x row by row, along y column by column, or anywhere."""
+    if order == "rows":
+        return (
+            "{grid: {origin: [-0.05, -0.05], pitch: [0.0143, 0.025], count: [8, 5], "
+            "order: serpentine}}"
+        )
+    if order == "columns":
+        y = [*range(8), *range(7, -1, -1)]
+        places = [(-0.05 + 0.025 * (i // 8), -0.05 + 0.0143 * y[i % 16]) for i in range(40)]
+    else:
+        places = np.random.default_rng(5).uniform(-0.06, 0.06, (40, 2)).tolist()
+    return "[" + ", ".join(f"[{x:.6f}, {y:.6f}]" for x, y in places) + "]"
 
 
 def drifting(machine: Machine, amplitude: float, time_constant: float) -> Machine:
@@ -52,7 +67,9 @@ def drifting(machine: Machine, amplitude: float, time_constant: float) -> Machin
     return parse_machine("\n".join(lines), "the truth")
 
 
-def run(machine: Machine, seed: int, amplitude: float, time_constant: float) -> list[list[float]]:
+def run(
+    machine: Machine, seed: int, amplitude: float, time_constant: float, order: str
+) -> list[list[float]]:
     """Relative error of the level and whether the axis slid, move by move."""
     rows: list[list[float]] = []
     stages: list[VirtualStage] = []
@@ -72,7 +89,7 @@ def run(machine: Machine, seed: int, amplitude: float, time_constant: float) -> 
 
     with tempfile.TemporaryDirectory() as folder:
         request = RunRequest(
-            recipe=parse_recipe(RECIPE, "inspection-40", machine),
+            recipe=parse_recipe(RECIPE.format(sites=sites(order)), "inspection-40", machine),
             machine=machine,
             truth=drifting(machine, amplitude, time_constant),
             bus=None,
@@ -95,13 +112,14 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--amplitude", type=float, default=0.3)
     parser.add_argument("--time", type=float, default=5.0, help="constant [s]")
+    parser.add_argument("--sites", choices=("rows", "columns", "anywhere"), default="rows")
     arguments = parser.parse_args()
     machine = load_machine(None)
     error, slid, accepted = np.array(
         [
             row
             for seed in range(1, arguments.seeds + 1)
-            for row in run(machine, seed, arguments.amplitude, arguments.time)
+            for row in run(machine, seed, arguments.amplitude, arguments.time, arguments.sites)
         ]
     ).T
     print(

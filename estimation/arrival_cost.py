@@ -22,19 +22,26 @@ KNOT_SPACING = 0.1
 @numba.njit(cache=True, error_model="numpy")
 def age(mean, covariance, elapsed, restless, constants, units, after, spread):  # type: ignore[no-untyped-def]
     """The belief one move later: the figures drifted, the level partly forgotten."""
-    keep = math.exp(-max(elapsed, 0.0) / constants[C_CORRELATION])
     for i in range(LEVEL + 1):
         after[i] = mean[i]
         for j in range(LEVEL + 1):
             spread[i, j] = covariance[i, j]
-    after[LEVEL] *= keep
     for i in range(LEVEL):
-        spread[i, LEVEL] *= keep
-        spread[LEVEL, i] *= keep
         spread[i, i] += units[F_DRIFT, i] ** 2
     spread[COULOMB, COULOMB] += restless * mean[COULOMB] ** 2
-    spread[LEVEL, LEVEL] *= keep * keep
-    spread[LEVEL, LEVEL] += (1.0 - keep * keep) * constants[C_WANDER] ** 2 + 1e-12
+    wander_on(after, spread, elapsed, constants)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def wander_on(mean, covariance, elapsed, constants):  # type: ignore[no-untyped-def]
+    """The level partly forgotten, as it is after so many seconds; changed in place."""
+    keep = math.exp(-max(elapsed, 0.0) / constants[C_CORRELATION])
+    mean[LEVEL] *= keep
+    for i in range(LEVEL):
+        covariance[i, LEVEL] *= keep
+        covariance[LEVEL, i] *= keep
+    covariance[LEVEL, LEVEL] *= keep * keep
+    covariance[LEVEL, LEVEL] += (1.0 - keep * keep) * constants[C_WANDER] ** 2 + 1e-12
 
 
 @numba.njit(cache=True, error_model="numpy")

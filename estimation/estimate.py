@@ -95,7 +95,7 @@ class Estimate:
 
     @property
     def expected(self) -> tuple[float, float]:
-        """Sliding level Fc (1 + w) believed before the move, and its sigma [N]."""
+        """Sliding level Fc (1 + w) at the move's end as expected before it, and its sigma [N]."""
         before, variance = self._result[U_SLIDING : U_SLIDING + 2].tolist()
         coulomb = self._start.coulomb
         return before * coulomb, math.sqrt(variance) * coulomb
@@ -163,10 +163,13 @@ class Estimate:
         return unit * float(self._result[U_MEAN + i]), unit * float(self._result[U_SPREAD + i])
 
 
-def sliding_shown(result: F64) -> tuple[float, float] | None:
-    """Sliding level as the move alone shows it (`Estimate.shown`), relative, and its variance."""
+def sliding_shown(result: F64, telling: float = TELLING) -> tuple[float, float] | None:
+    """Sliding level as the move alone shows it (`Estimate.shown`), relative, and its variance.
+
+    None where the move leaves more than the share `telling` of the variance before it.
+    """
     before, variance_before, after, variance = result[U_SLIDING : U_SLIDING + 4].tolist()
-    if not 0.0 < variance < TELLING * variance_before:
+    if not 0.0 < variance < telling * variance_before:
         return None
     share = variance_before / (variance_before - variance)
     value = before + (after - before) * share

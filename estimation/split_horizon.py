@@ -23,8 +23,8 @@ from estimation.estimate import Estimate, in_units, sliding_shown, spreads
 from estimation.gms import F64, Friction, FrictionState
 from estimation.move_solver import MoveSolver
 from estimation.preparation import FULL_SLIP
-from estimation.restlessness import Restlessness
 from estimation.settings import EstimatorSettings, MoveData
+from estimation.trend import Trend
 from estimation.update_tables import (
     ACCEPTED,
     F_UNIT,
@@ -43,6 +43,8 @@ __all__ = ["Estimate", "EstimatorSettings", "MoveData", "Preview", "SplitHorizon
 
 _LEARNED = 0.05
 """A level believed to this is not being learned any more: what it does then, the stage does."""
+_SAID = 0.98
+"""A move that leaves more than this of the level's variance says nothing of a trend either."""
 _FEW, _RECENT = 3, 15
 """After so many moves it is known what misfit is usual; of so many the last ones say it."""
 SURE = 0.15
@@ -97,8 +99,10 @@ class SplitHorizonEstimator:
         self._known = state is not None
         self._doubt = 0
         self._end: float | None = None
+        self._carried: float | None = None  # until when the Coulomb force has followed its trend
         self._rest: float | None = None
-        self._restless = Restlessness()
+        self._trend = Trend(settings.belief)
+        self._aged = 0.0
         self._misfits: deque[float] = deque(maxlen=_RECENT)
         self._frozen = frozen
         self._jump: F64 | None = None
@@ -154,7 +158,7 @@ class SplitHorizonEstimator:
             level: w at the end of the last move and its standard deviation, where it is known
                 better than from the moves of this axis.
         """
-        self._restless.calm()
+        self._trend.calm()
         factor = coulomb / self.friction.coulomb
         unit = self._start.coulomb
         self._belief.set_apart(COULOMB, coulomb / unit, sigma / unit)
@@ -169,7 +173,7 @@ class SplitHorizonEstimator:
         The figures stay; the level is forgotten.
         """
         self.state = self._end = self._rest = None
-        self._restless.calm()
+        self._trend.calm()
         self._known = False
         self._doubt = 0
         self._belief.set_apart(LEVEL, 0.0, self.settings.belief.wander)
@@ -180,6 +184,8 @@ class SplitHorizonEstimator:
         keep = math.exp(-elapsed / self.settings.belief.correlation_time)
         friction = self.friction
         level = 1.0 + keep * float(self._belief.mean[LEVEL])
+        if self._carried is not None:
+            level *= math.exp(self._trend.carry(self._carried, time)[0])
         return replace(friction, coulomb=friction.coulomb * level)
 
     def at_rest(self, position: float, force: float, time: float) -> FrictionState:
@@ -222,7 +228,7 @@ class SplitHorizonEstimator:
             if len(self._misfits) > _FEW:
                 self._solver.expect(sorted(self._misfits)[len(self._misfits) // 2])
             if not self._frozen:
-                self._watch(result, self._end - move.time)
+                self._watch(result, self._end)
         return Estimate(result, self._start, self.settings.mass, self.settings.period)
 
     def _followed(self, verdict: float, move: MoveData) -> bool:
@@ -244,17 +250,14 @@ class SplitHorizonEstimator:
         sigma = np.sqrt(self._belief.covariance.diagonal()) / self._belief.mean.clip(1e-9)
         return bool(sigma[COULOMB] < SURE and sigma[STIFFNESS] < SURE)
 
-    def _watch(self, result: F64, duration: float) -> None:
-        """Compare the level that a sound move showed with the one expected."""
+    def _watch(self, result: F64, time: float) -> None:
+        """Let the trend have the level that a sound move showed, unless that is still learned."""
         expected, variance = result.item(U_SLIDING), result.item(U_SLIDING + 1)
-        believed = variance / expected**2 - self._restless.variance
-        if believed >= _LEARNED**2:
+        if variance / expected**2 - self._aged >= _LEARNED**2:
             return
-        shown = sliding_shown(result)
+        shown = sliding_shown(result, _SAID)
         if shown is not None:
-            _, wandered = self.settings.belief.wander_variance(duration)
-            variance = believed + wandered + shown[1] / expected**2
-            self._restless.saw(shown[0] / expected - 1.0, variance)
+            self._trend.saw(time, shown[0], shown[1] / shown[0] ** 2)
 
     def preview(self, move: MoveData) -> Preview | None:
         """Solve zone A of a move that is not over; None where it says nothing sound yet.
@@ -283,10 +286,26 @@ class SplitHorizonEstimator:
     def _run(self, move: MoveData, state: FrictionState, known: bool, whole: bool) -> F64:
         """Learn from a move, unless it is not over (`whole`), and carry `state` to its end."""
         elapsed = -1.0 if self._end is None else move.time - self._end
+        mean = self._belief.mean
+        coulomb = mean.item(COULOMB)
+        end = move.time + (len(move.position) - 1) * self.settings.period
+        change, self._aged = 0.0, 0.0
+        if self._carried is not None:
+            change, self._aged = self._trend.carry(self._carried, end)
+        mean[COULOMB] = coulomb * math.exp(change)
         rest = math.nan if self._rest is None else self._rest
-        return self._solver.solve(
-            move, rest, elapsed, self._restless.variance, self._belief, state, known, whole
-        )
+        learned = False
+        try:
+            result = self._solver.solve(
+                move, rest, elapsed, self._aged, self._belief, state, known, whole
+            )
+            learned = whole and result.item(U_VERDICT) == ACCEPTED
+        finally:
+            if learned:
+                self._carried = end
+            else:  # what is in force stays; the trend goes on from where it was
+                mean[COULOMB] = coulomb
+        return result
 
     def _open_up(self, result: F64) -> None:
         """Sound moves in a row that jump the same way: the stage has changed.

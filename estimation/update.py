@@ -13,7 +13,7 @@ import math
 
 import numba
 
-from estimation.arrival_cost import age, knots_of
+from estimation.arrival_cost import age, knots_of, wander_on
 from estimation.belief import ALPHA, COULOMB, LEVEL, MASS, STIFFNESS
 from estimation.elements import (
     BY_COULOMB,
@@ -226,6 +226,11 @@ def learn(  # type: ignore[no-untyped-def]
                 masks[kind, 0 if not both else 2 if slide else 1], p, led, elements, chosen,
                 spare, scratch, result,
             )  # fmt: skip
+    # What was found holds at the move's end: so must what it is compared with.
+    duration = (count - 1) * constants[C_PERIOD]
+    wander_on(before, spread, duration, constants)
+    if not slide and not stick:
+        wander_on(found, uncertain, duration, constants)
     misfit = math.sqrt(result[R_CHI_B] if stick else result[R_CHI_A])
     # What is left between jolts of the drive is not free of them either.
     doubt = max(misfit, 1.0 / max(result[R_STEADY], MOSTLY) ** 2)
