@@ -60,9 +60,20 @@ MIN_SLIDE, MIN_STICK = 12, 6
 def clean(position, force, valid, rest, x, f, good):  # type: ignore[no-untyped-def]
     """Copy the samples; holes in the position are bridged by a straight line. Returns how many."""
     samples, usable, last = position.shape[0], 0, -1
-    # Two loops of few arrays, as a compiler sees through.
+    # Loops of few arrays, as a compiler sees through.
     for k in range(samples):
         x[k] = position[k]
+        usable += abs(position[k]) < math.inf
+    for k in range(samples):
+        f[k] = force[k]
+        usable += abs(force[k]) < math.inf
+    for k in range(samples):
+        good[k] = valid[k]
+        usable += valid[k]
+    if usable == 3 * samples:
+        return samples
+    usable = 0
+    for k in range(samples):
         good[k] = valid[k] and abs(position[k]) < math.inf
     for k in range(samples):
         sound = good[k] and abs(force[k]) < math.inf
@@ -136,36 +147,18 @@ def prepare(  # type: ignore[no-untyped-def]
         shares[n - 1] * (1.0 + mean[ALPHA]) * report[R_KNOWN] * n
         / (units[F_UNIT, STIFFNESS] * mean[STIFFNESS])
     )  # fmt: skip
-    mark_zones(position, velocity, heading, travel, constants[C_VS], zone)
-    slide = stick = seen = end = moving = shaken = 0
-    peak = constants[C_PEAK]
-    farthest = back = direction = 0.0
-    told, gone = state_known, position[0]
-    for k in range(count):
-        if valid[k]:
-            # How elements began to slip inside a hole nobody knows.
-            if k > 0 and not valid[k - 1] and abs(position[k] - gone) > HIDDEN * travel:
-                told = False
-            gone = position[k]
-        if abs(force[k + 1]) >= peak or upset[k + 1]:
-            usable[k] = False
-        seen += zone[k] == SLIDE
-        if zone[k] != REST:
-            end = k + 1
-            moving += 1
-            shaken += upset[k + 1] != 0
-        if zone[k] != SLIDE and not told and seen == 0:
-            usable[k] = False
-        if usable[k]:
-            slide += zone[k] == SLIDE
-            stick += zone[k] == STICK
-        if zone[k] == SLIDE:
-            direction, farthest, back = float(heading[k]), position[k + 1], 0.0
-        elif seen > 0:
-            along = (position[k + 1] - farthest) * direction
-            if along > 0.0:
-                farthest = position[k + 1]
-            back = max(back, -along)
+    mark_zones(position, velocity, heading, tables[T_UNTIL, :count], travel, constants[C_VS], zone)
+    _drop(force[1:], upset[1:], constants[C_PEAK], usable)
+    begun, end = 0, count
+    while begun < count and zone[begun] != SLIDE:
+        begun += 1
+    while end > 0 and zone[end - 1] == REST:
+        end -= 1
+    # An onset of which it is not known how it began says nothing.
+    for k in range(_lost(position, valid, HIDDEN * travel) if state_known else 0, begun):
+        usable[k] = False
+    back = 0.0 if state_known else _way_back(position, heading, zone, begun)
+    slide, stick, moving, shaken = _tally(zone, usable, upset[1:])
     report[R_SLIDE] = slide if slide >= MIN_SLIDE else 0.0
     report[R_STICK] = stick if zone_b and stick >= MIN_STICK else 0.0
     report[R_BOUND] = -1.0
@@ -174,3 +167,58 @@ def prepare(  # type: ignore[no-untyped-def]
     report[R_TOLD] = state_known or back >= TOLD * travel
     report[R_FAR] = abs(position[count + 1] - position[0]) > FULL_SLIP * travel
     report[R_END] = min(count, end + int(REST_AFTER / period + 0.5))
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _drop(force, upset, peak, usable):  # type: ignore[no-untyped-def]
+    """Leave out samples whose force is saturated or upset."""
+    for k in range(usable.shape[0]):
+        usable[k] &= abs(force[k]) < peak
+    for k in range(usable.shape[0]):
+        usable[k] &= upset[k] == 0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _lost(position, valid, least):  # type: ignore[no-untyped-def]
+    """The sample behind the first hole in which the motion goes so far; how many where none does.
+
+    How elements began to slip inside it nobody knows.
+    """
+    sound, count = valid.shape[0] - valid.shape[0], position.shape[0] - 2
+    for k in range(count):
+        sound += valid[k] != 0
+    gone = position[0]
+    for k in range(count if sound < count else 0):
+        if valid[k]:
+            if k > 0 and not valid[k - 1] and abs(position[k] - gone) > least:
+                return k
+            gone = position[k]
+    return count
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _way_back(position, heading, zone, begun):  # type: ignore[no-untyped-def]
+    """How far the motion goes back behind zone A [m]."""
+    farthest = back = direction = 0.0
+    for k in range(begun, zone.shape[0]):
+        if zone[k] == SLIDE:
+            direction, farthest, back = float(heading[k]), position[k + 1], 0.0
+        else:
+            along = (position[k + 1] - farthest) * direction
+            if along > 0.0:
+                farthest = position[k + 1]
+            back = max(back, -along)
+    return back
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _tally(zone, usable, upset):  # type: ignore[no-untyped-def]
+    """Usable samples of zone A and of the stick zones; samples that move, and upset ones."""
+    slide = stick = moving = shaken = 0
+    for k in range(zone.shape[0]):
+        slide += (zone[k] == SLIDE) & (usable[k] != 0)
+        stick += (zone[k] == STICK) & (usable[k] != 0)
+    for k in range(zone.shape[0]):
+        moving += zone[k] != REST
+        shaken += (zone[k] != REST) & (upset[k] != 0)
+    return slide, stick, moving, shaken

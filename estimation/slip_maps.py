@@ -36,10 +36,22 @@ def map_samples(begin_at, end, direction, kept, rate, alpha, shape, period, tabl
     """What each sample does to the force of all elements while they slip."""
     vs, fast = shape[0], shape[0] * FAR_ABOVE ** (1.0 / shape[1])
     velocity, decays, goals = tables[T_VELOCITY], tables[T_DECAY], tables[T_GOAL]
-    for k in range(begin_at, end):
+    # Far above the Stribeck velocity the curve is 1: mostly that is one run, filled at once.
+    first, last = begin_at, end
+    while first < end and not _lowest(velocity, first, direction) > fast:
+        first += 1
+    while last > first and not _lowest(velocity, last - 1, direction) > fast:
+        last -= 1
+    if _slow(velocity[max(first - 1, 0) : last], direction, fast) > 0:
+        last = first
+    _fill_run(
+        kept, direction * (1.0 - kept), decays[first:last], goals[first:last], ready[first:last]
+    )
+    for at in range(begin_at, end - (last - first)):
+        k = at if at < first else at + (last - first)
         if ready[k] & MAPPED:
             continue
-        lowest = min(velocity[max(k - 1, 0)] * direction, velocity[k] * direction)
+        lowest = _lowest(velocity, k, direction)
         ready[k] |= MAPPED
         if lowest > fast:  # the curve is 1 there
             decays[k], goals[k] = kept, direction * (1.0 - kept)
@@ -54,6 +66,31 @@ def map_samples(begin_at, end, direction, kept, rate, alpha, shape, period, tabl
             goal = limit + (goal - limit) * part
             decay *= part
         decays[k], goals[k] = decay, goal
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _lowest(velocity, k, direction):  # type: ignore[no-untyped-def]
+    """Least speed from the sample before to this one."""
+    return min(velocity[max(k - 1, 0)] * direction, velocity[k] * direction)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _slow(velocity, direction, fast):  # type: ignore[no-untyped-def]
+    """How many samples are not above a speed."""
+    count = 0
+    for j in range(velocity.shape[0]):
+        count += not velocity[j] * direction > fast
+    return count
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _fill_run(decay, goal, decays, goals, ready):  # type: ignore[no-untyped-def]
+    """The map of samples that are all far above the Stribeck velocity."""
+    for j in range(decays.shape[0]):
+        decays[j] = decay
+        goals[j] = goal
+    for j in range(ready.shape[0]):
+        ready[j] |= MAPPED | FAST
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -108,10 +145,11 @@ def _decay(x):  # type: ignore[no-untyped-def]
     """exp(-x); what is small, as it mostly is, by its series: exact, and quicker."""
     if x > 0.05:
         return math.exp(-x)
-    total = 1.0
-    for j in range(8, 0, -1):
-        total = 1.0 - total * (x * (1.0 / j))
-    return total
+    # In pairs that do not wait for each other.
+    square = x * x
+    low = (1.0 - x) + (1.0 / 2.0 - 1.0 / 6.0 * x) * square
+    high = (1.0 / 24.0 - 1.0 / 120.0 * x) + (1.0 / 720.0 - 1.0 / 5040.0 * x) * square
+    return low + square * square * high
 
 
 @numba.njit(cache=True, error_model="numpy")

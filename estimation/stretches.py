@@ -70,6 +70,9 @@ def spring(  # type: ignore[no-untyped-def]
     origin, at = position[k], k
     while at < end and (position[at + 1] - origin) * direction < room:
         at += 1
+    elements[SHARES, n] = -1.0
+    if at == k:
+        return at
     if record:
         total, by_stiffness = elements[FORCE, n], elements[BY_STIFFNESS, n]
         by_coulomb, by_rest = elements[BY_COULOMB, n], elements[BY_REST, n]
@@ -87,7 +90,6 @@ def spring(  # type: ignore[no-untyped-def]
         for j in range(k, at):
             columns[RATE, j] = elements[BY_RATE, n]
             columns[ALPHA, j] = elements[BY_ALPHA, n]
-    elements[SHARES, n] = -1.0
     stretched = position[at] - origin
     elements[FORCE, n] += n * stiffness * stretched
     elements[BY_STIFFNESS, n] += stretched
@@ -164,11 +166,41 @@ def slip(  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _follow_on(decays, goals, kept, gained):  # type: ignore[no-untyped-def]
     """What samples do to a force together, up to each of them."""
-    whole, new = 1.0, 0.0
+    # Four parts side by side, as every step waits for the one before; then joined.
+    part = kept.shape[0] // 4
+    a, b, c, d = decays[:part], decays[part:], decays[2 * part :], decays[3 * part :]
+    to_a, to_b, to_c, to_d = goals[:part], goals[part:], goals[2 * part :], goals[3 * part :]
+    kept_a, kept_b, kept_c, kept_d = kept[:part], kept[part:], kept[2 * part :], kept[3 * part :]
+    gained_a, gained_b = gained[:part], gained[part:]
+    gained_c, gained_d = gained[2 * part :], gained[3 * part :]
+    whole_a = whole_b = whole_c = whole_d = 1.0
+    new_a = new_b = new_c = new_d = 0.0
+    for j in range(part):
+        whole_a *= a[j]
+        whole_b *= b[j]
+        whole_c *= c[j]
+        whole_d *= d[j]
+        new_a = a[j] * new_a + to_a[j]
+        new_b = b[j] * new_b + to_b[j]
+        new_c = c[j] * new_c + to_c[j]
+        new_d = d[j] * new_d + to_d[j]
+        kept_a[j], kept_b[j], kept_c[j], kept_d[j] = whole_a, whole_b, whole_c, whole_d
+        gained_a[j], gained_b[j], gained_c[j], gained_d[j] = new_a, new_b, new_c, new_d
+    for j in range(4 * part, kept.shape[0]):
+        whole_d *= decays[j]
+        new_d = decays[j] * new_d + goals[j]
+        kept[j], gained[j] = whole_d, new_d
+    for begin_at in range(part, 4 * part, max(part, 1)):
+        end = begin_at + part if begin_at < 3 * part else kept.shape[0]
+        _behind(kept[begin_at - 1], gained[begin_at - 1], kept[begin_at:end], gained[begin_at:end])
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _behind(whole, new, kept, gained):  # type: ignore[no-untyped-def]
+    """The same behind other samples."""
     for j in range(kept.shape[0]):
-        whole *= decays[j]
-        new = decays[j] * new + goals[j]
-        kept[j], gained[j] = whole, new
+        gained[j] += kept[j] * new
+        kept[j] *= whole
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract"})

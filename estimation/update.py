@@ -158,10 +158,12 @@ def begin_update(  # type: ignore[no-untyped-def]
         )
     result[R_STEP], result[R_KNOWN], result[R_REST_FORCE] = step, known, rest_force
     prepare(constants, units, shares, before, state_known, whole, tables, marks, result)
-    for k in range(samples - 2):
-        marks[M_READY, k] = 0
-        if marks[M_HEADING, k] != 0:
-            memory[0] = marks[M_HEADING, k]
+    marks[M_READY] = 0
+    k = samples - 3
+    while k >= 0 and marks[M_HEADING, k] == 0:
+        k -= 1
+    if k >= 0:
+        memory[0] = marks[M_HEADING, k]
     memory[1] = tables[T_POSITION, samples - 2]
     for i in range(KNOTS + MOST_KNOTS):
         beliefs[B_UNKNOWNS + i] = before[i] if i < LEVEL else 0.0

@@ -40,6 +40,9 @@ FAR_LONGER = 5.0
 SLIP_VELOCITIES = 4.0
 """... and above so many Stribeck velocities."""
 
+BLOCK = 32
+"""So many samples are looked at together for something to see in them."""
+
 REST, STICK, SLIDE = 0, 1, 2
 """Zone codes: at rest; onset or zone B; zone A."""
 
@@ -65,9 +68,12 @@ def split(
     valid = np.ones(len(position), dtype=np.bool_)
     differences(position, valid, period, velocity, np.empty(count), np.empty(count, dtype=np.bool_))
     find_turns(position, noise, heading, share, at, sharp)
+    until = np.empty(count)
+    find_stretches(heading, share, until)
     mark_zones(
-        position, velocity, heading, friction.breakaway_travel, friction.stribeck_velocity, zone
-    )
+        position, velocity, heading, until, friction.breakaway_travel, friction.stribeck_velocity,
+        zone,
+    )  # fmt: skip
     return zone
 
 
@@ -117,6 +123,12 @@ def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[
     since = first  # first sample of this direction
     i = first - 1
     while i < stop:
+        if turned == i:  # where it goes on fast there is nothing to see
+            while i + BLOCK + PAUSE <= stop and _goes_on(
+                position[i : i + BLOCK + PAUSE + 1], direction, creep
+            ):
+                i += BLOCK
+            turned, extreme = i, position[i]
         i += 1
         if (
             i > since
@@ -157,15 +169,24 @@ def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _goes_on(position, direction, least):  # type: ignore[no-untyped-def]
+    """Whether every step is one forward by more than `least`."""
+    slow = 0
+    for j in range(position.shape[0] - 1):
+        slow += not (position[j + 1] - position[j]) * direction > least
+    return slow == 0
+
+
+@numba.njit(cache=True, error_model="numpy")
 def find_stretches(heading, share, until):  # type: ignore[no-untyped-def]
     """Fill for each inner sample the first one from it on that turns, or goes another way."""
-    count = heading.shape[0]
-    reached = count
-    for k in range(count - 1, -1, -1):
-        if k + 1 < count and (heading[k + 1] != heading[k] or share[k + 1] >= 0.0):
-            reached = k + 1
+    last = heading.shape[0] - 1
+    reached, way = float(last + 1), heading[last]
+    for k in range(last, -1, -1):
+        if heading[k] != way:
+            reached, way = k + 1.0, heading[k]
         if share[k] >= 0.0:
-            reached = k
+            reached = float(k)
         until[k] = reached
 
 
@@ -207,8 +228,11 @@ def _vertex(position, turned, direction, noise, share, at, sharpness):  # type: 
 
 
 @numba.njit(cache=True, error_model="numpy")
-def mark_zones(position, velocity, heading, breakaway, stribeck_velocity, zone):  # type: ignore[no-untyped-def]
-    """Fill the zone codes; `breakaway` is the travel after which all elements slip [m]."""
+def mark_zones(position, velocity, heading, until, breakaway, stribeck_velocity, zone):  # type: ignore[no-untyped-def]
+    """Fill the zone codes; `breakaway` is the travel after which all elements slip [m].
+
+    `until` is that of `find_stretches`.
+    """
     count = velocity.shape[0]
     # The first way in one direction, unless a later one is far longer: that was noise, or a kick.
     first = turned = k = 0
@@ -216,7 +240,7 @@ def mark_zones(position, velocity, heading, breakaway, stribeck_velocity, zone):
     while k < count:
         start, k = k, k + 1
         while k < count and heading[k] == heading[start]:
-            k += 1
+            k = max(k + 1, int(until[k]))
         along = (position[k] - position[start]) * heading[start]
         if along > FAR_LONGER * farthest and heading[start] != 0:
             first, turned, farthest = start, k, along
@@ -225,7 +249,16 @@ def mark_zones(position, velocity, heading, breakaway, stribeck_velocity, zone):
     travel = max(min(SLIP_MARGIN * breakaway, SLIP_PART * farthest), 1.1 * breakaway)
     for k in range(count):
         zone[k] = STICK if heading[k] != 0 else REST
-    for k in range(first, turned):
-        along = (position[k + 1] - origin) * heading[first]
-        if along > travel and velocity[k] * heading[first] > SLIP_VELOCITIES * stribeck_velocity:
-            zone[k] = SLIDE
+    if heading[first] != 0:
+        _mark_slide(
+            position[first + 1 : turned + 1], velocity[first:turned], float(heading[first]), origin,
+            travel, SLIP_VELOCITIES * stribeck_velocity, zone[first:turned],
+        )  # fmt: skip
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _mark_slide(position, velocity, direction, origin, travel, speed, zone):  # type: ignore[no-untyped-def]
+    """Where a motion is past `travel` and faster than `speed`."""
+    for k in range(zone.shape[0]):
+        far = (position[k] - origin) * direction > travel
+        zone[k] = SLIDE if far and velocity[k] * direction > speed else STICK
