@@ -277,6 +277,13 @@ def is_level(term: Term, axis: AxisSettings) -> bool:
     return courses or ports.coulomb != 1.0
 
 
+def is_course(term: Term, axis: AxisSettings) -> bool:
+    """Whether an effect is a Coulomb level that changes with time."""
+    ports = EffectPorts(axis, 1e-3, 1.0)
+    term.effect.apply(ports, term.mapping())
+    return bool(ports.decays) or ports.time_coulomb is not None
+
+
 _PLAIN = ("mass", "coulomb", "viscous", "stiffness", "static_ratio")
 """Ports that are figures of the plant."""
 

@@ -94,8 +94,10 @@ def causes_of(
             )
             for entry, s in zip(entries, spread, strict=True)
         }
-        may_be_none = any(_may_be_none(entry, figures, problem.axis) for entry in entries)
-        if may_be_none or implausible(term, problem.axis) > _STRANGE:
+        # In another shape it is seen in the closed loop, whatever its innovations' sigma.
+        bent = term.name in found.repeats and found.repeats[term.name].departs
+        none = not bent and any(_may_be_none(entry, figures, problem.axis) for entry in entries)
+        if none or implausible(term, problem.axis) > _STRANGE:
             probability = min(probability, _DOUBTED)
         if is_level(term, problem.axis) and any(_vague(entry, figures) for entry in entries):
             probability = min(probability, _VAGUE)
@@ -193,10 +195,13 @@ def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
     rest = tuple(sorted(n for n in names if n != effect))
     reached = [r for r in found.rivals if set(r.model.names()) == set(names)] or found.rivals[:1]
     least = min(score(problem, r, _SIMPLER) for r in reached)
+    # Of models that all leave structure, innovations do not tell the likelier one: the loop does.
+    bent = effect in found.repeats and found.repeats[effect].departs
+    widest = min(r.gap for r in reached) if bent else math.inf
     weight, rivals = 0.0, []
     for rival in found.rivals:
         others = tuple(sorted(rival.model.names()))
-        if effect in others:
+        if effect in others or rival.gap > widest:
             continue
         worse = score(problem, rival, _SIMPLER) - least
         swapped = [n for n in others if n not in rest]

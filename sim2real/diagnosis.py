@@ -44,7 +44,7 @@ from sim2real.report import (
     NextExperiment,
 )
 from sim2real.search import AxisSearch, beside, search, sets_of
-from sim2real.shape import repeats
+from sim2real.shape import nearest, repeats
 from sim2real.tracking import Tracker, needs_other_axes
 
 F64 = NDArray[np.float64]
@@ -132,9 +132,16 @@ def diagnose(
         found.repeats = repeats(found.problem, model, library, partial(looped, name), profile)
 
     def suspected(name: str) -> None:
-        single = sets_of(searches[name].rivals, 1)[:1]
-        if single and not searches[name].whole:
-            repeated(name, single[0].model)
+        found = searches[name]
+        single = sets_of(found.rivals, 1)[:1]
+        if not single or found.whole:
+            return
+        repeated(name, single[0].model)
+        for repeat in found.repeats.values():
+            if repeat.departs:
+                loop = partial(looped, name)
+                model = nearest(single[0].model, repeat, found.problem.axis, loop)
+                found.reshaped(single[0], model, loop(model))
 
     library = {name: effect for name, effect in library.items() if effect.searched}
     with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:

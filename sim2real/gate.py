@@ -40,9 +40,11 @@ def gate(
             if found.whole
             else _closing(name, found, models, measured, settings)
         )
-        if best.names() != found.best.model.names():
+        alone = partial(_alone, name, models, measured, settings)
+        same = best.names() == found.best.model.names()
+        if not same or alone(best) < alone(found.best.model):
             problem = found.problem.finer() if best.terms else found.problem
-            found.best = _settled(problem, best, partial(_alone, name, models, measured, settings))
+            found.best = _settled(problem, best, alone)
         models[name] = found.best.model
         before = axis_gap(name, {**models, name: found.problem.start}, measured, settings)
         after = _gap(name, found, models, measured, settings)

@@ -104,6 +104,13 @@ class AxisSearch:
     scanned: dict[str, float] = field(default_factory=dict)
     signatures: dict[str, F64] = field(default_factory=dict)
 
+    def reshaped(self, rival: Rival, model: AxisModel, gap: float) -> None:
+        """Set a model of the same effects beside a rival."""
+        residual = self.problem.attempted(model)
+        cost = self.problem.cost(model, residual)
+        at = self.rivals.index(rival)
+        self.rivals.insert(at, Rival(Fitted(model, cost, residual, None, 1), gap))
+
 
 def score(problem: AxisProblem, rival: Rival, each: float = _OCCAM) -> float:
     """What is to be least: the cost of the innovations and of the closed-loop gap.

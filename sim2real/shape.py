@@ -11,13 +11,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
 from hil_sim.effects.effect import Effect, Parameter
 from hil_sim.settings import AxisSettings
-from sim2real.axis_model import AxisModel, Term, coordinates
+from sim2real.axis_model import AxisModel, Term, coordinates, is_course
 from sim2real.axis_problem import AxisProblem, Fitted
 from sim2real.closed_loop import SIGNALS
 from sim2real.fit import fit
 from sim2real.scan import Scanner
+
+F64 = NDArray[np.float64]
 
 _HARMONICS, _FUNDAMENTAL = (2.0, 3.0), 0.5
 """Harmonics that are tried of what is periodic; and what was found may be the second itself."""
@@ -25,8 +31,16 @@ _HARMONICS, _FUNDAMENTAL = (2.0, 3.0), 0.5
 _LEAST_GAIN, _MOST = 100.0, 0.5
 """Cost that a repeat must save, and the share of what is left (of the closed-loop gap, too), for an
 effect to depart."""
+_COURSE = 15.0
+"""The same for a course of the Coulomb level over time, which a filter follows and friction's
+wander hides: true ones save up to 9 if the gap does not open."""
 _CLOSED = 3.0 * SIGNALS
 """Squared closed-loop gap over floor of an axis that asks for nothing more."""
+_TRIES, _NEAR = 60, 0.02
+"""Closed loops that a search for the nearest effect may take, and where it may end: logarithm of
+the gap, and coordinates."""
+_FIRST, _LEAST_FIRST = 0.1, 0.05
+"""Its first steps, of each coordinate, and the least of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +53,8 @@ class Repeat:
             take up; 0 where the effect is none.
         excess: cost beyond what noise would have, before.
         gap, before: squared closed-loop gap over floor with it and without.
+        model: with it.
+        course: whether the effect is a course of the Coulomb level over time.
     """
 
     gain: float
@@ -46,6 +62,8 @@ class Repeat:
     excess: float
     gap: float
     before: float
+    model: AxisModel
+    course: bool = False
 
     @property
     def closes(self) -> bool:
@@ -56,6 +74,8 @@ class Repeat:
     def departs(self) -> bool:
         """Whether the repeat takes up most of what is left, which is more than chance."""
         if self.profile > _MOST and self.before > _CLOSED:
+            return True
+        if self.course and self.gain > _COURSE and self.gap < self.before:
             return True
         return self.closes and self.gain > max(_LEAST_GAIN, _MOST * self.excess)
 
@@ -100,6 +120,8 @@ def repeats(
             found.cost - problem.expected(),
             loop(best.model),
             loop(found.model),
+            best.model,
+            is_course(term, problem.axis),
         )
         out[term.name] = repeat
         if repeat.closes and repeat.gain > _LEAST_GAIN and not repeat.departs:
@@ -125,7 +147,53 @@ def _farther(
     before = problem.recosted(found).cost
     gain, excess = before - again.cost, before - problem.expected()
     problem.outlier = wide
-    return replace(repeat, gain=gain, excess=excess, gap=loop(again.model))
+    return replace(repeat, gain=gain, excess=excess, gap=loop(again.model), model=again.model)
+
+
+def nearest(
+    model: AxisModel, repeat: Repeat, axis: AxisSettings, loop: Callable[[AxisModel], float]
+) -> AxisModel:
+    """The one effect of its kind that comes nearest to one in another shape, in the closed loop.
+
+    Innovations that an effect cannot take up bend it: a bell in place of a stretch ends half as
+    high, a wave in place of two at the lesser one's pitch.
+
+    Args:
+        model: with the effect alone.
+        repeat: of it.
+        axis: of the machine file.
+        loop: squared closed-loop gap of the axis under a model.
+    """
+    own = model.terms[0]
+    alone = [model, *(replace(repeat.model, terms=(t,)) for t in repeat.model.terms)]
+    alone = [each for each in alone if each.names() == (own.name,)]
+    start = min(alone, key=loop)
+    entries = coordinates(own.effect, axis)
+
+    def at(where: F64) -> AxisModel:
+        values = tuple(e.outward(float(w)) for e, w in zip(entries, where, strict=True))
+        return replace(start, terms=(Term(own.effect, values),))
+
+    def gap(where: F64) -> float:
+        try:
+            return float(np.log(loop(at(where))))
+        except ValueError:  # not possible
+            return np.inf
+
+    first = np.array([e.inward(v) for e, v in zip(entries, start.terms[0].values, strict=True)])
+    steps = np.diag(np.maximum(_FIRST * np.abs(first), _LEAST_FIRST))
+    found = minimize(
+        gap,
+        first,
+        method="Nelder-Mead",
+        options={
+            "maxfev": _TRIES,
+            "initial_simplex": np.vstack([first, first + steps]),
+            "xatol": _NEAR,
+            "fatol": _NEAR,
+        },
+    )
+    return at(found.x)
 
 
 def _again(
