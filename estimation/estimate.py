@@ -40,7 +40,7 @@ class Estimate:
     """What one move said.
 
     Args:
-        result: of `update.learn`; kept.
+        result: of `update.update_move`; kept.
         start: model that the figures are relative to.
         mass: that the apparent mass is relative to [kg].
         period: of the samples [s].

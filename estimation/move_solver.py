@@ -1,4 +1,4 @@
-"""The compiled calls of one update, on arrays that are kept for the next."""
+"""The compiled call of one update, on arrays that are kept for the next."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from estimation.belief import RATE, STIFFNESS, Belief
 from estimation.gms import F64, Friction, FrictionState, element_shares
 from estimation.move_tables import floats_for, marks_for
 from estimation.settings import EstimatorSettings, MoveData
-from estimation.update import begin_update, learn
-from estimation.update_tables import BELIEFS, C_TYPICAL, UPDATE_SIZE
+from estimation.update import UNEQUAL, update_move
+from estimation.update_tables import AXIS, BELIEFS, C_TYPICAL, CONSTANTS, UPDATE_SIZE
 
 _LEAST_ROOM, _MANY_ELEMENTS = 512, 16
 _rooms: list[_Room] = []
@@ -23,13 +23,12 @@ _NONE = np.zeros(0, np.bool_)
 class _Room:
     """Arrays for a move of so many samples or fewer."""
 
-    __slots__ = ("beliefs", "elements", "floats", "marks", "samples")
+    __slots__ = ("elements", "floats", "marks", "samples")
 
     def __init__(self, samples: int, elements: int) -> None:
         self.samples, self.elements = samples, elements
-        self.floats: F64 = np.empty(floats_for(samples, elements))
+        self.floats: F64 = np.empty(BELIEFS + floats_for(samples, elements))
         self.marks: NDArray[np.int8] = np.empty(marks_for(samples), np.int8)
-        self.beliefs: F64 = np.empty(BELIEFS)
 
 
 def _room_for(samples: int, elements: int) -> _Room:
@@ -53,18 +52,19 @@ class MoveSolver:
     """
 
     def __init__(self, friction: Friction, settings: EstimatorSettings, frozen: bool) -> None:
-        # What the kernels take, made once.
-        self.units = settings.units(friction)
-        self._constants = settings.constants(friction)
+        # What the kernel takes, made once.
+        units, shares = settings.units(friction), element_shares(friction.elements)
+        self._axis = np.concatenate([settings.constants(friction), units.ravel(), shares])
+        self.units = self._axis[CONSTANTS:AXIS].reshape(units.shape)
         usual = settings.masks(frozen)
         self._masks = np.stack([usual, usual, usual])
         self._masks[1, :, RATE] = False  # moves that do not go far
         self._masks[2, :, STIFFNESS] = False  # those that settle at once
-        self._shares = element_shares(friction.elements).copy()
+        self._elements = friction.elements
 
     def expect(self, misfit: float) -> None:
         """The misfit that this axis' moves usually have; until the first call anything is usual."""
-        self._constants[C_TYPICAL] = misfit
+        self._axis[C_TYPICAL] = misfit
 
     def solve(
         self,
@@ -76,7 +76,7 @@ class MoveSolver:
         state: FrictionState,
         known: bool,
         whole: bool,
-    ) -> F64:
+    ) -> tuple[F64, int]:
         """Learn from a move and carry the friction state to its end.
 
         Args:
@@ -90,31 +90,24 @@ class MoveSolver:
             whole: False for a move that is not over: zone A only, belief stays.
 
         Returns:
-            What it left, see `update`.
+            What it left, see `update_tables`, and the verdict.
 
         Raises:
             ValueError: shapes that differ, or fewer than three valid samples.
         """
-        position, force, valid = move.position, move.force, move.valid
-        samples = len(position)
         upset = _NONE if move.upset is None else move.upset
-        if not len(force) == len(valid) == samples or len(upset) not in (0, samples):
-            raise ValueError("position, force and valid must have the same length")
-        constants, units, shares = self._constants, self.units, self._shares
-        room, result = _room_for(samples, len(shares)), np.empty(UPDATE_SIZE)
-        mean, covariance, forces = belief.mean, belief.covariance, state.forces
-        beliefs, floats, marks = room.beliefs, room.floats, room.marks
-        counted = begin_update(
-            position, force, valid, upset, rest, move.rest_force, elapsed, restless, known, whole,
-            constants, units, shares, mean, covariance, forces, state.memory, beliefs, floats,
-            marks, result,
+        room = _room_for(len(move.position), self._elements)
+        result = np.empty(UPDATE_SIZE)
+        verdict: int = update_move(
+            move.position, move.force, move.valid, upset, rest, move.rest_force, elapsed, restless,
+            known, whole, self._axis, self._masks, belief.mean, belief.covariance, state.forces,
+            state.slipping, state.memory, room.floats, room.marks, result,
         )  # fmt: skip
-        if counted >= 3:
-            learn(
-                samples, whole, constants, units, shares, self._masks, mean, covariance, forces,
-                state.slipping, beliefs, floats, marks, result,
-            )  # fmt: skip
         _rooms.append(room)
-        if counted < 3:
-            raise ValueError("fewer than three valid samples")
-        return result
+        if verdict < 0:
+            raise ValueError(
+                "position, force and valid must have the same length"
+                if verdict == UNEQUAL
+                else "fewer than three valid samples"
+            )
+        return result, verdict

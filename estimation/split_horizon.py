@@ -36,7 +36,6 @@ from estimation.update_tables import (
     U_MEAN,
     U_MISFIT,
     U_SLIDING,
-    U_VERDICT,
 )
 
 __all__ = ["Estimate", "EstimatorSettings", "MoveData", "Preview", "SplitHorizonEstimator"]
@@ -214,30 +213,31 @@ class SplitHorizonEstimator:
             state = self.state = FrictionState.relaxed(self._start.elements)
         # An onset of which the beginning is not known says nothing.
         begun = self._rest is not None or (len(move.valid) > 0 and bool(move.valid[0]))
-        result = self._run(move, state, self._known and begun, True)
-        verdict = result.item(U_VERDICT)
+        end = move.time + (len(move.position) - 1) * self.settings.period
+        result, verdict = self._run(move, state, self._known and begun, True, end)
+        self._end, self._rest = end, None
         if verdict == ACCEPTED:
-            self._jumps = 0
-        elif verdict == JUMP:
-            self._open_up(result)
-        self._end = move.time + (len(move.position) - 1) * self.settings.period
-        self._known = self._followed(verdict, move)
-        self._rest = None
-        if verdict == ACCEPTED:
-            self._misfits.append(result.item(U_MISFIT))
-            if len(self._misfits) > _FEW:
-                self._solver.expect(sorted(self._misfits)[len(self._misfits) // 2])
+            self._jumps = self._doubt = 0
+            self._known = True
+            misfits = self._misfits
+            misfits.append(result.item(U_MISFIT))
+            if len(misfits) > _FEW:
+                self._solver.expect(sorted(misfits)[len(misfits) // 2])
             if not self._frozen:
-                self._watch(result, self._end)
+                self._watch(result, end)
+        else:
+            if verdict == JUMP:
+                self._open_up(result)
+            self._known = self._followed(verdict, move)
         return Estimate(result, self._start, self.settings.mass, self.settings.period)
 
-    def _followed(self, verdict: float, move: MoveData) -> bool:
-        """Whether the elements' forces are known behind a move.
+    def _followed(self, verdict: int, move: MoveData) -> bool:
+        """Whether the elements' forces are known behind a move that was refused.
 
-        Followed through one that was refused with figures that are wrong, they end up wrong, until
-        a move is learned from, or some that reach far enough have been followed without harm.
+        Followed through one with figures that are wrong, they end up wrong, until a move is learned
+        from, or some that reach far enough have been followed without harm.
         """
-        if self._frozen or verdict == ACCEPTED or self._sure():
+        if self._frozen or self._sure():
             self._doubt = 0
         elif verdict != STILL:
             self._doubt = self.settings.patience + 1
@@ -271,8 +271,9 @@ class SplitHorizonEstimator:
         if self.state is None:
             return None
         state = self.state.copy()
-        result = self._run(move, state, False, False)
-        if result[U_VERDICT] != ACCEPTED or result[R_SLIDE] <= 0.0:
+        end = move.time + (len(move.position) - 1) * self.settings.period
+        result, verdict = self._run(move, state, False, False, end)
+        if verdict != ACCEPTED or result[R_SLIDE] <= 0.0:
             return None
         model = model_at(self._start, result[U_MEAN : U_MEAN + LEVEL])
         model = replace(model, coulomb=model.coulomb * float(result[U_LEVEL]))
@@ -283,29 +284,32 @@ class SplitHorizonEstimator:
         ) - 1.0
         return Preview(model, state, change)
 
-    def _run(self, move: MoveData, state: FrictionState, known: bool, whole: bool) -> F64:
+    def _run(
+        self, move: MoveData, state: FrictionState, known: bool, whole: bool, end: float
+    ) -> tuple[F64, int]:
         """Learn from a move, unless it is not over (`whole`), and carry `state` to its end."""
         elapsed = -1.0 if self._end is None else move.time - self._end
-        mean = self._belief.mean
-        coulomb = mean.item(COULOMB)
-        end = move.time + (len(move.position) - 1) * self.settings.period
-        change, self._aged = 0.0, 0.0
-        if self._carried is not None:
-            change, self._aged = self._trend.carry(self._carried, end)
-        mean[COULOMB] = coulomb * math.exp(change)
         rest = math.nan if self._rest is None else self._rest
-        learned = False
-        try:
-            result = self._solver.solve(
-                move, rest, elapsed, self._aged, self._belief, state, known, whole
-            )
-            learned = whole and result.item(U_VERDICT) == ACCEPTED
-        finally:
-            if learned:
-                self._carried = end
-            else:  # what is in force stays; the trend goes on from where it was
-                mean[COULOMB] = coulomb
-        return result
+        belief, solve = self._belief, self._solver.solve
+        if self._carried is None:
+            self._aged = 0.0
+            result, verdict = solve(move, rest, elapsed, 0.0, belief, state, known, whole)
+        else:
+            change, self._aged = self._trend.carry(self._carried, end)
+            coulomb = belief.mean.item(COULOMB)
+            belief.mean[COULOMB] = coulomb * math.exp(change)
+            verdict = STILL
+            try:
+                result, verdict = solve(
+                    move, rest, elapsed, self._aged, belief, state, known, whole
+                )
+            finally:
+                # Else what is in force stays; the trend goes on from where it was.
+                if not whole or verdict != ACCEPTED:
+                    belief.mean[COULOMB] = coulomb
+        if whole and verdict == ACCEPTED:
+            self._carried = end
+        return result, verdict
 
     def _open_up(self, result: F64) -> None:
         """Sound moves in a row that jump the same way: the stage has changed.

@@ -1,10 +1,9 @@
 """From the samples of a move to a verdict, compiled.
 
-`begin_update` cleans the samples, ages the belief, takes the force at rest as the sum of the
-element forces, finds the zones. `learn` solves them (`window.fit`, once or twice), has `judgement`
-decide what is believed, and carries the friction state on. Two calls, not one: a compiled function
-carries all that it calls inside itself, and everything in it is compiled anew with it. What they
-work on comes in few arrays, cut up inside: each argument of a compiled call costs time.
+The samples are cleaned, the belief aged, the force at rest taken as the sum of the element forces,
+the zones found (`preparation`) and solved (`window.fit`, once or twice); `judgement` decides what
+is believed, and the friction state is carried on. All that is one compiled call on few arrays, cut
+up inside: each argument of one costs time.
 """
 
 from __future__ import annotations
@@ -42,6 +41,7 @@ from estimation.preparation import clean, prepare, rounding_step
 from estimation.rows import lead
 from estimation.tempering import temper
 from estimation.update_tables import (
+    AXIS,
     B_BEFORE,
     B_FOUND,
     B_LED,
@@ -59,7 +59,9 @@ from estimation.update_tables import (
     C_TYPICAL,
     C_VS,
     C_WANDER,
+    CONSTANTS,
     F_UNIT,
+    FIGURE_ROWS,
     R_BOUND,
     R_CHI_A,
     R_CHI_B,
@@ -74,6 +76,7 @@ from estimation.update_tables import (
     R_STICK,
     R_TOLD,
     U_NUMBER,
+    U_VERDICT,
     UPDATE_SIZE,
 )
 from estimation.window import QUIET, fit
@@ -85,16 +88,18 @@ NEARLY, CLOSE = 0.01, 0.02
 """Figures that are what the solve found, to so many standard deviations, and have moved by no more
 than that share since the elements were led through the move: the derivatives tell where it ends."""
 
+FEW, UNEQUAL = -1, -2
+
 # Which figures are solved for: usually, in moves that do not go far, in those that settle at once.
 USUAL, SHORT, CALM = range(3)
 
 
 @numba.njit(cache=True, error_model="numpy")
-def begin_update(  # type: ignore[no-untyped-def]
-    position, force, valid, upset, rest, rest_force, elapsed, restless, state_known, whole,
-    constants, units, shares, mean, covariance, forces, memory, beliefs, floats, small, result,
+def update_move(  # type: ignore[no-untyped-def]
+    position, force, valid, upset, rest, rest_force, elapsed, restless, state_known, whole, axis,
+    masks, mean, covariance, forces, slips, memory, floats, small, result,
 ):  # fmt: skip
-    """Clean the samples, age the belief, correct the state by the force at rest, find the zones.
+    """Learn from a move, and carry the friction state to its end.
 
     Args:
         position: sampled [m], shape (K,).
@@ -107,21 +112,54 @@ def begin_update(  # type: ignore[no-untyped-def]
         restless: variance by which Coulomb force ages beside its drift, relative.
         state_known: False where only the sum of the element forces is known.
         whole: False for a look at a move that is not over: zone A only.
-        constants: C_*, shape (CONSTANTS,).
-        units: of the figures, rows F_*, shape (4, LEVEL).
-        shares: nu_i, shape (N,).
-        mean: belief after the last move, shape (LEVEL + 1,).
-        covariance: of it.
-        forces: element forces at rest before the move [N], shape (N,); corrected.
+        axis: C_*, F_* row by row, and nu_i, shape (AXIS + N,).
+        masks: figures to solve for in zone A, in a move without zone A, and in one that has both:
+            usually, in moves that do not go far, in those that settle at once, shape (3, 3, LEVEL).
+        mean: belief after the last move, shape (LEVEL + 1,); updated, unless the move is not over.
+        covariance: of it; the same.
+        forces: element forces at rest before the move [N], shape (N,); become those at its end.
+        slips: which elements slip there, written, shape (N,).
         memory: of the friction state; becomes that at the end of the move.
-        beliefs: B_*, written: belief before this move, and where belief after it begins; first
-            iterate of the solves.
-        floats: room of both calls, shape (>= `floats_for(K, N)`,); T_* of the data written.
-        small: the same, shape (>= `marks_for(K)`,); M_* written.
-        result: R_*, written; U_NUMBER becomes the number of valid samples.
+        floats: room, shape (>= BELIEFS + `floats_for(K, N)`,).
+        small: the same, shape (>= `marks_for(K)`,).
+        result: U_*, written.
 
     Returns:
-        That number; nothing else is done where there are fewer than three.
+        The verdict, or less than 0 where nothing is done: FEW samples are valid, or the arrays
+        differ (UNEQUAL).
+    """
+    samples = position.shape[0]
+    if force.shape[0] != samples or valid.shape[0] != samples:
+        return UNEQUAL
+    if upset.shape[0] != samples and upset.shape[0] != 0:
+        return UNEQUAL
+    constants, shares = axis[:CONSTANTS], axis[AXIS:]
+    units = axis[CONSTANTS:AXIS].reshape((FIGURE_ROWS, LEVEL))
+    beliefs, room = floats[:BELIEFS], floats[BELIEFS:]
+    counted = _begin(
+        position, force, valid, upset, rest, rest_force, elapsed, restless, state_known, whole,
+        constants, units, shares, mean, covariance, forces, memory, beliefs, room, small, result,
+    )  # fmt: skip
+    if counted < 3:
+        return FEW
+    _learn(
+        samples, whole, constants, units, shares, masks, mean, covariance, forces, slips, beliefs,
+        room, small, result,
+    )  # fmt: skip
+    return int(result[U_VERDICT])
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _begin(  # type: ignore[no-untyped-def]
+    position, force, valid, upset, rest, rest_force, elapsed, restless, state_known, whole,
+    constants, units, shares, mean, covariance, forces, memory, beliefs, floats, small, result,
+):  # fmt: skip
+    """Clean the samples, age the belief, correct the state by the force at rest, find the zones.
+
+    `constants` are C_*, `units` F_*, `shares` nu_i; `beliefs`, B_*, become the belief before this
+    move, where belief after it begins, and the first iterate of the solves. Of `floats` and `small`
+    T_* and M_* of the data are written, of `result` R_*, and U_NUMBER becomes the number of valid
+    samples. Returns that number; nothing else is done where there are fewer than three.
     """
     for i in range(UPDATE_SIZE):
         result[i] = 0.0
@@ -180,30 +218,12 @@ def _square(entries):  # type: ignore[no-untyped-def]
     return entries.reshape((LEVEL + 1, LEVEL + 1))
 
 
-@numba.njit(cache=True, error_model="numpy")
-def learn(  # type: ignore[no-untyped-def]
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _learn(  # type: ignore[no-untyped-def]
     samples, whole, constants, units, shares, masks, mean, covariance, forces, slips, beliefs,
     floats, small, result,
 ):  # fmt: skip
-    """Solve the zones, decide what is believed, and carry the friction state to the move's end.
-
-    Args:
-        samples: of the move, as above.
-        whole: as above.
-        constants: as above.
-        units: as above.
-        shares: as above.
-        masks: figures to solve for in zone A, in a move without zone A, and in one that has both:
-            usually, in moves that do not go far, in those that settle at once, shape (3, 3, LEVEL).
-        mean: belief after the last move; updated, unless the move is not over.
-        covariance: of it; the same.
-        forces: as above; left as at the last sample.
-        slips: which elements slip there, written, shape (N,).
-        beliefs: as `begin_update` left it.
-        floats: the same.
-        small: the same.
-        result: U_*, written.
-    """
+    """Solve the zones, decide what is believed, and carry the friction state to the move's end."""
     n, count = shares.shape[0], samples - 2
     begin = SPARE + ELEMENT_ROWS * (n + 1)
     end = begin + TABLES * samples

@@ -19,6 +19,9 @@ CONSTANTS = 17
 # Rows of an axis' table of figures.
 F_UNIT, F_LOWER, F_UPPER, F_DRIFT = range(4)
 """Last: standard deviation by which each drifts from move to move."""
+FIGURE_ROWS = 4
+AXIS = CONSTANTS + FIGURE_ROWS * LEVEL
+"""Constants, figures and nu_i come as one vector: each argument of a compiled call costs time."""
 
 # What the kernels report.
 (
