@@ -15,7 +15,7 @@ from __future__ import annotations
 import numba
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
 def factor_weights(  # type: ignore[no-untyped-def]
     mass, viscous, period, noise, stuck, white, use, lower, lowest, inverse
 ):
@@ -56,10 +56,10 @@ def factor_weights(  # type: ignore[no-untyped-def]
             same += 1
         else:
             same = 0
-        c1 = before * here_last + here * after
-        first = (c1 - c2 * off) * weight
-        second = c2 * weight_last
-        variance = outer - edge + here * here + white[k] - first * (c1 - c2 * off) - second * c2
+        # As little as can be waits for the row before.
+        pull = before * here_last + here * after - c2 * off
+        first, second = pull * weight, c2 * weight_last
+        variance = (outer - edge + here * here + white[k] - second * c2) - first * pull
         weight_last, weight = weight, 1.0 / variance
         off, here_last = first, here
         lower[k], lowest[k], inverse[k] = first, second, weight
@@ -68,21 +68,42 @@ def factor_weights(  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
 def whiten(columns, chosen, lower, lowest):  # type: ignore[no-untyped-def]
     """Take out of every chosen column what earlier rows explain, in place."""
-    count = columns.shape[1]
     n = chosen.shape[0]
-    # Three at a time, because each step waits for the one before; the last ones may come twice.
-    for j in range(0, n, 3):
-        a = columns[chosen[j]]
-        b = columns[chosen[min(j + 1, n - 1)]]
-        c = columns[chosen[min(j + 2, n - 1)]]
-        a1 = a2 = b1 = b2 = c1 = c2 = 0.0
-        for k in range(count):
-            first, second = lower[k], lowest[k]
-            a0 = (a[k] - second * a2) - first * a1
-            b0 = (b[k] - second * b2) - first * b1
-            c0 = (c[k] - second * c2) - first * c1
-            a[k], b[k], c[k] = a0, b0, c0
-            a2, a1, b2, b1, c2, c1 = a1, a0, b1, b0, c1, c0
+    # Three or four at a time, because each step waits for the one before; some may come twice.
+    passes = (n + 3) // 4
+    each = (n + passes - 1) // passes
+    for i in range(0, n, each):
+        a, b = columns[chosen[i]], columns[chosen[min(i + 1, n - 1)]]
+        c, d = columns[chosen[min(i + 2, n - 1)]], columns[chosen[min(i + 3, n - 1)]]
+        if each == 4:
+            _whiten_four(a, b, c, d, lower, lowest)
+        else:
+            _whiten_three(a, b, c, lower, lowest)
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _whiten_three(a, b, c, lower, lowest):  # type: ignore[no-untyped-def]
+    a1 = a2 = b1 = b2 = c1 = c2 = 0.0
+    for k in range(a.shape[0]):
+        first, second = lower[k], lowest[k]
+        a0 = (a[k] - second * a2) - first * a1
+        b0 = (b[k] - second * b2) - first * b1
+        c0 = (c[k] - second * c2) - first * c1
+        a[k], b[k], c[k] = a0, b0, c0
+        a2, a1, b2, b1, c2, c1 = a1, a0, b1, b0, c1, c0
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _whiten_four(a, b, c, d, lower, lowest):  # type: ignore[no-untyped-def]
+    a1 = a2 = b1 = b2 = c1 = c2 = d1 = d2 = 0.0
+    for k in range(a.shape[0]):
+        first, second = lower[k], lowest[k]
+        a0 = (a[k] - second * a2) - first * a1
+        b0 = (b[k] - second * b2) - first * b1
+        c0 = (c[k] - second * c2) - first * c1
+        d0 = (d[k] - second * d2) - first * d1
+        a[k], b[k], c[k], d[k] = a0, b0, c0, d0
+        a2, a1, b2, b1, c2, c1, d2, d1 = a1, a0, b1, b0, c1, c0, d1, d0
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
