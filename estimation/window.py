@@ -112,19 +112,9 @@ def fit(  # type: ignore[no-untyped-def]
     moves = constants[C_FORCE_NOISE] < (
         units[F_UNIT, STIFFNESS] * p[STIFFNESS] * constants[C_POSITION_NOISE]
     )
-    last = counted = 0
-    start = count
-    for k in range(count):
-        moves = moves or zone[k] != REST
-        if whole:
-            use[k] = usable[k] != 0 and k < report[R_END] and moves
-        else:
-            use[k] = usable[k] != 0 and zone[k] == SLIDE
-        if use[k]:
-            start = min(start, k)
-            last = k + 1
-            counted += 1
-    end = int(report[R_END]) if whole else last
+    start, end, counted = _choose(
+        whole, moves, zone[:count], usable[:count], int(report[R_END]), use[:count]
+    )
     if whole:
         first_stiffness(
             p, prior_mean, prior_covariance, zone[:count], tables, use, forces, constants, units,
@@ -302,6 +292,32 @@ def fit(  # type: ignore[no-untyped-def]
             report[R_BOUND] = chosen[a]
     report[R_SAMPLES] = counted
     report[R_CHI_B if whole else R_CHI_A] = normal[n, n] / max(counted, 1)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _choose(whole, moves, zone, usable, end, use):  # type: ignore[no-untyped-def]
+    """Fill which rows count; returns the first one, where the rows may end, and how many count."""
+    count = use.shape[0]
+    begin_at, counted = count - count, count - count
+    if whole:
+        while begin_at < end and not moves and zone[begin_at] == REST:
+            begin_at += 1
+    else:
+        end = count
+    for k in range(count):
+        use[k] = (usable[k] != 0) & (whole | (zone[k] == SLIDE))
+    for k in range(begin_at):
+        use[k] = 0
+    for k in range(end, count):
+        use[k] = 0
+    for k in range(count):
+        counted += use[k]
+    start = begin_at
+    while start < count and not use[start]:
+        start += 1
+    while not whole and end > 0 and not use[end - 1]:
+        end -= 1
+    return start, end, counted
 
 
 @numba.njit(cache=True, error_model="numpy")
