@@ -19,6 +19,7 @@ from sim2real.axis_model import FINEST, NUISANCES, STEP, AxisModel
 from sim2real.error_states import Gains
 from sim2real.recording import BoolArray
 from sim2real.tracking import Track, Tracker
+from sim2real.workers import Workers
 
 F64 = NDArray[np.float64]
 
@@ -51,14 +52,12 @@ class Fitted:
         residual: weighted deviations there, float64[R].
         covariance: of base parameters and all effects' fitted coordinates, in order; None where
             it was not asked for.
-        evaluations: tracked runs that it took.
     """
 
     model: AxisModel
     cost: float
     residual: F64
     covariance: F64 | None
-    evaluations: int
 
 
 class AxisProblem:
@@ -67,9 +66,13 @@ class AxisProblem:
     Args:
         trackers: of the axis, one per recording.
         tolerance: relative standard deviation of the base parameters.
+        workers: that runs may be dealt to.
     """
 
-    def __init__(self, trackers: Sequence[Tracker], tolerance: float) -> None:
+    def __init__(
+        self, trackers: Sequence[Tracker], tolerance: float, workers: Workers | None = None
+    ) -> None:
+        self.workers = workers or Workers()
         self.trackers = tuple(trackers)
         self.axis = trackers[0].axis
         self.spread: F64 = np.append(np.full(STEP, tolerance), _UNLIKE)
@@ -78,7 +81,6 @@ class AxisProblem:
         self.gains: tuple[Gains, ...] = tuple(gains for _, gains in first)
         self.tracks: tuple[Track, ...] = tuple(track for track, _ in first)
         self.masks: tuple[BoolArray, ...] = tuple(track.valid for track in self.tracks)
-        self.evaluations = len(trackers)
         self.outlier = _OUTLIER
 
     def finer(self) -> AxisProblem:
@@ -99,13 +101,11 @@ class AxisProblem:
         other.masks = tuple(
             track.valid & mask for track, mask in zip(self.tracks, masks, strict=True)
         )
-        other.evaluations = 0
         return other
 
     def track(self, model: AxisModel) -> tuple[Track, ...]:
         """The recordings tracked under a model."""
         settings = model.settings(self.axis)
-        self.evaluations += len(self.trackers)
         return tuple(
             tracker.run(settings, gains, model.fine)[0]
             for tracker, gains in zip(self.trackers, self.gains, strict=True)
@@ -156,7 +156,6 @@ class AxisProblem:
     def regain(self, model: AxisModel) -> None:
         """Take the filter's gains from a run of this model: every cost is another one then."""
         settings = model.settings(self.axis)
-        self.evaluations += len(self.trackers)
         self.gains = tuple(tracker.run(settings, None, model.fine)[1] for tracker in self.trackers)
 
     def revalued(self, fitted: Fitted) -> Fitted:
@@ -167,7 +166,7 @@ class AxisProblem:
     def at_start(self) -> Fitted:
         """The nominal model as it is."""
         residual = self.weighted(self.tracks)
-        return Fitted(self.start, self.cost(self.start, residual), residual, None, 0)
+        return Fitted(self.start, self.cost(self.start, residual), residual, None)
 
     def recosted(self, fitted: Fitted) -> Fitted:
         """The same fit with its cost as outliers count by now."""
@@ -187,19 +186,20 @@ class AxisProblem:
 
     def base_columns(self, model: AxisModel, residual: F64) -> F64:
         """Derivatives of the residual by the nuisance parameters, float64[R, NUISANCES]."""
-        columns = np.empty((len(residual), NUISANCES))
-        for j in range(NUISANCES):
-            sides = []
+
+        def slope(j: int) -> F64:
             steps = (_BASE_STEP, -_BASE_STEP)
             if j == STEP:  # to one side: neither coarser than the simulator nor infinitely fine
                 way = _UNLIKE_STEP if model.base[j] < 0.5 * FINEST else -_UNLIKE_STEP
                 steps = (way, 2.0 * way)
+            sides = []
             for step in steps:
                 base = model.base.copy()
                 base[j] += step
                 sides.append((self.residual(replace(model, base=base)) - residual) / step)
-            columns[:, j] = agreed(*sides)
-        return columns
+            return agreed(*sides)
+
+        return np.column_stack(self.workers.map(slope, range(NUISANCES)))
 
 
 def agreed(one: F64, other: F64) -> F64:

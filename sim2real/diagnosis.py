@@ -46,6 +46,7 @@ from sim2real.report import (
 from sim2real.search import AxisSearch, beside, search, sets_of
 from sim2real.shape import nearest, repeats
 from sim2real.tracking import Tracker, needs_other_axes
+from sim2real.workers import Workers
 
 F64 = NDArray[np.float64]
 
@@ -95,7 +96,7 @@ def diagnose(
         examined: channels, floor, gap and where.
         tolerance: axis -> relative standard deviation of the plant's figures.
         library: effects to consider, those that are searched for.
-        jobs: axes searched at the same time.
+        jobs: threads: of axes, and of the fits that they wait for.
         progress: called with what is being done, steps done, all steps.
     """
     plain = without_causes(examined)
@@ -109,6 +110,7 @@ def diagnose(
         problem = AxisProblem(
             [Tracker(m.replay, settings, name) for m in examined.measured],
             max(tolerance.get(name, 0.0), 1e-4),
+            workers,
         )
 
         def told(share: float) -> None:
@@ -144,7 +146,7 @@ def diagnose(
                 found.reshaped(single[0], model, loop(model))
 
     library = {name: effect for name, effect in library.items() if effect.searched}
-    with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
+    with Workers(jobs) as workers, ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
         searches = dict(zip(names, pool.map(searched, names), strict=True))
         _coupled(searches, settings)
         progress("held-out moves", 0, FOLDS)

@@ -49,7 +49,6 @@ def fit(
         settled: the cost that an iteration must gain for another one to be tried.
         thorough: work out the covariance at the end.
     """
-    before = problem.evaluations
     residual = problem.residual(model)
     cost = problem.cost(model, residual)
     if base_columns is None:
@@ -59,7 +58,7 @@ def fit(
     while True:
         last = done >= iterations
         if last and not thorough:
-            return Fitted(model, cost, residual, None, problem.evaluations - before)
+            return Fitted(model, cost, residual, None)
         columns, reach = _effect_columns(problem, model, residual, steps, both=last)
         jacobian = np.hstack([base_columns, *columns]) if columns else base_columns
         weights = problem.weights(residual)
@@ -74,7 +73,7 @@ def fit(
         if last:
             scores = jacobian * (weights * residual)[:, None]
             covariance = robust(inverse(normal), scores)
-            return Fitted(model, cost, residual, covariance, problem.evaluations - before)
+            return Fitted(model, cost, residual, covariance)
         gradient[:NUISANCES] += model.base / problem.spread**2
         limit = np.concatenate((10.0 * problem.spread, *reach))
         step = -solve(normal, gradient)
@@ -100,39 +99,53 @@ def _effect_columns(
     problem: AxisProblem, model: AxisModel, residual: F64, steps: list[F64], both: bool = False
 ) -> tuple[list[F64], list[F64]]:
     """Derivatives by each effect's coordinates and how far each may move; `steps` are kept."""
-    columns, reaches = [], []
-    for t, term in enumerate(model.terms):
-        start = fitted(term, problem.axis)
-        signature = problem.residual(model.without(t)) - residual
-        size = float(np.linalg.norm(signature)) + 1e-9
-        own = np.empty((len(residual), len(start)))
-        reach = np.empty(len(start))
-        for j, coordinate in enumerate(coordinates(term.effect, problem.axis)):
-            step = steps[t][j] if np.isfinite(steps[t][j]) else 0.1 * coordinate.step
-            for _ in range(3):
-                where = start.copy()
-                where[j] += step
-                if coordinate.outward(where[j]) == coordinate.outward(start[j]):
-                    step = -step
-                    where[j] = start[j] + step
-                change = _with_term(problem, model, t, where) - residual
-                moves = float(np.linalg.norm(change)) / size
-                if _COLUMN / 5.0 < moves < _COLUMN * 5.0 or abs(step) >= coordinate.reach:
-                    break
-                wider = step * min(max(_COLUMN / (moves + 1e-12), 1e-3), 1e3)
-                step = float(np.clip(wider, -coordinate.reach, coordinate.reach))
-            own[:, j] = change / step
-            if both:
-                where[j] = start[j] - step
-                other = residual - _with_term(problem, model, t, where)
-                own[:, j] = agreed(own[:, j], other / step)
-            norm = float(np.linalg.norm(own[:, j])) + 1e-12
-            reach[j] = min(coordinate.reach, _REACH * size / norm)
-            best = np.clip(_COLUMN * size / norm, 1e-7, coordinate.reach)
-            steps[t][j] = best * np.sign(step)
-        columns.append(own)
-        reaches.append(reach)
-    return columns, reaches
+    found = [
+        _columns_of(problem, model, residual, index, steps[index], both)
+        for index in range(len(model.terms))
+    ]
+    return [columns for columns, _ in found], [reach for _, reach in found]
+
+
+def _columns_of(
+    problem: AxisProblem, model: AxisModel, residual: F64, index: int, steps: F64, both: bool
+) -> tuple[F64, F64]:
+    """The same of one effect."""
+    term = model.terms[index]
+    start = fitted(term, problem.axis)
+    signature = problem.residual(model.without(index)) - residual
+    size = float(np.linalg.norm(signature)) + 1e-9
+    entries = coordinates(term.effect, problem.axis)
+
+    def slope(j: int) -> tuple[F64, float]:
+        coordinate = entries[j]
+        step = steps[j] if np.isfinite(steps[j]) else 0.1 * coordinate.step
+        for _ in range(3):
+            where = start.copy()
+            where[j] += step
+            if coordinate.outward(where[j]) == coordinate.outward(start[j]):
+                step = -step
+                where[j] = start[j] + step
+            change = _with_term(problem, model, index, where) - residual
+            moves = float(np.linalg.norm(change)) / size
+            if _COLUMN / 5.0 < moves < _COLUMN * 5.0 or abs(step) >= coordinate.reach:
+                break
+            wider = step * min(max(_COLUMN / (moves + 1e-12), 1e-3), 1e3)
+            step = float(np.clip(wider, -coordinate.reach, coordinate.reach))
+        own = change / step
+        if both:
+            where[j] = start[j] - step
+            other = residual - _with_term(problem, model, index, where)
+            own = agreed(own, other / step)
+        return own, step
+
+    columns, reach = np.empty((len(residual), len(entries))), np.empty(len(entries))
+    for j, (own, step) in enumerate(problem.workers.map(slope, range(len(entries)))):
+        norm = float(np.linalg.norm(own)) + 1e-12
+        reach[j] = min(entries[j].reach, _REACH * size / norm)
+        best = np.clip(_COLUMN * size / norm, 1e-7, entries[j].reach)
+        steps[j] = best * np.sign(step)
+        columns[:, j] = own
+    return columns, reach
 
 
 def _with_term(problem: AxisProblem, model: AxisModel, index: int, where: F64) -> F64:

@@ -109,7 +109,7 @@ class AxisSearch:
         residual = self.problem.attempted(model)
         cost = self.problem.cost(model, residual)
         at = self.rivals.index(rival)
-        self.rivals.insert(at, Rival(Fitted(model, cost, residual, None, 1), gap))
+        self.rivals.insert(at, Rival(Fitted(model, cost, residual, None), gap))
 
 
 def score(problem: AxisProblem, rival: Rival, each: float = _OCCAM) -> float:
@@ -154,7 +154,7 @@ class _Book:
         model = replace(rival.model, terms=terms)
         residual = self._problem.attempted(model)
         cost = self._problem.cost(model, residual)
-        other = Rival(Fitted(model, cost, residual, None, 1), self._loop(model))
+        other = Rival(Fitted(model, cost, residual, None), self._loop(model))
         return min(rival, other, key=self.score)
 
     def score(self, rival: Rival) -> float:
@@ -210,10 +210,8 @@ def search(
         progress((depth + 0.4) / MOST_EFFECTS)
         if not candidates:
             break
-        trials = [
-            book.entered(fit(problem, current.model.added(s.term), 5, columns, thorough=False))
-            for s in candidates
-        ]
+        beside = [current.model.added(start.term) for start in candidates]
+        trials = _fitted(problem, book, beside, 5, columns)
         best = _contended(problem, book, trials)
         path[-1] = book.best(path[-1].model.names())
         if book.score(path[-1]) - book.score(best) < _LEAST_GAIN:
@@ -272,11 +270,10 @@ def _candidates(
     scanner = Scanner(
         problem, current.model, current.residual, columns, problem.weights(current.residual)
     )
+    others = {n: effect for n, effect in library.items() if n not in current.model.names()}
+    scanned = problem.workers.map(lambda effect: scanner.best(effect, 2), others.values())
     starts: list[Start] = []
-    for name, effect in library.items():
-        if name in current.model.names():
-            continue
-        tried = scanner.best(effect, 2)
+    for name, tried in zip(others, scanned, strict=True):
         starts += tried
         if found is not None and tried:
             found.scanned[name] = tried[0].gain
@@ -292,6 +289,21 @@ def _candidates(
         wanders = [s for s in starts if s.followed and s.gain >= needed and s not in chosen]
         chosen += wanders[:_WANDERS]
     return chosen, columns
+
+
+def _fitted(
+    problem: AxisProblem,
+    book: _Book,
+    models: Sequence[AxisModel],
+    iterations: int,
+    columns: F64,
+) -> list[Rival]:
+    """Models fitted side by side, with the same derivatives by the base parameters."""
+
+    def one(model: AxisModel) -> Fitted:
+        return fit(problem, model, iterations, columns, thorough=False)
+
+    return [book.entered(found) for found in problem.workers.map(one, models)]
 
 
 def _contended(problem: AxisProblem, book: _Book, trials: Sequence[Rival]) -> Rival:
@@ -332,7 +344,7 @@ def _lent(problem: AxisProblem, book: _Book, rival: Rival, best: Rival) -> Rival
     terms = tuple(shared.get(term.name, term) for term in rival.model.terms)
     model = AxisModel(best.model.base, terms)
     residual = problem.attempted(model)
-    book.entered(Fitted(model, problem.cost(model, residual), residual, None, 1))
+    book.entered(Fitted(model, problem.cost(model, residual), residual, None))
     return book.best(rival.model.names())
 
 
@@ -345,7 +357,7 @@ def _no_worse(problem: AxisProblem, book: _Book, fitted: Fitted) -> Rival:
     for share in _SHRUNK:
         model = replace(fitted.model, base=share * fitted.model.base)
         residual = problem.residual(model)
-        tried.append(book.entered(Fitted(model, problem.cost(model, residual), residual, None, 1)))
+        tried.append(book.entered(Fitted(model, problem.cost(model, residual), residual, None)))
     return min(tried, key=book.score)
 
 
@@ -364,10 +376,9 @@ def _looked_back(
             return rest
         starts, columns = _candidates(problem, rest.fitted, library, is_open, None)
         own = current.model.terms[index].name
-        trials = [
-            book.entered(fit(problem, rest.model.added(s.term), 3, columns, thorough=False))
-            for s in [s for s in starts if s.term.name != own][:2]
-        ]
+        others = [s.term for s in starts if s.term.name != own][:2]
+        beside = [rest.model.added(term) for term in others]
+        trials = _fitted(problem, book, beside, 3, columns)
         if trials:
             current = _contended(problem, book, [current, *trials])
     return current

@@ -110,7 +110,9 @@ def repeats(
         starts = _again(found.model, index, scanner, library[term.name], problem.axis)
         if _is_periodic(term.effect) and not problem.nearly_white(found.residual):
             starts += _anew(problem, found.model, index, library[term.name])
-        trials = [fit(problem, start, 10, columns, thorough=False) for start in starts]
+        trials = problem.workers.map(
+            lambda start: fit(problem, start, 10, columns, thorough=False), starts
+        )
         if not trials:
             continue
         best = min(trials, key=lambda trial: trial.cost)

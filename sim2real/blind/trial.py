@@ -41,7 +41,7 @@ class Setup:
         only: name of the only effect drawn, None for all.
         elements: friction elements of the real stage, None for the machine file's.
         substeps: plant steps per control tick of the real stage, None to draw one of `SUBSTEPS`.
-        jobs: axes searched at a time.
+        jobs: threads of a diagnosis.
     """
 
     settings: StageSettings

@@ -34,9 +34,7 @@ if TYPE_CHECKING:
 @click.option(
     "--substeps", type=click.IntRange(5), help="Plant steps per control tick of the stage [drawn]."
 )
-@click.option(
-    "--jobs", type=click.IntRange(1), default=2, show_default=True, help="Axes searched at a time."
-)
+@click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Threads.")
 @click.option("--lines", type=OUTPUT, help="Append each trial here; trials that it holds are kept.")
 @click.option("--label", default="", help="Version that is checked, for lines and page.")
 @click.option("--json", "json_out", type=OUTPUT, help="Write the figures here; - is stdout.")

@@ -40,9 +40,7 @@ _VERDICTS = {
 @click.option("--html", "html_out", type=OUTPUT, help="Write the report as a page to look at.")
 @click.option("--twin", type=OUTPUT, help="Write the machine file with the effects found.")
 @click.option("--next", "next_out", type=OUTPUT, help="Write the moves that would tell most next.")
-@click.option(
-    "--jobs", type=click.IntRange(1), default=2, show_default=True, help="Axes searched at a time."
-)
+@click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Threads.")
 @click.option(
     "--correct/--no-correct",
     default=False,

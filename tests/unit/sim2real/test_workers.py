@@ -1,0 +1,30 @@
+"""Threads that fits share."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+from sim2real.workers import Workers
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_map_keeps_the_order_and_may_be_nested(jobs: int) -> None:
+    with Workers(jobs) as workers:
+
+        def row(i: int) -> list[int]:
+            return workers.map(lambda j: 10 * i + j, range(3))
+
+        assert workers.map(row, range(5)) == [[10 * i + j for j in range(3)] for i in range(5)]
+
+
+def test_two_tasks_run_at_the_same_time() -> None:
+    both = threading.Barrier(2, timeout=20.0)
+    with Workers(2) as workers:
+        assert sorted(workers.map(lambda _: both.wait(), range(2))) == [0, 1]
+
+
+def test_an_error_of_a_task_comes_out() -> None:
+    with Workers(2) as workers, pytest.raises(ZeroDivisionError):
+        workers.map(lambda i: 1 // i, range(3))
