@@ -28,26 +28,24 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
-from statistics import mean, median
 from typing import Any
 
 import numpy as np
 from machine_facts import machine_facts
 from numpy.typing import NDArray
-from scipy.interpolate import RegularGridInterpolator
+from shift_report import done, report
+from shift_table import Table
 
 from drivers import Stage
 from estimation.trajectory import Limits
-from hil_sim.effects.friction_map import field_factor
 from hil_sim.stage import VirtualStage
 from hil_sim.world import World
 from sim2real.recording import AxisSignals, Move, Recording
 from stagectl.calibration.fresh import FreshPlaces
 from stagectl.calibration.sites import load_calibration
 from stagectl.compensation import AxisCompensation, Mode, make_compensation
-from stagectl.config.machine import Machine, load_machine, parse_machine
+from stagectl.config.machine import load_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 from stagectl.history.opening import open_history
 from stagectl.history.records import RunEntry, StageKey
@@ -62,7 +60,7 @@ from stagectl.recipe.plan import plan
 from stagectl.sequencer.engine import Engine
 from stagectl.sequencer.events import Event, FrictionUpdated, LevelStepped
 from stagectl.sequencer.mover import MovingAxis
-from stagectl.sequencer.places import Expectation, Places
+from stagectl.sequencer.places import Places
 from stagectl.sequencer.settling import summarise_moves
 from stagectl.store.journal import SAMPLE_TAG, sample_codec, sample_dtype
 
@@ -70,100 +68,11 @@ F64 = NDArray[np.float64]
 ROOT = Path(__file__).parents[1]
 EPOCH = 1.8e9
 """When the shift begins [s since 1970]; all times are virtual."""
-SWING, LENGTH, WARM, TAU = 0.25, 0.04, 0.3, 120.0
-SPOT, SPOT_WIDTH = (0.0, 0.0), 6e-3
 BETWEEN = 3.0
 """Time between two wafers [s]."""
 SITES = """calibrate: before the shift
 sites: {grid: {origin: [-0.05, -0.05], pitch: [0.025, 0.025], count: [5, 5]}}
 """
-
-
-@cache
-def _field(seed: int) -> Callable[[F64], F64]:
-    """The field of one axis over (own, other) position, on nodes as the simulator has it."""
-    nodes = np.linspace(-0.07, 0.07, 141)
-    values = field_factor(SWING, LENGTH, seed, nodes[:, None], nodes[None, :])
-    return RegularGridInterpolator((nodes, nodes), values)  # type: ignore[no-any-return]
-
-
-class Table:
-    """The truth.
-
-    Args:
-        seed: of the fields.
-        time: of the shift when the stage's own time is 0 [s]; infinite: warm.
-        spot: how much higher the level is at the spot; 0 where there is none.
-    """
-
-    def __init__(self, machine: Machine, seed: int, time: float, spot: float) -> None:
-        self.machine, self.seed, self.time, self.spot = machine, seed, time, spot
-        self._place: F64 | None = None
-
-    def truth(self) -> Machine:
-        """As a machine file for the virtual stage."""
-        warm = WARM * math.exp(-self.time / TAU)
-        lines, axis = [], ""
-        for line in self.machine.text.splitlines():
-            lines.append(line)
-            if line.strip() in ("x:", "y:"):
-                axis = line.strip()[0]
-            if not line.strip().startswith("repeatability:"):
-                continue
-            effects = [
-                f"{{effect: friction_map, amplitude: {SWING}, length: {LENGTH}, "
-                f"seed: {self._field('xy'.index(axis))}}}"
-            ]
-            if warm > 1e-6:
-                effects.append(
-                    f"{{effect: thermal_drift, amplitude: {warm!r}, time_constant: {TAU}}}"
-                )
-            if self.spot and axis == "x":
-                effects.append(
-                    f"{{effect: friction_spot, amplitude: {self.spot}, center: {SPOT[0]}, "
-                    f"other: {SPOT[1]}, width: {SPOT_WIDTH}}}"
-                )
-            lines.append(f"    effects: [{', '.join(effects)}]")
-        return parse_machine("\n".join(lines), "the truth")
-
-    def _field(self, axis: int) -> int:
-        return 2 * self.seed + axis
-
-    def level(self, axis: int, path: F64) -> F64:
-        """Factor on Fc at positions, shape (K, 2), warm."""
-        factor = _field(self._field(axis))(path[:, [axis, 1 - axis]])
-        if self.spot and axis == 0:
-            away = ((path - np.array(SPOT)) ** 2).sum(axis=1)
-            factor = factor * (1.0 + self.spot * np.exp(-0.5 * away / SPOT_WIDTH**2))
-        return factor
-
-    # The oracle: `Places` that is told.
-
-    def depart(self, target: Sequence[float], time: float) -> Sequence[Expectation] | None:
-        """The true level at the target."""
-        place = np.array([target])
-        if self._place is not None and np.linalg.norm(place - self._place) < 2e-3:
-            return None
-        self._place = place
-        warm = 1.0 + WARM * math.exp(-(self.time + time) / TAU)
-        return [
-            Expectation(
-                axis.plant.friction.coulomb * warm * float(self.level(a, place)[0]), 1e-6
-            )
-            for a, axis in enumerate(self.machine.axes.values())
-        ]  # fmt: skip
-
-    def relief(self, axis: int, path: F64) -> F64:
-        """The true level on the way."""
-        assert self._place is not None
-        return self.level(axis, path) / float(self.level(axis, self._place)[0]) - 1.0
-
-    def teaches(self, kind: str) -> bool:
-        """It knows the way."""
-        return True
-
-    def arrived(self, *_: object) -> None:
-        """It knows already."""
 
 
 def drive(
@@ -350,18 +259,6 @@ def produce(
             return
 
 
-def done(folder: Path, mode: str) -> int:
-    """Wafers that a mode has behind it; a line that a kill cut off is taken away."""
-    path = folder / f"{mode}.jsonl"
-    if not path.exists():
-        return 0
-    text = path.read_text()
-    whole = text[: text.rfind("\n") + 1]
-    if whole != text:
-        path.write_text(whole)
-    return len(whole.splitlines())
-
-
 def shift(
     mode: str, last: int, wafers: int, seed: int, folder: Path, spot: float, until: float
 ) -> None:
@@ -385,85 +282,6 @@ def shift(
                     os.kill(child.pid, signal.SIGKILL)
                     mark.write_text(f"in wafer {done(folder, mode) + 1}\n")
         assert child.returncode in (0, -signal.SIGKILL), child.returncode
-
-
-def report(modes: Sequence[str], wafers: int, folder: Path, spot: float) -> None:
-    """The table, and what was flagged."""
-    common = min(done(folder, mode) for mode in modes)
-    if common == 0:
-        print("no wafer is through in all modes")
-        return
-    rows = {
-        mode: [
-            json.loads(line)
-            for line in (folder / f"{mode}.jsonl").read_text().splitlines()[:common]
-        ]
-        for mode in modes
-    }
-    killed = folder / "killed"
-    print(
-        f"{common} of {wafers} wafers; the map's host was begun anew behind "
-        f"{', '.join(str(n) for n in (wafers // 4, wafers // 2) if n < common) or 'none'}, killed "
-        f"{killed.read_text().strip() if killed.exists() else 'nowhere yet'}"
-    )
-    print(
-        f"{'micro-moves: settling, ms':<28}  ±50 nm median (mean)  within 5 ms  ±200 nm  peak, um  "
-        "moves"
-    )
-    for mode, lines in rows.items():
-        micro = [m for line in lines for m in line["micro"]]
-        fine = [m["50"] * 1e3 for m in micro]
-        print(
-            f"{mode:<28}  {median(fine):8.1f} ({mean(fine):5.1f})   "
-            f"{mean(t <= 5.0 for t in fine):10.1%}  "
-            f"{median(m['200'] for m in micro) * 1e3:8.1f}  "
-            f"{median(m['peak'] for m in micro) * 1e6:6.3f}  {len(micro)}"
-        )
-    if "map" in rows and "oracle" in rows:
-        beside_the_oracle(rows["map"], rows["oracle"])
-    if "map" in rows:
-        flagged = [(line["wafer"], *step) for line in rows["map"] for step in line["steps"]]
-        there = [f for f in flagged if f[1] == "x" and math.dist(f[2:4], SPOT) < 1e-3]
-        true = [f for f in there if f[0] >= wafers // 2]
-        visits = "never" if not true else f"after {true[0][0] - wafers // 2 + 1} move(s) there"
-        moves = sum(len(line["micro"]) for line in rows["map"])
-        others = [f for f in flagged if f not in true[:1]]
-        print(f"spot of {spot:.0%}: flagged {visits}")
-        print(f"other flags: {len(others)} in {moves} moves: {others[:8]}")
-
-
-def beside_the_oracle(lines: Sequence[Any], oracle: Sequence[Any]) -> None:
-    """Ratios, with what chance makes of them, and the same moves side by side.
-
-    Half of all moves are within the window when the demand arrives or soon after: the median lies
-    where few moves are, and a share of one in a hundred more or less moves it by a millisecond or
-    two. No finer clock would help. So: intervals of 95 % over wafers drawn again (bootstrap), the
-    mean, the quartile beyond the median, and every move beside the oracle's.
-    """
-    theirs = [{(m["axis"], m["site"]): m["50"] for m in line["micro"]} for line in oracle]
-    pairs = [
-        np.array([(m["50"], own[m["axis"], m["site"]]) for m in line["micro"]]) * 1e3
-        for line, own in zip(lines, theirs, strict=True)
-    ]
-    generator = np.random.default_rng(0)
-    drawn = [
-        np.concatenate([pairs[i] for i in generator.integers(0, len(pairs), len(pairs))])
-        for _ in range(1000)
-    ]
-    whole = np.concatenate(pairs)
-    (a, c), (b, d), (e, f) = np.median(whole, 0), whole.mean(0), np.quantile(whole, 0.75, axis=0)
-    shown = f"{a:.1f} over {c:.1f} ms" if c == 0 else f"{a / c:.2f}"
-    away = np.percentile([np.subtract(*np.median(s, 0)) for s in drawn], [2.5, 97.5])
-    ratio = np.percentile([np.divide(*s.mean(0)) for s in drawn], [2.5, 97.5])
-    slower, faster = (np.mean(sign * (whole[:, 0] - whole[:, 1]) > 1.0) for sign in (1, -1))
-    print(
-        f"map over oracle: median {shown} (must be <= 1.25; {away[0]:+.1f} to {away[1]:+.1f} ms "
-        f"between them), mean {b / d:.2f} ({ratio[0]:.2f} to {ratio[1]:.2f}), upper quartile "
-        f"{e / f:.2f}"
-    )
-    print(
-        f"move by move: later than the oracle's by more than 1 ms {slower:.0%}, sooner {faster:.0%}"
-    )
 
 
 def main() -> None:
