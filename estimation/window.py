@@ -190,11 +190,14 @@ def fit(  # type: ignore[no-untyped-def]
         if evaluations == 0:  # the weights stay what they are at the first iterate
             for k in range(end):
                 weights[3, k] = white + tables[T_HAZE, k]
-            factor_weights(
-                units[F_UNIT, MASS] * p[MASS], units[F_UNIT, VISCOUS] * p[VISCOUS],
-                constants[C_PERIOD], constants[C_POSITION_NOISE], tables[T_STUCK], weights[3],
-                use[:end], weights[0], weights[1], weights[2],
-            )  # fmt: skip
+            if linear:
+                _weigh_apart(weights[3], use[:end], weights[2])
+            else:
+                factor_weights(
+                    units[F_UNIT, MASS] * p[MASS], units[F_UNIT, VISCOUS] * p[VISCOUS],
+                    constants[C_PERIOD], constants[C_POSITION_NOISE], tables[T_STUCK], weights[3],
+                    use[:end], weights[0], weights[1], weights[2],
+                )  # fmt: skip
             pull = units[F_UNIT, STIFFNESS] * p[STIFFNESS] * constants[C_POSITION_NOISE]
             fresh = constants[C_SLIP_SPREAD] if whole else FREE_SLIP
             fresh *= units[F_UNIT, COULOMB] * p[COULOMB]
@@ -210,7 +213,8 @@ def fit(  # type: ignore[no-untyped-def]
                 information[a, a] = 1.0 / open_left
         if done:  # rows at the solution, not whitened
             break
-        whiten(rows, chosen, weights[0], weights[1])
+        if not linear:
+            whiten(rows, chosen, weights[0], weights[1])
         normal_equations(rows, chosen, weights[2], trial_normal)
         evaluations += 1
         trial_cost = trial_normal[n, n]
@@ -283,15 +287,17 @@ def fit(  # type: ignore[no-untyped-def]
         for b in range(n):
             information[a, b] += normal[a, b]
     report[R_EVALUATIONS] += evaluations
+    report[R_SAMPLES] = counted
+    report[R_CHI_B if whole else R_CHI_A] = normal[n, n] / max(counted, 1)
+    for a in range(figures):
+        if value[a] <= lower[a] or value[a] >= upper[a]:
+            report[R_BOUND] = chosen[a]
+    if linear and report[R_BOUND] < 0.0:  # the second solve says what is believed
+        return
     if not cholesky_inverse(information):
         report[R_FAILED] = 1.0
         return
     believe(p, information, chosen, figures, knots, prior_mean, prior_covariance, mean, covariance)
-    for a in range(figures):
-        if value[a] <= lower[a] or value[a] >= upper[a]:
-            report[R_BOUND] = chosen[a]
-    report[R_SAMPLES] = counted
-    report[R_CHI_B if whole else R_CHI_A] = normal[n, n] / max(counted, 1)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -318,6 +324,13 @@ def _choose(whole, moves, zone, usable, end, use):  # type: ignore[no-untyped-de
     while not whole and end > 0 and not use[end - 1]:
         end -= 1
     return start, end, counted
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _weigh_apart(variance, use, inverse):  # type: ignore[no-untyped-def]
+    """Weights of rows by themselves, as if the encoder were exact."""
+    for k in range(use.shape[0]):
+        inverse[k] = 1.0 / variance[k] if use[k] else 0.0
 
 
 @numba.njit(cache=True, error_model="numpy")
