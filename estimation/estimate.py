@@ -41,18 +41,15 @@ class Estimate:
 
     Args:
         result: of `update.update_move`; kept.
-        start: model that the figures are relative to.
-        mass: that the apparent mass is relative to [kg].
-        period: of the samples [s].
+        facts: model that the figures are relative to, mass that the apparent mass is relative to
+            [kg], and period of the samples [s].
     """
 
-    __slots__ = ("_mass", "_period", "_result", "_start")
+    __slots__ = ("_facts", "_result")
 
-    def __init__(self, result: F64, start: Friction, mass: float, period: float) -> None:
+    def __init__(self, result: F64, facts: tuple[Friction, float, float]) -> None:
         self._result = result
-        self._start = start
-        self._mass = mass
-        self._period = period
+        self._facts = facts
 
     @property
     def accepted(self) -> bool:
@@ -80,24 +77,24 @@ class Estimate:
     @property
     def friction(self) -> Friction:
         """The model in force afterwards."""
-        return model_at(self._start, self._result[U_MEAN : U_MEAN + LEVEL])
+        return model_at(self._facts[0], self._result[U_MEAN : U_MEAN + LEVEL])
 
     @property
     def sigma(self) -> dict[str, float]:
         """Standard deviations of coulomb [N], viscous [N s/m], stiffness [N/m], relaxation_rate."""
-        return spreads(self._result[U_SPREAD : U_SPREAD + LEVEL], self._start)
+        return spreads(self._result[U_SPREAD : U_SPREAD + LEVEL], self._facts[0])
 
     @property
     def covariance(self) -> F64:
         """Of the figures in `sigma` in that order, shape (4, 4)."""
         whole = self._result[U_COVARIANCE:].reshape(LEVEL + 1, LEVEL + 1)
-        return in_units(whole, self._start)
+        return in_units(whole, self._facts[0])
 
     @property
     def expected(self) -> tuple[float, float]:
         """Sliding level Fc (1 + w) at the move's end as expected before it, and its sigma [N]."""
         before, variance = self._result[U_SLIDING : U_SLIDING + 2].tolist()
-        coulomb = self._start.coulomb
+        coulomb = self._facts[0].coulomb
         return before * coulomb, math.sqrt(variance) * coulomb
 
     @property
@@ -108,7 +105,7 @@ class Estimate:
         where it says nothing of it.
         """
         found = sliding_shown(self._result)
-        coulomb = self._start.coulomb
+        coulomb = self._facts[0].coulomb
         return None if found is None else (found[0] * coulomb, math.sqrt(found[1]) * coulomb)
 
     @property
@@ -119,12 +116,12 @@ class Estimate:
     @property
     def lag(self) -> tuple[float, float]:
         """By how much the force is later than the position, and its standard deviation [s]."""
-        return self._pair("lag", self._period)
+        return self._pair("lag", self._facts[2])
 
     @property
     def mass(self) -> tuple[float, float]:
         """Apparent mass and its standard deviation [kg] (see `belief`)."""
-        return self._pair("mass", self._mass)
+        return self._pair("mass", self._facts[1])
 
     @property
     def gain(self) -> dict[str, float]:

@@ -76,7 +76,7 @@ class MoveSolver:
         state: FrictionState,
         known: bool,
         whole: bool,
-    ) -> tuple[F64, int]:
+    ) -> tuple[F64, int, float, float]:
         """Learn from a move and carry the friction state to its end.
 
         Args:
@@ -90,7 +90,7 @@ class MoveSolver:
             whole: False for a move that is not over: zone A only, belief stays.
 
         Returns:
-            What it left, see `update_tables`, and the verdict.
+            What it left, see `update_tables`; and what `update_move` returns.
 
         Raises:
             ValueError: shapes that differ, or fewer than three valid samples.
@@ -98,7 +98,7 @@ class MoveSolver:
         upset = _NONE if move.upset is None else move.upset
         room = _room_for(len(move.position), self._elements)
         result = np.empty(UPDATE_SIZE)
-        verdict: int = update_move(
+        verdict, misfit, doubt = update_move(
             move.position, move.force, move.valid, upset, rest, move.rest_force, elapsed, restless,
             known, whole, self._axis, self._masks, belief.mean, belief.covariance, state.forces,
             state.slipping, state.memory, room.floats, room.marks, result,
@@ -110,4 +110,4 @@ class MoveSolver:
                 if verdict == UNEQUAL
                 else "fewer than three valid samples"
             )
-        return result, verdict
+        return result, verdict, misfit, doubt

@@ -34,8 +34,6 @@ from estimation.update_tables import (
     U_FOUND,
     U_LEVEL,
     U_MEAN,
-    U_MISFIT,
-    U_SLIDING,
 )
 
 __all__ = ["Estimate", "EstimatorSettings", "MoveData", "Preview", "SplitHorizonEstimator"]
@@ -107,6 +105,7 @@ class SplitHorizonEstimator:
         self._jump: F64 | None = None
         self._jumps = 0
         self._solver = MoveSolver(friction, settings, frozen)
+        self._facts = (friction, settings.mass, settings.period)
 
     @property
     def friction(self) -> Friction:
@@ -211,25 +210,23 @@ class SplitHorizonEstimator:
         state = self.state
         if state is None:
             state = self.state = FrictionState.relaxed(self._start.elements)
-        # An onset of which the beginning is not known says nothing.
-        begun = self._rest is not None or (len(move.valid) > 0 and bool(move.valid[0]))
         end = move.time + (len(move.position) - 1) * self.settings.period
-        result, verdict = self._run(move, state, self._known and begun, True, end)
+        result, verdict, misfit, doubt = self._run(move, state, self._known, True, end)
         self._end, self._rest = end, None
         if verdict == ACCEPTED:
             self._jumps = self._doubt = 0
             self._known = True
             misfits = self._misfits
-            misfits.append(result.item(U_MISFIT))
+            misfits.append(misfit)
             if len(misfits) > _FEW:
                 self._solver.expect(sorted(misfits)[len(misfits) // 2])
-            if not self._frozen:
+            if not self._frozen and doubt - self._aged < _LEARNED**2:
                 self._watch(result, end)
         else:
             if verdict == JUMP:
                 self._open_up(result)
             self._known = self._followed(verdict, move)
-        return Estimate(result, self._start, self.settings.mass, self.settings.period)
+        return Estimate(result, self._facts)
 
     def _followed(self, verdict: int, move: MoveData) -> bool:
         """Whether the elements' forces are known behind a move that was refused.
@@ -251,10 +248,7 @@ class SplitHorizonEstimator:
         return bool(sigma[COULOMB] < SURE and sigma[STIFFNESS] < SURE)
 
     def _watch(self, result: F64, time: float) -> None:
-        """Let the trend have the level that a sound move showed, unless that is still learned."""
-        expected, variance = result.item(U_SLIDING), result.item(U_SLIDING + 1)
-        if variance / expected**2 - self._aged >= _LEARNED**2:
-            return
+        """Let the trend have the level that a sound move showed."""
         shown = sliding_shown(result, _SAID)
         if shown is not None:
             self._trend.saw(time, shown[0], shown[1] / shown[0] ** 2)
@@ -272,7 +266,7 @@ class SplitHorizonEstimator:
             return None
         state = self.state.copy()
         end = move.time + (len(move.position) - 1) * self.settings.period
-        result, verdict = self._run(move, state, False, False, end)
+        result, verdict, _, _ = self._run(move, state, False, False, end)
         if verdict != ACCEPTED or result[R_SLIDE] <= 0.0:
             return None
         model = model_at(self._start, result[U_MEAN : U_MEAN + LEVEL])
@@ -286,30 +280,28 @@ class SplitHorizonEstimator:
 
     def _run(
         self, move: MoveData, state: FrictionState, known: bool, whole: bool, end: float
-    ) -> tuple[F64, int]:
+    ) -> tuple[F64, int, float, float]:
         """Learn from a move, unless it is not over (`whole`), and carry `state` to its end."""
         elapsed = -1.0 if self._end is None else move.time - self._end
         rest = math.nan if self._rest is None else self._rest
         belief, solve = self._belief, self._solver.solve
         if self._carried is None:
             self._aged = 0.0
-            result, verdict = solve(move, rest, elapsed, 0.0, belief, state, known, whole)
+            found = solve(move, rest, elapsed, 0.0, belief, state, known, whole)
         else:
             change, self._aged = self._trend.carry(self._carried, end)
             coulomb = belief.mean.item(COULOMB)
             belief.mean[COULOMB] = coulomb * math.exp(change)
-            verdict = STILL
+            learned = False
             try:
-                result, verdict = solve(
-                    move, rest, elapsed, self._aged, belief, state, known, whole
-                )
+                found = solve(move, rest, elapsed, self._aged, belief, state, known, whole)
+                learned = whole and found[1] == ACCEPTED
             finally:
-                # Else what is in force stays; the trend goes on from where it was.
-                if not whole or verdict != ACCEPTED:
+                if not learned:  # what is in force stays; the trend goes on from where it was
                     belief.mean[COULOMB] = coulomb
-        if whole and verdict == ACCEPTED:
+        if whole and found[1] == ACCEPTED:
             self._carried = end
-        return result, verdict
+        return found
 
     def _open_up(self, result: F64) -> None:
         """Sound moves in a row that jump the same way: the stage has changed.

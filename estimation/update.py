@@ -75,7 +75,9 @@ from estimation.update_tables import (
     R_STEP,
     R_STICK,
     R_TOLD,
+    U_MISFIT,
     U_NUMBER,
+    U_SLIDING,
     U_VERDICT,
     UPDATE_SIZE,
 )
@@ -110,7 +112,8 @@ def update_move(  # type: ignore[no-untyped-def]
         rest_force: measured at rest before the move [N].
         elapsed: since the end of the last move [s]; negative: there was none.
         restless: variance by which Coulomb force ages beside its drift, relative.
-        state_known: False where only the sum of the element forces is known.
+        state_known: False where only the sum of the element forces is known; so it is where neither
+            the rest's position nor the first sample is.
         whole: False for a look at a move that is not over: zone A only.
         axis: C_*, F_* row by row, and nu_i, shape (AXIS + N,).
         masks: figures to solve for in zone A, in a move without zone A, and in one that has both:
@@ -126,27 +129,31 @@ def update_move(  # type: ignore[no-untyped-def]
 
     Returns:
         The verdict, or less than 0 where nothing is done: FEW samples are valid, or the arrays
-        differ (UNEQUAL).
+        differ (UNEQUAL). The misfit. The variance of the sliding level as expected before the move,
+        relative.
     """
     samples = position.shape[0]
     if force.shape[0] != samples or valid.shape[0] != samples:
-        return UNEQUAL
+        return UNEQUAL, 0.0, 0.0
     if upset.shape[0] != samples and upset.shape[0] != 0:
-        return UNEQUAL
+        return UNEQUAL, 0.0, 0.0
+    # An onset of which the beginning is not known says nothing.
+    known = state_known and samples > 0 and (not math.isnan(rest) or valid[0])
     constants, shares = axis[:CONSTANTS], axis[AXIS:]
     units = axis[CONSTANTS:AXIS].reshape((FIGURE_ROWS, LEVEL))
     beliefs, room = floats[:BELIEFS], floats[BELIEFS:]
     counted = _begin(
-        position, force, valid, upset, rest, rest_force, elapsed, restless, state_known, whole,
+        position, force, valid, upset, rest, rest_force, elapsed, restless, known, whole,
         constants, units, shares, mean, covariance, forces, memory, beliefs, room, small, result,
     )  # fmt: skip
     if counted < 3:
-        return FEW
+        return FEW, 0.0, 0.0
     _learn(
         samples, whole, constants, units, shares, masks, mean, covariance, forces, slips, beliefs,
         room, small, result,
     )  # fmt: skip
-    return int(result[U_VERDICT])
+    doubt = result[U_SLIDING + 1] / (result[U_SLIDING] * result[U_SLIDING])
+    return int(result[U_VERDICT]), result[U_MISFIT], doubt
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
