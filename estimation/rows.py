@@ -183,7 +183,7 @@ def lead(  # type: ignore[no-untyped-def]
                 haze = slip_haze(k, reached, haze, kept, follows, tables, ready)
             k, level_at = reached, reached - 1
             continue
-        stuck, relaxed, haze = _between(
+        stuck, relaxed, haze = lead_sample(
             k, haze, kept, error_by_slope, coulomb, stiffness, rate, alpha, shape, noise, period,
             tables, heading, ready, elements,
         )  # fmt: skip
@@ -214,7 +214,7 @@ def lead(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
-def _between(  # type: ignore[no-untyped-def]
+def lead_sample(  # type: ignore[no-untyped-def]
     k, haze, kept, error_by_slope, coulomb, stiffness, rate, alpha, shape, noise, period,
     tables, heading, ready, elements,
 ):  # fmt: skip

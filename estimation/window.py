@@ -18,6 +18,8 @@ import numba
 
 from estimation.arrival_cost import believe, joint_prior
 from estimation.belief import ALPHA, COULOMB, LAG, LEVEL, MASS, RATE, STIFFNESS, VISCOUS
+from estimation.carried_noise import refine_carried
+from estimation.elements import SHARES
 from estimation.least_squares import cholesky_inverse, gauss_newton_into, quadratic_form
 from estimation.move_tables import (
     KNOTS,
@@ -167,8 +169,11 @@ def fit(  # type: ignore[no-untyped-def]
     # Where the encoder alone moves the force through codes, rounding is as good as white.
     jitter = units[F_UNIT, MASS] * p[MASS] * constants[C_POSITION_NOISE] / constants[C_PERIOD] ** 2
     refined = not linear and jitter < QUIET * report[R_STEP]
+    # Where the force is known better than what that noise does to a spring, it matters how.
+    pull = units[F_UNIT, STIFFNESS] * p[STIFFNESS] * constants[C_POSITION_NOISE]
+    carried = whole and not refined and white < pull * pull
     sliding = not whole and tables[T_UNTIL, start] >= end
-    turned = begun = 0.0
+    turned = begun = fresh = 0.0
     cost, evaluations, halvings, done = math.inf, 0, 0, False
     while True:
         if reshaped:
@@ -183,7 +188,7 @@ def fit(  # type: ignore[no-untyped-def]
             turned, begun = fill_rows(
                 p, knots, units[F_UNIT], constants[C_VS:], constants[C_POSITION_NOISE],
                 constants[C_PERIOD], forces, report[R_KNOWN], report[R_REST_FORCE], tables, heading,
-                ready, wide, evaluations == 0, rows, elements,
+                ready, wide, done or evaluations == 0, rows, elements,
             )  # fmt: skip
         for i in range(LEVEL):
             led[i] = p[i]
@@ -267,8 +272,20 @@ def fit(  # type: ignore[no-untyped-def]
         for a in range(n):
             beyond = 0.0 if done else step[a]
             p[chosen[a]] = min(max(value[a] + beyond, lower[a]), upper[a])
-        if done and not refined:
+        if done and not refined and not carried:
             break
+    if carried:
+        for a in range(first, n):
+            if chosen[a] == SLIP_FORCE:  # what stood for the errors that are now known as such
+                information[a, a] = 1.0 / (fresh * fresh + 1e-20)
+        refine_carried(
+            rows, chosen, tables, heading, ready, use[:end], units[F_UNIT, MASS] * p[MASS],
+            units[F_UNIT, VISCOUS] * p[VISCOUS], units[F_UNIT, COULOMB] * p[COULOMB],
+            units[F_UNIT, STIFFNESS] * p[STIFFNESS], units[F_UNIT, RATE] * p[RATE], p[ALPHA],
+            constants[C_VS:], constants[C_POSITION_NOISE], constants[C_PERIOD], forces,
+            report[R_KNOWN], report[R_REST_FORCE], white, elements[SHARES, :-1], prior,
+            information, lower, upper, value, normal,
+        )  # fmt: skip
     if refined:
         chi = normal[n, n]
         for k in range(end):
