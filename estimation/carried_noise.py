@@ -1,15 +1,8 @@
-"""What a position's error leaves in the force of elements that slip, and the solve that knows it.
+"""What a position's error leaves in the force of elements that slip.
 
 An error of one position shifts the instant at which an element begins to slip, and the limit it
-slips at. What that changes stays in the element's force and fades with it, at the rate that is
-common to all that slip. So a row less what is kept of the one before,
-
-    y[k] = r[k] - keep[k] r[k-1]
-
-is touched by the four positions from k-1 to k+2 only (row k is about position k+1): a covariance
-with a band of seven, exact, where `whitening` takes the change for white noise of its sample. It
-matters where the force is known far better than what the encoder's noise does to a spring; the
-refinement is one step, from a solution that is a few standard deviations away at most.
+slips at. What that changes stays in the element's force and fades with it, at the rate that all
+slipping elements share. Derivatives are differences of the step that `rows` takes.
 """
 
 from __future__ import annotations
@@ -29,41 +22,24 @@ from estimation.elements import (
     stribeck_rise,
 )
 from estimation.gms import FAR_ABOVE, NO_SUBSTEPS
-from estimation.least_squares import gauss_newton_step, quadratic_form
-from estimation.move_tables import (
-    SUBSTEPS,
-    T_HAZE,
-    T_POSITION,
-    T_SHARE,
-    T_STUCK,
-)
+from estimation.move_tables import SUBSTEPS, T_POSITION, T_SHARE
 from estimation.rows import lead_sample
-from estimation.whitening import normal_equations
 
 TINY = 1e-3
 """Change of a position by which derivatives are taken [its standard deviations]."""
 REACH = 4
-"""Positions that touch a row, from that before its own on to the second behind."""
+"""Positions that touch the slipping elements of row k: k-1...k+2 (its own is k+1). What k-2 does to
+the limit before, where an element begins to slip at once, is a tenth of that at most: left out."""
 
 
 @numba.njit(cache=True, error_model="numpy")
-def refine_carried(  # type: ignore[no-untyped-def]
-    raw, chosen, tables, heading, ready, use, mass, viscous, coulomb, stiffness, rate, alpha, shape, noise,
-    period, start, known_coulomb, rest_force, white, shares, prior, information, lower, upper,
-    value, normal,
+def carry(  # type: ignore[no-untyped-def]
+    coulomb, stiffness, rate, alpha, shape, noise, period, start, known_coulomb, rest_force,
+    tables, heading, ready, shares, pull, keep, left,
 ):  # fmt: skip
-    """From the solution under `whitening` to the one under the covariance that positions have.
+    """Lead the elements through a move; what errors of positions do to those that slip.
 
     Args:
-        raw: residual and derivatives at the solution, not whitened, of which `chosen` are the
-            unknowns' and, last, the residual, shape (*, K).
-        chosen: shape (n + 1,).
-        tables: of `rows.fill_rows`.
-        heading: the same.
-        ready: the same.
-        use: rows that count, shape (K,).
-        mass: of the residual [kg].
-        viscous: coefficient [N s/m].
         coulomb: Fc [N].
         stiffness: sigma0 [N/m].
         rate: C/Fc [1/s].
@@ -71,57 +47,13 @@ def refine_carried(  # type: ignore[no-untyped-def]
         shape: Stribeck velocity [m/s] and exponent.
         noise: rms of a position [m].
         period: of the samples [s].
-        start: element forces at rest before the move [N].
+        start: element forces at rest before the move [N], shape (N,).
         known_coulomb: Coulomb force under which they are known [N].
         rest_force: measured there [N].
-        white: variance of the force [N^2].
+        tables: of `rows.fill_rows`.
+        heading: the same.
+        ready: the same.
         shares: nu_i, shape (N,).
-        prior: of `least_squares.gauss_newton_step`.
-        information: the same.
-        lower: the same.
-        upper: the same.
-        value: the solution; refined, shape (n,).
-        normal: normal equations there, written, shape (n + 1, n + 1).
-    """
-    n, count = value.shape[0], use.shape[0]
-    pull, keep, left = np.empty((REACH, count)), np.empty(count), np.empty(count)
-    carry(
-        coulomb, stiffness, rate, alpha, shape, noise, period, start, known_coulomb, rest_force,
-        tables, heading, ready, shares, pull, keep, left,
-    )  # fmt: skip
-    factor = np.empty((REACH, count))
-    factor_carried(
-        mass, viscous, period, noise, white, tables[T_STUCK], tables[T_SHARE], tables[T_HAZE],
-        use, pull, keep, left, factor,
-    )  # fmt: skip
-    rows, order = np.empty((n + 1, count)), np.empty(n + 1, dtype=np.int8)
-    for a in range(n + 1):
-        order[a] = a
-        for k in range(count):
-            rows[a, k] = raw[chosen[a], k]
-        _whiten(rows[a], keep, factor)
-    normal_equations(rows, order, factor[0], normal)
-    step, size = gauss_newton_step(
-        normal[:n, :n], normal[:n, n], information, prior, value, lower, upper
-    )
-    if not math.isfinite(size):
-        return
-    normal[n, n] += quadratic_form(normal, step)
-    for a in range(n):
-        normal[n, n] += 2.0 * step[a] * normal[a, n]
-    for a in range(n):
-        value[a] = min(max(value[a] + step[a], lower[a]), upper[a])
-
-
-@numba.njit(cache=True, error_model="numpy")
-def carry(  # type: ignore[no-untyped-def]
-    coulomb, stiffness, rate, alpha, shape, noise, period, start, known_coulomb, rest_force, tables,
-    heading, ready, shares, pull, keep, left,
-):  # fmt: skip
-    """Lead the elements through a move; what errors of positions do to those that slip.
-
-    Args:
-        coulomb: of `refine_carried`, as all that is not named here.
         pull: written: what the errors of the positions k-1...k+2 add to the force of the elements
             that slip behind row k [N per standard deviation], shape (REACH, K).
         keep: written: share that row k keeps of what there was before, shape (K,).
@@ -132,7 +64,7 @@ def carry(  # type: ignore[no-untyped-def]
     for i in range(n):
         elements[SHARES, i] = trial[SHARES, i] = shares[i]
     begin(elements, start, coulomb, alpha, known_coulomb, rest_force)
-    far = shape[0] * FAR_ABOVE ** (1.0 / shape[1]) * period
+    far = shape[0] * FAR_ABOVE ** (1.0 / shape[1]) * 2.0 * period
     kept, spring = math.exp(-rate * period), stiffness / n
     small = TINY * noise
     near, position = np.empty(REACH + 1), tables[T_POSITION]
@@ -150,9 +82,7 @@ def carry(  # type: ignore[no-untyped-def]
             for i in range(n):
                 elements[FORCE, i] += spring * (near[3] - near[2])
             elements[SHARES, n] = -1.0
-        elif before == n and tables[T_SHARE, k] < 0.0 and (
-            min(near[4] - near[2], near[3] - near[1]) * direction > 2.0 * far
-        ):
+        elif before == n and tables[T_SHARE, k] < 0.0 and _lowest(near, direction) > far:
             keep[k] = kept
             for i in range(n):
                 goal = direction * shares[i] * coulomb
@@ -208,6 +138,12 @@ def _slipping(elements):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _lowest(near, direction):  # type: ignore[no-untyped-def]
+    """Travel of two samples, about the row's own and the one before: the lesser."""
+    return min((near[4] - near[2]) * direction, (near[3] - near[1]) * direction)
+
+
+@numba.njit(cache=True, error_model="numpy")
 def _step(near, k, direction, period, coulomb, spring, rate, alpha, shape, elements):  # type: ignore[no-untyped-def]
     """One row, as `rows` leads the elements, from the positions k-2...k+2; returns what is kept."""
     n = elements.shape[1] - 1
@@ -228,82 +164,3 @@ def _step(near, k, direction, period, coulomb, spring, rate, alpha, shape, eleme
         step_elements(v * dt, direction, rise, decay, dt, coulomb, spring, rate, alpha, elements)
         whole *= decay
     return whole
-
-
-@numba.njit(cache=True, error_model="numpy")
-def factor_carried(  # type: ignore[no-untyped-def]
-    mass, viscous, period, noise, white, stuck, share, haze, use, pull, keep, left, factor
-):
-    """Factor the covariance of the rows less what they keep of the ones before, L D L'.
-
-    Args:
-        mass: of `refine_carried`, as all that is not named here.
-        stuck: stiffness of what sticks at each row [N/m], shape (K,).
-        share: where a row turns, else negative, shape (K,).
-        haze: variance of what a turn leaves open [N^2], shape (K,).
-        pull: of `carry`.
-        keep: the same; becomes 0 where the row before does not count.
-        left: the same.
-        factor: written: inverse of D, and the three diagonals below it, shape (REACH, K).
-    """
-    outer = noise * mass / period**2
-    before, after = outer - 0.5 * noise * viscous / period, outer + 0.5 * noise * viscous / period
-    inverse, first, second, third = factor[0], factor[1], factor[2], factor[3]
-    by = np.zeros((REACH, REACH))  # of this row and the three before, by position
-    here = own = 0.0
-    for k in range(use.shape[0]):
-        for j in range(REACH - 1, 0, -1):
-            for i in range(REACH):
-                by[j, i] = by[j - 1, i]
-        for i in range(REACH):
-            by[0, i] = factor[i, k] = 0.0
-        here_last, own_last = here, own
-        here = noise * stuck[k] - 2.0 * outer
-        if not use[k] or k == 0 or not use[k - 1]:
-            keep[k] = 0.0
-        if not use[k]:
-            continue
-        own = white + (haze[k] if share[k] >= 0.0 else 0.0)
-        by[0, 0] = pull[0, k] - keep[k] * before
-        by[0, 1] = pull[1, k] + before - keep[k] * here_last
-        by[0, 2] = pull[2, k] + here - keep[k] * after
-        by[0, 3] = pull[3, k] + after
-        # The first position's error is an unknown of its own.
-        for i in range(2 - k):
-            by[0, i] = 0.0
-        variance = own + (keep[k] * keep[k] * own_last if keep[k] > 0.0 else left[k])
-        for i in range(REACH):
-            variance += by[0, i] * by[0, i]
-        c1 = _common(by, 1) - keep[k] * own_last
-        c2, c3 = _common(by, 2), _common(by, 3)
-        if k > 2:
-            third[k] = c3 * inverse[k - 3]
-            c2 -= c3 * first[k - 2]
-            c1 -= c3 * second[k - 1]
-        if k > 1:
-            second[k] = c2 * inverse[k - 2]
-            c1 -= c2 * first[k - 1]
-        if k > 0:
-            first[k] = c1 * inverse[k - 1]
-        inverse[k] = 1.0 / (variance - c1 * first[k] - c2 * second[k] - c3 * third[k])
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _common(by, rows):  # type: ignore[no-untyped-def]
-    """Covariance of a row with the one so many rows before, by the positions of both."""
-    total = 0.0
-    for i in range(REACH - rows):
-        total += by[0, i] * by[rows, i + rows]
-    return total
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _whiten(row, keep, factor):  # type: ignore[no-untyped-def]
-    """Take out of a column what its earlier rows explain, in place."""
-    before = y1 = y2 = y3 = 0.0
-    for k in range(row.shape[0]):
-        this = row[k]
-        y0 = this - keep[k] * before
-        y0 = ((y0 - factor[3, k] * y3) - factor[2, k] * y2) - factor[1, k] * y1
-        before, row[k] = this, y0
-        y3, y2, y1 = y2, y1, y0

@@ -18,7 +18,7 @@ import numba
 
 from estimation.arrival_cost import believe, joint_prior
 from estimation.belief import ALPHA, COULOMB, LAG, LEVEL, MASS, RATE, STIFFNESS, VISCOUS
-from estimation.carried_noise import refine_carried
+from estimation.carried_weights import refine_carried
 from estimation.elements import SHARES
 from estimation.least_squares import cholesky_inverse, gauss_newton_into, quadratic_form
 from estimation.move_tables import (
