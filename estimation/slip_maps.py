@@ -30,6 +30,9 @@ from estimation.move_tables import (
     T_VELOCITY,
 )
 
+SMALL = 0.05
+"""Up to there eight terms of exp(-x) are exact."""
+
 
 @numba.njit(cache=True, error_model="numpy")
 def map_samples(begin_at, end, direction, kept, rate, alpha, shape, period, tables, ready):  # type: ignore[no-untyped-def]
@@ -119,32 +122,50 @@ def map_shape(begin_at, end, direction, kept, rate, alpha, period, tables, ready
         tables[T_DECAY_BY_ALPHA, k], tables[T_GOAL_BY_ALPHA, k] = decay_by_alpha, goal_by_alpha
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
 def follow_curve(k, direction, rate, alpha, shape, period, tables, ready):  # type: ignore[no-untyped-def]
     """Stribeck curve and decay of each substep of a sample, and the curve's slope at its end."""
     vs, delta = shape[0], shape[1]
     v1 = tables[T_VELOCITY, k]
     v0 = tables[T_VELOCITY, k - 1] if k > 0 else v1
-    steps = SUBSTEPS if min(v0 * direction, v1 * direction) <= NO_SUBSTEPS * vs else 1
+    slow = min(v0 * direction, v1 * direction) <= NO_SUBSTEPS * vs
+    part = 1.0 / SUBSTEPS if slow else 1.0
     shift = (tables[T_POSITION, k + 1] - tables[T_POSITION, k]) / period - 0.5 * (v0 + v1)
-    tables[T_CURVE + 3, k] = 0.0  # no second one
-    relaxed, part = rate * period / steps, 1.0 / steps
-    for j in range(steps):
-        v = v0 + (v1 - v0) * ((j + 0.5) * part) + shift
-        rise = stribeck_rise(abs(v) / vs, delta)
-        tables[T_CURVE + 2 * j, k] = rise
-        tables[T_CURVE + 2 * j + 1, k] = _decay(relaxed / (1.0 + alpha * rise))
+    relaxed, gained = rate * period * part, (v1 - v0) * part
+    first = v0 + 0.5 * gained + shift
+    last = first + (SUBSTEPS - 1) * gained
+    even = delta == 1.0 and 0.0 < first * last < (FAR_ABOVE * vs) ** 2
+    if slow and even and relaxed <= SMALL * min(1.0, 1.0 + alpha):
+        # The velocity goes by equal steps, the curve by equal factors.
+        rise = math.exp(-abs(first) / vs)
+        by = math.exp((abs(first) - abs(last)) / (vs * (SUBSTEPS - 1)))
+        second, third, fourth = rise * by, rise * (by * by), (rise * by) * (by * by)
+        _put(rise, _small_decay(relaxed / (1.0 + alpha * rise)), T_CURVE, k, tables)
+        _put(second, _small_decay(relaxed / (1.0 + alpha * second)), T_CURVE + 2, k, tables)
+        _put(third, _small_decay(relaxed / (1.0 + alpha * third)), T_CURVE + 4, k, tables)
+        _put(fourth, _small_decay(relaxed / (1.0 + alpha * fourth)), T_CURVE + 6, k, tables)
+    else:
+        rise = stribeck_rise(abs(first) / vs, delta)
+        _put(rise, math.exp(-relaxed / (1.0 + alpha * rise)), T_CURVE, k, tables)
+        tables[T_CURVE + 3, k] = 0.0  # no second one
+        for j in range(1, SUBSTEPS if slow else 1):
+            rise = stribeck_rise(abs(first + j * gained) / vs, delta)
+            _put(rise, math.exp(-relaxed / (1.0 + alpha * rise)), T_CURVE + 2 * j, k, tables)
     ratio = abs(v1) / vs
     slope = delta * stribeck_rise(ratio, delta)
     tables[T_SLOPE, k] = slope if delta == 1.0 else slope * ratio ** (delta - 1.0)
     ready[k] |= CURVED
 
 
+@numba.njit(cache=True, error_model="numpy")
+def _put(rise, decay, row, k, tables):  # type: ignore[no-untyped-def]
+    tables[row, k] = rise
+    tables[row + 1, k] = decay
+
+
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _decay(x):  # type: ignore[no-untyped-def]
-    """exp(-x); what is small, as it mostly is, by its series: exact, and quicker."""
-    if x > 0.05:
-        return math.exp(-x)
+def _small_decay(x):  # type: ignore[no-untyped-def]
+    """exp(-x) of what is SMALL, as it mostly is, by its series: exact, and quicker."""
     # In pairs that do not wait for each other.
     square = x * x
     low = (1.0 - x) + (1.0 / 2.0 - 1.0 / 6.0 * x) * square
