@@ -11,6 +11,7 @@ import math
 import numba
 
 from estimation.belief import COULOMB, LEVEL
+from estimation.flat_room import as_rows
 from estimation.least_squares import cholesky_inverse
 from estimation.move_tables import KNOTS, MOST_KNOTS
 from estimation.update_tables import C_CORRELATION, C_PERIOD, C_WANDER, F_DRIFT
@@ -60,7 +61,7 @@ def joint_prior(  # type: ignore[no-untyped-def]
     """Joint prior of the chosen figures and the knots: mean and inverse covariance."""
     base = figures + 1 if knots > 0 else figures
     n = prior.shape[0]
-    block = room[: base * base].reshape((base, base))
+    block = as_rows(room[: base * base], base, base)
     for a in range(base):
         i = chosen[a] if a < figures else LEVEL
         for b in range(base):

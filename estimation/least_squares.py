@@ -12,6 +12,8 @@ import math
 import numba
 import numpy as np
 
+from estimation.flat_room import as_rows
+
 
 @numba.njit(cache=True)
 def gauss_newton_step(  # type: ignore[no-untyped-def]
@@ -40,8 +42,8 @@ def gauss_newton_into(  # type: ignore[no-untyped-def]
     """`gauss_newton_step` into `step`, in a room of (2 n + 1) n; returns the length."""
     n = value.shape[0]
     gradient = room[:n]
-    normal = room[n : n + n * n].reshape((n, n))
-    factor = room[n + n * n : n + 2 * n * n].reshape((n, n))
+    normal = as_rows(room[n : n + n * n], n, n)
+    factor = as_rows(room[n + n * n : n + 2 * n * n], n, n)
     for i in range(n):
         rise = slope[i]
         for j in range(n):

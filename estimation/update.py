@@ -23,6 +23,7 @@ from estimation.elements import (
     SLIPS,
     correct_forces,
 )
+from estimation.flat_room import as_rows
 from estimation.judgement import MOSTLY, end_update, jumping
 from estimation.move_tables import (
     KNOTS,
@@ -140,7 +141,7 @@ def update_move(  # type: ignore[no-untyped-def]
     # An onset of which the beginning is not known says nothing.
     known = state_known and samples > 0 and (not math.isnan(rest) or valid[0])
     constants, shares = axis[:CONSTANTS], axis[AXIS:]
-    units = axis[CONSTANTS:AXIS].reshape((FIGURE_ROWS, LEVEL))
+    units = as_rows(axis[CONSTANTS:AXIS], FIGURE_ROWS, LEVEL)
     beliefs, room = floats[:BELIEFS], floats[BELIEFS:]
     counted = _begin(
         position, force, valid, upset, rest, rest_force, elapsed, restless, known, whole,
@@ -172,8 +173,8 @@ def _begin(  # type: ignore[no-untyped-def]
         result[i] = 0.0
     samples = position.shape[0]
     begin = SPARE + ELEMENT_ROWS * (shares.shape[0] + 1)
-    tables = floats[begin : begin + TABLES * samples].reshape((TABLES, samples))
-    marks = small[: MARKS * samples].reshape((MARKS, samples))
+    tables = as_rows(floats[begin : begin + TABLES * samples], TABLES, samples)
+    marks = as_rows(small[: MARKS * samples], MARKS, samples)
     known = units[F_UNIT, COULOMB] * mean[COULOMB]
     counted = clean(
         position, force, valid, rest, tables[T_POSITION], tables[T_FORCE], marks[M_GOOD]
@@ -222,7 +223,7 @@ def _begin(  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, error_model="numpy")
 def _square(entries):  # type: ignore[no-untyped-def]
     """A matrix of figures and level out of its row of entries."""
-    return entries.reshape((LEVEL + 1, LEVEL + 1))
+    return as_rows(entries, LEVEL + 1, LEVEL + 1)
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
@@ -234,9 +235,9 @@ def _learn(  # type: ignore[no-untyped-def]
     n, count = shares.shape[0], samples - 2
     begin = SPARE + ELEMENT_ROWS * (n + 1)
     end = begin + TABLES * samples
-    elements = floats[SPARE:begin].reshape((ELEMENT_ROWS, n + 1))
-    tables = floats[begin:end].reshape((TABLES, samples))
-    marks = small[: MARKS * samples].reshape((MARKS, samples))
+    elements = as_rows(floats[SPARE:begin], ELEMENT_ROWS, n + 1)
+    tables = as_rows(floats[begin:end], TABLES, samples)
+    marks = as_rows(small[: MARKS * samples], MARKS, samples)
     spare, scratch = floats[:SPARE], floats[end:]
     chosen = small[MARKS * samples :]
     for i in range(n):
@@ -300,7 +301,7 @@ def _learn(  # type: ignore[no-untyped-def]
     lead(
         p, units[F_UNIT], constants[C_VS:], constants[C_POSITION_NOISE], constants[C_PERIOD],
         forces, result[R_KNOWN], result[R_REST_FORCE], tables, marks[M_HEADING], marks[M_READY],
-        no, no, no, scratch[: KNOTS * count].reshape((KNOTS, count)), elements,
+        no, no, no, as_rows(scratch[: KNOTS * count], KNOTS, count), elements,
     )  # fmt: skip
     for i in range(n):
         forces[i] = elements[FORCE, i]

@@ -20,6 +20,7 @@ from estimation.arrival_cost import believe, joint_prior
 from estimation.belief import ALPHA, COULOMB, LAG, LEVEL, MASS, RATE, STIFFNESS, VISCOUS
 from estimation.carried_weights import refine_carried
 from estimation.elements import SHARES
+from estimation.flat_room import as_rows
 from estimation.least_squares import cholesky_inverse, gauss_newton_into, quadratic_form
 from estimation.move_tables import (
     KNOTS,
@@ -148,9 +149,9 @@ def fit(  # type: ignore[no-untyped-def]
     prior, lower, upper = spare[:n], spare[n : 2 * n], spare[2 * n : 3 * n]
     value, away, step = spare[3 * n : 4 * n], spare[4 * n : 5 * n], spare[5 * n : 6 * n]
     begin, size = 6 * MOST, (n + 1) * (n + 1)
-    information = spare[begin : begin + n * n].reshape((n, n))
-    normal = spare[begin + size : begin + 2 * size].reshape((n + 1, n + 1))
-    trial_normal = spare[begin + 2 * size : begin + 3 * size].reshape((n + 1, n + 1))
+    information = as_rows(spare[begin : begin + n * n], n, n)
+    normal = as_rows(spare[begin + size : begin + 2 * size], n + 1, n + 1)
+    trial_normal = as_rows(spare[begin + 2 * size : begin + 3 * size], n + 1, n + 1)
     spare = spare[begin + 3 * size :]
     joint_prior(
         prior_mean, prior_covariance, chosen, figures, knots, count, constants, prior, information,
@@ -164,8 +165,8 @@ def fit(  # type: ignore[no-untyped-def]
     spread = constants[C_MODEL_ERROR] * units[F_UNIT, COULOMB] * prior_mean[COULOMB]
     white = constants[C_FORCE_NOISE] ** 2 + spread * spread
     columns, taken = KNOTS + knots, (KNOTS + knots) * end
-    rows = scratch[:taken].reshape((columns, end))
-    weights = scratch[taken : taken + 4 * end].reshape((4, end))
+    rows = as_rows(scratch[:taken], columns, end)
+    weights = as_rows(scratch[taken : taken + 4 * end], 4, end)
     # Where the encoder alone moves the force through codes, rounding is as good as white.
     jitter = units[F_UNIT, MASS] * p[MASS] * constants[C_POSITION_NOISE] / constants[C_PERIOD] ** 2
     refined = not linear and jitter < QUIET * report[R_STEP]
