@@ -100,6 +100,8 @@ class SplitHorizonEstimator:
         self._rest: float | None = None
         self._trend = Trend(settings.belief)
         self._aged = 0.0
+        self._before = (1.0, 1.0)  # Coulomb force before a move and its variance, relative
+        self._drift = settings.belief.drift[COULOMB] ** 2
         self._misfits: deque[float] = deque(maxlen=_RECENT)
         self._frozen = frozen
         self._jump: F64 | None = None
@@ -251,7 +253,7 @@ class SplitHorizonEstimator:
         """Let the trend have the level that a sound move showed."""
         shown = sliding_shown(result, _SAID)
         if shown is not None:
-            self._trend.saw(time, shown[0], shown[1] / shown[0] ** 2)
+            self._trend.saw(time, shown[0], shown[1] / shown[0] ** 2, self._before)
 
     def preview(self, move: MoveData) -> Preview | None:
         """Solve zone A of a move that is not over; None where it says nothing sound yet.
@@ -283,14 +285,17 @@ class SplitHorizonEstimator:
     ) -> tuple[F64, int, float, float]:
         """Learn from a move, unless it is not over (`whole`), and carry `state` to its end."""
         elapsed = -1.0 if self._end is None else move.time - self._end
-        rest = math.nan if self._rest is None else self._rest
         belief, solve = self._belief, self._solver.solve
+        coulomb = belief.mean.item(COULOMB)
+        sure = belief.covariance.item(COULOMB, COULOMB) / coulomb**2 + self._drift
+        self._before = (coulomb, sure)
+        rest = math.nan if self._rest is None else self._rest
         if self._carried is None:
             self._aged = 0.0
             found = solve(move, rest, elapsed, 0.0, belief, state, known, whole)
         else:
-            change, self._aged = self._trend.carry(self._carried, end)
-            coulomb = belief.mean.item(COULOMB)
+            change, unsure = self._trend.carry(self._carried, end)
+            self._aged = max(unsure - sure, 0.0)
             belief.mean[COULOMB] = coulomb * math.exp(change)
             learned = False
             try:

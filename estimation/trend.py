@@ -10,8 +10,9 @@ w the level's own wander, c a constant that drifts a little from move to move, r
 Gauss-Markov process: friction warms up fast at first, and less and less. How probable a drift is,
 the surprises of both Kalman filters say (multiple models: P. S. Maybeck, Stochastic Models,
 Estimation, and Control, vol. 2, 1982, section 10.8); what they said is forgotten slowly. What is
-carried on is the rate times that probability, and what both leave open is added to the variance
-that belief in the Coulomb force ages by: a quiet stage is neither carried on nor doubted.
+carried on is the rate times that probability, and belief in the Coulomb force is no surer than both
+leave it: an error of the rate adds up from move to move. A quiet stage is neither carried on nor
+doubted.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ import numpy as np
 
 from estimation.belief import COULOMB, BeliefSettings
 
-RATE, LASTING = 0.03, 10.0
+RATE, LASTING = 0.05, 10.0
 """Rms [1/s] and correlation time [s] of the rate, where there is a drift: guides and grease warm up
-by 10 to 40 % with time constants of seconds to minutes."""
+by 10 to 40 % with time constants of three seconds to minutes."""
 REMEMBERED = 30.0
 """How long surprises tell whether there is a drift [s]; without any, as likely as not."""
 MISSED = 0.004
@@ -65,7 +66,6 @@ class Trend:
         self._state[:] = 0.0
         for filter_ in (0, _SIZE):
             self._state[filter_ + _WW] = self._constants[0] ** 2
-            self._state[filter_ + _CC] = 1.0
         self._state[_SIZE + _RR] = RATE**2
 
     @property
@@ -79,34 +79,48 @@ class Trend:
         variance = self._state.item(_SIZE + _RR)
         return self._state.item(_SIZE + _R), math.sqrt(max(variance, 0.0))
 
-    def saw(self, time: float, level: float, variance: float) -> None:
+    def saw(
+        self, time: float, level: float, variance: float, believed: tuple[float, float]
+    ) -> None:
         """Take in what a move has shown.
 
         Args:
             time: of it [s]; none is earlier than the one before.
             level: Coulomb force with its wander, in any unit, always the same.
             variance: of it, relative.
+            believed: Coulomb force before it and its variance, relative: what c begins from.
         """
+        if self._time is None:
+            for filter_ in (0, _SIZE):
+                self._state[filter_ + _C] = math.log(believed[0])
+                self._state[filter_ + _CC] = believed[1]
         elapsed = 0.0 if self._time is None else max(time - self._time, 0.0)
         self._time = time
         observe(self._state, self._constants, elapsed, math.log(level), variance)
 
     def carry(self, begin: float, end: float) -> tuple[float, float]:
-        """What the level's logarithm is expected to change by, and the variance of that.
+        """What the level's logarithm is expected to change by between two instants.
 
         Args:
             begin: from when [s]; not before the last `saw`.
             end: until when [s].
+
+        Returns:
+            That, and the variance of c at the end; zeros where nothing has been seen.
         """
         if self._time is None or not end > begin:
             return 0.0, 0.0
-        hold = math.exp(-(end - begin) / LASTING)
-        faded = math.exp(-max(begin - self._time, 0.0) / LASTING)
+        state, share = self._state.tolist(), self.probability
+        elapsed = end - self._time
+        hold = math.exp(-elapsed / LASTING)
         grown = LASTING * (1.0 - hold)
-        share, (rate, sigma) = self.probability, self.rate
-        change = grown * faded * rate
-        spread = (grown * faded * sigma) ** 2 + wandered(end - begin, hold)
-        return share * change, share * (spread + (1.0 - share) * change**2)
+        earlier = LASTING * (1.0 - math.exp(-max(begin - self._time, 0.0) / LASTING))
+        rate, apart = state[_SIZE + _R], state[_SIZE + _C] - state[_C]
+        drift = state[_SIZE + _CC] + grown * (2.0 * state[_SIZE + _CR] + grown * state[_SIZE + _RR])
+        drift += wandered(elapsed, hold)
+        spread = share * drift + (1.0 - share) * state[_CC]
+        spread += share * (1.0 - share) * (apart + grown * rate) ** 2
+        return share * (grown - earlier) * rate, spread
 
 
 def wandered(elapsed: float, hold: float) -> float:

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from estimation.belief import BeliefSettings
-from estimation.trend import Trend
+from estimation.trend import LASTING, RATE, Trend
 
 WANDER, CORRELATION = 0.01, 0.5
 SETTINGS = BeliefSettings(wander=WANDER, correlation_time=CORRELATION)
 SIGMA = 0.005
+BELIEVED = (6.0, 0.5**2)
 APART = 0.25
 
 
@@ -23,7 +24,7 @@ def followed(trend, base, moves, seed, start=0.0, apart=APART):
         time = start + number * apart
         wander = keep * wander + math.sqrt(1.0 - keep**2) * generator.normal(0.0, WANDER)
         value = base(time) * (1.0 + wander) * (1.0 + generator.normal(0.0, SIGMA))
-        trend.saw(time, value, SIGMA**2)
+        trend.saw(time, value, SIGMA**2, BELIEVED)
         known.append((time, *trend.carry(time, time + 1.5), trend.probability))
     return np.array(known)
 
@@ -33,7 +34,7 @@ def test_a_quiet_stage_is_hardly_carried_on_nor_doubted(seed):
     known = followed(Trend(SETTINGS), lambda _: 6.0, 300, seed)
     _, change, variance, probability = known[40:].T
     assert np.sqrt(np.mean(change**2)) < 0.5 * WANDER  # over 1.5 s of rest
-    assert np.mean(variance) < WANDER**2
+    assert np.mean(variance) < 1.5 * WANDER**2
     assert np.median(probability) < 0.2
 
 
@@ -55,14 +56,14 @@ def test_a_stage_that_warms_up_is_carried_on_over_a_rest(sign, time_constant):
 
 
 def test_what_it_leaves_open_is_about_what_it_misses():
-    """Drifts as likely as the hypothesis says: chi squared of what is carried on is near one."""
+    """Drifts as the hypothesis has them: what it misses is as large as it says, to chance."""
     generator = np.random.default_rng(9)
     chi = []
     for seed in range(60):
-        rate, keep = generator.normal(0.0, 0.03), math.exp(-1e-3 / 10.0)
+        rate, keep = generator.normal(0.0, RATE), math.exp(-1e-3 / LASTING)
         course = [math.log(6.0)]
         for _ in range(5000):
-            rate = keep * rate + math.sqrt(1.0 - keep**2) * generator.normal(0.0, 0.03)
+            rate = keep * rate + math.sqrt(1.0 - keep**2) * generator.normal(0.0, RATE)
             course.append(course[-1] + 1e-3 * rate)
         log = np.array(course)
         known = followed(
@@ -71,7 +72,7 @@ def test_what_it_leaves_open_is_about_what_it_misses():
         time, change, variance, _ = known[-1]
         begin = round(time / 1e-3)
         chi.append((log[begin + 1500] - log[begin] - change) ** 2 / variance)
-    assert 0.5 < np.mean(chi) < 1.7
+    assert 0.4 < np.mean(chi) < 1.5
 
 
 def test_a_step_is_not_carried_on_as_a_rate():
@@ -92,25 +93,26 @@ def test_what_it_knew_is_forgotten_where_it_is_told_to():
     assert trend.carry(time, time + 1.0) == (0.0, 0.0)
 
 
-def test_without_a_drift_both_hypotheses_agree_with_a_kalman_filter():
-    """One value after another against the textbook's filter, in matrices."""
+def test_the_rate_is_that_of_a_kalman_filter():
+    """One value after another, against the filter in matrices."""
     trend = Trend(SETTINGS)
     generator = np.random.default_rng(4)
-    mean, spread = np.zeros(3), np.diag([WANDER**2, 1.0, 0.03**2])
-    row, apart, lasting = np.array([1.0, 1.0, 0.0]), 0.3, 10.0
+    mean = np.array([0.0, math.log(BELIEVED[0]), 0.0])
+    spread = np.diag([WANDER**2, BELIEVED[1], RATE**2])
+    row, apart, lasting = np.array([1.0, 1.0, 0.0]), 0.3, LASTING
     keep, hold = math.exp(-apart / CORRELATION), math.exp(-apart / lasting)
     step = np.array([[keep, 0, 0], [0, 1, lasting * (1 - hold)], [0, 0, hold]])
     # Noise of the integrated rate by quadrature: r's own at s, kept until the end.
     s = (np.arange(20000) + 0.5) / 20000 * apart
     reach = np.stack([lasting * (1.0 - np.exp(-s / lasting)), np.exp(-s / lasting)])
-    gained = 2.0 * 0.03**2 / lasting * (reach @ reach.T) * apart / 20000
+    gained = 2.0 * RATE**2 / lasting * (reach @ reach.T) * apart / 20000
     noise = np.zeros((3, 3))
     noise[1:, 1:] = gained
     noise[0, 0] = (1.0 - keep**2) * WANDER**2
     noise[1, 1] += SETTINGS.drift[0] ** 2
     for number in range(1, 8):
         value = math.log(6.0) + generator.normal(0.0, 0.01)
-        trend.saw(number * apart, math.exp(value), SIGMA**2)
+        trend.saw(number * apart, math.exp(value), SIGMA**2, BELIEVED)
         if number > 1:
             mean, spread = step @ mean, step @ spread @ step.T + noise
         else:
