@@ -2,15 +2,19 @@
 
 Simulated stages (hil_sim: wander, encoder noise, force in steps) with the machine file's figures or
 others, 12 macro-moves with two micro-moves each, axis x; per figure: mean and rms of (estimate -
-truth)/sigma over the seeds. Then, without noise, what is left of the force under the true model
-when mass, or the setpoints' second differences, are regressed on.
+truth)/sigma over the seeds. Then, without noise, what is left of the sampled force under the true
+model when mass, or the setpoints' second differences, are regressed on.
 
-    python benchmarks/identify_spread.py [--seeds 8]
+    python benchmarks/identify_spread.py [--seeds 8] [--steps 5]
+
+The force is late in truth, too, see `lateness`; with more plant steps per control tick (`--steps`)
+less so, and the rest must stay.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -18,17 +22,19 @@ from machine_facts import machine_facts
 from numpy.typing import NDArray
 
 from estimation.gms import FrictionState, follow
-from estimation.offline.identify import Identification, identify
+from estimation.offline.identify import Identification
 from estimation.offline.records import Samples
 from estimation.trajectory import Limits, plan
 from hil_sim.effects.library import own_effects
-from hil_sim.settings import AxisSettings
+from hil_sim.settings import SUBSTEPS, AxisSettings
 from hil_sim.simulate import simulate
 from stagectl.compensation import friction_model
 from stagectl.config import load_machine, stage_settings
-from stagectl.identify import settings_of
+from stagectl.identify import identify_pieces
 
 F64 = NDArray[np.float64]
+BELIEVED_MASS = 8.0
+"""Of axis x, by the host [kg]."""
 MACRO, MICRO = Limits(0.5, 3.0, 200.0), Limits(0.01, 0.2, 20.0)
 FIGURES = (
     "coulomb", "viscous", "stiffness", "relaxation_rate", "static_ratio", "stribeck_velocity",
@@ -37,8 +43,14 @@ FIGURES = (
 )  # fmt: skip
 
 
-def drive(axis: AxisSettings, seed: int | None, moves: int = 12) -> Samples:
-    """Closed loop, force offset mass times acceleration; the moves on the seed too."""
+def drive(
+    axis: AxisSettings, seed: int | None, steps: int = SUBSTEPS, moves: int = 12
+) -> tuple[Samples, F64]:
+    """Closed loop, force offset believed mass times acceleration; the moves on the seed too.
+
+    Returns:
+        Samples, and the offset sent for each [N].
+    """
     stage = stage_settings(load_machine())
     rng = np.random.default_rng(seed)
     at, demand, offset = 0.0, [np.zeros(100)], [np.zeros(100)]
@@ -53,24 +65,37 @@ def drive(axis: AxisSettings, seed: int | None, moves: int = 12) -> Samples:
         time = np.arange(1, int(motion.duration * 1e3) + 151) * 1e-3
         position, _, acceleration = motion.sample(time)
         demand.append(position)
-        offset.append(8.0 * acceleration)
+        offset.append(BELIEVED_MASS * acceleration)
         at = target
-    sent = np.concatenate(demand)
+    sent, force = np.concatenate(demand), np.concatenate(offset)
     response = simulate(
-        replace(stage, axes=(axis,)), sent[:, None], np.concatenate(offset)[:, None], seed
+        replace(stage, axes=(axis,)), sent[:, None], force[:, None], seed, substeps=steps
     )
     ones = np.ones(len(sent), dtype=np.bool_)
-    return Samples(response.position[:, 0], response.force[:, 0], ones, 0.0, sent)
+    return Samples(response.position[:, 0], response.force[:, 0], ones, 0.0, sent), force
 
 
-def truths(axis: AxisSettings, asymmetry: float) -> dict[str, float]:
+def lateness(axis: AxisSettings, steps: int) -> float:
+    """By how much the simulated force is late [s].
+
+    It acts one plant step before it is read. And it is read where the drive's control tick ends: of
+    a command in stairs, behind the current loop's first-order lag, that is the lowest point, off
+    the straight line through them.
+    """
+    tick, loop = axis.control.period, 0.5 / (math.pi * axis.control.current_bandwidth)
+    stairs = tick / -math.expm1(-tick / loop) - tick / 2.0 - loop
+    return stairs + tick / steps
+
+
+def truths(axis: AxisSettings, asymmetry: float, steps: int = SUBSTEPS) -> dict[str, float]:
     """What `identify` should find on such an axis."""
     f = axis.friction
     known = {
         "coulomb": f.coulomb, "viscous": f.viscous, "stiffness": f.stiffness,
         "relaxation_rate": f.attraction / f.coulomb, "static_ratio": f.static_ratio,
         "stribeck_velocity": f.stribeck_velocity, "stribeck_shape": f.stribeck_shape,
-        "asymmetry": asymmetry, "force_offset": 0.0, "mass": axis.mass, "lag": 0.0,
+        "asymmetry": asymmetry, "force_offset": 0.0, "mass": axis.mass,
+        "lag": lateness(axis, steps),
     }  # fmt: skip
     count = f.elements
     for i in range(1, count + 1):
@@ -88,14 +113,15 @@ def away(found: Identification, truth: dict[str, float]) -> list[float]:
     ]
 
 
-def spread(seeds: int) -> None:
+def spread(seeds: int, steps: int) -> None:
     """The table of errors in sigma."""
     machine = load_machine()
-    believed, settings = friction_model(machine.axes["x"]), settings_of(machine.axes["x"], 1e-3)
+    believed = friction_model(machine.axes["x"])
     nominal = stage_settings(machine).axes[0]
     lopsided = own_effects()["friction_asymmetry"].at(ratio=0.1)
     other = replace(
         nominal,
+        mass=1.07 * nominal.mass,
         effects=(lopsided,),
         friction=replace(
             nominal.friction, coulomb=7.5, attraction=750.0, viscous=28.0, stiffness=4.5e5,
@@ -104,13 +130,13 @@ def spread(seeds: int) -> None:
     )  # fmt: skip
     columns = []
     for axis, asymmetry in ((nominal, 0.0), (other, 0.1)):
-        truth = truths(axis, asymmetry)
-        errors = np.array(
-            [
-                away(identify([drive(axis, s)], believed, settings), truth)
-                for s in range(1, seeds + 1)
-            ]
-        )
+        truth = truths(axis, asymmetry, steps)
+        rows = []
+        for seed in range(1, seeds + 1):
+            piece = drive(axis, seed, steps)
+            found = identify_pieces([piece], machine.axes["x"], believed, machine.bus.sync_period)
+            rows.append(away(found, truth))
+        errors = np.array(rows)
         columns.append((np.nanmean(errors, axis=0), np.sqrt(np.nanmean(errors**2, axis=0))))
     print(
         "| (estimate - truth)/sigma | as the machine file: mean | rms | another stage: mean | rms |"
@@ -127,7 +153,7 @@ def ripple() -> None:
     quiet = replace(
         nominal, noise=0.0, increment=1e-12, friction=replace(nominal.friction, wander=0.0)
     )
-    samples = drive(quiet, None)
+    samples, _ = drive(quiet, None)
     x, sent = samples.position, samples.demand
     assert sent is not None
     friction = friction_model(load_machine().axes["x"])
@@ -155,9 +181,10 @@ def main() -> None:
     """Both tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=8)
+    parser.add_argument("--steps", type=int, default=SUBSTEPS, help="plant steps per tick [5]")
     arguments = parser.parse_args()
     print(f"{arguments.seeds} seeds; {machine_facts()}\n")
-    spread(arguments.seeds)
+    spread(arguments.seeds, arguments.steps)
     ripple()
 
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimation.gms import Friction, FrictionState
+from estimation.gms import F64, Friction, FrictionState
 from estimation.noise import encoder_noise, quantisation
 from estimation.offline.identify import Identification, OfflineSettings, identify
 from estimation.offline.records import Samples
@@ -21,6 +21,9 @@ from sim2real.recording import Recording
 from stagectl.compensation import friction_model, kink_tip
 from stagectl.config.machine import Axis, Machine
 from stagectl.errors import UnusableInput
+
+ANOTHER = 0.05
+"""Friction that is off by more than this share changes its mean around a SYNC noticeably."""
 
 
 def settings_of(axis: Axis, period: float) -> OfflineSettings:
@@ -55,7 +58,7 @@ def identify_axis(
     friction = friction_model(axis)
     if elements is not None:
         friction = replace(friction, elements=elements)
-    pieces: list[Samples] = []
+    pieces: list[tuple[Samples, F64]] = []
     offset = 0.0
     for recording in recordings:
         where = f"{recording.source}: axis {name}"
@@ -65,22 +68,76 @@ def identify_axis(
             new = _pieces(recording, name, period, offset)
         except ValueError as error:
             raise UnusableInput(f"{where}: {error}") from error
-        pieces += [_around_syncs(piece, axis, friction, period) for piece in new]
-        offset = pieces[-1].time + 2.0 * period * len(pieces[-1].position)  # never joined
-    return identify(pieces, friction, settings_of(axis, period))
+        pieces += new
+        offset = new[-1][0].time + 2.0 * period * len(new[-1][1])  # never joined
+    return identify_pieces(pieces, axis, friction, period)
 
 
-def _around_syncs(piece: Samples, axis: Axis, friction: Friction, period: float) -> Samples:
-    """With mean forces around the SYNCs, not those at them: see `estimation.sampled_force`."""
+def identify_pieces(
+    pieces: Sequence[tuple[Samples, F64]], axis: Axis, friction: Friction, period: float
+) -> Identification:
+    """As `identify_axis`, from samples and the force offsets sent for them [N].
+
+    Twice where the friction turns out to be another: what it is in the mean around a SYNC depends a
+    little on what it is.
+    """
+    settings = settings_of(axis, period)
+    level = [around_syncs(piece, sent, axis, friction, period) for piece, sent in pieces]
+    answer = identify(level, friction, settings)
+    if answer.reason is not None or not _another(friction, answer):
+        return answer
+    found = _found(friction, answer)
+    level = [around_syncs(piece, sent, axis, found, period) for piece, sent in pieces]
+    again = identify(level, friction, settings)
+    return answer if again.reason is not None else again
+
+
+def _another(friction: Friction, answer: Identification) -> bool:
+    """Whether the figures that the elements' forces are made of are others than was believed."""
+    return any(
+        abs(answer[name].value / float(getattr(friction, name)) - 1.0) > ANOTHER
+        for name in ("coulomb", "stiffness")
+    )
+
+
+def _found(friction: Friction, answer: Identification) -> Friction:
+    """The model with the figures of an answer; the shape of its hysteresis as it was."""
+    return replace(
+        friction,
+        coulomb=answer["coulomb"].value,
+        viscous=answer["viscous"].value,
+        stiffness=answer["stiffness"].value,
+        relaxation_rate=answer["relaxation_rate"].value,
+        static_ratio=answer["static_ratio"].value,
+        stribeck_velocity=answer["stribeck_velocity"].value,
+        stribeck_shape=answer["stribeck_shape"].value,
+    )
+
+
+def around_syncs(
+    piece: Samples, sent: F64, axis: Axis, friction: Friction, period: float
+) -> Samples:
+    """With mean forces around the SYNCs, not those at them: see `estimation.sampled_force`.
+
+    Args:
+        piece: as sampled.
+        sent: force offset sent for each sample [N], shape (K,); in force one SYNC later.
+        axis: of the machine file.
+        friction: what is believed of it.
+        period: Ts [s].
+    """
     move = MoveData(piece.position, piece.force, piece.valid, piece.time, 0.0)
     state = FrictionState.relaxed(friction.elements, float(piece.position[0]))
     share = kink_share(period, kink_tip(axis.drive))
-    level = with_mean_force(move, share, friction, state, period, axis.drive.peak_force)
+    commanded = np.nan_to_num(np.concatenate([sent[:1], sent[:-1]]))
+    level = with_mean_force(move, share, friction, state, period, axis.drive.peak_force, commanded)
     return replace(piece, force=level.force)
 
 
-def _pieces(recording: Recording, name: str, period: float, offset: float) -> list[Samples]:
-    """Samples of one axis, cut where the host passed SYNC periods over.
+def _pieces(
+    recording: Recording, name: str, period: float, offset: float
+) -> list[tuple[Samples, F64]]:
+    """Samples and force offsets of one axis, cut where the host passed SYNC periods over.
 
     Raises:
         ValueError: SYNCs that are not a period apart, or too few samples.
@@ -96,15 +153,14 @@ def _pieces(recording: Recording, name: str, period: float, offset: float) -> li
         if end - begin < 3 or signals.valid[begin:end].sum() < 3:
             continue
         part = slice(begin, end)
-        pieces.append(
-            Samples(
-                signals.position_actual[part],
-                signals.force_actual[part],
-                signals.valid[part],
-                offset + float(recording.time[begin]),
-                signals.position_demand[part],
-            )
+        samples = Samples(
+            signals.position_actual[part],
+            signals.force_actual[part],
+            signals.valid[part],
+            offset + float(recording.time[begin]),
+            signals.position_demand[part],
         )
+        pieces.append((samples, signals.force_offset[part]))
     if not pieces:
         raise ValueError("fewer than three valid samples in a row")
     return pieces

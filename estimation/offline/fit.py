@@ -47,6 +47,8 @@ MAX_ITERATIONS, HALVINGS, TOLERANCE = 25, 6, 0.02
 LEAST_GAIN = 0.2, 1e-4
 """... and so does a fall of the cost below this, absolutely or relatively: breakaways are kinks, on
 whose scale the cost is rough."""
+STEPS_OF_BOTH = 4
+"""Where the errors are in both: what the mass needs. The rest goes to and fro among the kinks."""
 
 
 _FIGURES = len(FIGURES)
@@ -149,7 +151,8 @@ class Problem:
             free: what to solve for, shape (n,).
             levels: knots to begin at; default none.
             counted: blocks that count; default all.
-            both: take the measured acceleration for as noisy as the residual, see `whitened`.
+            both: take the measured acceleration for as noisy as the residual, see `whitened`. Not a
+                minimum of the cost: so many full steps are taken, after which the mass stands.
 
         Raises:
             NoSolutionError: not finite, or no minimum.
@@ -162,7 +165,7 @@ class Problem:
         now = self._linearised(q, levels, index, counted, both)
         cost = now.cost + self._away(q, index)
         converged = False
-        for _ in range(MAX_ITERATIONS):
+        for _ in range(STEPS_OF_BOTH if both else MAX_ITERATIONS):
             if not math.isfinite(cost):
                 raise NoSolutionError("the residual is not finite")
             step, size = self._step(now, q, index, information)
@@ -180,7 +183,7 @@ class Problem:
                 )
                 then = self._linearised(trial, shifted, index, counted, both)
                 lower = then.cost + self._away(trial, index)
-                if lower <= cost * (1.0 + 1e-12):
+                if both or lower <= cost * (1.0 + 1e-12):
                     improved = True
                     break
                 step, moves = step * 0.5, [m * 0.5 for m in moves]
@@ -188,7 +191,8 @@ class Problem:
                 converged = True
                 break
             gained, q, levels, now, cost = cost - lower, trial, shifted, then, lower
-            if size < TOLERANCE or gained < max(LEAST_GAIN[0], LEAST_GAIN[1] * cost):
+            little = not both and gained < max(LEAST_GAIN[0], LEAST_GAIN[1] * cost)
+            if size < TOLERANCE or little:
                 converged = True
                 break
         covariance = np.zeros((len(q), len(q)))

@@ -6,9 +6,13 @@ stays at its prior. An estimate is refused as a whole where the model does not e
 
 Sigma is the larger of two: what noise explains (inflated where the residual is above it), and how
 much the blocks of the record disagree. The second one is honest where model errors are alike over
-many neighbouring samples. Beside it stands what changes where the measured acceleration counts as
-noisy itself: a host that follows its demand well tells the mass from the drive's ripple by hardly
-more than the encoder's noise, which is in the acceleration and, through the controller, the force.
+many neighbouring samples.
+
+The measured acceleration has the encoder's noise, too: taken for exact, it shows too little mass.
+So the mass is that of errors in both, all else has its minimum there, and what that changes goes
+into sigma. A host that follows its demand well tells the mass from the drive's ripple by hardly
+more than that noise, which is in the force as well, through the controller: then the mass stays as
+believed.
 """
 
 from __future__ import annotations
@@ -170,28 +174,33 @@ def identify(
         figures = chosen(len(free), tuple(range(len(FIGURES))))
         fit = problem.solve(fit.q, free & figures, fit.levels)
         fit = problem.solve(fit.q, free, fit.levels)
-        sigma, spread = _sigma(u, fit), _prior_sigma(u)
-        both = problem.solve(fit.q, free, fit.levels, both=True)
-        apart = np.abs(u.values(both.q) - u.values(fit.q))
-        if math.hypot(sigma[MASS], apart[MASS]) > spread[MASS] / math.sqrt(2.0):
+        spread = _prior_sigma(u)
+        noisy = problem.solve(fit.q, free, fit.levels, both=True)
+        apart = abs(u.values(noisy.q)[MASS] - u.values(fit.q)[MASS])
+        others = free & ~chosen(len(free), (MASS,))
+        by_mass = np.zeros(len(free))  # what the mass leaves open in every figure
+        if math.hypot(_sigma(u, fit)[MASS], apart) > spread[MASS] / math.sqrt(2.0):
             # Mass and ripple are told apart by noise only: all the ripple, and the mass believed.
-            free[MASS] = False
+            free = others
             fit = problem.solve(np.where(free, fit.q, u.mean), free, fit.levels)
-            sigma = _sigma(u, fit)
             # The two add up to what is told; one is as uncertain as the other.
-            sigma[RIPPLE[0]] = math.hypot(sigma[RIPPLE[0]], u.spread[MASS])
+            by_mass[RIPPLE[0]] = u.spread[MASS]
         else:
-            sigma = np.hypot(sigma, apart)
+            by_mass = _leaning(u, fit) * math.hypot(_sigma(u, fit, shared=True)[MASS], apart)
+            fit = problem.solve(np.where(others, fit.q, noisy.q), others, fit.levels)
+        sigma = np.hypot(_sigma(u, fit), by_mass)
         verdicts = _verdicts(u, fit.q, sigma, spread, free)
         told = np.array([v in (ESTIMATED, TOGETHER) for v in verdicts])
-        sigma = np.where(told, np.maximum(sigma, _sigma(u, fit, shared=True)), sigma)
+        sigma = np.where(told, np.hypot(_sigma(u, fit, shared=True), by_mass), sigma)
+        others &= told
         if not told.all():
             start = np.where(told, fit.q, u.mean)
-            fit = problem.solve(start, told, fit.levels)
-            sigma = np.where(told, np.maximum(sigma, _sigma(u, fit, shared=True)), spread)
+            fit = problem.solve(start, others, fit.levels)
+            again = np.hypot(_sigma(u, fit, shared=True), by_mass)
+            sigma = np.where(told, np.maximum(sigma, again), spread)
         if not fit.converged:  # once more from there
-            fit = problem.solve(fit.q, told, fit.levels)
-        held_out = _held_out(problem, fit, told) if fit.converged else math.nan
+            fit = problem.solve(fit.q, others, fit.levels)
+        held_out = _held_out(problem, fit, others) if fit.converged else math.nan
     except NoSolutionError as problem_found:
         return _refused(u, str(problem_found), samples, sum(problem.counted))
     if not fit.converged:
@@ -204,6 +213,14 @@ def identify(
         None, _figures(u, fit.q, sigma, verdicts), fit.misfit, before.misfit, held_out, samples,
         sum(problem.counted),
     )  # fmt: skip
+
+
+def _leaning(u: Unknowns, fit: Fit) -> F64:
+    """By how much every value goes with the mass, where the samples say what they say of both."""
+    slopes = u.slopes(fit.q)
+    covariance: F64 = slopes @ fit.covariance @ slopes.T
+    result: F64 = covariance[:, MASS] / covariance[MASS, MASS]
+    return result
 
 
 def _sigma(u: Unknowns, fit: Fit, shared: bool = False) -> F64:

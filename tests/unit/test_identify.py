@@ -5,14 +5,20 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from estimation.offline.records import Samples
+from estimation.trajectory import Limits, plan
+from hil_sim.settings import SUBSTEPS
+from hil_sim.simulate import simulate
 from stagectl.cli.identify import command
-from stagectl.compensation import Mode
+from stagectl.compensation import Mode, friction_model
+from stagectl.config import stage_settings
 from stagectl.config.machine import load_machine
 from stagectl.errors import UnusableInput
-from stagectl.identify import identify_axis
+from stagectl.identify import identify_axis, identify_pieces
 from stagectl.recipe.load import load_recipe
 from stagectl.request import RunRequest
 from stagectl.session import Listener, execute
@@ -108,3 +114,41 @@ def test_command_names_what_it_cannot_use():
         CliRunner().invoke(
             command, [str(DATA / "null-2.h5"), "--axis", "z"], catch_exceptions=False
         )
+
+
+def test_mass_and_lag_are_found_within_their_sigma():
+    """A stage 7 % heavier and with other friction than believed, its moves without friction's help.
+
+    The simulated force is late: by a plant step, and by what the stairs of the command leave.
+    """
+    machine = load_machine(None)
+    stage = stage_settings(machine)
+    axis = stage.axes[0]
+    truth = replace(
+        axis,
+        mass=1.07 * axis.mass,
+        friction=replace(axis.friction, coulomb=7.5, attraction=750.0, stiffness=4.5e5),
+    )
+    generator = np.random.default_rng(5)
+    demand, offset, at = [np.zeros(100)], [np.zeros(100)], 0.0
+    for number in range(18):
+        limits = Limits(0.5, 3.0, 200.0) if number % 3 == 0 else Limits(0.01, 0.2, 20.0)
+        target = generator.uniform(-0.04, 0.04) if number % 3 == 0 else at + 6e-5 * (-1) ** number
+        motion = plan(at, target, limits)
+        position, _, acceleration = motion.sample(np.arange(1, 1e3 * motion.duration + 120) * 1e-3)
+        demand.append(position)
+        offset.append(axis.mass * acceleration)
+        at = target
+    sent, force = np.concatenate(demand), np.concatenate(offset)
+    response = simulate(replace(stage, axes=(truth,)), sent[:, None], force[:, None], 5)
+    valid = np.ones(len(sent), dtype=np.bool_)
+    samples = Samples(response.position[:, 0], response.force[:, 0], valid, 0.0, sent)
+    believed = machine.axes["x"]
+    answer = identify_pieces([(samples, force)], believed, friction_model(believed), 1e-3)
+    tick, loop = 1e-4, 0.5 / (np.pi * 1500.0)
+    late = tick / (1.0 - np.exp(-tick / loop)) - tick / 2.0 - loop + tick / SUBSTEPS
+    mass, lag = answer["mass"], answer["lag"]
+    assert mass.verdict == lag.verdict == "estimated"
+    assert mass.sigma < 0.01 * truth.mass
+    assert abs(mass.value - truth.mass) < 2.0 * mass.sigma
+    assert abs(lag.value - late) < 2.0 * lag.sigma

@@ -65,3 +65,22 @@ def test_what_has_no_neighbours_stays_as_sampled():
     after = with_mean_force(move, 1.0 / 6.0, FREE, None, TS, 120.0)
     same = np.flatnonzero(after.force == move.force)
     assert set(same) == {0, 9, 10, 11, 19, 20, 21, 29, 30, 31, 59}
+
+
+def test_what_has_kinks_is_told_from_what_has_none():
+    """Half of the force is interpolated, the other half smooth: each gets its own mean."""
+    knots = np.random.default_rng(2).normal(0.0, 10.0, 62)
+    at = TS * np.arange(-1, 61)
+
+    def smooth(time):
+        return 10.0 * np.sin(500.0 * time)
+
+    def commanded(time):
+        return np.interp(time, at, knots)
+
+    move = sampled(lambda t: smooth(t) + commanded(t))
+    offset = commanded(TS * np.arange(60))
+    told = with_mean_force(move, kink_share(TS, 0.0), FREE, None, TS, np.inf, offset)
+    taken = with_mean_force(move, kink_share(TS, 0.0), FREE, None, TS, np.inf)
+    off, other = np.std(residual(told)), np.std(residual(taken))
+    assert off < 0.1 * other
