@@ -47,8 +47,6 @@ MAX_ITERATIONS, HALVINGS, TOLERANCE = 25, 6, 0.02
 LEAST_GAIN = 0.2, 1e-4
 """... and so does a fall of the cost below this, absolutely or relatively: breakaways are kinks, on
 whose scale the cost is rough."""
-STEPS_OF_BOTH = 4
-"""Where the errors are in both: what the mass needs. The rest goes to and fro among the kinks."""
 
 
 _FIGURES = len(FIGURES)
@@ -151,8 +149,8 @@ class Problem:
             free: what to solve for, shape (n,).
             levels: knots to begin at; default none.
             counted: blocks that count; default all.
-            both: take the measured acceleration for as noisy as the residual, see `whitened`. Not a
-                minimum of the cost: so many full steps are taken, after which the mass stands.
+            both: take the measured acceleration for as noisy as the residual, see `whitened`. That
+                is no slope of the cost: one whole step, from a minimum for an exact one.
 
         Raises:
             NoSolutionError: not finite, or no minimum.
@@ -165,7 +163,7 @@ class Problem:
         now = self._linearised(q, levels, index, counted, both)
         cost = now.cost + self._away(q, index)
         converged = False
-        for _ in range(STEPS_OF_BOTH if both else MAX_ITERATIONS):
+        for _ in range(1 if both else MAX_ITERATIONS):
             if not math.isfinite(cost):
                 raise NoSolutionError("the residual is not finite")
             step, size = self._step(now, q, index, information)
@@ -191,8 +189,7 @@ class Problem:
                 converged = True
                 break
             gained, q, levels, now, cost = cost - lower, trial, shifted, then, lower
-            little = not both and gained < max(LEAST_GAIN[0], LEAST_GAIN[1] * cost)
-            if size < TOLERANCE or little:
+            if size < TOLERANCE or gained < max(LEAST_GAIN[0], LEAST_GAIN[1] * cost):
                 converged = True
                 break
         covariance = np.zeros((len(q), len(q)))
