@@ -100,6 +100,7 @@ class SplitHorizonEstimator:
         self._rest: float | None = None
         self._trend = Trend(settings.belief)
         self._aged = 0.0
+        self._told = False
         self._before = (1.0, 1.0)  # Coulomb force before a move and its variance, relative
         self._drift = settings.belief.drift[COULOMB] ** 2
         self._misfits: deque[float] = deque(maxlen=_RECENT)
@@ -149,6 +150,8 @@ class SplitHorizonEstimator:
     ) -> None:
         """The next move ends at another place, whose Coulomb force is known from elsewhere.
 
+        Whoever tells it knows how it changes in time: from now on nothing is carried on here.
+
         The move's data have to be made level with that place (see `stagectl.compensation`). The
         element forces are carried over as a change of Coulomb force is: they scale with it.
 
@@ -159,6 +162,7 @@ class SplitHorizonEstimator:
                 better than from the moves of this axis.
         """
         self._trend.calm()
+        self._told = True
         factor = coulomb / self.friction.coulomb
         unit = self._start.coulomb
         self._belief.set_apart(COULOMB, coulomb / unit, sigma / unit)
@@ -222,7 +226,7 @@ class SplitHorizonEstimator:
             misfits.append(misfit)
             if len(misfits) > _FEW:
                 self._solver.expect(sorted(misfits)[len(misfits) // 2])
-            if not self._frozen and doubt - self._aged < _LEARNED**2:
+            if not (self._frozen or self._told) and doubt - self._aged < _LEARNED**2:
                 self._watch(result, end)
         else:
             if verdict == JUMP:

@@ -144,6 +144,7 @@ def _gain(
     estimator.believe({name: (value, START[name] * value) for name, value in values.items()})
     state = FrictionState.relaxed(friction.elements, 0.0)
     state.forces[:] = 0.0
+    estimator.expect(friction.coulomb, START["coulomb"] * friction.coulomb)  # as at a site
     at, time = 0.0, 0.0
     # The arrival at the site: its onset says nothing, but the elements end as sliding leaves them.
     for target, profile in [(-0.02, excursions[0].profile), (0.0, excursions[0].profile)]:
