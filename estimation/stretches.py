@@ -77,15 +77,17 @@ def spring(  # type: ignore[no-untyped-def]
         total, by_stiffness = elements[FORCE, n], elements[BY_STIFFNESS, n]
         by_coulomb, by_rest = elements[BY_COULOMB, n], elements[BY_REST, n]
         by_turn, by_slip = elements[BY_TURN, n], elements[BY_SLIP, n]
-        # Slices that begin at 0: else every index is looked at for its sign.
-        _stretch(
-            position[k + 1 : at + 1], origin, total, n * stiffness, by_stiffness,
-            columns[RESIDUAL, k:at], columns[STIFFNESS, k:at],
-        )  # fmt: skip
-        _level(by_coulomb, by_rest, columns[COULOMB, k:at], columns[REST_FORCE, k:at])
-        _level(by_turn, by_slip, columns[TURN_FORCE, k:at], columns[SLIP_FORCE, k:at])
-        _level(n * stiffness, 0.0, tables[T_STUCK, k:at], tables[T_HAZE, k:at])
-        _level(level_at, 0.0, tables[T_LEVEL, k:at], tables[T_HAZE, k:at])
+        residual, by_stiffnesses = columns[RESIDUAL], columns[STIFFNESS]
+        by_coulombs, by_rests = columns[COULOMB], columns[REST_FORCE]
+        by_turns, by_slips = columns[TURN_FORCE], columns[SLIP_FORCE]
+        springs, hazes, levels = tables[T_STUCK], tables[T_HAZE], tables[T_LEVEL]
+        for j in range(k, at):
+            travel = position[j + 1] - origin
+            residual[j] = total + n * stiffness * travel
+            by_stiffnesses[j] = by_stiffness + travel
+            by_coulombs[j], by_rests[j] = by_coulomb, by_rest
+            by_turns[j], by_slips[j] = by_turn, by_slip
+            springs[j], hazes[j], levels[j] = n * stiffness, 0.0, level_at
     if wide:
         for j in range(k, at):
             columns[RATE, j] = elements[BY_RATE, n]
@@ -97,23 +99,6 @@ def spring(  # type: ignore[no-untyped-def]
         elements[FORCE, i] += stiffness * stretched
         elements[BY_STIFFNESS, i] += stretched / n
     return at
-
-
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
-def _stretch(position, origin, force, stiffness, by_stiffness, forces, by_stiffnesses):  # type: ignore[no-untyped-def]
-    """Force of a spring, and its derivative by the stiffness, at positions."""
-    for j in range(position.shape[0]):
-        travel = position[j] - origin
-        forces[j] = force + stiffness * travel
-        by_stiffnesses[j] = by_stiffness + travel
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _level(one, two, first, second):  # type: ignore[no-untyped-def]
-    """Two rows that stay what they are."""
-    for j in range(first.shape[0]):
-        first[j] = one
-        second[j] = two
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
@@ -245,11 +230,12 @@ def _slip_shape(k, end, coulomb, tables, columns, elements):  # type: ignore[no-
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
 def slip_haze(k, end, haze, kept, follows, tables, ready):  # type: ignore[no-untyped-def]
     """T_STUCK and T_HAZE of samples k...end - 1, where all elements slip; returns the last haze."""
+    springs, hazes = tables[T_STUCK, k:end], tables[T_HAZE, k:end]
+    for j in range(end - k):
+        springs[j] = 0.0
+        hazes[j] = 0.0
     for j in range(k, end):
-        tables[T_STUCK, j] = 0.0
-        if ready[j] & FAST:
-            tables[T_HAZE, j] = 0.0
-        else:
+        if not ready[j] & FAST:
             haze = haze * kept * kept + (follows * tables[T_SLOPE, j]) ** 2
             tables[T_HAZE, j] = haze
     return haze
