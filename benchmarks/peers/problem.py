@@ -163,23 +163,29 @@ class Problem:
 
 
 @numba.njit(cache=True)
-def compiled_residual(  # type: ignore[no-untyped-def]
-    p, position, velocity, acceleration, force, model, shares, scale, spread, free, begin, end,
-    factor, out,
-):  # fmt: skip
-    """The estimator's compiled elements along the samples, whitened row by row, into `out`."""
+def _follow(p, position, velocity, model, shares, scale, free, end, elements, jacobian):  # type: ignore[no-untyped-def]
+    """The estimator's compiled elements along the samples; returns the figures at p."""
     figures = scale.copy()
     for i in range(free.shape[0]):
         figures[free[i]] = p[free[i]] * scale[free[i]]
     vector = model.copy()
     vector[0], vector[1] = figures[0], figures[2]
-    count = end
-    elements, jacobian = np.empty(count), np.empty((count, 3))
     follow_elements(
         vector, vector[:1], shares, np.zeros(shares.shape[0]),
         np.zeros(shares.shape[0], dtype=np.bool_), np.array([0.0, position[0]]),
-        position[1 : count + 1], velocity[:count], TS, SUBSTEPS, REST_BAND, elements, jacobian,
+        position[1 : end + 1], velocity[:end], TS, SUBSTEPS, REST_BAND, elements, jacobian,
     )  # fmt: skip
+    return figures
+
+
+@numba.njit(cache=True)
+def compiled_residual(  # type: ignore[no-untyped-def]
+    p, position, velocity, acceleration, force, model, shares, scale, spread, free, begin, end,
+    factor, out,
+):  # fmt: skip
+    """The estimator's compiled elements along the samples, whitened row by row, into `out`."""
+    elements, jacobian = np.empty(end), np.empty((end, 3))
+    figures = _follow(p, position, velocity, model, shares, scale, free, end, elements, jacobian)
     for k in range(begin, end):
         row = k - begin
         value = elements[k] + figures[1] * velocity[k] + figures[3] * acceleration[k] - force[k + 1]
@@ -198,17 +204,8 @@ def compiled_jacobian(  # type: ignore[no-untyped-def]
     factor, out,
 ):  # fmt: skip
     """Derivatives of `compiled_residual` by the free unknowns, a row each, into `out`."""
-    figures = scale.copy()
-    for i in range(free.shape[0]):
-        figures[free[i]] = p[free[i]] * scale[free[i]]
-    vector = model.copy()
-    vector[0], vector[1] = figures[0], figures[2]
     elements, jacobian = np.empty(end), np.empty((end, 3))
-    follow_elements(
-        vector, vector[:1], shares, np.zeros(shares.shape[0]),
-        np.zeros(shares.shape[0], dtype=np.bool_), np.array([0.0, position[0]]),
-        position[1 : end + 1], velocity[:end], TS, SUBSTEPS, REST_BAND, elements, jacobian,
-    )  # fmt: skip
+    _follow(p, position, velocity, model, shares, scale, free, end, elements, jacobian)
     count = end - begin
     for i in range(free.shape[0]):
         row = out[i]
