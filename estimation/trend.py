@@ -34,6 +34,9 @@ MISSED = 0.004
 STEP, MOST = 3.5, 16.0
 """A surprise of more standard deviations is a step, not a rate: the constant takes it. Squared, it
 does not count for more than MOST against a hypothesis."""
+VAGUE = 0.006
+"""A level whose own sigma is more, relative, is of a move that hardly slid (as of `site_tracking`):
+such a surprise of it is an error of its own."""
 
 # The state of both filters, one behind the other, none first: w, c, r; and their covariances, rows
 # of its upper triangle.
@@ -170,7 +173,8 @@ def observe(state, constants, elapsed, value, variance):  # type: ignore[no-unty
         said = -0.5 * (math.log(expected) + min(surprise, MOST))
         state[_ODDS] += said if drift == 1 else -said
         if surprise > STEP**2:
-            x[_CC] += off * off
+            if variance < VAGUE**2:
+                x[_CC] += off * off
             expected += off * off
         by_w, by_c, by_r = x[_WW] + x[_WC], x[_WC] + x[_CC], x[_WR] + x[_CR]
         x[_W] += by_w / expected * off

@@ -123,3 +123,13 @@ def test_the_rate_is_that_of_a_kalman_filter():
     rate, sigma = trend.rate
     assert rate == pytest.approx(mean[2], rel=1e-6)
     assert sigma == pytest.approx(math.sqrt(spread[2, 2]), rel=1e-6)
+
+
+def test_a_vague_move_that_is_astray_is_no_step():
+    trend = Trend(SETTINGS)
+    time = followed(trend, lambda _: 6.0, 12, 5)[-1, 0]
+    before = trend.carry(time, time + 0.3)
+    trend.saw(time + 0.2, 7.2, 0.012**2, BELIEVED)
+    change, variance = trend.carry(time + 0.2, time + 0.5)
+    assert abs(change - before[0]) < 0.01
+    assert variance < 0.03**2
