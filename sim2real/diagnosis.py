@@ -27,9 +27,10 @@ from sim2real.axis_model import (
 )
 from sim2real.axis_problem import AxisProblem
 from sim2real.causes import candidates_of, causes_of
-from sim2real.closed_loop import axis_gap, friction_profile
+from sim2real.closed_loop import axis_gap
 from sim2real.examine import Examination, without_causes
 from sim2real.experiment import next_experiment
+from sim2real.friction_profile import friction_profile
 from sim2real.gate import gate
 from sim2real.held_out import FOLDS, HeldOut, closed, combined
 from sim2real.replay import Signals
@@ -44,7 +45,7 @@ from sim2real.report import (
     NextExperiment,
 )
 from sim2real.search import AxisSearch, beside, search, sets_of
-from sim2real.shape import nearest, repeats
+from sim2real.shape import as_profile, bell, is_one_profile, is_profile, nearest, repeats
 from sim2real.tracking import Tracker, needs_other_axes
 from sim2real.workers import Workers
 
@@ -58,6 +59,10 @@ where the innovations are white, and where they are not quite."""
 
 _POOR, _DOUBT = 0.15, 3.0
 """A figure is poorly known whose sigma is this share of it; sigmas that an experiment must tell."""
+
+_PROFILE = 0.5
+"""Share of the force left in motion from which friction differs from place to place: other effects
+come to 0.2 at most."""
 
 Progress = Callable[[str, int, int], object]
 
@@ -129,21 +134,38 @@ def diagnose(
         models = {name: other.best.model for name, other in searches.items()}
 
         def profile(model: AxisModel) -> float:
-            return friction_profile(name, {**models, name: model}, examined.measured, settings)
+            at = {**models, name: model}
+            return friction_profile(name, at, examined.measured, settings).share
 
         found.repeats = repeats(found.problem, model, library, partial(looped, name), profile)
 
     def suspected(name: str) -> None:
-        found = searches[name]
-        single = sets_of(found.rivals, 1)[:1]
-        if not single or found.whole:
+        found, loop = searches[name], partial(looped, name)
+        problem = found.problem
+        pair = found.best.model
+        if is_one_profile(pair, found.open_gap, problem.axis, loop):
+            found.without(pair.names())
+        if found.whole:
             return
-        repeated(name, single[0].model)
-        for repeat in found.repeats.values():
+        single = sets_of(found.rivals, 1)[:1]
+        if single:
+            repeated(name, single[0].model)
+        profile = friction_profile(name, {}, examined.measured, settings)
+        kind = next((effect for effect in library.values() if is_profile(effect)), None)
+        if profile.share > _PROFILE and kind is not None:
+            starts = [problem.start.added(bell(kind, profile, problem.axis))]
+            starts += [r.model for r in found.rivals if r.model.names() == (kind.name,)]
+            model = nearest(starts, problem.axis, loop)
+            left = friction_profile(name, {name: model}, examined.measured, settings)
+            repeat = as_profile(model, left, loop(model))
+            if repeat.is_profile:
+                found.reshaped(model, repeat.before)
+                found.repeats = {kind.name: repeat}
+                return
+        for effect, repeat in found.repeats.items():
             if repeat.departs:
-                loop = partial(looped, name)
-                model = nearest(single[0].model, repeat, found.problem.axis, loop)
-                found.reshaped(single[0], model, loop(model))
+                model = nearest([single[0].model, *repeat.alone(effect)], problem.axis, loop)
+                found.reshaped(model, loop(model))
 
     library = {name: effect for name, effect in library.items() if effect.searched}
     with Workers(jobs) as workers, ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:

@@ -104,12 +104,16 @@ class AxisSearch:
     scanned: dict[str, float] = field(default_factory=dict)
     signatures: dict[str, F64] = field(default_factory=dict)
 
-    def reshaped(self, rival: Rival, model: AxisModel, gap: float) -> None:
-        """Set a model of the same effects beside a rival."""
+    def without(self, names: tuple[str, ...]) -> None:
+        """Take back a set of effects: the axis is as if it had not been thought of."""
+        self.whole = False
+        self.rivals = [r for r in self.rivals if set(r.model.names()) != set(names)]
+
+    def reshaped(self, model: AxisModel, gap: float) -> None:
+        """Set a model before all rivals."""
         residual = self.problem.attempted(model)
         cost = self.problem.cost(model, residual)
-        at = self.rivals.index(rival)
-        self.rivals.insert(at, Rival(Fitted(model, cost, residual, None), gap))
+        self.rivals.insert(0, Rival(Fitted(model, cost, residual, None), gap))
 
 
 def score(problem: AxisProblem, rival: Rival, each: float = _OCCAM) -> float:

@@ -8,6 +8,7 @@ was put, is not.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -17,10 +18,11 @@ from scipy.optimize import minimize
 
 from hil_sim.effects.effect import Effect, Parameter
 from hil_sim.settings import AxisSettings
-from sim2real.axis_model import AxisModel, Term, coordinates, is_course
+from sim2real.axis_model import AxisModel, Term, coordinates, is_course, is_level
 from sim2real.axis_problem import AxisProblem, Fitted
 from sim2real.closed_loop import SIGNALS
 from sim2real.fit import fit
+from sim2real.friction_profile import Profile
 from sim2real.scan import Scanner
 
 F64 = NDArray[np.float64]
@@ -36,6 +38,9 @@ _COURSE = 15.0
 wander hides: true ones save up to 9 if the gap does not open."""
 _CLOSED = 3.0 * SIGNALS
 """Squared closed-loop gap over floor of an axis that asks for nothing more."""
+_AGAINST = 1.5
+"""How much more of the machine file's own gap is open where one of a pair is left out, for the pair
+to be one profile."""
 _TRIES, _NEAR = 60, 0.02
 """Closed loops that a search for the nearest effect may take, and where it may end: logarithm of
 the gap, and coordinates."""
@@ -49,8 +54,8 @@ class Repeat:
 
     Attributes:
         gain: cost that the repeat saves.
-        profile: share of the force left in motion that any friction profile over position would
-            take up; 0 where the effect is none.
+        profile: share of the force left in motion that is a friction profile over position
+            (`sim2real.friction_profile`); 0 where the effect is none.
         excess: cost beyond what noise would have, before.
         gap, before: squared closed-loop gap over floor with it and without.
         model: with it.
@@ -65,6 +70,16 @@ class Repeat:
     model: AxisModel
     course: bool = False
 
+    def alone(self, name: str) -> list[AxisModel]:
+        """Each effect of a name in the model with it, by itself."""
+        each = [replace(self.model, terms=(t,)) for t in self.model.terms]
+        return [model for model in each if model.names() == (name,)]
+
+    @property
+    def is_profile(self) -> bool:
+        """Whether what is left is friction over position, and more than nothing."""
+        return self.profile > _MOST and self.before > _CLOSED
+
     @property
     def closes(self) -> bool:
         """Whether the repeat takes up most of what is left in the closed loop."""
@@ -73,7 +88,7 @@ class Repeat:
     @property
     def departs(self) -> bool:
         """Whether the repeat takes up most of what is left, which is more than chance."""
-        if self.profile > _MOST and self.before > _CLOSED:
+        if self.is_profile:
             return True
         if self.course and self.gain > _COURSE and self.gap < self.before:
             return True
@@ -94,7 +109,7 @@ def repeats(
         model: with the effects found.
         library: effects by name.
         loop: squared closed-loop gap of the axis under a model.
-        profile: see `sim2real.closed_loop.friction_profile`.
+        profile: `sim2real.friction_profile`: its share under a model.
     """
     found = fit(problem, model, 1, thorough=False)
     problem.rescale(found.residual)
@@ -118,7 +133,7 @@ def repeats(
         best = min(trials, key=lambda trial: trial.cost)
         repeat = Repeat(
             found.cost - best.cost,
-            profile(found.model) if _is_profile(term.effect) else 0.0,
+            profile(found.model) if is_profile(term.effect) else 0.0,
             found.cost - problem.expected(),
             loop(best.model),
             loop(found.model),
@@ -152,8 +167,47 @@ def _farther(
     return replace(repeat, gain=gain, excess=excess, gap=loop(again.model), model=again.model)
 
 
+def as_profile(model: AxisModel, left: Profile, gap: float) -> Repeat:
+    """A friction profile in another shape than a bell: what it would close beside the bell.
+
+    Args:
+        model: with the bell that comes nearest.
+        left: what that leaves.
+        gap: its squared closed-loop gap over floor.
+    """
+    closed = SIGNALS + (gap - SIGNALS) * (1.0 - left.share)
+    return Repeat(0.0, left.share, 0.0, closed, gap, model)
+
+
+def bell(effect: Effect, profile: Profile, axis: AxisSettings) -> Term:
+    """An effect at a profile's highest or lowest place, in a plausible size."""
+    values = []
+    for entry in coordinates(effect, axis):
+        role = entry.parameter.role
+        low, high = entry.parameter.ranges(axis)[0]
+        middle = math.sqrt(low * high) if entry.parameter.log else 0.5 * (low + high)
+        value = {"place": profile.center, "size": profile.height}.get(role, middle)
+        values.append(entry.clipped(value))
+    return Term(effect, tuple(values))
+
+
+def is_one_profile(
+    model: AxisModel, open_gap: float, axis: AxisSettings, loop: Callable[[AxisModel], float]
+) -> bool:
+    """Whether two effects are one friction profile: a level and a bell against each other.
+
+    Without the one, the other opens more than there was.
+    """
+    terms = model.terms
+    if len(terms) != 2 or not all(is_level(term, axis) for term in terms):
+        return False
+    if not any(is_profile(term.effect) for term in terms):
+        return False
+    return max(loop(model.without(index)) for index in range(2)) > _AGAINST * open_gap
+
+
 def nearest(
-    model: AxisModel, repeat: Repeat, axis: AxisSettings, loop: Callable[[AxisModel], float]
+    starts: Sequence[AxisModel], axis: AxisSettings, loop: Callable[[AxisModel], float]
 ) -> AxisModel:
     """The one effect of its kind that comes nearest to one in another shape, in the closed loop.
 
@@ -161,15 +215,12 @@ def nearest(
     high, a wave in place of two at the lesser one's pitch.
 
     Args:
-        model: with the effect alone.
-        repeat: of it.
+        starts: models with the effect alone, one of them at least.
         axis: of the machine file.
         loop: squared closed-loop gap of the axis under a model.
     """
-    own = model.terms[0]
-    alone = [model, *(replace(repeat.model, terms=(t,)) for t in repeat.model.terms)]
-    alone = [each for each in alone if each.names() == (own.name,)]
-    start = min(alone, key=loop)
+    start = min(starts, key=loop)
+    own = start.terms[0]
     entries = coordinates(own.effect, axis)
 
     def at(where: F64) -> AxisModel:
@@ -250,7 +301,8 @@ def _half(term: Term, side: float, axis: AxisSettings) -> Term:
     )
 
 
-def _is_profile(effect: Effect) -> bool:
+def is_profile(effect: Effect) -> bool:
+    """Whether an effect is friction over position."""
     return effect.group == "friction" and any(p.role == "place" for p in effect.parameters)
 
 

@@ -61,11 +61,45 @@ class TwoStageWarmUp(Stranger):
         ports.decay_coulomb(parameters["amplitude"] * (1.0 - share), parameters["slow"])
 
 
+class WornHalf(Stranger):
+    """One end of the rail has more friction, or less: worn in, or never greased."""
+
+    name = "worn_half"
+    group = "friction"
+    kin = "friction_position"
+    parameters = (
+        Parameter("amplitude", "", "change of Fc there", (0.15, 0.5), signed=True, above=-1.0),
+        Parameter("center", "m", "where it changes", (-0.04, 0.04), role="place"),
+        Parameter("width", "m", "of the change", (1e-3, 10e-3), role="shape", log=True),
+    )
+
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
+        """See `Effect.apply`."""
+        away = (ports.positions - parameters["center"]) / parameters["width"]
+        ports.scale_position_coulomb(1.0 + parameters["amplitude"] * 0.5 * (1.0 + np.tanh(away)))
+
+
+class SlopedFriction(Stranger):
+    """Friction that grows along the rail: a preload that is not even."""
+
+    name = "sloped_friction"
+    group = "friction"
+    kin = "friction_position"
+    parameters = (
+        Parameter("slope", "", "change of Fc 60 mm off the middle", (0.1, 0.35), signed=True),
+    )
+
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
+        """See `Effect.apply`."""
+        ports.scale_position_coulomb(1.0 + parameters["slope"] * ports.positions / 0.06)
+
+
 class PeriodicFriction(Stranger):
     """Friction in waves over position: balls of the guide, joints of the rail."""
 
     name = "periodic_friction"
     group = "friction"
+    kin = "friction_position"
     parameters = (
         Parameter("amplitude", "", "of the factor on Fc", (0.1, 0.4)),
         Parameter("pitch", "m", "period", (6e-3, 25e-3), role="shape", log=True),
@@ -97,7 +131,10 @@ class LooseFit(Stranger):
         ports.add_hysteresis(force, 2.0 * force / parameters["play"])
 
 
-KIN: tuple[Stranger, ...] = (*strangers.KIN, TentProfile(), TwoStageWarmUp())
+KIN: tuple[Stranger, ...] = (
+    *strangers.KIN, TentProfile(), TwoStageWarmUp(), WornHalf(), SlopedFriction(),
+    PeriodicFriction(),
+)  # fmt: skip
 """Of a family in the library."""
-OUTSIDE: tuple[Stranger, ...] = (*strangers.STRANGERS, PeriodicFriction(), LooseFit())
+OUTSIDE: tuple[Stranger, ...] = (*strangers.STRANGERS, LooseFit())
 """Of no family in the library."""
