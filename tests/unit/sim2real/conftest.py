@@ -33,11 +33,14 @@ def nominal() -> tuple[Recording, StageSettings]:
 
 
 def stage_with(
-    nominal: tuple[Recording, StageSettings], seed: int, **effects: dict[str, dict[str, float]]
+    nominal: tuple[Recording, StageSettings],
+    seed: int,
+    seconds: float = SECONDS,
+    **effects: dict[str, dict[str, float]],
 ) -> Recording:
     """A recording of a stage with effects (axis -> effect -> values), finer steps, other plant."""
     recording, settings = nominal
-    count = round(SECONDS / settings.sync_period)
+    count = min(round(seconds / settings.sync_period), len(recording))
     rng = np.random.default_rng(seed)
     known = {e.name: e for e in KIN} | dict(library())
     axes = []

@@ -1,0 +1,63 @@
+"""Effects in another shape: the nearest of their kind, and when two effects are one profile."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from hil_sim.effects.library import library
+from hil_sim.settings import StageSettings
+from sim2real.axis_model import NUISANCES, AxisModel, Term
+from sim2real.friction_profile import Profile
+from sim2real.recording import Recording
+from sim2real.shape import as_profile, is_one_profile, nearest
+
+BELL = library()["friction_position"]
+LEVEL = library()["coulomb_level"]
+
+
+def model(*terms: Term) -> AxisModel:
+    return AxisModel(np.zeros(NUISANCES), terms)
+
+
+def test_the_nearest_effect_is_where_the_loop_is_least(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    axis = nominal[1].axes[0]
+    true = {"amplitude": 0.5, "center": 0.01, "width": 0.015}
+
+    def loop(tried: AxisModel) -> float:
+        away = tried.terms[0].mapping()
+        return 2.0 + sum((away[key] / true[key] - 1.0) ** 2 for key in true)
+
+    starts = [model(Term(BELL, (a, 0.013, 0.02))) for a in (-0.3, 0.35)]
+    found = nearest(starts, axis, loop).terms[0].mapping()
+    assert found == pytest.approx(true, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("left", "one"),
+    [((100.0, 160.0), True), ((100.0, 90.0), False), ((60.0, 20.0), False)],
+)
+def test_a_level_against_a_bell_is_one_profile_where_either_alone_opens_the_loop(
+    nominal: tuple[Recording, StageSettings], left: tuple[float, float], one: bool
+) -> None:
+    axis = nominal[1].axes[0]
+    both = model(Term(LEVEL, (0.8,)), Term(BELL, (0.4, 0.0, 0.03)))
+
+    def loop(tried: AxisModel) -> float:
+        return left[tried.names() == ("coulomb_level",)]
+
+    assert is_one_profile(both, 100.0, axis, loop) is one
+    assert not is_one_profile(both.without(0), 100.0, axis, loop)
+
+
+def test_a_profile_beside_a_bell_departs_where_more_than_noise_is_left() -> None:
+    alone = model(Term(BELL, (0.4, 0.0, 0.03)))
+    assert as_profile(alone, Profile(0.8), 102.0).departs
+    assert as_profile(alone, Profile(0.8), 102.0).gap == pytest.approx(22.0)
+    assert not as_profile(alone, Profile(0.8), 4.0).departs
+    assert not as_profile(alone, Profile(0.3), 102.0).departs
+    assert math.isclose(as_profile(alone, Profile(1.0), 102.0).gap, 2.0)
