@@ -12,7 +12,11 @@ position included; rounding as white noise. Unknown besides the four figures: th
 before the move, measured there once; the force behind the stop (nobody knows from samples how long
 the elements still slip in the last one) and its sample.
 
+A planned profile is smooth to a fraction of an encoder's increment, no real motion is: --jitter
+adds a motion of so many metres rms at every sample faster than 5 mm/s, which the force follows.
+
     python benchmarks/monte_carlo.py [--runs 1000] [--stage reference|paper] [--jobs 1]
+                                     [--jitter 1e-9]
 """
 
 from __future__ import annotations
@@ -35,6 +39,8 @@ F64 = NDArray[np.float64]
 TS, ENCODER, REST = 1e-3, 1e-9, 5
 EXACT = 1e-9
 """What is left of the force's noise where it is exact [N]."""
+JITTERS = 5e-3
+"""A motion slower than that does not jitter: it would turn back [m/s]."""
 NAMES = ("coulomb", "viscous", "stiffness", "mass")
 STAGES = {
     "reference": (8.0, Friction(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)),
@@ -44,11 +50,12 @@ STAGES = {
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One row of runs: stage, profile of the move, force resolution [N] (0: exact), run numbers."""
+    """One row of runs: stage, profile, force resolution [N] (0: exact), jitter [m], run numbers."""
 
     stage: str
     profile: str
     step: float
+    jitter: float
     first: int
     runs: int
 
@@ -145,6 +152,9 @@ def one(case: Case, number: int) -> tuple[F64, F64] | None:
     model = model_at(nominal, truth)
     sign = rng.choice([-1.0, 1.0])
     clean = sign * positions(case.profile, 25e-3 * rng.uniform(0.9, 1.1), rng.uniform())
+    if case.jitter:
+        moving = np.abs(np.gradient(clean)) / TS > JITTERS
+        clean += moving * np.random.default_rng([number, 1]).normal(0.0, case.jitter, len(clean))
     exact = force(clean, model, truth[3])
     noise = quantisation(case.step) if case.step else EXACT
     phase = rng.uniform(0.0, case.step) if case.step else 0.0
@@ -175,10 +185,17 @@ def some(case: Case) -> list[tuple[F64, F64] | None]:
     return [one(case, number) for number in range(case.first, case.first + case.runs)]
 
 
-def table(stage: str, profile: str, step: float, runs: int, jobs: int) -> None:
+def table(stage: str, profile: str, step: float, jitter: float, runs: int, jobs: int) -> None:
     """Print one table."""
     parts = [
-        Case(stage, profile, step, runs * j // jobs, runs * (j + 1) // jobs - runs * j // jobs)
+        Case(
+            stage,
+            profile,
+            step,
+            jitter,
+            runs * j // jobs,
+            runs * (j + 1) // jobs - runs * j // jobs,
+        )
         for j in range(jobs)
     ]
     if jobs == 1:
@@ -189,6 +206,7 @@ def table(stage: str, profile: str, step: float, runs: int, jobs: int) -> None:
     kept = [result for result in results if result is not None]
     errors, scores = np.array([e for e, _ in kept]), np.array([s for _, s in kept])
     resolution = f"steps of {step:g} N" if step else "exact"
+    resolution += f", jitter {jitter:g} m" if jitter else ""
     print(f"| {stage} stage, {profile}, force {resolution} | spread/bound | bias/bound "
           "| inside 95 % |\n| --- | --- | --- | --- |")  # fmt: skip
     for name, error, score in zip(NAMES, errors.T, scores.T, strict=True):
@@ -204,13 +222,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--runs", type=int, default=1000)
     parser.add_argument("--stage", choices=list(STAGES), help="one of them [both]")
+    parser.add_argument("--jitter", type=float, default=0.0, help="of the true motion [m] [0]")
     parser.add_argument("--jobs", type=int, default=1)
     arguments = parser.parse_args()
     print(f"{arguments.runs} runs each; {machine_facts()}\n")
     for stage in [arguments.stage] if arguments.stage else list(STAGES):
         for profile in ("sine", "s-curve"):
             for step in (0.0, 0.04):
-                table(stage, profile, step, arguments.runs, arguments.jobs)
+                table(stage, profile, step, arguments.jitter, arguments.runs, arguments.jobs)
 
 
 if __name__ == "__main__":
