@@ -53,7 +53,8 @@ _ROUNDS, _NARROWER = 5, 0.9
 """Fits that a set of effects may take that is fitted to the end; and what counts as an outlier must
 not have come down below this share of what it was, or another one follows."""
 _CONTENDERS, _CONTEST, _CONTEST_SHARE = 4, 1000.0, 0.1
-"""Sets that are fitted to the end, and the score (or its share) within which they contend."""
+"""Sets that are fitted to the end, and the score (or its share, or all that the best of them leaves
+beside noise) within which they contend."""
 _COHERENT = 1000.0
 """Samples over which the closed loop's deviations repeat themselves, for their weight."""
 
@@ -324,7 +325,8 @@ def _contended(problem: AxisProblem, book: _Book, trials: Sequence[Rival]) -> Ri
 
     for _ in range(_ROUNDS):
         before, wide = book.score(ranked()[0]), problem.outlier
-        last = before + max(_CONTEST, _CONTEST_SHARE * before)
+        left = max(before - problem.expected(), 0.0)
+        last = before + max(_CONTEST, _CONTEST_SHARE * before, left)
         for rival in ranked()[:_CONTENDERS]:
             if book.score(rival) <= last:
                 start = _lent(problem, book, rival, ranked()[0])
