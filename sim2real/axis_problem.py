@@ -104,12 +104,18 @@ class AxisProblem:
         return other
 
     def track(self, model: AxisModel) -> tuple[Track, ...]:
-        """The recordings tracked under a model."""
+        """The recordings tracked under a model.
+
+        Raises:
+            ValueError: values that physics does not allow.
+            Stopped: nobody waits for it any more.
+        """
         settings = model.settings(self.axis)
-        return tuple(
-            tracker.run(settings, gains, model.fine)[0]
-            for tracker, gains in zip(self.trackers, self.gains, strict=True)
-        )
+        tracks = []
+        for tracker, gains in zip(self.trackers, self.gains, strict=True):
+            self.workers.check()
+            tracks.append(tracker.run(settings, gains, model.fine)[0])
+        return tuple(tracks)
 
     def weighted(self, tracks: Sequence[Track]) -> F64:
         """Weighted deviations of tracked recordings, positions then forces, float64[R]."""

@@ -125,6 +125,7 @@ def diagnose(
         return search(problem, library, partial(looped, name), told)
 
     def looped(name: str, model: AxisModel) -> float:
+        workers.check()
         return axis_gap(name, {name: model}, examined.measured, settings)
 
     def repeated(name: str, model: AxisModel) -> None:
@@ -168,7 +169,8 @@ def diagnose(
                 found.reshaped(model, loop(model))
 
     library = {name: effect for name, effect in library.items() if effect.searched}
-    with Workers(jobs) as workers, ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
+    # The workers are left first: on Ctrl-C they stop the searches that the pool waits for.
+    with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool, Workers(jobs) as workers:
         searches = dict(zip(names, pool.map(searched, names), strict=True))
         _coupled(searches, settings)
         progress("held-out moves", 0, FOLDS)

@@ -12,14 +12,22 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
+class Stopped(Exception):  # noqa: N818  (an end, not an error: nobody is told of it)
+    """Work whose result nobody waits for any more."""
+
+
 class Workers:
     """A pool whose `map` may be called from inside its own tasks: they do the rest themselves.
+
+    Left by an error or by Ctrl-C, it stops what is still at work: a thread cannot be ended from
+    outside, so long work asks with `check` whether it is still wanted.
 
     Args:
         jobs: threads; 1 works where it is called.
     """
 
     def __init__(self, jobs: int = 1) -> None:
+        self._stopped = threading.Event()
         self._inside = threading.local()
         self._pool = (
             ThreadPoolExecutor(jobs, initializer=lambda: setattr(self._inside, "yes", True))
@@ -36,11 +44,27 @@ class Workers:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        if error is not None:
+            self._stopped.set()
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=error is not None)
 
+    def check(self) -> None:
+        """Go on only where the result is still waited for.
+
+        Raises:
+            Stopped: it is not.
+        """
+        if self._stopped.is_set():
+            raise Stopped
+
     def map(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-        """The function of each item, in their order."""
+        """The function of each item, in their order.
+
+        Raises:
+            Stopped: nobody waits for it any more.
+        """
+        self.check()
         if self._pool is None or getattr(self._inside, "yes", False):
             return [function(item) for item in items]
         return list(self._pool.map(function, items))

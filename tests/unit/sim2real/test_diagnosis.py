@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
+from signal import SIGINT, pthread_kill
 
 import numpy as np
 import pytest
@@ -38,6 +40,21 @@ def test_an_effect_is_named_with_its_figures(nominal: tuple[Recording, StageSett
     assert abs(delay.value - 4e-4) < 3.0 * delay.sigma
     assert found.report.gap_closed is not None
     assert found.report.gap_closed > 0.9
+
+
+def test_ctrl_c_ends_the_searches(nominal: tuple[Recording, StageSettings]) -> None:
+    recording = stage_with(nominal, 11, y={"dead_time": {"delay": 4e-4}})
+    examined = examine([recording], nominal[1])
+    known = {name: library()[name] for name in ("dead_time", "payload_mass")}
+    done: list[int] = []
+
+    def interrupt(what: str, steps: int, total: int) -> None:
+        done.append(steps)
+        pthread_kill(threading.main_thread().ident or 0, SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        diagnose(examined, TOLERANCE, known, progress=interrupt)
+    assert 0 < max(done) <= 40, "no axis went on to fit what it had scanned"
 
 
 def test_a_stage_within_tolerance_has_no_gap(nominal: tuple[Recording, StageSettings]) -> None:

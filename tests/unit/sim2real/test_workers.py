@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import threading
+import time
 
 import pytest
 
-from sim2real.workers import Workers
+from sim2real.workers import Stopped, Workers
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
@@ -28,3 +29,32 @@ def test_two_tasks_run_at_the_same_time() -> None:
 def test_an_error_of_a_task_comes_out() -> None:
     with Workers(2) as workers, pytest.raises(ZeroDivisionError):
         workers.map(lambda i: 1 // i, range(3))
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_is_at_work_when_they_are_left_stops(jobs: int) -> None:
+    begun, ends = threading.Event(), []
+
+    def task() -> None:
+        try:
+            for _ in range(2000):
+                begun.set()
+                workers.map(time.sleep, [0.005, 0.005])
+        except Stopped:
+            ends.append("stopped")
+
+    thread = threading.Thread(target=task)
+    workers = Workers(jobs)
+
+    def interrupted() -> None:
+        with workers:
+            thread.start()
+            assert begun.wait(20.0)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    thread.join()
+    assert ends == ["stopped"]
+    with pytest.raises(Stopped):
+        workers.check()
