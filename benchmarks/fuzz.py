@@ -47,7 +47,7 @@ from hil_sim.stage import VirtualStage
 from hil_sim.state_machine import State
 from hil_sim.world import World
 from sim2real.recording import AxisSignals, Move, Recording
-from stagectl.config.faults import parse_faults
+from stagectl.config.fault_plan import parse_faults
 from stagectl.config.machine import Machine, load_machine, parse_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 from stagectl.errors import ConfigError, StagectlError

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.options import FILE, OUTPUT, write_json
+from stagectl.cli.options import FILE, JSON_FILE, quietly, write_json
 
 if TYPE_CHECKING:
     from drivers.bus_budget import BusBudget
@@ -22,7 +22,7 @@ _BYTES = click.IntRange(0, 8)
 @click.option("--rpdo", type=_BYTES, multiple=True, help="Bytes of an RPDO of every axis [8].")
 @click.option("--tpdo", type=_BYTES, multiple=True, help="Bytes of a TPDO of every axis [8].")
 @click.option("--sync-counter", is_flag=True, help="SYNC carries a counter (0x1019).")
-@click.option("--json", "json_out", type=OUTPUT, help="Write the figures here; - is stdout.")
+@click.option("--json", "json_out", type=JSON_FILE, help="Write the figures here; - is stdout.")
 def command(
     machine: Path | None, sync_period: float | None, bitrate: int | None,
     rpdo: tuple[int, ...], tpdo: tuple[int, ...], sync_counter: bool, json_out: Path | None,
@@ -46,7 +46,7 @@ def command(
     )
     if json_out is not None:
         write_json(_figures(budget), json_out)
-    if json_out is None or str(json_out) != "-":
+    if not quietly(json_out):
         from rich.console import Console
 
         Console().print(_table(budget, stage.name))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.motion import machines_of, simulated_or_real, stop_on_signal
-from stagectl.cli.options import FILE, OUTPUT, write_json
+from stagectl.cli.options import FILE, JSON_FILE, quietly, write_json
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -44,7 +44,9 @@ _STYLES = {"good": "green", "watch": "yellow", "act": "red", "failed": "red"}
     help="Go on with the interrupted calibration in this folder.",
 )
 @click.option("--comment", default="", help="Kept with the new map.")
-@click.option("--json", "json_out", type=OUTPUT, help="Also write the outcome here; - is stdout.")
+@click.option(
+    "--json", "json_out", type=JSON_FILE, help="Also write the outcome here; - is stdout."
+)
 @click.option("--dry-run", is_flag=True, help="Only say what would be done; nothing moves.")
 def command(
     sites: Path, due: bool, machine: Path | None, simulate: Path | None,
@@ -73,7 +75,7 @@ def command(
     where = default_history(history, believed, truth is not None, folder, out is not None)
     if where is None:  # a calibration without a history would be for nothing
         where = str((folder if resume is None else resume) / FILE_NAME)
-    quiet = json_out is not None and str(json_out) == "-"
+    quiet = quietly(json_out)
     if not quiet:
         click.echo(
             f"{len(calibration.sequence.excursions)} moves at each site, "

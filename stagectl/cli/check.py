@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.bus_access import Bench, bus_options
-from stagectl.cli.options import OUTPUT, write_json
+from stagectl.cli.options import JSON_FILE, quietly, write_json
 
 if TYPE_CHECKING:
     from drivers.conformance import Finding
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @click.option("--homing", is_flag=True,
               help="Also home at the present position: the drive's zero changes.")  # fmt: skip
 @click.option("--failures", is_flag=True, help="Show only what is not a pass.")
-@click.option("--json", "json_out", type=OUTPUT, help="Write the findings here; - is stdout.")
+@click.option("--json", "json_out", type=JSON_FILE, help="Write the findings here; - is stdout.")
 def command(
     node: int, machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int,
     power: bool, homing: bool, failures: bool, json_out: Path | None,
@@ -44,7 +44,7 @@ def command(
         label = network.label
     if json_out is not None:
         write_json([_entry(f) for f in findings], json_out)
-    if json_out is None or str(json_out) != "-":
+    if not quietly(json_out):
         from rich.console import Console
 
         shown = [f for f in findings if not failures or f.verdict is not Verdict.PASS]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.options import OUTPUT, write_json
+from stagectl.cli.options import JSON_FILE, write_json
 
 if TYPE_CHECKING:
     from hil_sim.effects import Effect, Parameter
@@ -18,7 +18,7 @@ WIDTH = 96
 
 @click.command(short_help="Physical effects that a machine file can switch on.")
 @click.argument("names", nargs=-1, metavar="[EFFECT]...")
-@click.option("--json", "json_out", type=OUTPUT, help="Write them here; - is stdout.")
+@click.option("--json", "json_out", type=JSON_FILE, help="Write them here; - is stdout.")
 @click.option("--markdown", is_flag=True, help="Print the table of docs/sim-to-real.md.")
 def command(names: tuple[str, ...], json_out: Path | None, markdown: bool) -> None:
     """List the effects, or say of each EFFECT where it comes from and what is done about it.

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.gap_measure import console_for
-from stagectl.cli.options import FILE, OUTPUT, write_json
+from stagectl.cli.options import FILE, JSON_FILE, OUTPUT, quietly, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -29,15 +29,19 @@ if TYPE_CHECKING:
 @click.option("--only", metavar="EFFECT", help="Draw this effect in every trial.")
 @click.option("--machine", type=FILE, help="Machine file of the stage [the reference stage].")
 @click.option(
-    "--elements", type=click.IntRange(1), help="Friction elements of the stage [machine file's]."
+    "--elements",
+    type=click.IntRange(1, 64),
+    help="Friction elements of the stage [machine file's].",
 )
 @click.option(
-    "--substeps", type=click.IntRange(5), help="Plant steps per control tick of the stage [drawn]."
+    "--substeps",
+    type=click.IntRange(5, 1000),
+    help="Plant steps per control tick of the stage [drawn].",
 )
 @click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Threads.")
 @click.option("--lines", type=OUTPUT, help="Append each trial here; trials that it holds are kept.")
 @click.option("--label", default="", help="Version that is checked, for lines and page.")
-@click.option("--json", "json_out", type=OUTPUT, help="Write the figures here; - is stdout.")
+@click.option("--json", "json_out", type=JSON_FILE, help="Write the figures here; - is stdout.")
 @click.option("--docs", type=OUTPUT, help="Write the page of all trials in --lines (Markdown).")
 def blind(
     trials: int,
@@ -68,7 +72,7 @@ def blind(
         jobs=jobs,
     )
     about = {"label": label, "only": only, "elements": elements, "substeps": substeps}
-    console = console_for(json_out is not None and str(json_out) == "-")
+    console = console_for(quietly(json_out))
     everything = _read(lines)
     outcomes = {
         outcome.number: outcome
@@ -137,7 +141,11 @@ def _read(lines: Path | None) -> list[tuple[dict[str, Any], Outcome]]:
     if lines is None or not lines.exists():
         return []
     found = []
-    for number, text in enumerate(lines.read_text(encoding="utf-8").splitlines(), 1):
+    try:
+        texts = lines.read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError as error:
+        raise UnusableInput(f"{lines}: is not a file of lines of a blind check") from error
+    for number, text in enumerate(texts, 1):
         try:
             line = dict(json.loads(text))
             found.append((line, Outcome.from_json(line)))
@@ -195,7 +203,7 @@ def _conclude(
     from sim2real.blind.score import score
 
     counted = score(outcomes)
-    if json_out is None or str(json_out) != "-":
+    if not quietly(json_out):
         for row in figures(counted):
             console.print(row, markup=False, highlight=False, soft_wrap=True)
     if json_out is not None:

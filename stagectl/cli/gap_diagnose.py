@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from stagectl.cli.gap_measure import console_for, gap_table, machine_of
-from stagectl.cli.options import FILE, OUTPUT, write_json
+from stagectl.cli.options import FILE, JSON_FILE, OUTPUT, quietly, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -36,7 +36,7 @@ _VERDICTS = {
 @click.command("diagnose", short_help="Where the gap lies, and what causes it.")
 @click.argument("recordings", type=FILE, nargs=-1, required=True, metavar="REC.h5...")
 @click.option("--machine", type=FILE, help="Machine file to compare [the recordings' own].")
-@click.option("--json", "json_out", type=OUTPUT, help="Write the report here; - is stdout.")
+@click.option("--json", "json_out", type=JSON_FILE, help="Write the report here; - is stdout.")
 @click.option("--html", "html_out", type=OUTPUT, help="Write the report as a page to look at.")
 @click.option("--twin", type=OUTPUT, help="Write the machine file with the effects found.")
 @click.option("--next", "next_out", type=OUTPUT, help="Write the moves that would tell most next.")
@@ -74,7 +74,7 @@ def diagnose(
     model = machine_of(machine, *recorded)
     settings = stage_settings(model)
     tolerance = {name: axis.plant.tolerance for name, axis in model.axes.items()}
-    quiet = json_out is not None and str(json_out) == "-"
+    quiet = quietly(json_out)
     console = console_for(quiet)
     with _diagnosing(console) as progress:
         try:

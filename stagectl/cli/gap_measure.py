@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.options import FILE, OUTPUT, write_json
+from stagectl.cli.options import FILE, JSON_FILE, quietly, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @click.command("measure", short_help="The gap of a machine file against a recording.")
 @click.argument("recording", type=FILE)
 @click.option("--machine", type=FILE, help="Machine file to compare [the recording's own].")
-@click.option("--json", "json_out", type=OUTPUT, help="Write the figures here; - is stdout.")
+@click.option("--json", "json_out", type=JSON_FILE, help="Write the figures here; - is stdout.")
 def measure(recording: Path, machine: Path | None, json_out: Path | None) -> None:
     """Simulate RECORDING's demands in closed loop and compare; nothing is fitted.
 
@@ -38,7 +38,7 @@ def measure(recording: Path, machine: Path | None, json_out: Path | None) -> Non
 
     recorded = read_recording(recording)
     model = machine_of(machine, recorded)
-    quiet = json_out is not None and str(json_out) == "-"
+    quiet = quietly(json_out)
     console = console_for(quiet)
     with _simulating(console) as progress:
         found = _measured(recorded, stage_settings(model), progress)
@@ -55,7 +55,7 @@ def measure(recording: Path, machine: Path | None, json_out: Path | None) -> Non
 @click.argument("first", type=FILE, metavar="A.yaml")
 @click.argument("second", type=FILE, metavar="B.yaml")
 @click.argument("recordings", type=FILE, nargs=-1, required=True, metavar="REC.h5...")
-@click.option("--json", "json_out", type=OUTPUT, help="Write the figures here; - is stdout.")
+@click.option("--json", "json_out", type=JSON_FILE, help="Write the figures here; - is stdout.")
 def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: Path | None) -> None:
     """Which of two machine files is closer to the recordings, and by how much.
 
@@ -70,7 +70,7 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
     machines = [load_machine(path) for path in (first, second)]
     settings = [stage_settings(machine) for machine in machines]
     recorded = [read_recording(path) for path in recordings]
-    quiet = json_out is not None and str(json_out) == "-"
+    quiet = quietly(json_out)
     console = console_for(quiet)
     gaps = []
     with _simulating(console) as progress:

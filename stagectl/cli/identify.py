@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.options import FILE, OUTPUT, write_json
+from stagectl.cli.options import FILE, JSON_FILE, quietly, write_json
 
 if TYPE_CHECKING:
     from estimation.offline.identify import Figure, Identification
@@ -25,7 +25,7 @@ FORMAT, VERSION = "stagectl-friction", 1
     "--elements", type=click.IntRange(1, 64), help="Maxwell-slip elements [the machine file's]."
 )
 @click.option("--shape/--no-shape", default=True, help="Print every k_i and nu_i too.")
-@click.option("--json", "json_out", type=OUTPUT, help="Write the figures here; - is stdout.")
+@click.option("--json", "json_out", type=JSON_FILE, help="Write the figures here; - is stdout.")
 def command(
     recordings: tuple[Path, ...],
     machine: Path | None,
@@ -58,7 +58,7 @@ def command(
     for name in only:
         if name not in model.axes:
             raise UnusableInput(f"{model.source}: no axis {name!r}, it has {', '.join(model.axes)}")
-    quiet = json_out is not None and str(json_out) == "-"
+    quiet = quietly(json_out)
     console = Console(stderr=True)
     found: dict[str, Identification] = {}
     for name in only or tuple(model.axes):

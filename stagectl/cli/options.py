@@ -14,7 +14,15 @@ FILE = click.Path(path_type=Path, dir_okay=True)
 
 
 class _Output(click.Path):
-    """A file to write, or - for standard output: refused before a long computation, not after."""
+    """A file to write: refused before a long computation, not after.
+
+    Args:
+        standard: - is standard output.
+    """
+
+    def __init__(self, standard: bool = False) -> None:
+        super().__init__(path_type=Path)
+        self._standard = standard
 
     def convert(
         self,
@@ -25,6 +33,8 @@ class _Output(click.Path):
         """Its folder is there, and it can be written."""
         path = Path(value)
         if str(path) == "-":
+            if not self._standard:
+                self.fail("standard output is not for this: name a file", param, ctx)
             return path
         if path.is_dir():
             self.fail(f"{path}: is a directory", param, ctx)
@@ -35,12 +45,13 @@ class _Output(click.Path):
         return path
 
 
-OUTPUT = _Output(path_type=Path)
-"""A file to write; - is standard output where the command says so."""
-
+OUTPUT = _Output()
+"""A file to write."""
+JSON_FILE = _Output(standard=True)
+"""A file to write JSON to; - is standard output."""
 
 JSON_OUT = click.option(
-    "--json", "json_out", type=OUTPUT, help="Also write what is said here; - is stdout."
+    "--json", "json_out", type=JSON_FILE, help="Also write what is said here; - is stdout."
 )
 """`--json`; with `-`, what people read goes to standard error."""
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.options import OUTPUT, write_json
+from stagectl.cli.options import JSON_FILE, OUTPUT, quietly, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @click.command(short_help="The source paper's tables and claims, reproduced.")
-@click.option("--json", "json_out", type=OUTPUT, help="Write the figures here; - is stdout.")
+@click.option("--json", "json_out", type=JSON_FILE, help="Write the figures here; - is stdout.")
 @click.option("--out", type=OUTPUT, help="Write a page (.md) and its plots into images/ by it.")
 @click.option("--quick", is_flag=True, help="Fewer noisy runs, no sensitivity.")
 @click.option("--rate", default=20_000, show_default=True, help="Samples per second.")
@@ -54,7 +54,7 @@ def command(json_out: Path | None, out: Path | None, quick: bool, **chosen: Any)
     from stagectl.errors import UnusableInput
     from stagectl.paper import page, study, tables
 
-    quiet = json_out is not None and str(json_out) == "-"
+    quiet = quietly(json_out)
     console = Console(stderr=quiet)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("simulating", total=None)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.options import OUTPUT, write_json
+from stagectl.cli.options import JSON_FILE, quietly, write_json
 
 if TYPE_CHECKING:
     from stagectl.replay.rerun import Replayed
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 @click.command(short_help="A recorded bus log drives the host again.")
 @click.argument("run", type=click.Path(path_type=Path, file_okay=False))
-@click.option("--json", "json_out", type=OUTPUT, help="Also write the outcome here; - is stdout.")
+@click.option(
+    "--json", "json_out", type=JSON_FILE, help="Also write the outcome here; - is stdout."
+)
 def command(run: Path, json_out: Path | None) -> None:
     """Run the host again on the bus log in folder RUN, and tell the first frame that differs.
 
@@ -31,7 +33,7 @@ def command(run: Path, json_out: Path | None) -> None:
     result = replay(run)
     if json_out is not None:
         write_json(_as_dict(result), json_out)
-    if json_out is None or str(json_out) != "-":
+    if not quietly(json_out):
         for line in _lines(result, run):
             click.echo(line)
     if result.difference is not None or result.sealed is False:

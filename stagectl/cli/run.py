@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from stagectl.cli.motion import machines_of, simulated_or_real, stop_on_signal
-from stagectl.cli.options import FILE, OUTPUT, write_json
+from stagectl.cli.options import FILE, JSON_FILE, quietly, write_json
 
 if TYPE_CHECKING:
     from hil_sim.faults import FaultPlan
@@ -88,7 +88,9 @@ USUAL_BUDGET = 5.0
     type=click.FloatRange(0.0),
     help="Time for them [s; the calibration file's, else 5].",
 )
-@click.option("--json", "json_out", type=OUTPUT, help="Also write the summary here; - is stdout.")
+@click.option(
+    "--json", "json_out", type=JSON_FILE, help="Also write the summary here; - is stdout."
+)
 @click.option("--dry-run", is_flag=True, help="Only say what would be done; nothing moves.")
 def command(
     recipe: Path,
@@ -197,7 +199,7 @@ def _with_due_sites(request: RunRequest, path: Path, budget: float | None) -> Ru
 
 
 def _faults(path: Path, machine: Machine, seed: int) -> FaultPlan:
-    from stagectl.config.faults import load_faults
+    from stagectl.config.fault_plan import load_faults
 
     return load_faults(path, machine, seed)
 
@@ -208,7 +210,7 @@ def _dry_run(recipe: Recipe, machine: Machine, json_out: Path | None) -> None:
     outcome = dry_run(recipe, machine)
     if json_out is not None:
         write_json(outcome.as_dict(), json_out)
-    if json_out is None or str(json_out) != "-":
+    if not quietly(json_out):
         from rich.console import Console
 
         Console().print(outcome.render())
@@ -229,7 +231,7 @@ def _run(request: RunRequest, json_out: Path | None) -> None:
     from stagectl.cli.progress import RunProgress
     from stagectl.session import Listener, execute
 
-    quiet = json_out is not None and str(json_out) == "-"
+    quiet = quietly(json_out)
     console = Console(stderr=quiet)
     with RunProgress(console, request.recipe, tuple(request.machine.axes)) as progress:
         result = execute(request, Listener(progress.phase, progress.event, stop_on_signal))

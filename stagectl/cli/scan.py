@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.bus_access import Bench, bus_options
-from stagectl.cli.options import OUTPUT, write_json
+from stagectl.cli.options import JSON_FILE, write_json
 
 if TYPE_CHECKING:
     from drivers.scan import Found
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @click.option("--passive", is_flag=True, help="Only listen; send nothing.")
 @click.option("--listen", type=click.FloatRange(0.01, 60), default=0.25, show_default=True,
               help="How long to wait for heartbeats and answers [s].")  # fmt: skip
-@click.option("--json", "json_out", type=OUTPUT, help="Write what was found here; - is stdout.")
+@click.option("--json", "json_out", type=JSON_FILE, help="Write what was found here; - is stdout.")
 def command(
     machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int,
     passive: bool, listen: float, json_out: Path | None,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.bus_access import Bench, bus_options
-from stagectl.cli.options import OUTPUT, write_json
+from stagectl.cli.options import JSON_FILE, write_json
 
 if TYPE_CHECKING:
     from drivers.status import AxisStatus
@@ -18,7 +18,7 @@ _LISTEN = 0.25  # two heartbeats [s]
 
 @click.command(short_help="What the axes are doing.")
 @bus_options
-@click.option("--json", "json_out", type=OUTPUT, help="Write the status here; - is stdout.")
+@click.option("--json", "json_out", type=JSON_FILE, help="Write the status here; - is stdout.")
 def command(
     machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int,
     json_out: Path | None,

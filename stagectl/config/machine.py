@@ -1,12 +1,12 @@
 """The machine file: what the host believes of a stage, or, behind `--simulate`, what a stage is.
 
 The models hold exactly the keys of docs/machine.md, in SI units. `load_machine` gives a validated
-machine or a `ConfigError` with every problem. What the figures mean: docs/reference-stage.md.
+machine or a `ConfigError` with every problem. What the values together do not allow:
+`stagectl.config.machine_checks`. What the figures mean: docs/reference-stage.md.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -22,8 +22,8 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from drivers.settings import HOST_NODE
 from stagectl.config.diagnose import Section, in_order, validate
+from stagectl.config.machine_checks import impossible
 from stagectl.config.units import (
     Length,
     NotNegativeDamping,
@@ -51,11 +51,6 @@ from stagectl.config.yaml_nodes import (
     shown,
 )
 from stagectl.errors import ConfigError
-
-POSITION_RANGE = 2**31
-"""CiA 402 positions and velocities are INTEGER32: less than so many units."""
-FORCE_RANGE = 32.767
-"""CiA 402 force values are INTEGER16 in 1/1000 of the rated force: at most this multiple."""
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 ObjectName = Annotated[str, StringConstraints(pattern=r"^0x[0-9A-Fa-f]{1,4}:[0-9A-Fa-f]{1,2}$")]
@@ -137,7 +132,7 @@ class Bus(Section):
     interface: Name
     channel: Label
     bitrate: Annotated[StrictInt, Field(ge=10_000, le=1_000_000)]
-    sync_period: PositiveTime
+    sync_period: Annotated[PositiveTime, Field(le=1)]
     max_missed: Annotated[StrictInt, Field(ge=0, le=10_000)] = 5
     max_late: Annotated[StrictInt, Field(ge=0, le=10_000)] = 50
     sync: Literal["auto", "host", "kernel"] = "auto"
@@ -370,89 +365,8 @@ def parse_machine(text: str, name: str) -> Machine:
 
 def _machine(document: Document) -> Machine:
     machine = validate(document, Machine)
-    problems = _impossible(machine, document)
+    problems = impossible(machine, document)
     if problems:
         raise ConfigError(in_order(problems))
     machine._document = document  # noqa: SLF001 - set once, by its own module
     return machine
-
-
-def _impossible(machine: Machine, document: Document) -> list[str]:
-    """What each value allows but the values together, or CiA 402 integers, do not."""
-    problems: list[str] = []
-
-    def refuse(location: tuple[str | int, ...], reason: str) -> None:
-        problems.append(document.problem(location, reason))
-
-    sync = machine.bus.sync_period
-    if not _whole(sync / 1e-6):
-        refuse(("bus", "sync_period"), f"must be a whole number of us, is {sync:.12g} s")
-    if machine.bus.sync_counter == 1:
-        refuse(("bus", "sync_counter"), "must be 0 or 2 to 240")
-    window = machine.bus.sync_window
-    if window and not 10e-6 <= window <= sync:
-        refuse(("bus", "sync_window"), f"must be 0 or 10 us to sync_period, is {window:.12g} s")
-    thermometer = machine.temperature
-    if thermometer is not None:
-        by_object = thermometer.axis is not None and thermometer.object is not None
-        if by_object == (thermometer.plugin is not None):
-            refuse(("temperature",), "needs axis and object, or plugin instead")
-        elif by_object and thermometer.axis not in machine.axes:
-            refuse(("temperature", "axis"), f"no such axis; there are {', '.join(machine.axes)}")
-    nodes: dict[int, str] = {}
-    first: float | None = None
-    for name, axis in machine.axes.items():
-        at = ("axes", name)
-        if axis.node == HOST_NODE:
-            refuse((*at, "node"), f"{HOST_NODE} is the host's own node id")
-        elif axis.node in nodes:
-            refuse((*at, "node"), f"{axis.node} is the node of axis {nodes[axis.node]} already")
-        nodes.setdefault(axis.node, name)
-        low, high = axis.travel
-        if low >= high:
-            refuse((*at, "travel"), f"must be [lowest, highest], is [{low:g}, {high:g}]")
-        unit = axis.drive.position_unit
-        reach = POSITION_RANGE * unit
-        if max(abs(low), abs(high)) >= reach:
-            refuse(
-                (*at, "travel"),
-                f"beyond +-{reach:.4g} m, the range of a position in {_short(unit)}m",
-            )
-        speed = axis.drive.velocity_unit or unit
-        if axis.limits.velocity >= POSITION_RANGE * speed:
-            refuse(
-                (*at, "limits", "velocity"),
-                f"beyond {POSITION_RANGE * speed:.4g} m/s, the range of {_short(speed)}m/s steps",
-            )
-        if axis.homing.velocity > axis.limits.velocity:
-            refuse((*at, "homing", "velocity"), "above the axis' velocity limit")
-        drive = axis.drive
-        if drive.pid is None and drive.cascade is None:
-            refuse((*at, "drive"), "pid: missing (or a cascade in its place)")
-        if drive.pid is not None and drive.cascade is not None:
-            refuse((*at, "drive", "cascade"), "stands in place of pid: only one of them")
-        if drive.peak_force < drive.rated_force:
-            refuse((*at, "drive", "peak_force"), "must be at least rated_force")
-        if drive.peak_force > FORCE_RANGE * drive.rated_force:
-            refuse((*at, "drive", "peak_force"), f"must be at most {FORCE_RANGE} x rated_force")
-        period = drive.control_period
-        if period > sync or not _whole(sync / period):
-            refuse(
-                (*at, "drive", "control_period"),
-                f"must divide bus.sync_period ({sync:g} s), is {period:g} s",
-            )
-        elif not math.isclose(period, first := first or period, rel_tol=1e-9):
-            refuse((*at, "drive", "control_period"), "must be the same on all axes")
-    return problems
-
-
-def _short(value: float) -> str:
-    """A small length with its prefix: 1e-9 is "1 n"."""
-    for scale, prefix in ((1e-9, "n"), (1e-6, "u"), (1e-3, "m")):
-        if value < 1000 * scale:
-            return f"{value / scale:g} {prefix}"
-    return f"{value:g} "
-
-
-def _whole(ratio: float) -> bool:
-    return abs(ratio - round(ratio)) < 1e-6 * max(1.0, ratio) and round(ratio) >= 1

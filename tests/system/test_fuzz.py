@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from stagectl.config.faults import parse_faults
+from stagectl.config.fault_plan import parse_faults
 from stagectl.config.machine import parse_machine
 from stagectl.errors import UnusableInput
 from stagectl.recipe.load import parse_recipe

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from hil_sim import faults as f
-from stagectl.config.faults import FRAME_NAMES, load_faults, parse_faults
+from stagectl.config.fault_plan import load_faults, parse_faults
+from stagectl.config.faults import FRAME_NAMES
 from stagectl.config.machine import load_machine
 from stagectl.errors import ConfigError
 
@@ -145,6 +146,7 @@ def test_no_end_is_no_end(parse):
             "must be later than at",
         ),
         ("fault: bus_off, of: hosts, at: 1, duration: 1", "2:26", "did you mean 'host'"),
+        ("fault: sto, axis: x, at: 1.0e+300", "2:31", "must be <= 1e+09"),
         ("fault: sdo_abort, axis: x, code: 1234", "2:39", "'0x08000000'"),
     ],
 )

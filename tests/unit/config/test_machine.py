@@ -155,6 +155,21 @@ def test_effects_are_kept_as_names_and_figures() -> None:
             "elements: ^0",
             "axes.x.plant.friction.elements: must be >= 1, is 0",
         ),
+        (
+            "sync_period: 0.001",
+            "sync_period: ^1.0e+30",
+            "bus.sync_period: must be <= 1, is 1e+30",
+        ),
+        (
+            "acceleration: 10.0",
+            "acceleration: ^1.0e+30",
+            "axes.x.limits.acceleration: beyond 4295 m/s^2, the range of 1 um/s^2 steps",
+        ),
+        (
+            "following_error: 0.001",
+            "following_error: ^4.2949672950",
+            "axes.x.limits.following_error: beyond 4.295 m, the range of 1 nm steps",
+        ),
         ("  x:\n", "  ^'x y':\n", "axes.x y: must be a word of at most 32 letters, digits and _"),
         (
             "interface: virtual",

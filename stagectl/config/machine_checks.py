@@ -1,0 +1,133 @@
+"""What single values of a machine file allow, but all together, or CiA 402 integers, do not."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Protocol
+
+from drivers.settings import HOST_NODE
+from stagectl.config.yaml_nodes import Document
+
+if TYPE_CHECKING:
+    from stagectl.config.machine import Axis, Bus, Drive, Machine
+
+POSITION_RANGE = 2**31
+"""CiA 402 positions and velocities are INTEGER32: less than so many units."""
+UNSIGNED_RANGE = 2**32 - 1
+"""Windows and accelerations are UNSIGNED32: less than so many units (all ones: no window)."""
+FORCE_RANGE = 32.767
+"""CiA 402 force values are INTEGER16 in 1/1000 of the rated force: at most this multiple."""
+
+At = tuple[str | int, ...]
+
+
+class Refuse(Protocol):
+    """Takes note of a problem."""
+
+    def __call__(self, location: At, reason: str) -> None:
+        """`reason` is wrong at `location`."""
+
+
+def impossible(machine: Machine, document: Document) -> list[str]:
+    """One line per problem of a machine whose single values are good; empty where it has none."""
+    problems: list[str] = []
+
+    def refuse(location: At, reason: str) -> None:
+        problems.append(document.problem(location, reason))
+
+    _bus(machine.bus, refuse)
+    _temperature(machine, refuse)
+    nodes: dict[int, str] = {}
+    first: float | None = None
+    for name, axis in machine.axes.items():
+        at = ("axes", name)
+        if axis.node == HOST_NODE:
+            refuse((*at, "node"), f"{HOST_NODE} is the host's own node id")
+        elif axis.node in nodes:
+            refuse((*at, "node"), f"{axis.node} is the node of axis {nodes[axis.node]} already")
+        nodes.setdefault(axis.node, name)
+        _ranges(axis, at, refuse)
+        _drive(axis.drive, (*at, "drive"), refuse)
+        sync, period = machine.bus.sync_period, axis.drive.control_period
+        if period > sync or not _whole(sync / period):
+            refuse(
+                (*at, "drive", "control_period"),
+                f"must divide bus.sync_period ({sync:g} s), is {period:g} s",
+            )
+        elif not math.isclose(period, first := first or period, rel_tol=1e-9):
+            refuse((*at, "drive", "control_period"), "must be the same on all axes")
+    return problems
+
+
+def _bus(bus: Bus, refuse: Refuse) -> None:
+    sync, window = bus.sync_period, bus.sync_window
+    if not _whole(sync / 1e-6):
+        refuse(("bus", "sync_period"), f"must be a whole number of us, is {sync:.12g} s")
+    if bus.sync_counter == 1:
+        refuse(("bus", "sync_counter"), "must be 0 or 2 to 240")
+    if window and not 10e-6 <= window <= sync:
+        refuse(("bus", "sync_window"), f"must be 0 or 10 us to sync_period, is {window:.12g} s")
+
+
+def _temperature(machine: Machine, refuse: Refuse) -> None:
+    thermometer = machine.temperature
+    if thermometer is None:
+        return
+    by_object = thermometer.axis is not None and thermometer.object is not None
+    if by_object == (thermometer.plugin is not None):
+        refuse(("temperature",), "needs axis and object, or plugin instead")
+    elif by_object and thermometer.axis not in machine.axes:
+        refuse(("temperature", "axis"), f"no such axis; there are {', '.join(machine.axes)}")
+
+
+def _ranges(axis: Axis, at: At, refuse: Refuse) -> None:
+    """Travel and limits, as integers on the bus."""
+    low, high = axis.travel
+    if low >= high:
+        refuse((*at, "travel"), f"must be [lowest, highest], is [{low:g}, {high:g}]")
+    unit = axis.drive.position_unit
+    reach = POSITION_RANGE * unit
+    if max(abs(low), abs(high)) >= reach:
+        refuse(
+            (*at, "travel"), f"beyond +-{reach:.4g} m, the range of a position in {_short(unit)}m"
+        )
+    speed = axis.drive.velocity_unit or unit
+    rate = axis.drive.acceleration_unit
+    limits = axis.limits
+    for key, value, most, step, dimension in (
+        ("velocity", limits.velocity, POSITION_RANGE, speed, "m/s"),
+        ("acceleration", limits.acceleration, UNSIGNED_RANGE, rate, "m/s^2"),
+        ("following_error", limits.following_error, UNSIGNED_RANGE, unit, "m"),
+        ("position_window", limits.position_window, UNSIGNED_RANGE, unit, "m"),
+    ):
+        if value >= most * step:
+            refuse(
+                (*at, "limits", key),
+                f"beyond {most * step:.4g} {dimension}, "
+                f"the range of {_short(step)}{dimension} steps",
+            )
+    if axis.homing.velocity > limits.velocity:
+        refuse((*at, "homing", "velocity"), "above the axis' velocity limit")
+
+
+def _drive(drive: Drive, at: At, refuse: Refuse) -> None:
+    if drive.pid is None and drive.cascade is None:
+        refuse(at, "pid: missing (or a cascade in its place)")
+    if drive.pid is not None and drive.cascade is not None:
+        refuse((*at, "cascade"), "stands in place of pid: only one of them")
+    if drive.peak_force < drive.rated_force:
+        refuse((*at, "peak_force"), "must be at least rated_force")
+    if drive.peak_force > FORCE_RANGE * drive.rated_force:
+        refuse((*at, "peak_force"), f"must be at most {FORCE_RANGE} x rated_force")
+
+
+def _short(value: float) -> str:
+    """A small length with its prefix: 1e-9 is "1 n"."""
+    for scale, prefix in ((1e-9, "n"), (1e-6, "u"), (1e-3, "m")):
+        if value < 999.9 * scale:
+            return f"{value / scale:g} {prefix}"
+    return f"{value:g} "
+
+
+def _whole(ratio: float) -> bool:
+    return abs(ratio - round(ratio)) < 1e-6 * max(1.0, ratio) and round(ratio) >= 1
