@@ -50,7 +50,8 @@ class Start:
     Attributes:
         term: with the best parameters found.
         gain: cost that it would save, to first order.
-        signature: its weighted share in the residual, beside the base parameters, float64[R].
+        signature: its weighted share in the residual, beside the base parameters,
+            float64[R + B]: their prior's rows stand below.
         node: of the grid that it came from.
         followed: whether the gain is of the filter's wander, not of its innovations.
     """
@@ -180,7 +181,8 @@ class Scanner:
         signature = self._signature(term)
         if signature is None:
             return None
-        return Start(term, energy / (apart * friction.wander**2), signature, values, True)
+        column = self._beside([signature])[:, 0]
+        return Start(term, energy / (apart * friction.wander**2), column, values, True)
 
     def _proven(self, start: Start) -> list[Start]:
         """The start with the gain that it really has, where it has one."""
@@ -206,6 +208,11 @@ class Scanner:
             best = Start(term, max(gain, 0.1 * start.gain), start.signature, start.node)
         return best
 
+    def _beside(self, signatures: Sequence[F64]) -> F64:
+        """What base parameters and present effects leave of them, weighted, float64[R + B, n]."""
+        plain = np.column_stack([signature * self._root for signature in signatures])
+        return self._free(np.vstack([plain, np.zeros((len(self._rows), plain.shape[1]))]))
+
     def _free(self, columns: F64) -> F64:
         """Without what base parameters and present effects can take up."""
         return columns - self._basis @ (self._basis.T @ columns)
@@ -226,9 +233,7 @@ class Scanner:
         raw = [signature(Term(effect, v)) for v in sets]
         if any(r is None for r in raw):
             return None
-        plain = np.column_stack([r * self._root for r in raw if r is not None])
-        padded = np.vstack([plain, np.zeros((len(self._rows), plain.shape[1]))])
-        free = self._free(padded)
+        free = self._beside([r for r in raw if r is not None])
         normal = free.T @ free
         if not np.isfinite(normal).all() or float(np.trace(normal)) < 1e-6:
             return None

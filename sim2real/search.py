@@ -91,7 +91,7 @@ class AxisSearch:
         repeats: effects found, each once more beside itself (`sim2real.shape`).
         rivals: sets of effects that were fitted, without duplicates, best first.
         scanned: effect -> first-order gain in the first scan.
-        signatures: effect -> signature in the first scan, float64[R].
+        signatures: effect -> signature in the first scan (`sim2real.scan.Start`).
     """
 
     problem: AxisProblem

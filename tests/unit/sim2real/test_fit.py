@@ -25,6 +25,7 @@ from sim2real.axis_model import (
 from sim2real.axis_problem import AxisProblem, structure
 from sim2real.error_states import respond
 from sim2real.fit import fit
+from sim2real.likeness import likeness
 from sim2real.recording import Recording
 from sim2real.replay import prepare
 from sim2real.scan import Scanner
@@ -122,7 +123,11 @@ def test_a_wander_with_a_course_is_a_start_for_what_scales_friction(
     followed = [s for s in scanner.best(known["coulomb_level"]) if s.followed]
     assert len(followed) == 1
     assert followed[0].term.values[0] == pytest.approx(0.9, abs=0.03)
-    assert not [s for s in scanner.best(known["force_offset"]) if s.followed]
+    offsets = scanner.best(known["force_offset"])
+    assert not [s for s in offsets if s.followed]
+    signatures = {"coulomb_level": followed[0].signature, "force_offset": offsets[0].signature}
+    ((_, alike),) = likeness(signatures, list(signatures)).items()
+    assert 0.0 < alike < 0.5
 
 
 def test_how_finely_a_stage_is_stepped_is_found_beside_its_figures(
