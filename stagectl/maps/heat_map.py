@@ -13,6 +13,8 @@ from stagectl.paper.svg import ticks
 F64 = NDArray[np.float64]
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52, 84, 26, 40
+_MOST, _LEAST = 300.0, 60.0
+"""Length of the longer side of what is drawn, and the least of the other [px]."""
 # viridis at nine points (S. van der Walt, N. Smith, 2015): even in lightness, safe for all eyes.
 _COLOURS = np.array(
     [
@@ -45,13 +47,17 @@ class HeatMap:
     digits: int = 2
 
 
-def draw_heat_map(picture: HeatMap, width: int = 420, height: int = 380) -> str:
-    """The picture as an SVG element [px]."""
-    left, right, top, bottom = _LEFT, width - _RIGHT, _TOP, height - _BOTTOM
+def draw_heat_map(picture: HeatMap) -> str:
+    """The picture as an SVG element: as long as wide where the table is."""
     dx = float(picture.x[1] - picture.x[0])
     dy = float(picture.y[1] - picture.y[0])
     x0, x1 = float(picture.x[0]) - dx / 2, float(picture.x[-1]) + dx / 2
     y0, y1 = float(picture.y[0]) - dy / 2, float(picture.y[-1]) + dy / 2
+    scale = min(_MOST / (x1 - x0), _MOST / (y1 - y0))
+    left, top = _LEFT, _TOP
+    right = round(left + max(scale * (x1 - x0), _LEAST))
+    bottom = round(top + max(scale * (y1 - y0), _LEAST))
+    width, height = right + _RIGHT, bottom + _BOTTOM
     low, high = float(np.nanmin(picture.values)), float(np.nanmax(picture.values))
     if not high > low:
         low, high = low - 0.5e-9, high + 0.5e-9

@@ -104,7 +104,7 @@ def _axis(
                 FIGURES.get(key, key),
                 f"{v:.4g}",
                 f"{s:.2g}",
-                f"{rates[key].rate:.2%}" if key in rates else "",
+                f"{rates[key].rate:.2%}" if key in rates else "–",  # noqa: RUF001
             )
             for key, (v, s) in axis.figures.items()
         ],

@@ -239,7 +239,8 @@ def _yaml(moves: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _sentence(text: str) -> str:
-    return text if text.endswith((".", "!", "?")) else text + "."
+    whole = text if text.endswith((".", "!", "?")) else text + "."
+    return whole[:1].upper() + whole[1:]
 
 
 def _digits(value: float) -> str:

@@ -207,7 +207,7 @@
   }
 
   const hollowSeries = () => data.axes.map((axis, i) => [2 * i + 2, axis]);
-  const wholeTicks = { x: { values: (chart, ticks) => ticks.map((t) => (Number.isInteger(t) ? t : "")) } };
+  const wholeTicks = { x: { incrs: [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000], values: (chart, ticks) => ticks.map((t) => (Number.isInteger(t) ? t : "")) } };
 
   function settlingChart() {
     const entries = data.settling.filter((entry) => entry.kind === settlingKind);

@@ -106,7 +106,7 @@ def test_the_page_says_all_of_it_and_loads_nothing(examined, explained):
     Balanced().feed(page)
     assert "The gap is force ripple on y: closes 93 % of it." in page
     for text in (
-        "nothing &lt;else&gt; is left.", "wafer &lt;xy&gt;", "Correct the commutation.", "x: late",
+        "Nothing &lt;else&gt; is left.", "wafer &lt;xy&gt;", "Correct the commutation.", "x: late",
         "90–95 %", "both waves", "move slowly", "to: [0.0, 0.1]", "± 0.0020",  # noqa: RUF001
         "no &lt;more&gt;", "0.80",
     ):  # fmt: skip
@@ -136,7 +136,7 @@ def test_a_recording_that_supports_nothing_is_a_page_all_the_same(examined, tmp_
     write_gap_page(tmp_path / "a.html", report, none, "m")
     page = (tmp_path / "a.html").read_text()
     Balanced().feed(page)
-    assert "no motion." in page
+    assert "No motion." in page
     assert "<svg" not in page
 
 
