@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 F64 = NDArray[np.float64]
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 62, 12, 22, 38
-_MOST_POINTS = 400
+_MOST_POINTS = 800
+_LETTER = 5.8
+"""About as wide as a letter [px]."""
 _FONT = 'font-family="Helvetica, Arial, sans-serif" font-size="11"'
 
 
@@ -23,7 +25,7 @@ class Line:
 
     Attributes:
         x, y: points, shape (n,).
-        label: for the legend; empty for none.
+        label: for the legend, above the panel; empty for none.
         colour: of the stroke; dashed: broken.
     """
 
@@ -128,22 +130,23 @@ def _panel(panel: Panel, x0: float, y0: float, width: float, height: float) -> l
     for line in panel.lines:
         points = " ".join(
             f"{px(float(x)):.1f},{py(float(y)):.1f}"
-            for x, y in zip(_thin(line.x), _thin(line.y), strict=True)
+            for x, y in zip(*thinned(line.x, line.y, _MOST_POINTS), strict=True)
         )
         dash = ' stroke-dasharray="5 4"' if line.dashed else ""
         parts.append(
             f'<polyline points="{points}" fill="none" stroke="{line.colour}" '
             f'stroke-width="1.4"{dash}/>'
         )
-    named = [line for line in panel.lines if line.label]
-    for k, line in enumerate(named):
-        y = top + 13 + 14 * k
+    end = right
+    for line in reversed([line for line in panel.lines if line.label]):
+        start = end - _LETTER * len(line.label)
         dash = ' stroke-dasharray="5 4"' if line.dashed else ""
         parts.append(
-            f'<line x1="{right - 92:.1f}" y1="{y - 4:.1f}" x2="{right - 72:.1f}" '
-            f'y2="{y - 4:.1f}" stroke="{line.colour}" stroke-width="1.4"{dash}/>'
+            f'<line x1="{start - 24:.1f}" y1="{top - 9:.1f}" x2="{start - 4:.1f}" '
+            f'y2="{top - 9:.1f}" stroke="{line.colour}" stroke-width="1.4"{dash}/>'
         )
-        parts.append(_text(right - 68, y, line.label, "start"))
+        parts.append(_text(start, top - 5, line.label, "start"))
+        end = start - 36
     parts.append(_text((left + right) / 2, bottom + 30, panel.x_label, "middle"))
     middle = (top + bottom) / 2
     parts.append(
@@ -163,11 +166,14 @@ def _range(values: list[F64], margin: float) -> tuple[float, float]:
     return low - margin * (high - low), high + margin * (high - low)
 
 
-def _thin(values: F64) -> F64:
-    """At most so many points, the last one among them."""
-    stride = max(1, -(-len(values) // _MOST_POINTS))
-    kept: F64 = np.append(values[:-1:stride], values[-1])
-    return kept
+def thinned(x: F64, y: F64, most: int) -> tuple[F64, F64]:
+    """About so many points of a curve: its ends, and the extremes of what lies between."""
+    if len(x) <= most:
+        return x, y
+    chunks = np.array_split(np.arange(len(x)), most // 2)
+    extremes = {int(i) for c in chunks for i in (c[y[c].argmin()], c[y[c].argmax()])}
+    kept = sorted({0, *extremes, len(x) - 1})
+    return x[kept], y[kept]
 
 
 def _stroke(x1: float, y1: float, x2: float, y2: float) -> str:

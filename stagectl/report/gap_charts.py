@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from stagectl.paper.svg import ticks
+from stagectl.paper.svg import thinned, ticks
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -183,12 +183,7 @@ def _thinned(curve: Curve, logarithmic: bool) -> Curve:
     good = np.isfinite(x) & np.isfinite(y)
     if logarithmic:
         good &= (x > 0) & (y > 0)
-    x, y = x[good], y[good]
-    if len(x) > 2 * _POINTS:
-        chunks = np.array_split(np.arange(len(x)), _POINTS // 2)
-        kept = sorted({int(i) for c in chunks for i in (c[y[c].argmin()], c[y[c].argmax()])})
-        x, y = x[kept], y[kept]
-    return Curve(curve.name, x, y)
+    return Curve(curve.name, *thinned(x[good], y[good], _POINTS))
 
 
 def _marks(low: float, high: float, most: int, logarithmic: bool) -> list[float]:

@@ -38,6 +38,7 @@ from drivers.settings import AxisSettings, BusSettings, RealTimeSettings
 from drivers.stage import Stage
 from stagectl.config.machine import Machine
 from stagectl.config.mapping import driver_settings, stage_settings
+from tests.multicast import require_multicast
 
 START = (-5e-4, -4e-4)
 MULTICAST_GROUP = "239.74.163.2"
@@ -195,20 +196,8 @@ def _udp_multicast(machine: Machine) -> Iterator[Rig]:
         port = probe.getsockname()[1]
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CAN_CONFIG", json.dumps({"port": port}))
-        _require_multicast(MULTICAST_GROUP)
+        require_multicast(MULTICAST_GROUP)
         yield from _process(machine, "udp_multicast", MULTICAST_GROUP)
-
-
-def _require_multicast(group: str) -> None:
-    """Skips where the network has no multicast (a container without one, say)."""
-    try:
-        with can.Bus(interface="udp_multicast", channel=group) as bus:
-            bus.send(can.Message(arbitration_id=0x7FF, is_extended_id=False))
-            heard = bus.recv(1.0) is not None  # it hears itself
-    except (can.CanError, OSError) as why:
-        pytest.skip(f"no multicast on this machine: {why}")
-    if not heard:
-        pytest.skip("no multicast on this machine: nothing comes back")
 
 
 def _socketcan(machine: Machine) -> Iterator[Rig]:

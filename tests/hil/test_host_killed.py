@@ -24,6 +24,7 @@ import yaml
 from stagectl.config.machine import load_machine
 from stagectl.store.recording import read_recording
 from stagectl.store.recovery import recover_left_over
+from tests.multicast import require_multicast
 
 INTERFACE = os.environ.get("STAGECTL_HIL_SOCKETCAN")
 BUSES = [
@@ -102,6 +103,7 @@ def test_the_host_is_killed_in_the_middle_of_a_move(
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.bind(("", 0))
             monkeypatch.setenv("CAN_CONFIG", json.dumps({"port": probe.getsockname()[1]}))
+        require_multicast(channel)
     machine = yaml.safe_load(load_machine().text)
     machine["bus"] |= {"sync_period": 0.01, "max_missed": 20}
     if interface == "udp_multicast":

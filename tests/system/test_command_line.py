@@ -14,6 +14,7 @@ import pytest
 from stagectl.cli import COMMANDS
 from stagectl.config import load_machine
 from stagectl.store.recording import read_recording
+from tests.multicast import require_multicast
 from tests.system.short_recipe import short_recipe
 
 ROOT = Path(__file__).parents[2]
@@ -230,6 +231,7 @@ def test_two_processes_over_udp_multicast_in_real_time(stagectl, tmp_path, monke
         probe.bind(("", 0))  # every group is heard on a port: one of our own
         monkeypatch.setenv("CAN_CONFIG", json.dumps({"port": probe.getsockname()[1]}))
     group = "239.74.163.79"
+    require_multicast(group)
     recipe = tmp_path / "short.yaml"
     # 100 Hz, and 0.2 s without a drive are no fault: this is no real-time computer
     recipe.write_text(

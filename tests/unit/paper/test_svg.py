@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stagectl.paper import plots
-from stagectl.paper.svg import Line, Panel, Span, draw, ticks
+from stagectl.paper.svg import Line, Panel, Span, draw, thinned, ticks
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -27,11 +27,21 @@ def test_a_line_spans_its_panel():
     points = [
         tuple(map(float, p.split(","))) for p in root.find(f"{SVG}polyline").get("points").split()
     ]
-    assert len(points) <= 402
+    assert len(points) <= 802
     assert points[0][0] == 62
     assert points[-1][0] == 488
     assert points[0][1] > points[-1][1]
     assert root.find(f"{SVG}title").text == "a & b"
+
+
+def test_a_spike_stays_in_a_thinned_curve():
+    x, y = np.arange(100_000.0), np.zeros(100_000)
+    y[12_345], y[67_890] = 5.0, -3.0
+    fewer_x, fewer_y = thinned(x, y, 100)
+    assert len(fewer_x) < 110
+    assert (fewer_x[0], fewer_x[-1]) == (0.0, 99_999.0)
+    assert dict(zip(fewer_x.tolist(), fewer_y.tolist(), strict=True))[12_345.0] == 5.0
+    assert fewer_y.min() == -3.0
 
 
 def test_spans_are_cut_at_the_axes():
