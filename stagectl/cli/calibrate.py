@@ -68,7 +68,7 @@ def command(
     from stagectl.calibration.sites import load_calibration
     from stagectl.history.opening import FILE_NAME, default_history
 
-    believed, truth = machines_of(machine, simulate, bus)
+    believed, truth = machines_of(machine, simulate, bus, moves=not dry_run)
     calibration = load_calibration(sites, believed)
     started = datetime.now(UTC).astimezone()
     folder = out or Path("runs") / f"{calibration.recipe.name}-{started:%Y%m%d-%H%M%S}"
@@ -100,11 +100,17 @@ def command(
         chosen = _chosen(calibration, request, due, quiet)
         if not chosen:
             click.echo("no site is due", err=quiet)
+            if json_out is not None:
+                write_json(_as_dict(request, None, [], calibration.sequence), json_out)
             return
         recipe = calibration.at(chosen)
     if dry_run:
-        for x, y in recipe.sites[0 if request.resumed is None else request.resumed.done :]:
-            click.echo(f"  would visit ({x * 1e3:g}, {y * 1e3:g}) mm")
+        places = recipe.sites[0 if request.resumed is None else request.resumed.done :]
+        for x, y in places:
+            click.echo(f"  would visit ({x * 1e3:g}, {y * 1e3:g}) mm", err=quiet)
+        if json_out is not None:
+            nothing = _as_dict(request, None, [], calibration.sequence)
+            write_json({**nothing, "would_visit": [list(place) for place in places]}, json_out)
         return
     request = replace(request, recipe=recipe)
     error = _measure(request, calibration, comment, json_out, quiet, before)

@@ -50,6 +50,19 @@ def die(happened):
         os.kill(os.getpid(), signal.SIGKILL)
 
 
+def test_a_dry_run_is_json_too(tmp_path):
+    (tmp_path / "sites.yaml").write_text(SITES)
+    result = CliRunner().invoke(
+        cli, ["calibrate", str(tmp_path / "sites.yaml"), "--dry-run", "--json", "-"]
+    )
+    told = json.loads(result.stdout)
+    places = [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]
+    assert told["would_visit"] == [*places, places[0]]
+    assert (told["format"], told["map"], told["sites"]) == ("stagectl-calibration", None, [])
+    assert "would visit (20, 0) mm" in result.stderr
+    assert "virtual bus" not in result.stderr, "nothing was to move"
+
+
 @pytest.fixture(scope="module")
 def killed(machine, tmp_path_factory):
     """A calibration of four sites, killed behind the second one."""
