@@ -39,8 +39,9 @@ SERVICE_NS = 25_000_000
 _JUST_OPENED_NS = 1_000_000_000
 _HOST_OPERATIONAL = b"\x05"
 
-# canopen logs what we raise as exceptions anyway; without a handler Python prints it to stderr
-logging.getLogger("canopen").addHandler(logging.NullHandler())
+# These log what we raise as exceptions anyway; without a handler Python prints it to stderr.
+for _library in ("can", "canopen"):
+    logging.getLogger(_library).addHandler(logging.NullHandler())
 
 
 _new = object.__new__

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.bus_access import Bench, bus_options
+from stagectl.cli.options import NumberRange
 
 if TYPE_CHECKING:
     from drivers.settings import AxisSettings
@@ -50,7 +51,7 @@ class Quantity(click.ParamType[float]):
 
 @click.command(short_help="Close the loops and hold the stage.")
 @bus_options
-@click.option("--hold", "duration", type=click.FloatRange(0, 3600),
+@click.option("--hold", "duration", type=NumberRange(0, 3600),
               help="Disable again after so long [s]; without it on Ctrl-C.")  # fmt: skip
 @click.option("--reset", is_flag=True, help="Acknowledge faults first.")
 def enable(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.options import FILE, JSON_FILE, quietly, write_json
+from stagectl.cli.options import FILE, JSON_FILE, NumberRange, quietly, write_json
 
 if TYPE_CHECKING:
     from drivers.bus_budget import BusBudget
@@ -17,7 +17,7 @@ _BYTES = click.IntRange(0, 8)
 
 @click.command(short_help="Does the PDO set fit the bus?")
 @click.option("--machine", type=FILE, help="Machine file of the stage [wafer-xy].")
-@click.option("--sync-period", type=click.FloatRange(1e-6, 10), help="[s] [the machine's].")
+@click.option("--sync-period", type=NumberRange(1e-6, 10), help="[s] [the machine's].")
 @click.option("--bitrate", type=click.IntRange(10_000, 1_000_000), help="[the machine's]")
 @click.option("--rpdo", type=_BYTES, multiple=True, help="Bytes of an RPDO of every axis [8].")
 @click.option("--tpdo", type=_BYTES, multiple=True, help="Bytes of a TPDO of every axis [8].")

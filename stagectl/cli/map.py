@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from stagectl.cli.history_access import history_options, machine_of, open_for
-from stagectl.cli.options import FILE, JSON_OUT, OUTPUT, quietly, write_json
+from stagectl.cli.options import FILE, JSON_OUT, OUTPUT, NumberRange, quietly, write_json
 
 if TYPE_CHECKING:
     from stagectl.history.port import History
@@ -128,7 +128,7 @@ def list_versions(
 @history_options
 @click.option("--machine", type=FILE, help="Machine file that it has to fit [wafer-xy].")
 @click.option("--check", is_flag=True, help="Only say whether it could be.")
-@click.option("--max-age", type=click.FloatRange(0.0), default=MAX_AGE, show_default=True,
+@click.option("--max-age", type=NumberRange(0.0), default=MAX_AGE, show_default=True,
               help="An older one is refused [days].")  # fmt: skip
 @JSON_OUT
 def activate(
@@ -147,7 +147,7 @@ def activate(
 @command.command(short_help="Back to the version that was in use before.")
 @history_options
 @click.option("--machine", type=FILE, help="Machine file that it has to fit [wafer-xy].")
-@click.option("--max-age", type=click.FloatRange(0.0), default=MAX_AGE, show_default=True,
+@click.option("--max-age", type=NumberRange(0.0), default=MAX_AGE, show_default=True,
               help="An older one is refused [days].")  # fmt: skip
 @JSON_OUT
 def rollback(
@@ -185,7 +185,7 @@ def rollback(
     help="The map's sites, its field on a grid, or the history: every accepted estimate, or every "
     "refused one with the reason.",
 )
-@click.option("--step", type=click.FloatRange(1e-5), default=5e-3, show_default=True,
+@click.option("--step", type=NumberRange(1e-5, 1.0), default=5e-3, show_default=True,
               help="Of the grid [m].")  # fmt: skip
 @history_options
 def export(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from pathlib import Path
 from typing import Any
@@ -59,6 +60,19 @@ JSON_OUT = click.option(
 def quietly(json_out: Path | None) -> bool:
     """Whether standard output is for JSON alone."""
     return json_out is not None and str(json_out) == "-"
+
+
+class NumberRange(click.FloatRange):
+    """A number within bounds; click's own takes nan for one within any."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """A number that is one."""
+        number = float(super().convert(value, param, ctx))
+        if math.isnan(number):
+            self.fail(f"{value} is not a number", param, ctx)
+        return number
 
 
 class BusType(click.ParamType[tuple[str, str]]):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from stagectl.cli.motion import machines_of, simulated_or_real, stop_on_signal
-from stagectl.cli.options import FILE, JSON_FILE, quietly, write_json
+from stagectl.cli.options import FILE, JSON_FILE, NumberRange, quietly, write_json
 
 if TYPE_CHECKING:
     from hil_sim.faults import FaultPlan
@@ -35,7 +34,7 @@ USUAL_BUDGET = 5.0
 )
 @click.option(
     "--friction-scale",
-    type=click.FloatRange(0.01, 100.0),
+    type=NumberRange(0.01, 100.0),
     default=1.0,
     show_default=True,
     help="Start from the machine file's friction figures times this.",
@@ -85,7 +84,7 @@ USUAL_BUDGET = 5.0
 )
 @click.option(
     "--budget",
-    type=click.FloatRange(0.0),
+    type=NumberRange(0.0),
     help="Time for them [s; the calibration file's, else 5].",
 )
 @click.option(
@@ -130,8 +129,6 @@ def command(
 
     if faults is not None and simulate is None:
         raise click.UsageError("--faults needs --simulate: real faults come by themselves")
-    if not math.isfinite(friction_scale):
-        raise click.BadParameter("must be a number", param_hint="--friction-scale")
     if compensation == "oracle" and simulate is None:
         raise click.UsageError("--compensation oracle needs --simulate: nobody knows a real truth")
     believed, truth = machines_of(machine, simulate, bus, moves=not dry_run)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.bus_access import Bench, bus_options
-from stagectl.cli.options import JSON_FILE, write_json
+from stagectl.cli.options import JSON_FILE, NumberRange, write_json
 
 if TYPE_CHECKING:
     from drivers.scan import Found
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 @click.command(short_help="Who is on the bus.")
 @bus_options
 @click.option("--passive", is_flag=True, help="Only listen; send nothing.")
-@click.option("--listen", type=click.FloatRange(0.01, 60), default=0.25, show_default=True,
+@click.option("--listen", type=NumberRange(0.01, 60), default=0.25, show_default=True,
               help="How long to wait for heartbeats and answers [s].")  # fmt: skip
 @click.option("--json", "json_out", type=JSON_FILE, help="Write what was found here; - is stdout.")
 def command(

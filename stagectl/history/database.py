@@ -61,10 +61,10 @@ class SqliteDatabase:
 
     def __init__(self, path: Path, write: bool = True) -> None:
         self.name = str(path)
-        if not write and not path.is_file():
-            raise UnusableInput(f"{path}: no such history")
         if path.is_dir():
             raise UnusableInput(f"{path}: is a folder, not a history")
+        if not write and not path.is_file():
+            raise UnusableInput(f"{path}: no such history")
         mode = "mode=rwc" if write else "mode=ro&immutable=1" if _kept(path) else "mode=ro"
         try:
             self._connection = sqlite3.connect(

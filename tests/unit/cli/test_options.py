@@ -1,0 +1,54 @@
+"""Parameter types that commands share."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from stagectl.cli import cli
+from stagectl.cli.options import JSON_FILE, OUTPUT, NumberRange
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "enable --simulate --hold nan",
+        "bus-budget --sync-period nan",
+        "run r.yaml --simulate --friction-scale nan",
+        "run r.yaml --simulate --budget nan",
+        "map activate --max-age nan",
+        "map export out.csv --step nan",
+        "scan --simulate --listen nan",
+    ],
+)
+def test_nan_is_in_no_range(command: str) -> None:
+    result = CliRunner().invoke(cli, command.split())
+    assert result.exit_code == 2
+    assert "nan is not a number" in " ".join(result.stderr.split())
+
+
+def test_a_number_within_its_range_is_taken() -> None:
+    assert NumberRange(0.0, 2.0).convert("1.5", None, None) == 1.5
+    with pytest.raises(click.BadParameter):
+        NumberRange(0.0, 2.0).convert("2.5", None, None)
+
+
+def test_files_are_refused_before_the_work(tmp_path: Path) -> None:
+    assert JSON_FILE.convert("-", None, None) == Path("-")
+    for value, why in (
+        ("-", "standard output is not for this"),
+        (tmp_path, "is a directory"),
+        (tmp_path / "none" / "a.html", "there is no folder"),
+    ):
+        with pytest.raises(click.BadParameter, match=why):
+            OUTPUT.convert(value, None, None)
+
+
+def test_json_on_standard_output_is_all_of_it() -> None:
+    result = CliRunner().invoke(cli, ["bus-budget", "--json", "-"])
+    assert result.exit_code == 0
+    assert json.loads(result.stdout)
