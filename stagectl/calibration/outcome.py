@@ -72,6 +72,12 @@ def outcomes(
     return found
 
 
+def visited(sites: Sequence[Pair], friction: Sequence[Mapping[str, Any]]) -> Sequence[Pair]:
+    """The sites that a calibration came to: up to the last one with an estimate, even a refused."""
+    last: int = max((entry["site"] or 0 for entry in friction), default=0)
+    return sites[:last]
+
+
 def _outcome(
     number: int,
     place: Pair,

@@ -158,7 +158,7 @@ def _measure(
     """
     from rich.console import Console
 
-    from stagectl.calibration.outcome import outcomes, overall, reached_lines
+    from stagectl.calibration.outcome import outcomes, overall, reached_lines, visited
     from stagectl.cli.progress import RunProgress
     from stagectl.errors import StagectlError, UnusableInput
     from stagectl.history.records import StageKey
@@ -185,10 +185,11 @@ def _measure(
             console.print(f"no new map: {error}", style="yellow", markup=False, soft_wrap=True)
         except StagectlError as error:
             failed = StagectlError(f"no new map: {error}")
-    found = outcomes(
-        request.recipe.sites, [*before, *result.summary["friction"]], tuple(machine.axes), built,
-        changes,
-    )  # fmt: skip
+    friction = [*before, *result.summary["friction"]]
+    sites = request.recipe.sites
+    if result.error is not None:  # of sites that it did not come to there is nothing to say
+        sites = visited(sites, friction)
+    found = outcomes(sites, friction, tuple(machine.axes), built, changes)
     console.print(_table(found, calibration.sequence), crop=False, soft_wrap=True)
     reached = reached_lines(found, calibration.sequence)
     if reached:
@@ -203,7 +204,8 @@ def _measure(
         )  # fmt: skip
     elif result.error is not None:
         console.print(
-            f"interrupted; 'stagectl calibrate ... --resume {request.folder}' goes on",
+            f"interrupted after {len(sites)} of {len(request.recipe.sites)} visits; "
+            f"'stagectl calibrate ... --resume {request.folder}' goes on",
             markup=False, soft_wrap=True,
         )  # fmt: skip
     if json_out is not None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from stagectl.calibration.due import DueSite, due_sites
-from stagectl.calibration.outcome import outcomes
+from stagectl.calibration.outcome import outcomes, visited
 from stagectl.calibration.sequence import GOALS, START, SiteSequence
 from stagectl.calibration.sites import DAY, Calibration, DueSection, load_calibration
 from stagectl.calibration.slip_in import slip_in
@@ -201,6 +201,12 @@ def test_what_a_calibration_says_of_a_site():
     assert told[0].gains["relaxation_rate"].after == pytest.approx(0.04)
     down = [replace(changes[0], sites=(SiteChange(SITES[0], -0.2, 0.01),))]
     assert "grease" in outcomes(SITES[:1], friction, ("x",), None, down)[0].suggestion
+
+
+def test_sites_that_an_interrupted_calibration_did_not_come_to_have_no_outcome():
+    friction = [{"site": 1, "accepted": True}, {"site": 2, "accepted": False}]
+    assert visited(SITES, friction) == SITES[:2]
+    assert visited(SITES, []) == ()
 
 
 def test_the_calibration_that_comes_with_us_fits_the_packaged_machine(machine):
