@@ -72,7 +72,7 @@ def outcomes(
     return found
 
 
-def visited(sites: Sequence[Pair], friction: Sequence[Mapping[str, Any]]) -> Sequence[Pair]:
+def visited(sites: tuple[Pair, ...], friction: Sequence[Mapping[str, Any]]) -> tuple[Pair, ...]:
     """The sites that a calibration came to: up to the last one with an estimate, even a refused."""
     last: int = max((entry["site"] or 0 for entry in friction), default=0)
     return sites[:last]
