@@ -171,12 +171,16 @@ def diagnose(
     library = {name: effect for name, effect in library.items() if effect.searched}
     # The workers are left first: on Ctrl-C they stop the searches that the pool waits for.
     with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool, Workers(jobs) as workers:
+        progress("effects", 0, 100 * len(names))
         searches = dict(zip(names, pool.map(searched, names), strict=True))
+        progress("shapes", 0, 3)
         _coupled(searches, settings)
-        progress("held-out moves", 0, FOLDS)
+        progress("shapes", 1, 3)
         list(pool.map(suspected, names))
+        progress("shapes", 2, 3)
         gate(searches, examined.measured, settings)
         list(pool.map(lambda name: repeated(name, searches[name].best.model), names))
+        progress("held-out moves", 0, FOLDS)
         held_out = HeldOut(examined.measured, settings, searches, pool)
     return _concluded(examined, plain, searches, held_out, settings)
 

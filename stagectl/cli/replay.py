@@ -28,9 +28,20 @@ def command(run: Path, json_out: Path | None) -> None:
 
     Exit code 0 the same, 1 different or a log that was changed, 2 unusable input.
     """
-    from stagectl.replay.rerun import replay
+    from rich.console import Console
 
-    result = replay(run)
+    from stagectl.replay.rerun import replay
+    from stagectl.sequencer.events import Event, MoveStarted
+    from stagectl.session import Listener
+
+    with Console(stderr=True).status("reading") as status:
+
+        def told(event: Event) -> None:
+            if isinstance(event, MoveStarted):
+                where = "" if event.site is None else f" of site {event.site}"
+                status.update(f"{event.kind}-move{where}")
+
+        result = replay(run, Listener(event=told))
     if json_out is not None:
         write_json(_as_dict(result), json_out)
     if not quietly(json_out):

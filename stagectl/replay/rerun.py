@@ -60,11 +60,12 @@ class _Marks:
         return self.offsets.get(site)
 
 
-def replay(folder: Path) -> Replayed:
+def replay(folder: Path, listener: Listener | None = None) -> Replayed:
     """Run the host again on the log of a run.
 
     Args:
         folder: of the run; of one that was killed, the journal and the log are recovered first.
+        listener: told of the run as it goes.
 
     Raises:
         UnusableInput: no recording or log there, they do not tell what is needed, or the run was
@@ -112,7 +113,7 @@ def replay(folder: Path) -> Replayed:
             reason = f"{type(damage).__name__}: {damage}"
             raise UnusableInput(f"{path}: /events: damaged ({reason})") from damage
         with bus:
-            execute(request, Listener(), rig)
+            execute(request, listener or Listener(), rig)
     bus.finish()
     stated = {s for s in (log.stated, *seals) if s is not None}
     return Replayed(

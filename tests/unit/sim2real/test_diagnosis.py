@@ -50,7 +50,8 @@ def test_ctrl_c_ends_the_searches(nominal: tuple[Recording, StageSettings]) -> N
 
     def interrupt(what: str, steps: int, total: int) -> None:
         done.append(steps)
-        pthread_kill(threading.main_thread().ident or 0, SIGINT)
+        if steps:
+            pthread_kill(threading.main_thread().ident or 0, SIGINT)
 
     with pytest.raises(KeyboardInterrupt):
         diagnose(examined, TOLERANCE, known, progress=interrupt)
