@@ -94,15 +94,15 @@ def causes_of(
             )
             for entry, s in zip(entries, spread, strict=True)
         }
-        # In another shape it is seen in the closed loop, whatever its innovations' sigma; and a
-        # profile's nearest bell may be any.
+        # In another shape it is seen in the closed loop, whatever its innovations' sigma; and
+        # the nearest to a form of its own may be any.
         repeat = found.repeats.get(term.name)
         bent = repeat is not None and repeat.departs
         none = not bent and any(_may_be_none(entry, figures, problem.axis) for entry in entries)
-        free = repeat is not None and repeat.is_profile
+        free = repeat is not None and repeat.is_free
         if none or (not free and implausible(term, problem.axis) > _STRANGE):
             probability = min(probability, _DOUBTED)
-        if is_level(term, problem.axis) and any(_vague(entry, figures) for entry in entries):
+        if not free and is_level(term, problem.axis) and any(_vague(entry, figures) for entry in entries):
             probability = min(probability, _VAGUE)
             rivals = rivals or _levels(found, term, problem.axis)[:1]
         causes.append(

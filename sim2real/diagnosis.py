@@ -27,10 +27,10 @@ from sim2real.axis_model import (
 )
 from sim2real.axis_problem import AxisProblem
 from sim2real.causes import candidates_of, causes_of
-from sim2real.closed_loop import axis_gap
+from sim2real.closed_loop import SIGNALS, axis_gap
 from sim2real.examine import Examination, without_causes
 from sim2real.experiment import next_experiment
-from sim2real.friction_profile import friction_profile
+from sim2real.free_form import InMotion
 from sim2real.gate import gate
 from sim2real.held_out import FOLDS, HeldOut, closed, combined
 from sim2real.replay import Signals
@@ -45,7 +45,7 @@ from sim2real.report import (
     NextExperiment,
 )
 from sim2real.search import AxisSearch, beside, search, sets_of
-from sim2real.shape import as_profile, bell, is_one_profile, is_profile, nearest, repeats
+from sim2real.shape import in_free_form, is_one_profile, nearest, repeats
 from sim2real.tracking import Tracker, needs_other_axes
 from sim2real.workers import Workers
 
@@ -60,9 +60,9 @@ where the innovations are white, and where they are not quite."""
 _POOR, _DOUBT = 0.15, 3.0
 """A figure is poorly known whose sigma is this share of it; sigmas that an experiment must tell."""
 
-_PROFILE = 0.5
-"""Share of the force left in motion from which friction differs from place to place: other effects
-come to 0.2 at most."""
+_FREE, _NEAR = 0.5, 0.5
+"""Share of the force left in motion from which an effect is of a kind, whatever its shape (others
+come to 0.35 at most); and share of the gap that the nearest of the library's may leave."""
 
 Progress = Callable[[str, int, int], object]
 
@@ -134,11 +134,10 @@ def diagnose(
             return
         models = {name: other.best.model for name, other in searches.items()}
 
-        def profile(model: AxisModel) -> float:
-            at = {**models, name: model}
-            return friction_profile(name, at, examined.measured, settings).share
+        def share(effect: Effect, model: AxisModel) -> float:
+            return in_motion[name].share(effect, {**models, name: model})
 
-        found.repeats = repeats(found.problem, model, library, partial(looped, name), profile)
+        found.repeats = repeats(found.problem, model, library, partial(looped, name), share)
 
     def suspected(name: str) -> None:
         found, loop = searches[name], partial(looped, name)
@@ -151,15 +150,14 @@ def diagnose(
         single = sets_of(found.rivals, 1)[:1]
         if single:
             repeated(name, single[0].model)
-        profile = friction_profile(name, {}, examined.measured, settings)
-        kind = next((effect for effect in library.values() if is_profile(effect)), None)
-        if profile.share > _PROFILE and kind is not None:
-            starts = [problem.start.added(bell(kind, profile, problem.axis))]
+        form = in_motion[name].likeliest(library.values())
+        if form is not None and form.share > _FREE:
+            kind = form.effect
+            starts = [problem.start.added(term) for term in form.starts]
             starts += [r.model for r in found.rivals if r.model.names() == (kind.name,)]
             model = nearest(starts, problem.axis, loop)
-            left = friction_profile(name, {name: model}, examined.measured, settings)
-            repeat = as_profile(model, left, loop(model))
-            if repeat.is_profile:
+            repeat = in_free_form(model, in_motion[name].share(kind, {name: model}), loop(model))
+            if repeat.is_free or repeat.before - SIGNALS < _NEAR * (found.open_gap - SIGNALS):
                 found.reshaped(model, repeat.before)
                 found.repeats = {kind.name: repeat}
                 return
@@ -169,6 +167,7 @@ def diagnose(
                 found.reshaped(model, loop(model))
 
     library = {name: effect for name, effect in library.items() if effect.searched}
+    in_motion = {name: InMotion(name, examined.measured, settings) for name in names}
     # The workers are left first: on Ctrl-C they stop the searches that the pool waits for.
     with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool, Workers(jobs) as workers:
         progress("effects", 0, 100 * len(names))

@@ -55,6 +55,9 @@ not have come down below this share of what it was, or another one follows."""
 _CONTENDERS, _CONTEST, _CONTEST_SHARE = 4, 1000.0, 0.1
 """Sets that are fitted to the end, and the score (or its share, or all that the best of them leaves
 beside noise) within which they contend."""
+_OTHERS, _WORSE, _BESIDE = 2, 1.3, 3
+"""Single effects besides the best that pairs are built on where the best pair leaves structure,
+their score over the best one's, at most, and effects that are fitted beside each."""
 _COHERENT = 1000.0
 """Samples over which the closed loop's deviations repeat themselves, for their weight."""
 
@@ -231,13 +234,24 @@ def search(
         if problem.white(best.fitted.residual) and best.gap < _OPEN * SIGNALS:
             break
     problem.rescale(path[-1].fitted.residual)
-    settled = _no_worse(problem, book, path[-1].fitted)
-    last = settled.fitted
-    found.best = fit(problem.finer(), last.model, 2) if last.model.terms else last
-    nothing = not last.model.terms and settled.gap < _OPEN * SIGNALS
-    found.whole = nothing or problem.nearly_white(found.best.residual)
+    _settle(found, book, path[-1])
+    if len(path) > 2 and not found.whole:
+        other = _otherwise(problem, path[-1], library, book)
+        if other is not path[-1]:
+            problem.rescale(other.fitted.residual)
+            _settle(found, book, other)
     found.rivals = book.ranked()
     return found
+
+
+def _settle(found: AxisSearch, book: _Book, last: Rival) -> None:
+    """What was found, fitted once more with the model's finest step."""
+    problem = found.problem
+    settled = _no_worse(problem, book, last.fitted)
+    model = settled.fitted.model
+    found.best = fit(problem.finer(), model, 2) if model.terms else settled.fitted
+    nothing = not model.terms and settled.gap < _OPEN * SIGNALS
+    found.whole = nothing or problem.nearly_white(found.best.residual)
 
 
 def beside(found: AxisSearch, others: Sequence[AxisSettings]) -> None:
@@ -301,9 +315,9 @@ def _fitted(
     book: _Book,
     models: Sequence[AxisModel],
     iterations: int,
-    columns: F64,
+    columns: F64 | None = None,
 ) -> list[Rival]:
-    """Models fitted side by side, with the same derivatives by the base parameters."""
+    """Models fitted side by side, with the same derivatives by the base parameters if given."""
 
     def one(model: AxisModel) -> Fitted:
         return fit(problem, model, iterations, columns, thorough=False)
@@ -327,10 +341,9 @@ def _contended(problem: AxisProblem, book: _Book, trials: Sequence[Rival]) -> Ri
         before, wide = book.score(ranked()[0]), problem.outlier
         left = max(before - problem.expected(), 0.0)
         last = before + max(_CONTEST, _CONTEST_SHARE * before, left)
-        for rival in ranked()[:_CONTENDERS]:
-            if book.score(rival) <= last:
-                start = _lent(problem, book, rival, ranked()[0])
-                book.entered(fit(problem, start.model, 4, thorough=False))
+        near = [rival for rival in ranked()[:_CONTENDERS] if book.score(rival) <= last]
+        starts = [_lent(problem, book, rival, near[0]).model for rival in near]
+        _fitted(problem, book, starts, 4)
         best = ranked()[0]
         gained = before - book.score(best)
         problem.rescale(best.fitted.residual)
@@ -386,6 +399,27 @@ def _looked_back(
         beside = [rest.model.added(term) for term in others]
         trials = _fitted(problem, book, beside, 3, columns)
         if trials:
+            current = _contended(problem, book, [current, *trials])
+    return current
+
+
+def _otherwise(
+    problem: AxisProblem, current: Rival, library: Mapping[str, Effect], book: _Book
+) -> Rival:
+    """Pairs built on other single effects than the best: two may look like a third one alone."""
+    singles = sets_of(book.ranked(), 1)
+    most = _WORSE * book.score(singles[0])
+    others = [
+        single
+        for single in singles
+        if single.model.names()[0] not in current.model.names()
+        and book.score(single) < most
+    ]
+    for single in others[:_OTHERS]:
+        starts, columns = _candidates(problem, single.fitted, library, True, None)
+        beside = [single.model.added(start.term) for start in starts[:_BESIDE]]
+        trials = _fitted(problem, book, beside, 4, columns)
+        if trials and min(map(book.score, trials)) < book.score(current):
             current = _contended(problem, book, [current, *trials])
     return current
 

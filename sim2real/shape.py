@@ -8,7 +8,6 @@ was put, is not.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -22,7 +21,7 @@ from sim2real.axis_model import AxisModel, Term, coordinates, is_course, is_leve
 from sim2real.axis_problem import AxisProblem, Fitted
 from sim2real.closed_loop import SIGNALS
 from sim2real.fit import fit
-from sim2real.friction_profile import Profile
+from sim2real.free_form import is_profile
 from sim2real.scan import Scanner
 
 F64 = NDArray[np.float64]
@@ -54,8 +53,8 @@ class Repeat:
 
     Attributes:
         gain: cost that the repeat saves.
-        profile: share of the force left in motion that is a friction profile over position
-            (`sim2real.friction_profile`); 0 where the effect is none.
+        share: of the force left in motion that its kind takes in any shape
+            (`sim2real.free_form`); 0 where no such thing is known of it.
         excess: cost beyond what noise would have, before.
         gap, before: squared closed-loop gap over floor with it and without.
         model: with it.
@@ -63,7 +62,7 @@ class Repeat:
     """
 
     gain: float
-    profile: float
+    share: float
     excess: float
     gap: float
     before: float
@@ -76,9 +75,9 @@ class Repeat:
         return [model for model in each if model.names() == (name,)]
 
     @property
-    def is_profile(self) -> bool:
-        """Whether what is left is friction over position, and more than nothing."""
-        return self.profile > _MOST and self.before > _CLOSED
+    def is_free(self) -> bool:
+        """Whether what is left is of the same kind in another shape, and more than nothing."""
+        return self.share > _MOST and self.before > _CLOSED
 
     @property
     def closes(self) -> bool:
@@ -88,7 +87,7 @@ class Repeat:
     @property
     def departs(self) -> bool:
         """Whether the repeat takes up most of what is left, which is more than chance."""
-        if self.is_profile:
+        if self.is_free:
             return True
         if self.course and self.gain > _COURSE and self.gap < self.before:
             return True
@@ -100,7 +99,7 @@ def repeats(
     model: AxisModel,
     library: Mapping[str, Effect],
     loop: Callable[[AxisModel], float],
-    profile: Callable[[AxisModel], float],
+    share: Callable[[Effect, AxisModel], float],
 ) -> dict[str, Repeat]:
     """Each effect found, fitted once more beside all of them; effects without a shape left out.
 
@@ -109,7 +108,7 @@ def repeats(
         model: with the effects found.
         library: effects by name.
         loop: squared closed-loop gap of the axis under a model.
-        profile: `sim2real.friction_profile`: its share under a model.
+        share: of what a model leaves in motion, what an effect's kind takes in any shape.
     """
     found = fit(problem, model, 1, thorough=False)
     problem.rescale(found.residual)
@@ -133,7 +132,7 @@ def repeats(
         best = min(trials, key=lambda trial: trial.cost)
         repeat = Repeat(
             found.cost - best.cost,
-            profile(found.model) if is_profile(term.effect) else 0.0,
+            share(term.effect, found.model),
             found.cost - problem.expected(),
             loop(best.model),
             loop(found.model),
@@ -167,28 +166,16 @@ def _farther(
     return replace(repeat, gain=gain, excess=excess, gap=loop(again.model), model=again.model)
 
 
-def as_profile(model: AxisModel, left: Profile, gap: float) -> Repeat:
-    """A friction profile in another shape than a bell: what it would close beside the bell.
+def in_free_form(model: AxisModel, share: float, gap: float) -> Repeat:
+    """An effect in a shape of its own: what that would close beside the nearest of the library's.
 
     Args:
-        model: with the bell that comes nearest.
-        left: what that leaves.
+        model: with the effect that comes nearest.
+        share: of the force which that leaves in motion, what its kind takes in any shape.
         gap: its squared closed-loop gap over floor.
     """
-    closed = SIGNALS + (gap - SIGNALS) * (1.0 - left.share)
-    return Repeat(0.0, left.share, 0.0, closed, gap, model)
-
-
-def bell(effect: Effect, profile: Profile, axis: AxisSettings) -> Term:
-    """An effect at a profile's highest or lowest place, in a plausible size."""
-    values = []
-    for entry in coordinates(effect, axis):
-        role = entry.parameter.role
-        low, high = entry.parameter.ranges(axis)[0]
-        middle = math.sqrt(low * high) if entry.parameter.log else 0.5 * (low + high)
-        value = {"place": profile.center, "size": profile.height}.get(role, middle)
-        values.append(entry.clipped(value))
-    return Term(effect, tuple(values))
+    closed = SIGNALS + (gap - SIGNALS) * (1.0 - share)
+    return Repeat(0.0, share, 0.0, closed, gap, model)
 
 
 def is_one_profile(
@@ -299,11 +286,6 @@ def _half(term: Term, side: float, axis: AxisSettings) -> Term:
             for entry in coordinates(term.effect, axis)
         ),
     )
-
-
-def is_profile(effect: Effect) -> bool:
-    """Whether an effect is friction over position."""
-    return effect.group == "friction" and any(p.role == "place" for p in effect.parameters)
 
 
 def _shaped(effect: Effect) -> bool:

@@ -1,0 +1,130 @@
+"""Effects that come in any shape: what is told of them without one, and where to start fitting.
+
+Friction over position and hysteresis over travel have each a way to be told whatever their shape
+(`sim2real.friction_profile`, `sim2real.travel_hysteresis`). The library's effect of that kind is
+the nearest that a machine file can hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hil_sim.effects.effect import Effect
+from hil_sim.effects.ports import EffectPorts
+from hil_sim.settings import AxisSettings, StageSettings
+from sim2real.axis_model import AxisModel, Coordinate, Term, coordinates
+from sim2real.friction_profile import FrictionProfile, friction_profile
+from sim2real.gap import Measured
+from sim2real.travel_hysteresis import TravelHysteresis, travel_hysteresis
+
+_CENTERS, _WIDTHS, _WIDER = 25, 6, 2.0
+"""Bells that are held against a profile; and the widest, over what is plausible."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FreeForm:
+    """A kind of effect in any shape, on one axis.
+
+    Attributes:
+        effect: of the library, of that kind.
+        share: of the force left in motion that it foretells.
+        starts: where the effect comes near.
+    """
+
+    effect: Effect
+    share: float
+    starts: tuple[Term, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InMotion:
+    """What is left in motion on one axis, beside what the models of the others explain.
+
+    Attributes:
+        name: of the axis.
+        measured: recordings.
+        settings: of the machine file.
+    """
+
+    name: str
+    measured: Sequence[Measured]
+    settings: StageSettings
+
+    def likeliest(self, library: Iterable[Effect]) -> FreeForm | None:
+        """The kind that takes most of what the machine file leaves; None where there is no kind."""
+        axis = next(a for a in self.settings.axes if a.name == self.name)
+        forms = []
+        for effect in library:
+            if is_profile(effect):
+                profile = friction_profile(self.name, {}, self.measured, self.settings)
+                forms.append(FreeForm(effect, profile.share, tuple(_bells(effect, profile, axis))))
+            elif is_hysteresis(effect, axis):
+                travel = travel_hysteresis(self.name, {}, self.measured, self.settings)
+                if travel.force > 0.0:
+                    forms.append(FreeForm(effect, travel.share, (_cable(effect, travel, axis),)))
+        return max(forms, key=lambda form: form.share, default=None)
+
+    def share(self, effect: Effect, models: Mapping[str, AxisModel]) -> float:
+        """Share of the force left by models that is of an effect's kind; 0 where it has no way."""
+        axis = next(a for a in self.settings.axes if a.name == self.name)
+        if is_profile(effect):
+            return friction_profile(self.name, models, self.measured, self.settings).share
+        if is_hysteresis(effect, axis):
+            return travel_hysteresis(self.name, models, self.measured, self.settings).share
+        return 0.0
+
+
+def is_profile(effect: Effect) -> bool:
+    """Whether an effect is friction over position."""
+    return effect.group == "friction" and any(p.role == "place" for p in effect.parameters)
+
+
+def is_hysteresis(effect: Effect, axis: AxisSettings) -> bool:
+    """Whether an effect is an element that goes along and slides, and nothing else."""
+    roles = sorted(p.role for p in effect.parameters)
+    if effect.group != "force" or roles != ["shape", "size"]:
+        return False
+    ports = EffectPorts(axis, 1e-3, 1.0)
+    effect.apply(ports, {p.key: p.ranges(axis)[0][0] for p in effect.parameters})
+    return bool(ports.hysteresis)
+
+
+def _by_role(effect: Effect, axis: AxisSettings) -> dict[str, Coordinate]:
+    return {entry.parameter.role: entry for entry in coordinates(effect, axis)}
+
+
+def _term(effect: Effect, axis: AxisSettings, values: Mapping[str, float]) -> Term:
+    """An effect by values for each role, inside the limits."""
+    entries = coordinates(effect, axis)
+    return Term(effect, tuple(e.clipped(values[e.parameter.role]) for e in entries))
+
+
+def _bells(effect: Effect, profile: FrictionProfile, axis: AxisSettings) -> list[Term]:
+    """Where an effect comes nearest to a profile: as a surplus, and as a lack."""
+    entries = _by_role(effect, axis)
+    least, most = entries["size"].parameter.ranges(axis)[0]
+    narrow, wide = entries["shape"].parameter.ranges(axis)[0]
+    typical = 0.5 * (least + most)
+    best: dict[bool, tuple[float, Term]] = {}
+    for center in np.linspace(profile.places[0], profile.places[-1], _CENTERS):
+        for width in np.geomspace(narrow, _WIDER * wide, _WIDTHS):
+            values = {"size": typical, "place": float(center), "shape": float(width)}
+            ports = EffectPorts(axis, 1e-3, 1.0)
+            effect.apply(ports, _term(effect, axis, values).mapping())
+            if ports.position_coulomb is None:
+                return []
+            bell = np.interp(profile.places, ports.positions, ports.position_coulomb) - 1.0
+            along = float(profile.passed @ (bell * profile.heights))
+            square = float(profile.passed @ bell**2)
+            if square > 0.0 and along**2 / square > best.get(along > 0.0, (0.0,))[0]:
+                values["size"] = typical * along / square
+                best[along > 0.0] = (along**2 / square, _term(effect, axis, values))
+    return [term for _, term in best.values()]
+
+
+def _cable(effect: Effect, travel: TravelHysteresis, axis: AxisSettings) -> Term:
+    """The one element that stands for all."""
+    return _term(effect, axis, {"size": travel.force, "shape": travel.stiffness})
