@@ -102,7 +102,11 @@ def causes_of(
         free = repeat is not None and repeat.is_free
         if none or (not free and implausible(term, problem.axis) > _STRANGE):
             probability = min(probability, _DOUBTED)
-        if not free and is_level(term, problem.axis) and any(_vague(entry, figures) for entry in entries):
+        if (
+            not free
+            and is_level(term, problem.axis)
+            and any(_vague(entry, figures) for entry in entries)
+        ):
             probability = min(probability, _VAGUE)
             rivals = rivals or _levels(found, term, problem.axis)[:1]
         causes.append(

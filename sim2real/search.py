@@ -234,24 +234,17 @@ def search(
         if problem.white(best.fitted.residual) and best.gap < _OPEN * SIGNALS:
             break
     problem.rescale(path[-1].fitted.residual)
-    _settle(found, book, path[-1])
-    if len(path) > 2 and not found.whole:
-        other = _otherwise(problem, path[-1], library, book)
-        if other is not path[-1]:
-            problem.rescale(other.fitted.residual)
-            _settle(found, book, other)
-    found.rivals = book.ranked()
-    return found
-
-
-def _settle(found: AxisSearch, book: _Book, last: Rival) -> None:
-    """What was found, fitted once more with the model's finest step."""
-    problem = found.problem
+    last = path[-1]
+    if len(path) > 2 and not problem.nearly_white(last.fitted.residual):
+        last = _otherwise(problem, last, library, book)
+        problem.rescale(last.fitted.residual)
     settled = _no_worse(problem, book, last.fitted)
     model = settled.fitted.model
     found.best = fit(problem.finer(), model, 2) if model.terms else settled.fitted
     nothing = not model.terms and settled.gap < _OPEN * SIGNALS
     found.whole = nothing or problem.nearly_white(found.best.residual)
+    found.rivals = book.ranked()
+    return found
 
 
 def beside(found: AxisSearch, others: Sequence[AxisSettings]) -> None:
@@ -412,8 +405,7 @@ def _otherwise(
     others = [
         single
         for single in singles
-        if single.model.names()[0] not in current.model.names()
-        and book.score(single) < most
+        if single.model.names()[0] not in current.model.names() and book.score(single) < most
     ]
     for single in others[:_OTHERS]:
         starts, columns = _candidates(problem, single.fitted, library, True, None)

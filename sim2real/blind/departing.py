@@ -112,29 +112,43 @@ class PeriodicFriction(Stranger):
         ports.scale_position_coulomb(1.0 + parameters["amplitude"] * np.sin(turn))
 
 
-class LooseFit(Stranger):
-    """Play with a pull: a force that turns over across a wide stretch after each reversal.
+class TautHose(Stranger):
+    """A hose that hangs loose until it is pulled taut towards one end of the travel."""
 
-    As a backlash between carriage and a spring-loaded cover: an elasto-plastic element so soft
-    that it takes millimetres of travel to slide.
-    """
-
-    name = "loose_fit"
+    name = "taut_hose"
     parameters = (
-        Parameter("force", "N", "on either side", (0.8, 2.0)),
-        Parameter("play", "m", "from one side to the other", (4e-3, 20e-3), role="shape", log=True),
+        Parameter("force", "N", "40 mm beyond where it gets taut", (0.8, 3.0)),
+        Parameter("taut", "m", "where it does", (-0.02, 0.03), role="place"),
+    )
+
+    def apply(self, ports: EffectPorts, parameters: Values) -> None:
+        """See `Effect.apply`."""
+        beyond = np.maximum(ports.positions - parameters["taut"], 0.0) / 0.04
+        ports.add_position_force(parameters["force"] * beyond)
+
+
+class SoftCable(Stranger):
+    """A cable loop of two parts, the second so soft that it takes millimetres to slide."""
+
+    name = "soft_cable"
+    kin = "cable_hysteresis"
+    parameters = (
+        Parameter("force", "N", "of each part", (0.3, 1.0)),
+        Parameter("stiffness", "N/m", "of the stiff part", (1e3, 5e3), role="shape", log=True),
+        Parameter("slide", "m", "of the soft part", (2e-3, 8e-3), role="shape", log=True),
     )
 
     def apply(self, ports: EffectPorts, parameters: Values) -> None:
         """See `Effect.apply`."""
         force = parameters["force"]
-        ports.add_hysteresis(force, 2.0 * force / parameters["play"])
+        ports.add_hysteresis(force, parameters["stiffness"])
+        ports.add_hysteresis(force, force / parameters["slide"])
 
 
 KIN: tuple[Stranger, ...] = (
     *strangers.KIN, TentProfile(), TwoStageWarmUp(), WornHalf(), SlopedFriction(),
-    PeriodicFriction(),
+    PeriodicFriction(), SoftCable(),
 )  # fmt: skip
 """Of a family in the library."""
-OUTSIDE: tuple[Stranger, ...] = (*strangers.STRANGERS, LooseFit())
+OUTSIDE: tuple[Stranger, ...] = (*strangers.STRANGERS, TautHose())
 """Of no family in the library."""

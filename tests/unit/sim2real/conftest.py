@@ -12,9 +12,9 @@ from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
 from hil_sim.simulate import simulate
 from sim2real.axis_model import NUISANCES, AxisModel, Term
+from sim2real.blind.departing import KIN
 from sim2real.recording import Recording
 from sim2real.replay import prepare
-from sim2real.strangers import KIN
 from stagectl.config.machine import parse_machine
 from stagectl.config.mapping import stage_settings
 from stagectl.store.recording import read_recording

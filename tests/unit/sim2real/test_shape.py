@@ -10,9 +10,8 @@ import pytest
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
 from sim2real.axis_model import NUISANCES, AxisModel, Term
-from sim2real.friction_profile import Profile
 from sim2real.recording import Recording
-from sim2real.shape import as_profile, is_one_profile, nearest
+from sim2real.shape import in_free_form, is_one_profile, nearest
 
 BELL = library()["friction_position"]
 LEVEL = library()["coulomb_level"]
@@ -54,10 +53,10 @@ def test_a_level_against_a_bell_is_one_profile_where_either_alone_opens_the_loop
     assert not is_one_profile(both.without(0), 100.0, axis, loop)
 
 
-def test_a_profile_beside_a_bell_departs_where_more_than_noise_is_left() -> None:
+def test_a_form_of_its_own_departs_where_more_than_noise_is_left() -> None:
     alone = model(Term(BELL, (0.4, 0.0, 0.03)))
-    assert as_profile(alone, Profile(0.8), 102.0).departs
-    assert as_profile(alone, Profile(0.8), 102.0).gap == pytest.approx(22.0)
-    assert not as_profile(alone, Profile(0.8), 4.0).departs
-    assert not as_profile(alone, Profile(0.3), 102.0).departs
-    assert math.isclose(as_profile(alone, Profile(1.0), 102.0).gap, 2.0)
+    assert in_free_form(alone, 0.8, 102.0).departs
+    assert in_free_form(alone, 0.8, 102.0).gap == pytest.approx(22.0)
+    assert not in_free_form(alone, 0.8, 4.0).departs
+    assert not in_free_form(alone, 0.3, 102.0).departs
+    assert math.isclose(in_free_form(alone, 1.0, 102.0).gap, 2.0)
