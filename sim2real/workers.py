@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from types import TracebackType
 from typing import TypeVar
 
@@ -67,4 +67,8 @@ class Workers:
         self.check()
         if self._pool is None or getattr(self._inside, "yes", False):
             return [function(item) for item in items]
-        return list(self._pool.map(function, items))
+        try:
+            return list(self._pool.map(function, items))
+        except (RuntimeError, CancelledError):  # of a pool that was shut down meanwhile, too
+            self.check()
+            raise
