@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import io
 import json
-import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,11 +21,20 @@ import numpy.typing as npt
 from sim2real.recording import MOVE_KINDS, AxisSignals, Move, Recording
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.store.atomic import write_atomically
+from stagectl.store.hdf5 import (
+    array,
+    check_unit,
+    floats,
+    group_of,
+    integers,
+    opened,
+    reason,
+    text_of,
+)
 from stagectl.store.ledger import CycleLedger
 
 FORMAT = "stagectl-recording"
 VERSION = 1
-MAX_SAMPLES = 50_000_000  # 14 hours at 1 kHz; a declared size beyond it is a broken file
 MAX_MOVES = 1_000_000
 NO_SITE = 0  # in `/moves`; sites count from 1
 
@@ -53,22 +60,22 @@ def read_recording(path: Path | str) -> Recording:
         UnusableInput: no such file, not HDF5, truncated, another format or a newer version, a
             missing dataset, lengths that differ, a non-finite sample, a move outside the samples.
     """
-    with _opened(path) as file:
+    with opened(path) as file:
         _check_format(file)
-        machine = _text(file, "machine")
-        time = _floats(file, "time")
-        _unit(file, "time", "s")
+        machine = text_of(file, "machine")
+        time = floats(file, "time")
+        check_unit(file, "time", "s")
         if np.any(np.diff(time) <= 0):
             sample = int(np.argmax(np.diff(time) <= 0)) + 1
             raise UnusableInput(f"/time: sample {sample}: not later than the one before")
-        group = _group(file, "axes")
+        group = group_of(file, "axes")
         axes = {name: _axis(group, name, len(time)) for name in group}
         if not axes:
             raise UnusableInput("/axes: no axis")
         return Recording(
             machine=machine,
-            recipe=_text(file, "recipe", default=""),
-            started=_text(file, "started", default=""),
+            recipe=text_of(file, "recipe", default=""),
+            started=text_of(file, "started", default=""),
             time=time,
             axes=axes,
             moves=_moves(file, tuple(axes), len(time)),
@@ -88,22 +95,22 @@ def read_ledger(path: Path | str) -> CycleLedger | None:
     Raises:
         UnusableInput: as `read_recording`.
     """
-    with _opened(path) as file:
+    with opened(path) as file:
         _check_format(file)
         if "cycle/late" not in file or "cycle/arrival" not in file:
             return None
-        late = _integers(file, "cycle/late")
-        group = _group(file, "cycle/arrival")
+        late = integers(file, "cycle/late")
+        group = group_of(file, "cycle/arrival")
         return CycleLedger(
             arrival={
-                name: _floats(group, name, len(late), finite=False)  # nan where it missed
+                name: floats(group, name, len(late), finite=False)  # nan where it missed
                 for name in group
             },
             late=late.astype(np.bool_),
             sync=_optional(file, "cycle/sync", len(late)),
             doubt=_optional(file, "cycle/doubt", len(late)),
             extra={
-                name: _integers(file, f"cycle/extra/{name}", len(late)).astype(np.uint8)
+                name: integers(file, f"cycle/extra/{name}", len(late)).astype(np.uint8)
                 for name in (file["cycle/extra"] if "cycle/extra" in file else ())
             },
         )
@@ -111,7 +118,7 @@ def read_ledger(path: Path | str) -> CycleLedger | None:
 
 def _optional(file: h5py.File, name: str, count: int) -> npt.NDArray[np.float64] | None:
     """A dataset of the ledger that may be absent, and nan where nothing is known."""
-    return _floats(file, name, count, finite=False) if name in file else None
+    return floats(file, name, count, finite=False) if name in file else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,11 +146,11 @@ def read_notes(path: Path | str) -> RunNotes:
     Raises:
         UnusableInput: as `read_recording`, or events that are no JSON objects.
     """
-    with _opened(path) as file:
+    with opened(path) as file:
         _check_format(file)
         events = []
         if "events" in file:
-            for number, text in enumerate(_array(file, "events", "OS", MAX_MOVES)):
+            for number, text in enumerate(array(file, "events", "OS", MAX_MOVES)):
                 try:
                     event = json.loads(text)
                 except (ValueError, TypeError, RecursionError):
@@ -152,10 +159,10 @@ def read_notes(path: Path | str) -> RunNotes:
                     raise UnusableInput(f"/events: entry {number}: is no JSON object")
                 events.append(event)
         return RunNotes(
-            recipe=_text(file, "recipe", default=""),
-            machine=_text(file, "machine"),
-            started=_text(file, "started", default=""),
-            outcome=_text(file, "outcome", default=""),
+            recipe=text_of(file, "recipe", default=""),
+            machine=text_of(file, "machine"),
+            started=text_of(file, "started", default=""),
+            outcome=text_of(file, "outcome", default=""),
             events=tuple(events),
         )
 
@@ -193,7 +200,7 @@ def write_recording(
             if outcome is not None:
                 file.attrs["outcome"] = outcome
     except OSError as error:
-        raise StagectlError(f"{path}: cannot write the recording: {_line(error)}") from error
+        raise StagectlError(f"{path}: cannot write the recording: {reason(error)}") from error
     write_atomically(path, image.getbuffer(), "recording", durable=True)
 
 
@@ -257,32 +264,8 @@ def _move_table(recording: Recording) -> npt.NDArray[np.void]:
     return np.array(rows, dtype=np.dtype(columns))
 
 
-@contextmanager
-def _opened(path: Path | str) -> Iterator[h5py.File]:
-    """Open for reading; every failure inside becomes one line that starts with the file's name."""
-    if not Path(path).is_file():
-        missing = "is not a file" if Path(path).exists() else "no such file"
-        inside = Path(path) / "recording.h5"
-        raise UnusableInput(f"{path}: {missing}{f'; {inside} is' if inside.is_file() else ''}")
-    try:
-        with h5py.File(path, "r") as file:
-            yield file
-    except UnusableInput as error:
-        raise UnusableInput(f"{path}: {error}") from error
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
-        # h5py answers a damaged file with any of these.
-        reason = f"not a readable HDF5 file (damaged or truncated): {_line(error)}"
-        raise UnusableInput(f"{path}: {reason}") from error
-
-
-def _line(error: BaseException) -> str:
-    if isinstance(error, OSError) and error.errno:
-        return os.strerror(error.errno)  # h5py's own text runs over several lines
-    return str(error).strip("\"'").split("\n")[0]
-
-
 def _check_format(file: h5py.File) -> None:
-    if _text(file, "format", default="") != FORMAT:
+    if text_of(file, "format", default="") != FORMAT:
         raise UnusableInput(f"attribute format: not {FORMAT!r}, so not a recording of ours")
     version = file.attrs.get("version")
     if not isinstance(version, int | np.integer) or version < 1:
@@ -293,112 +276,22 @@ def _check_format(file: h5py.File) -> None:
         )
 
 
-def _text(file: h5py.File, name: str, default: str | None = None) -> str:
-    value = file.attrs.get(name, default)
-    if value is None:
-        raise UnusableInput(f"attribute {name}: missing")
-    if not isinstance(value, str | bytes):
-        raise UnusableInput(f"attribute {name}: must be text")
-    try:
-        if isinstance(value, bytes):
-            value = value.decode("utf-8")
-        value.encode("utf-8")  # h5py passes broken bytes on as lone surrogates
-    except UnicodeError:
-        raise UnusableInput(f"attribute {name}: not UTF-8 text") from None
-    return value
-
-
-def _member(group: h5py.Group, name: str) -> object:
-    place = f"{group.name.rstrip('/')}/{name}"
-    if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
-        raise UnusableInput(f"{place}: is a link to another file")
-    try:
-        member: object = group[name]
-    except KeyError:
-        raise UnusableInput(f"{place}: missing") from None
-    return member
-
-
-def _group(parent: h5py.Group, name: str) -> h5py.Group:
-    member = _member(parent, name)
-    if not isinstance(member, h5py.Group):
-        raise UnusableInput(f"{parent.name.rstrip('/')}/{name}: must be a group")
-    return member
-
-
-def _array(group: h5py.Group, name: str, kinds: str, limit: int) -> npt.NDArray[Any]:
-    member = _member(group, name)
-    place = f"{group.name.rstrip('/')}/{name}"
-    if not isinstance(member, h5py.Dataset):
-        raise UnusableInput(f"{place}: must be a dataset")
-    if member.external:
-        raise UnusableInput(f"{place}: its data lies in another file")
-    if member.ndim != 1:
-        raise UnusableInput(f"{place}: must have one dimension, has shape {member.shape}")
-    if member.dtype.kind not in kinds:
-        raise UnusableInput(f"{place}: holds {member.dtype}, which is of the wrong kind")
-    if len(member) > limit:
-        raise UnusableInput(f"{place}: {len(member)} entries, at most {limit} are read")
-    try:
-        values: npt.NDArray[Any] = member[()]
-    except OSError as error:
-        raise UnusableInput(f"{place}: damaged: {_line(error)}") from error
-    return values
-
-
-def _length(group: h5py.Group, name: str, values: npt.NDArray[Any], length: int | None) -> None:
-    if length is not None and len(values) != length:
-        raise UnusableInput(
-            f"{group.name.rstrip('/')}/{name}: {len(values)} samples, /time has {length}"
-        )
-
-
-def _floats(
-    group: h5py.Group, name: str, length: int | None = None, *, finite: bool = True
-) -> npt.NDArray[np.float64]:
-    values = _array(group, name, "fiu", MAX_SAMPLES).astype(np.float64)
-    _length(group, name, values, length)
-    if finite and not np.all(np.isfinite(values)):
-        sample = int(np.argmin(np.isfinite(values)))
-        raise UnusableInput(
-            f"{group.name.rstrip('/')}/{name}: sample {sample}: is {values[sample]}"
-        )
-    return values
-
-
-def _unit(group: h5py.Group, name: str, unit: str) -> None:
-    """Samples that say they are in another unit are not read as if they were SI."""
-    stated = group[name].attrs.get("unit", unit)
-    if isinstance(stated, bytes):
-        stated = stated.decode("utf-8", "replace")
-    if stated != unit:
-        raise UnusableInput(
-            f"{group.name.rstrip('/')}/{name}: attribute unit is {stated!r}, must be {unit!r}"
-        )
-
-
-def _integers(group: h5py.Group, name: str, length: int | None = None) -> npt.NDArray[Any]:
-    values = _array(group, name, "iub", MAX_SAMPLES)
-    _length(group, name, values, length)
-    return values
-
-
 def _axis(axes: h5py.Group, name: str, length: int) -> AxisSignals:
-    group = _group(axes, name)
-    demand, offset, actual, force = (_floats(group, s, length) for s, _ in _SIGNALS)
+    group = group_of(axes, name)
+    demand, offset, actual, force = (floats(group, s, length) for s, _ in _SIGNALS)
     for signal, unit in _SIGNALS:
-        _unit(group, signal, unit)
+        check_unit(group, signal, unit)
     statusword = None
     if "statusword" in group:
-        statusword = _integers(group, "statusword", length).astype(np.uint16)
+        statusword = integers(group, "statusword", length).astype(np.uint16)
     valid = np.ones(length, dtype=np.bool_)
     if "valid" in group:
-        valid = _integers(group, "valid", length).astype(np.bool_)
+        valid = integers(group, "valid", length).astype(np.bool_)
     return AxisSignals(demand, offset, actual, force, statusword, valid)
 
 
 def _moves(file: h5py.File, axes: tuple[str, ...], length: int) -> tuple[Move, ...]:
-    table = _array(file, "moves", "V", MAX_MOVES)
+    table = array(file, "moves", "V", MAX_MOVES)
     columns = table.dtype.names or ()
     ends = [f"{side}_{axis}" for side in ("from", "to") for axis in axes]
     for name in ("kind", "start", "end", *ends):

@@ -1,0 +1,144 @@
+"""HDF5 files that other programs may have made: every value is looked at before it is used.
+
+A problem is an `UnusableInput` of one line that begins with the place in the file; `opened` puts
+the file's name before it. Links to other files are not followed, and nothing is read whose stated
+size no recording has.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import numpy.typing as npt
+
+from stagectl.errors import UnusableInput
+
+MAX_SAMPLES = 50_000_000
+"""14 hours at 1 kHz; a declared size beyond it is a broken file."""
+
+
+@contextmanager
+def opened(path: Path | str) -> Iterator[h5py.File]:
+    """Open for reading; every failure inside becomes one line that starts with the file's name."""
+    if not Path(path).is_file():
+        missing = "is not a file" if Path(path).exists() else "no such file"
+        inside = Path(path) / "recording.h5"
+        raise UnusableInput(f"{path}: {missing}{f'; {inside} is' if inside.is_file() else ''}")
+    try:
+        with h5py.File(path, "r") as file:
+            yield file
+    except UnusableInput as error:
+        raise UnusableInput(f"{path}: {error}") from error
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+        # h5py answers a damaged file with any of these.
+        raise UnusableInput(
+            f"{path}: not a readable HDF5 file (damaged or truncated): {reason(error)}"
+        ) from error
+
+
+def reason(error: BaseException) -> str:
+    """What h5py or the system says, in one line."""
+    if isinstance(error, OSError) and error.errno:
+        return os.strerror(error.errno)  # h5py's own text runs over several lines
+    return str(error).strip("\"'").split("\n")[0]
+
+
+def text_of(file: h5py.File, name: str, default: str | None = None) -> str:
+    """A text attribute of the file; a missing one is `default`, or refused where that is None."""
+    value = file.attrs.get(name, default)
+    if value is None:
+        raise UnusableInput(f"attribute {name}: missing")
+    if not isinstance(value, str | bytes):
+        raise UnusableInput(f"attribute {name}: must be text")
+    try:
+        if isinstance(value, bytes):
+            value = value.decode("utf-8")
+        value.encode("utf-8")  # h5py passes broken bytes on as lone surrogates
+    except UnicodeError:
+        raise UnusableInput(f"attribute {name}: not UTF-8 text") from None
+    return value
+
+
+def _member(group: h5py.Group, name: str) -> object:
+    place = f"{group.name.rstrip('/')}/{name}"
+    if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
+        raise UnusableInput(f"{place}: is a link to another file")
+    try:
+        member: object = group[name]
+    except KeyError:
+        raise UnusableInput(f"{place}: missing") from None
+    return member
+
+
+def group_of(parent: h5py.Group, name: str) -> h5py.Group:
+    """A group inside another."""
+    member = _member(parent, name)
+    if not isinstance(member, h5py.Group):
+        raise UnusableInput(f"{parent.name.rstrip('/')}/{name}: must be a group")
+    return member
+
+
+def array(group: h5py.Group, name: str, kinds: str, limit: int) -> npt.NDArray[Any]:
+    """A dataset of one dimension, of these kinds of numpy's, shape (n,), n up to `limit`."""
+    member = _member(group, name)
+    place = f"{group.name.rstrip('/')}/{name}"
+    if not isinstance(member, h5py.Dataset):
+        raise UnusableInput(f"{place}: must be a dataset")
+    if member.external:
+        raise UnusableInput(f"{place}: its data lies in another file")
+    if member.ndim != 1:
+        raise UnusableInput(f"{place}: must have one dimension, has shape {member.shape}")
+    if member.dtype.kind not in kinds:
+        raise UnusableInput(f"{place}: holds {member.dtype}, which is of the wrong kind")
+    if len(member) > limit:
+        raise UnusableInput(f"{place}: {len(member)} entries, at most {limit} are read")
+    try:
+        values: npt.NDArray[Any] = member[()]
+    except OSError as error:
+        raise UnusableInput(f"{place}: damaged: {reason(error)}") from error
+    return values
+
+
+def _length(group: h5py.Group, name: str, values: npt.NDArray[Any], length: int | None) -> None:
+    if length is not None and len(values) != length:
+        raise UnusableInput(
+            f"{group.name.rstrip('/')}/{name}: {len(values)} samples, /time has {length}"
+        )
+
+
+def floats(
+    group: h5py.Group, name: str, length: int | None = None, *, finite: bool = True
+) -> npt.NDArray[np.float64]:
+    """Samples of a signal, shape (length,)."""
+    values = array(group, name, "fiu", MAX_SAMPLES).astype(np.float64)
+    _length(group, name, values, length)
+    if finite and not np.all(np.isfinite(values)):
+        sample = int(np.argmin(np.isfinite(values)))
+        raise UnusableInput(
+            f"{group.name.rstrip('/')}/{name}: sample {sample}: is {values[sample]}"
+        )
+    return values
+
+
+def check_unit(group: h5py.Group, name: str, unit: str) -> None:
+    """Samples that say they are in another unit are not read as if they were SI."""
+    stated = group[name].attrs.get("unit", unit)
+    if isinstance(stated, bytes):
+        stated = stated.decode("utf-8", "replace")
+    if stated != unit:
+        raise UnusableInput(
+            f"{group.name.rstrip('/')}/{name}: attribute unit is {stated!r}, must be {unit!r}"
+        )
+
+
+def integers(group: h5py.Group, name: str, length: int | None = None) -> npt.NDArray[Any]:
+    """Samples that are whole numbers, shape (length,)."""
+    values = array(group, name, "iub", MAX_SAMPLES)
+    _length(group, name, values, length)
+    return values
