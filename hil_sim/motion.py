@@ -5,8 +5,8 @@ The controlword acts when it is written, by SDO or PDO. What moves the demand is
 the option codes 0x605A to 0x605E and 0x6007: 1 means the ramp 0x6084, 2 and up the ramp 0x6085
 (this drive has no stop at the current limit), 0 no ramp.
 
-Faults that come by themselves: following error, end switch (over-travel), full force for too long
-(over-current), lost host. Encoder and supply fail only when told to (`Drive.inject_fault`).
+Faults that come by themselves: a lost host, and what `supervision.py` watches. Encoder and supply
+fail only when told to (`Drive.inject_fault`).
 
 Safe torque off takes the force away and the drive to SWITCH ON DISABLED, where it stays as long:
 statusword bit 4 is 0, 0x60FD bit 3 is 1. Bits 0 and 1 there are the end switches.
@@ -18,7 +18,6 @@ Not modelled: current limits other than the loop's peak force.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 from canopen import SdoAbortedError
@@ -30,8 +29,6 @@ from hil_sim.dictionary import Dictionary
 from hil_sim.emergency import (
     FOLLOWING_ERROR,
     HEARTBEAT_LOST,
-    OVER_CURRENT,
-    OVER_TRAVEL,
     UNDER_VOLTAGE,
     WITHOUT_CONTROL,
     Emergency,
@@ -51,15 +48,9 @@ from hil_sim.ports import CanSegment, Timer
 from hil_sim.profile import ProfileGenerator
 from hil_sim.profile_position import ProfilePosition
 from hil_sim.state_machine import FAULT_RESET, HALT, Command, State, commanded, decode
+from hil_sim.supervision import Supervision
 from hil_sim.torque import CyclicTorque
 from hil_sim.velocity import CyclicVelocity, ProfileVelocity
-
-SWITCH_DISTANCE = 5e-3
-"""End switches beyond the travel, where the mechanics are [m]."""
-OVERLOAD_SHARE, OVERLOAD_NS = 0.98, 200_000_000
-"""Over-current: this share of the peak force for so long ..."""
-OVERLOAD_ERROR = 10e-6
-"""... at more than this following error [m]."""
 
 _VOLTAGE, _REMOTE = 1 << 4, 1 << 9
 _POWERED = (State.ENABLED, State.QUICK_STOP, State.FAULT_REACTION)
@@ -108,18 +99,13 @@ class MotionControl:
         self._due_ns = 0
         self._after_stop: Callable[[], None] | None = None
         self._sticky = 0
-        self._outside_ns: int | None = None
-        self._overloaded_ns: int | None = None
-        self._beyond = False
         self._syncs = 0
         self._causes: set[int] = set()
         self._torque_off = False
-        self._overload = OVERLOAD_ERROR / motor.unit
-        settings = motor.settings
-        self._switches = tuple(
-            round((limit + side * SWITCH_DISTANCE) / settings.increment)
-            for limit, side in zip(settings.travel, (-1, 1), strict=True)
-        )
+        self._watch = Supervision(
+            dictionary, motor, segment, self.fault, self._on_following_error,
+            lambda: self.state is State.FAULT_REACTION,
+        )  # fmt: skip
         context = Context(dictionary, motor, segment, self._generator, self._publish)
         self._modes: dict[int, Mode] = {
             ModeCode.NONE: Mode(context),
@@ -148,14 +134,10 @@ class MotionControl:
     def on_sync(self) -> None:
         """Take over the setpoints of this SYNC; only while `following`."""
         self._mode.on_sync()
-        worst = self._worst_following_error()
-        if worst > self._calm:
-            self._supervise(worst)
-        else:
-            self._overloaded_ns = self._outside_ns = None
+        self._watch.following(self._worst_following_error())
         self._syncs += 1
         if not self._syncs & 7:  # a switch does not run away
-            self._watch_travel()
+            self._watch.travel()
 
     def switch_off(self) -> None:
         """Force off, before a reset of the application."""
@@ -165,7 +147,7 @@ class MotionControl:
         """As after power-on; the dictionary was reset already."""
         self._mode = self._modes[ModeCode.NONE]
         self._word, self._word_state, self._sticky = 0, State.NOT_READY, 0
-        self._overloaded_ns = None
+        self._watch.forget_force()
         self._configure()
         self._publish()
 
@@ -174,10 +156,7 @@ class MotionControl:
             raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
 
     def _configure(self) -> None:
-        window = self._dictionary.integer(o.FOLLOWING_WINDOW)
-        self._window = math.inf if window == o.OFF else float(window)
-        self._calm = min(self._window, self._overload)
-        self._timeout_ns = self._dictionary.integer(o.FOLLOWING_TIMEOUT) * 1_000_000
+        self._watch.configure()
         self._mode.configure()
 
     def connection_lost(self, code: int) -> None:
@@ -261,7 +240,7 @@ class MotionControl:
     def _enable(self) -> None:
         motor = self._motor
         self._dictionary.values[o.TORQUE_OFFSET] = 0
-        self._outside_ns = None
+        self._watch.forget_position()
         self._brake_output.take_back()
         if self.state is not State.QUICK_STOP:
             motor.power(True)
@@ -324,8 +303,7 @@ class MotionControl:
 
     def digital_inputs(self) -> int:
         """0x60FD: end switches and interlock."""
-        counter, (low, high) = self._motor.counter(), self._switches
-        return (counter <= low) | (counter >= high) << 1 | self._torque_off << 3
+        return self._watch.switches() | self._torque_off << 3
 
     def notice_causes(self) -> None:
         """After a boot: causes that are still there are faults again."""
@@ -436,47 +414,12 @@ class MotionControl:
         else:
             self._step()
         if self.state in _POWERED:
-            self._supervise(self._worst_following_error())
-            self._watch_travel()
+            self._watch.following(self._worst_following_error())
+            self._watch.travel()
 
-    def _watch_travel(self) -> None:
-        """End switches; a fault on the way out only, so that the axis can be brought back."""
-        low, high = self._switches
-        beyond = not low <= self._motor.counter() <= high
-        if beyond is not self._beyond:
-            self._beyond = beyond
-            if beyond:
-                self.fault(OVER_TRAVEL)
-
-    def _supervise(self, worst: float) -> None:
-        """Over-current and following error, by the worst following error [units]."""
-        if worst > self._overload:
-            self._watch_force()
-        else:
-            self._overloaded_ns = None
-        if worst <= self._window:
-            self._outside_ns = None
-            return
-        if self.state is State.FAULT_REACTION:
-            return
-        now = self._segment.now_ns
-        if self._outside_ns is None:
-            self._outside_ns = now
-        if now - self._outside_ns >= self._timeout_ns:
-            self._sticky = MODE_BIT_13
-            self.fault(FOLLOWING_ERROR)
-
-    def _watch_force(self) -> None:
-        """Full force for too long, far from the demand: something holds the axis."""
-        now = self._segment.now_ns
-        control = self._motor.settings.control
-        full = OVERLOAD_SHARE * 1000 * control.peak_force / control.rated_force
-        if abs(self._motor.force()) < full:
-            self._overloaded_ns = None
-        elif self._overloaded_ns is None:
-            self._overloaded_ns = now
-        elif now - self._overloaded_ns >= OVERLOAD_NS:
-            self.fault(OVER_CURRENT)
+    def _on_following_error(self) -> None:
+        self._sticky = MODE_BIT_13
+        self.fault(FOLLOWING_ERROR)
 
     # Statusword ------------------------------------------------------------------------------
 
