@@ -1,4 +1,4 @@
-"""Which history and which stage a command means."""
+"""Which history, which stage and which map a command means."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from stagectl.config.machine import Machine
     from stagectl.history.port import History
     from stagectl.history.records import StageKey
+    from stagectl.maps.model import MapVersion
 
 USUAL = ("runs/stage.db", "stage.db")
 """Where a history is looked for."""
@@ -77,3 +78,31 @@ def machine_of(path: Path | None) -> Machine:
     from stagectl.config.machine import load_machine
 
     return load_machine(path)
+
+
+def versions_of(history: History, stage: StageKey) -> list[MapVersion]:
+    """All versions of a stage's map."""
+    from stagectl.maps.active import map_versions
+
+    return map_versions(history, stage)
+
+
+def chosen(
+    versions: list[MapVersion], number: int | None, name: str, last: bool = False
+) -> MapVersion:
+    """Version `number`; None: the one in use, else (or where the `last` is asked for) the last one.
+
+    Raises:
+        UnusableInput: there is none.
+    """
+    from stagectl.errors import UnusableInput
+
+    if not versions:
+        raise UnusableInput(f"{name}: no map yet; 'stagectl calibrate' or 'stagectl map build'")
+    if number is None:
+        active = [v for v in versions if v.active]
+        return active[0] if active and not last else versions[-1]
+    for version in versions:
+        if version.number == number:
+            return version
+    raise UnusableInput(f"{name}: no map {number}; there are 1 to {versions[-1].number}")
