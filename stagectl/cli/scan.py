@@ -71,9 +71,8 @@ def _table(found: list[Found], axes: dict[int, str], label: str) -> Any:
     if not found:
         return f"nobody was heard on {label}: power, wiring, termination, bit rate?"
     table = Table(title=f"Nodes on {label}", title_justify="left")
-    for name in ("node", "axis", "heard", "NMT", "profile", "vendor", "product", "revision",
-                 "serial", "name", "state"):  # fmt: skip
-        table.add_column(name, justify="right" if name == "node" else "left")
+    for name in ("node", "axis", "heard", "NMT", "device", "state"):
+        table.add_column(name, justify="right" if name == "node" else "left", overflow="fold")
     for n in found:
         state = n.state or "-"
         if n.error_code:
@@ -81,11 +80,26 @@ def _table(found: list[Found], axes: dict[int, str], label: str) -> Any:
         if n.doubled:
             state = "TWO DEVICES ON THIS NODE ID"
         table.add_row(
-            str(n.node), axes.get(n.node, "-"), ", ".join(n.heard), n.nmt or "-",
-            "-" if n.profile is None else f"CiA {n.profile}", _hex(n.vendor), _hex(n.product),
-            _hex(n.revision), "-" if n.serial is None else str(n.serial), n.name or "-", state,
-        )  # fmt: skip
+            str(n.node), axes.get(n.node, "-"), ", ".join(n.heard), n.nmt or "-", _device(n), state
+        )
     return table
+
+
+def _device(node: Found) -> str:
+    """Name, profile and the identity object, on lines short enough for a terminal of 80 columns."""
+    if node.name is None and node.profile is None and node.vendor is None:
+        return "-"
+    serial = "-" if node.serial is None else str(node.serial)
+    return "\n".join(
+        [
+            node.name or "no name",
+            "no profile" if node.profile is None else f"CiA {node.profile}",
+            f"vendor {_hex(node.vendor)}",
+            f"product {_hex(node.product)}",
+            f"revision {_hex(node.revision)}",
+            f"serial {serial}",
+        ]
+    )
 
 
 def _hex(value: int | None) -> str:
