@@ -337,9 +337,10 @@ def test_gap_compare(stagectl, tmp_path):
 
 def test_gap_diagnose(stagectl, tmp_path):
     recording = DATA / "null-2.h5"
-    twin = tmp_path / "twin.yaml"
-    done = stagectl("gap", "diagnose", recording, "--json", "-", "--twin", twin)
+    twin, page = tmp_path / "twin.yaml", tmp_path / "gap.html"
+    done = stagectl("gap", "diagnose", recording, "--json", "-", "--twin", twin, "--html", page)
     assert done.returncode == 0, done.stderr
+    assert "No gap" in page.read_text()
     report = json.loads(done.stdout)
     assert (report["format"], report["version"]) == ("stagectl-gap-report", 1)
     assert report["verdict"] == "no_gap"
