@@ -27,10 +27,10 @@ from sim2real.axis_model import (
 )
 from sim2real.axis_problem import AxisProblem
 from sim2real.causes import candidates_of, causes_of
-from sim2real.closed_loop import SIGNALS, axis_gap
+from sim2real.closed_loop import axis_gap
 from sim2real.examine import Examination, without_causes
 from sim2real.experiment import next_experiment
-from sim2real.free_form import InMotion
+from sim2real.free_form import FrictionOverPosition, InMotion
 from sim2real.gate import gate
 from sim2real.held_out import FOLDS, HeldOut, closed, combined
 from sim2real.replay import Signals
@@ -60,9 +60,9 @@ where the innovations are white, and where they are not quite."""
 _POOR, _DOUBT = 0.15, 3.0
 """A figure is poorly known whose sigma is this share of it; sigmas that an experiment must tell."""
 
-_FREE, _NEAR = 0.5, 0.5
-"""Share of the force left in motion from which an effect is of a kind, whatever its shape (others
-come to 0.35 at most); and share of the gap that the nearest of the library's may leave."""
+_FREE = 0.5
+"""Share of the force left in motion from which an effect is of a kind, whatever its shape: others
+come to 0.35 at most."""
 
 Progress = Callable[[str, int, int], object]
 
@@ -78,6 +78,7 @@ class Diagnosis:
         explained: signals of the model with the causes found, each move by a fit to other moves,
             one entry per recording; empty where no cause was found.
         plant: axis -> figure -> value moved within tolerance, for the twin.
+        profiles: friction over position, where it was named as a cause.
     """
 
     report: GapReport
@@ -85,6 +86,7 @@ class Diagnosis:
     searches: Mapping[str, AxisSearch]
     explained: tuple[Signals, ...] = ()
     plant: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    profiles: tuple[FrictionOverPosition, ...] = ()
 
 
 def diagnose(
@@ -156,8 +158,9 @@ def diagnose(
             starts = [problem.start.added(term) for term in form.starts]
             starts += [r.model for r in found.rivals if r.model.names() == (kind.name,)]
             model = nearest(starts, problem.axis, loop)
-            repeat = in_free_form(model, in_motion[name].share(kind, {name: model}), loop(model))
-            if repeat.is_free or repeat.before - SIGNALS < _NEAR * (found.open_gap - SIGNALS):
+            shares = (form.share, in_motion[name].share(kind, {name: model}))
+            repeat = in_free_form(model, shares, (found.open_gap, loop(model)))
+            if repeat.before < found.open_gap:
                 found.reshaped(model, repeat.before)
                 found.repeats = {kind.name: repeat}
                 return
@@ -246,7 +249,10 @@ def _concluded(
     report = replace(report, next_experiment=_next(report, searches, models, examined, settings))
     if not confident:
         return Diagnosis(report, models, searches)
-    return Diagnosis(report, models, searches, held_out.explained(), _plant(settings, models))
+    in_motion = (InMotion(name, examined.measured, settings) for name in models)
+    profiles = [profile for each in in_motion for profile in each.seen(models)]
+    plant = _plant(settings, models)
+    return Diagnosis(report, models, searches, held_out.explained(), plant, tuple(profiles))
 
 
 def _next(

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
 from hil_sim.effects.ports import EffectPorts
@@ -20,6 +21,10 @@ from sim2real.friction_profile import FrictionProfile, friction_profile
 from sim2real.gap import Measured
 from sim2real.travel_hysteresis import TravelHysteresis, travel_hysteresis
 
+F64 = NDArray[np.float64]
+
+_OFTEN = 20.0
+"""Samples in motion from which a place of a profile is shown."""
 _CENTERS, _WIDTHS, _WIDER = 25, 6, 2.0
 """Bells that are held against a profile; and the widest, over what is plausible."""
 
@@ -37,6 +42,23 @@ class FreeForm:
     effect: Effect
     share: float
     starts: tuple[Term, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrictionOverPosition:
+    """Friction over position as it is, and as an effect of the library has it.
+
+    Attributes:
+        axis: name.
+        places: that were passed often enough, float64[N] [m].
+        heights: surplus there over the Coulomb force, in any shape, float64[N] (0.1 = 10 %).
+        named: the same of the effect that was named, float64[N].
+    """
+
+    axis: str
+    places: F64
+    heights: F64
+    named: F64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +80,7 @@ class InMotion:
         axis = next(a for a in self.settings.axes if a.name == self.name)
         forms = []
         for effect in library:
-            if is_profile(effect):
+            if is_profile(effect, axis):
                 profile = friction_profile(self.name, {}, self.measured, self.settings)
                 forms.append(FreeForm(effect, profile.share, tuple(_bells(effect, profile, axis))))
             elif is_hysteresis(effect, axis):
@@ -67,29 +89,58 @@ class InMotion:
                     forms.append(FreeForm(effect, travel.share, (_cable(effect, travel, axis),)))
         return max(forms, key=lambda form: form.share, default=None)
 
+    def seen(self, models: Mapping[str, AxisModel]) -> tuple[FrictionOverPosition, ...]:
+        """Friction over position beside all else that models hold, one per effect of that kind."""
+        axis = next(a for a in self.settings.axes if a.name == self.name)
+        model = models[self.name]
+        found = []
+        for index, term in enumerate(model.terms):
+            if not is_profile(term.effect, axis):
+                continue
+            rest = {**models, self.name: model.without(index)}
+            profile = friction_profile(self.name, rest, self.measured, self.settings)
+            often = profile.passed >= _OFTEN
+            places = profile.places[often]
+            named = profile_of(term, axis, places)
+            found.append(FrictionOverPosition(self.name, places, profile.heights[often], named))
+        return tuple(found)
+
     def share(self, effect: Effect, models: Mapping[str, AxisModel]) -> float:
         """Share of the force left by models that is of an effect's kind; 0 where it has no way."""
         axis = next(a for a in self.settings.axes if a.name == self.name)
-        if is_profile(effect):
+        if is_profile(effect, axis):
             return friction_profile(self.name, models, self.measured, self.settings).share
         if is_hysteresis(effect, axis):
-            return travel_hysteresis(self.name, models, self.measured, self.settings).share
+            travel = travel_hysteresis(self.name, models, self.measured, self.settings)
+            return travel.share if travel.force > 0.0 else 0.0
         return 0.0
 
 
-def is_profile(effect: Effect) -> bool:
+def is_profile(effect: Effect, axis: AxisSettings) -> bool:
     """Whether an effect is friction over position."""
-    return effect.group == "friction" and any(p.role == "place" for p in effect.parameters)
+    return effect.group == "friction" and _typical(effect, axis).position_coulomb is not None
 
 
 def is_hysteresis(effect: Effect, axis: AxisSettings) -> bool:
-    """Whether an effect is an element that goes along and slides, and nothing else."""
-    roles = sorted(p.role for p in effect.parameters)
-    if effect.group != "force" or roles != ["shape", "size"]:
-        return False
+    """Whether an effect is an element that goes along and slides."""
+    return bool(_typical(effect, axis).hysteresis)
+
+
+def profile_of(term: Term, axis: AxisSettings, places: F64) -> F64:
+    """Surplus over the Coulomb force that a term makes at places, float64[N] (0.1 = 10 %)."""
     ports = EffectPorts(axis, 1e-3, 1.0)
-    effect.apply(ports, {p.key: p.ranges(axis)[0][0] for p in effect.parameters})
-    return bool(ports.hysteresis)
+    term.effect.apply(ports, term.mapping())
+    if ports.position_coulomb is None:
+        return np.zeros(len(places))
+    return np.interp(places, ports.positions, ports.position_coulomb) - 1.0
+
+
+def _typical(effect: Effect, axis: AxisSettings) -> EffectPorts:
+    """Ports with an effect of plausible values."""
+    values = {p.key: 0.5 * sum(p.ranges(axis)[0]) for p in effect.parameters}
+    ports = EffectPorts(axis, 1e-3, 1.0)
+    effect.apply(ports, values)
+    return ports
 
 
 def _by_role(effect: Effect, axis: AxisSettings) -> dict[str, Coordinate]:
@@ -112,11 +163,7 @@ def _bells(effect: Effect, profile: FrictionProfile, axis: AxisSettings) -> list
     for center in np.linspace(profile.places[0], profile.places[-1], _CENTERS):
         for width in np.geomspace(narrow, _WIDER * wide, _WIDTHS):
             values = {"size": typical, "place": float(center), "shape": float(width)}
-            ports = EffectPorts(axis, 1e-3, 1.0)
-            effect.apply(ports, _term(effect, axis, values).mapping())
-            if ports.position_coulomb is None:
-                return []
-            bell = np.interp(profile.places, ports.positions, ports.position_coulomb) - 1.0
+            bell = profile_of(_term(effect, axis, values), axis, profile.places)
             along = float(profile.passed @ (bell * profile.heights))
             square = float(profile.passed @ bell**2)
             if square > 0.0 and along**2 / square > best.get(along > 0.0, (0.0,))[0]:

@@ -166,16 +166,21 @@ def _farther(
     return replace(repeat, gain=gain, excess=excess, gap=loop(again.model), model=again.model)
 
 
-def in_free_form(model: AxisModel, share: float, gap: float) -> Repeat:
-    """An effect in a shape of its own: what that would close beside the nearest of the library's.
+def in_free_form(
+    model: AxisModel, shares: tuple[float, float], gaps: tuple[float, float]
+) -> Repeat:
+    """An effect in a shape of its own: what that would close, and what the nearest one leaves.
 
     Args:
-        model: with the effect that comes nearest.
-        share: of the force which that leaves in motion, what its kind takes in any shape.
-        gap: its squared closed-loop gap over floor.
+        model: with the effect of the library that comes nearest.
+        shares: of the force that is left in motion, what its kind takes in any shape: by the
+            machine file, and by this model.
+        gaps: squared closed-loop gap over floor of either.
     """
-    closed = SIGNALS + (gap - SIGNALS) * (1.0 - share)
-    return Repeat(0.0, share, 0.0, closed, gap, model)
+    closed = min(
+        SIGNALS + (gap - SIGNALS) * (1.0 - share) for gap, share in zip(gaps, shares, strict=True)
+    )
+    return Repeat(0.0, max(shares), 0.0, max(closed, SIGNALS), gaps[1], model)
 
 
 def is_one_profile(
@@ -188,7 +193,7 @@ def is_one_profile(
     terms = model.terms
     if len(terms) != 2 or not all(is_level(term, axis) for term in terms):
         return False
-    if not any(is_profile(term.effect) for term in terms):
+    if not any(is_profile(term.effect, axis) for term in terms):
         return False
     return max(loop(model.without(index)) for index in range(2)) > _AGAINST * open_gap
 

@@ -93,7 +93,7 @@ def diagnose(
 
         write_gap_page(
             html_out, report, examined, model.name,
-            explained=found.explained or None, likeness=_likeness(found),
+            explained=found.explained or None, likeness=_likeness(found), profiles=found.profiles,
         )  # fmt: skip
     if twin is not None:
         _write_twin(twin, model, report, found.plant)

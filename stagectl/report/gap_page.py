@@ -13,6 +13,7 @@ import yaml
 from markupsafe import Markup
 
 from sim2real.examine import Examination
+from sim2real.free_form import FrictionOverPosition
 from sim2real.gap import combined
 from sim2real.likeness import Pairs
 from sim2real.replay import Signals
@@ -55,6 +56,7 @@ def write_gap_page(
     explained: Sequence[Signals] | None = None,
     left: Sequence[str] = (),
     likeness: Mapping[str, Pairs] | None = None,
+    profiles: Sequence[FrictionOverPosition] = (),
 ) -> None:
     """Write the page, atomically; arguments as `render_gap_page`.
 
@@ -62,8 +64,9 @@ def write_gap_page(
         StagectlError: it cannot be written.
     """
     text = render_gap_page(
-        report, examined, machine, explained=explained, left=left, likeness=likeness
-    )
+        report, examined, machine,
+        explained=explained, left=left, likeness=likeness, profiles=profiles,
+    )  # fmt: skip
     write_atomically(path, text, "report")
 
 
@@ -75,6 +78,7 @@ def render_gap_page(
     explained: Sequence[Signals] | None = None,
     left: Sequence[str] = (),
     likeness: Mapping[str, Pairs] | None = None,
+    profiles: Sequence[FrictionOverPosition] = (),
 ) -> str:
     """The page's HTML.
 
@@ -85,6 +89,7 @@ def render_gap_page(
         explained: the model's signals with the causes, one per recording; None without causes.
         left: what is left after the causes, in sentences.
         likeness: axis -> how alike effects are there, besides what `report.confusable` says.
+        profiles: friction over position, where it was named.
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(_HERE / "templates"),
@@ -121,6 +126,8 @@ def render_gap_page(
         explained=explained is not None,
         repeats=_repeats(examined),
         sections=sections,
+        profiles=[gap_traces.friction(profile) for profile in profiles],
+        profile_key=legend(("measured", "after")),
         move_name=move_name,
         move_panels=move_panels,
         move_key=legend(("measured", "before", *(("after",) if explained is not None else ()))),

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
+from sim2real.free_form import FrictionOverPosition
 from sim2real.gap import Measured
 from sim2real.phases import PHASES, REST, SETTLING, axis_phases, blocks
 from sim2real.recording import aligned_demand
@@ -164,6 +165,17 @@ def section(
     density = f"density [{unit}/√Hz]"
     panels.append(Panel("Spectrum", chart(curves, "frequency [Hz]", density, logarithmic=True)))
     return Section(axis, signal, share, tuple(panels))
+
+
+def friction(profile: FrictionOverPosition) -> Panel:
+    """Friction over position as it was found in motion, and as the effect that was named has it."""
+    places = 1e3 * profile.places
+    curves = [
+        Curve("measured", places, 100.0 * profile.heights),
+        Curve("after", places, 100.0 * profile.named),
+    ]
+    title = f"Axis {profile.axis}: surplus of the Coulomb force"
+    return Panel(title, chart(curves, "position [mm]", "surplus [%]"))
 
 
 def key(explained: bool) -> Markup:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
@@ -53,10 +51,19 @@ def test_a_level_against_a_bell_is_one_profile_where_either_alone_opens_the_loop
     assert not is_one_profile(both.without(0), 100.0, axis, loop)
 
 
-def test_a_form_of_its_own_departs_where_more_than_noise_is_left() -> None:
-    alone = model(Term(BELL, (0.4, 0.0, 0.03)))
-    assert in_free_form(alone, 0.8, 102.0).departs
-    assert in_free_form(alone, 0.8, 102.0).gap == pytest.approx(22.0)
-    assert not in_free_form(alone, 0.8, 4.0).departs
-    assert not in_free_form(alone, 0.3, 102.0).departs
-    assert math.isclose(in_free_form(alone, 1.0, 102.0).gap, 2.0)
+@pytest.mark.parametrize(
+    ("shares", "gaps", "departs", "closed"),
+    [
+        ((0.3, 0.8), (202.0, 102.0), True, 22.0),  # what the nearest one leaves is of its kind
+        ((0.9, 0.4), (102.0, 52.0), True, 12.0),  # what the machine file leaves is
+        ((0.9, 0.8), (102.0, 4.0), False, 2.4),  # the nearest one leaves nothing
+        ((0.4, 0.3), (102.0, 52.0), False, 37.0),  # it is of another kind
+        ((1.0, 1.0), (102.0, 52.0), True, 2.0),
+    ],
+)
+def test_a_form_of_its_own_departs_where_more_than_noise_is_left(
+    shares: tuple[float, float], gaps: tuple[float, float], departs: bool, closed: float
+) -> None:
+    found = in_free_form(model(Term(BELL, (0.4, 0.0, 0.03))), shares, gaps)
+    assert found.departs is departs
+    assert found.gap == pytest.approx(closed)
