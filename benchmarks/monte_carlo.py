@@ -14,9 +14,10 @@ the elements still slip in the last one) and its sample.
 
 A planned profile is smooth to a fraction of an encoder's increment, no real motion is: --jitter
 adds a motion of so many metres rms at every sample faster than 5 mm/s, which the force follows.
+--force-noise adds white noise of so many newtons rms where the force would be exact.
 
     python benchmarks/monte_carlo.py [--runs 1000] [--stage reference|paper] [--jobs 1]
-                                     [--jitter 1e-9]
+                                     [--jitter 1e-9] [--force-noise 6e-4]
 """
 
 from __future__ import annotations
@@ -50,12 +51,13 @@ STAGES = {
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One row of runs: stage, profile, force resolution [N] (0: exact), jitter [m], run numbers."""
+    """Some runs: stage, profile, force resolution (0: none) and noise [N], jitter [m], numbers."""
 
     stage: str
     profile: str
     step: float
     jitter: float
+    noise: float
     first: int
     runs: int
 
@@ -156,9 +158,11 @@ def one(case: Case, number: int) -> tuple[F64, F64] | None:
         moving = np.abs(np.gradient(clean)) / TS > JITTERS
         clean += moving * np.random.default_rng([number, 1]).normal(0.0, case.jitter, len(clean))
     exact = force(clean, model, truth[3])
-    noise = quantisation(case.step) if case.step else EXACT
+    noise = quantisation(case.step) if case.step else case.noise or EXACT
     phase = rng.uniform(0.0, case.step) if case.step else 0.0
     seen = np.round((exact + phase) / case.step) * case.step - phase if case.step else exact
+    if case.noise and not case.step:
+        seen = exact + np.random.default_rng([number, 2]).normal(0.0, case.noise, len(exact))
     measured = clean + rng.normal(0.0, ENCODER, len(clean))
     settings = EstimatorSettings(
         mass, TS, ENCODER, noise, model_error=0.0, belief=BeliefSettings(wander=0.0),
@@ -185,7 +189,9 @@ def some(case: Case) -> list[tuple[F64, F64] | None]:
     return [one(case, number) for number in range(case.first, case.first + case.runs)]
 
 
-def table(stage: str, profile: str, step: float, jitter: float, runs: int, jobs: int) -> None:
+def table(
+    stage: str, profile: str, step: float, jitter: float, noise: float, runs: int, jobs: int
+) -> None:
     """Print one table."""
     parts = [
         Case(
@@ -193,6 +199,7 @@ def table(stage: str, profile: str, step: float, jitter: float, runs: int, jobs:
             profile,
             step,
             jitter,
+            noise,
             runs * j // jobs,
             runs * (j + 1) // jobs - runs * j // jobs,
         )
@@ -206,6 +213,8 @@ def table(stage: str, profile: str, step: float, jitter: float, runs: int, jobs:
     kept = [result for result in results if result is not None]
     errors, scores = np.array([e for e, _ in kept]), np.array([s for _, s in kept])
     resolution = f"steps of {step:g} N" if step else "exact"
+    if noise and not step:
+        resolution = f"with {noise:g} N of noise"
     resolution += f", jitter {jitter:g} m" if jitter else ""
     print(f"| {stage} stage, {profile}, force {resolution} | spread/bound | bias/bound "
           "| inside 95 % |\n| --- | --- | --- | --- |")  # fmt: skip
@@ -223,13 +232,17 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=1000)
     parser.add_argument("--stage", choices=list(STAGES), help="one of them [both]")
     parser.add_argument("--jitter", type=float, default=0.0, help="of the true motion [m] [0]")
+    parser.add_argument(
+        "--force-noise", type=float, default=0.0, help="of a force that is not rounded [N] [0]"
+    )
     parser.add_argument("--jobs", type=int, default=1)
     arguments = parser.parse_args()
     print(f"{arguments.runs} runs each; {machine_facts()}\n")
     for stage in [arguments.stage] if arguments.stage else list(STAGES):
         for profile in ("sine", "s-curve"):
             for step in (0.0, 0.04):
-                table(stage, profile, step, arguments.jitter, arguments.runs, arguments.jobs)
+                table(stage, profile, step, arguments.jitter, arguments.force_noise, arguments.runs,
+                      arguments.jobs)  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -72,6 +72,9 @@ FREE_SLIP = 0.3
 """Spread of the element forces where zone A begins, in a solve of zone A alone [Coulomb force]."""
 QUIET = 0.1
 """Encoder noise as a force (m / T^2 times its rms) below which rounding is not white [steps]."""
+TELLS = 16.0
+"""Force noise, in what the encoder's does to a spring (at the figures before), up to which the
+samples at rest tell where the motion began: without them sigma0 spreads 1.4 times as far."""
 MAX_ITERATIONS, HALVINGS, TOLERANCE, REMAINS = 20, 10, 1e-3, 0.03
 """Of Gauss-Newton; a step below TOLERANCE posterior standard deviations ends it, and one that
 leaves at most REMAINS of them to go."""
@@ -112,9 +115,10 @@ def fit(  # type: ignore[no-untyped-def]
     linear = not whole and report[R_STICK] > 0.0  # one step, for the second solve to begin at
     # Which rows count. The force at rest is known from the mean of the rest's samples: they count
     # once, but where the force is so exact that they tell the positions' errors.
-    moves = constants[C_FORCE_NOISE] < (
-        units[F_UNIT, STIFFNESS] * p[STIFFNESS] * constants[C_POSITION_NOISE]
-    )
+    spread = constants[C_MODEL_ERROR] * units[F_UNIT, COULOMB] * prior_mean[COULOMB]
+    white = constants[C_FORCE_NOISE] ** 2 + spread * spread
+    pull = units[F_UNIT, STIFFNESS] * p[STIFFNESS] * constants[C_POSITION_NOISE]
+    moves = constants[C_FORCE_NOISE] < pull or white < (TELLS * pull) ** 2
     start, end, counted = _choose(
         whole, moves, zone[:count], usable[:count], int(report[R_END]), use[:count]
     )
@@ -162,8 +166,6 @@ def fit(  # type: ignore[no-untyped-def]
         lower[a] = units[F_LOWER, i] if i < LEVEL else -LEVEL_BOUND if i >= KNOTS else -1e300
         upper[a] = units[F_UPPER, i] if i < LEVEL else LEVEL_BOUND if i >= KNOTS else 1e300
         p[i] = value[a] = min(max(p[i], lower[a]), upper[a])
-    spread = constants[C_MODEL_ERROR] * units[F_UNIT, COULOMB] * prior_mean[COULOMB]
-    white = constants[C_FORCE_NOISE] ** 2 + spread * spread
     columns, taken = KNOTS + knots, (KNOTS + knots) * end
     rows = as_rows(scratch[:taken], columns, end)
     weights = as_rows(scratch[taken : taken + 4 * end], 4, end)
