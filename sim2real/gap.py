@@ -131,7 +131,8 @@ def closed(before: Gap, after: Gap) -> float | None:
         after: G1; the floors are those of `before`.
 
     Returns:
-        1 where nothing is left but the floor; None where G0^2 < 1.5 floor^2.
+        1 where nothing is left but the floor; None where G0^2 < 1.5 floor^2, or where one of the
+        gaps is beyond all numbers.
     """
     same: Gap = {
         axis: {
@@ -141,6 +142,6 @@ def closed(before: Gap, after: Gap) -> float | None:
         for axis, signals in after.items()
     }
     first, second = combined(before), combined(same)
-    if not first >= NO_GAP_BELOW:
+    if not first >= NO_GAP_BELOW or not math.isfinite(first + second):
         return None
     return 1.0 - (second - 1.0) / (first - 1.0)

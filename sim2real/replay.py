@@ -123,8 +123,9 @@ def residual(measured: Signals, model: Signals) -> Signals:
 
 
 def rms(difference: FloatArray, valid: BoolArray) -> float:
-    """Root mean square over valid samples."""
-    return float(np.sqrt(np.mean(np.square(difference[valid]))))
+    """Root mean square over valid samples; inf where there is no such number."""
+    with np.errstate(over="ignore"):
+        return float(np.sqrt(np.mean(np.square(difference[valid]))))
 
 
 def _places(time: FloatArray, period: float) -> NDArray[np.int64]:

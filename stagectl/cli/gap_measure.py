@@ -104,7 +104,7 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
 def closed_line(share: float | None) -> str:
     """Gap closed in words."""
     if share is None:
-        return "A is too close to its floor for a share of the gap to be closed."
+        return "A is too close to its floor, or too far off, for a share of the gap to be closed."
     if share < 0:
         return f"B is farther from the recordings than A: gap closed {share:.2f}."
     return f"B closes {share:.2f} of A's gap (1 is all of it)."

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hil_sim.simulate import simulate
-from sim2real.gap import measure
+from sim2real.gap import closed, measure
 from sim2real.recording import AxisSignals, Recording
 from stagectl.config import load_machine, stage_settings
 from stagectl.store.recording import read_recording
@@ -117,3 +117,11 @@ def test_periods_passed_over_are_part_of_the_model_too(stage, recorded):
     for signals in measure(late, stage, draws=1).values():
         assert signals["position"].nominal == 0.0
         assert signals["force"].nominal == 0.0
+
+
+def test_a_gap_beyond_all_numbers_is_told_without_a_share(stage, recorded):
+    x = recorded.axes["x"]
+    far = replace(x, force_actual=np.full_like(x.force_actual, 1e300))
+    gap = measure(replace(recorded, axes={**recorded.axes, "x": far}), stage, draws=1)
+    assert gap["x"]["force"].nominal == np.inf
+    assert closed(gap, gap) is None
