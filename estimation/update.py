@@ -1,9 +1,9 @@
 """From the samples of a move to a verdict, compiled.
 
 The samples are cleaned, the belief aged, the force at rest taken as the sum of the element forces,
-the zones found (`preparation`) and solved (`window.fit`, once or twice); `judgement` decides what
-is believed, and the friction state is carried on. All that is one compiled call on few arrays, cut
-up inside: each argument of one costs time.
+the zones found (`preparation`) and solved (`window.fit`, once or twice); `conclusion` decides what
+is believed, and carries the friction state on. All that is one compiled call on few arrays, cut up
+inside: each argument of one costs time. What few axes need (`refinement`) is a call of its own.
 """
 
 from __future__ import annotations
@@ -12,19 +12,11 @@ import math
 
 import numba
 
-from estimation.arrival_cost import age, knots_of, wander_on
-from estimation.belief import ALPHA, COULOMB, LEVEL, MASS, STIFFNESS
-from estimation.elements import (
-    BY_COULOMB,
-    BY_STIFFNESS,
-    ELEMENT_ROWS,
-    FORCE,
-    SHARES,
-    SLIPS,
-    correct_forces,
-)
+from estimation.arrival_cost import age, knots_of
+from estimation.belief import ALPHA, COULOMB, LEVEL, MASS
+from estimation.conclusion import settle, square
+from estimation.elements import ELEMENT_ROWS, SHARES, correct_forces
 from estimation.flat_room import as_rows
-from estimation.judgement import MOSTLY, end_update, jumping
 from estimation.move_tables import (
     KNOTS,
     M_GOOD,
@@ -39,8 +31,6 @@ from estimation.move_tables import (
     TABLES,
 )
 from estimation.preparation import clean, prepare, rounding_step
-from estimation.rows import lead
-from estimation.tempering import temper
 from estimation.update_tables import (
     AXIS,
     B_BEFORE,
@@ -52,49 +42,35 @@ from estimation.update_tables import (
     B_UNKNOWNS,
     BELIEFS,
     C_FORCE_NOISE,
-    C_MISFIT,
     C_MODEL_ERROR,
     C_PERIOD,
     C_POSITION_NOISE,
     C_STEP,
-    C_TYPICAL,
-    C_VS,
     C_WANDER,
+    CALM,
     CONSTANTS,
     F_UNIT,
     FIGURE_ROWS,
+    R_ASKS,
     R_BOUND,
-    R_CHI_A,
-    R_CHI_B,
-    R_END,
     R_FAILED,
     R_FAR,
     R_KNOWN,
     R_REST_FORCE,
     R_SLIDE,
-    R_STEADY,
     R_STEP,
     R_STICK,
     R_TOLD,
+    SHORT,
     U_MISFIT,
     U_NUMBER,
-    U_SLIDING,
     U_VERDICT,
     UPDATE_SIZE,
+    USUAL,
 )
 from estimation.window import QUIET, fit
 
-UNUSUAL = 1.6
-"""A move whose misfit is more than so many times the usual one counts less: what the model misses
-in it is not what it misses elsewhere."""
-NEARLY, CLOSE = 0.01, 0.02
-"""Figures that are what the solve found, to so many standard deviations, and have moved by no more
-than that share since the elements were led through the move: the derivatives tell where it ends."""
-
-FEW, UNEQUAL = -1, -2
-
-# Which figures are solved for: usually, in moves that do not go far, in those that settle at once.
-USUAL, SHORT, CALM = range(3)
+FEW, UNEQUAL, UNREFINED = -1, -2, -3
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -129,9 +105,9 @@ def update_move(  # type: ignore[no-untyped-def]
         result: U_*, written.
 
     Returns:
-        The verdict, or less than 0 where nothing is done: FEW samples are valid, or the arrays
-        differ (UNEQUAL). The misfit. The variance of the sliding level as expected before the move,
-        relative.
+        The verdict, or less than 0: FEW samples are valid, or the arrays differ (UNEQUAL), and
+        nothing is done; UNREFINED leaves the rest to `refinement.refine_move`. The misfit. The
+        variance of the sliding level as expected before the move, relative.
     """
     samples = position.shape[0]
     if force.shape[0] != samples or valid.shape[0] != samples:
@@ -149,11 +125,13 @@ def update_move(  # type: ignore[no-untyped-def]
     )  # fmt: skip
     if counted < 3:
         return FEW, 0.0, 0.0
-    _learn(
+    _solve(samples, constants, units, shares, masks, forces, beliefs, room, small, result)
+    if result[R_ASKS] != 0.0:
+        return UNREFINED, 0.0, 0.0
+    doubt = settle(
         samples, whole, constants, units, shares, masks, mean, covariance, forces, slips, beliefs,
         room, small, result,
     )  # fmt: skip
-    doubt = result[U_SLIDING + 1] / (result[U_SLIDING] * result[U_SLIDING])
     return int(result[U_VERDICT]), result[U_MISFIT], doubt
 
 
@@ -185,8 +163,8 @@ def _begin(  # type: ignore[no-untyped-def]
     marks[M_UPSET] = 0
     for k in range(upset.shape[0]):
         marks[M_UPSET, k] = upset[k]
-    before, spread = beliefs[B_BEFORE:B_FOUND], _square(beliefs[B_SPREAD:B_UNCERTAIN])
-    found, uncertain = beliefs[B_FOUND:B_SPREAD], _square(beliefs[B_UNCERTAIN:B_UNKNOWNS])
+    before, spread = beliefs[B_BEFORE:B_FOUND], square(beliefs[B_SPREAD:B_UNCERTAIN])
+    found, uncertain = beliefs[B_FOUND:B_SPREAD], square(beliefs[B_UNCERTAIN:B_UNKNOWNS])
     age(mean, covariance, elapsed, restless, constants, units, before, spread)
     correct_forces(
         forces, shares, known * (1.0 + before[LEVEL]) * (1.0 + before[ALPHA]), rest_force
@@ -220,18 +198,11 @@ def _begin(  # type: ignore[no-untyped-def]
     return counted
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _square(entries):  # type: ignore[no-untyped-def]
-    """A matrix of figures and level out of its row of entries."""
-    return as_rows(entries, LEVEL + 1, LEVEL + 1)
-
-
 @numba.njit(cache=True, error_model="numpy", inline="always")
-def _learn(  # type: ignore[no-untyped-def]
-    samples, whole, constants, units, shares, masks, mean, covariance, forces, slips, beliefs,
-    floats, small, result,
-):  # fmt: skip
-    """Solve the zones, decide what is believed, and carry the friction state to the move's end."""
+def _solve(  # type: ignore[no-untyped-def]
+    samples, constants, units, shares, masks, forces, beliefs, floats, small, result
+):
+    """Solve zone A, and then all that is usable, as far as there is anything to solve."""
     n, count = shares.shape[0], samples - 2
     begin = SPARE + ELEMENT_ROWS * (n + 1)
     end = begin + TABLES * samples
@@ -242,67 +213,16 @@ def _learn(  # type: ignore[no-untyped-def]
     chosen = small[MARKS * samples :]
     for i in range(n):
         elements[SHARES, i] = shares[i]
-    before, spread = beliefs[B_BEFORE:B_FOUND], _square(beliefs[B_SPREAD:B_UNCERTAIN])
-    found, uncertain = beliefs[B_FOUND:B_SPREAD], _square(beliefs[B_UNCERTAIN:B_UNKNOWNS])
+    before, spread = beliefs[B_BEFORE:B_FOUND], square(beliefs[B_SPREAD:B_UNCERTAIN])
+    found, uncertain = beliefs[B_FOUND:B_SPREAD], square(beliefs[B_UNCERTAIN:B_UNKNOWNS])
     knots = knots_of(count, constants[C_PERIOD], constants[C_WANDER])
     p = beliefs[B_UNKNOWNS : B_UNKNOWNS + KNOTS + knots]
     slide, stick = result[R_SLIDE] > 0.0, result[R_STICK] > 0.0
-    led, solved = beliefs[B_LED:B_SOLVED], beliefs[B_SOLVED:BELIEFS]
     kind = CALM if result[R_TOLD] == 0.0 else USUAL if result[R_FAR] > 0.0 else SHORT
     for both in (False, True):
         if (stick if both else slide) and result[R_BOUND] < 0.0 and result[R_FAILED] == 0.0:
             fit(
                 both, tables, marks, constants, units, forces, before, spread, found, uncertain,
-                masks[kind, 0 if not both else 2 if slide else 1], p, led, elements, chosen,
-                spare, scratch, result,
+                masks[kind, 0 if not both else 2 if slide else 1], p, beliefs[B_LED:B_SOLVED],
+                elements, chosen, spare, scratch, result,
             )  # fmt: skip
-    # What was found holds at the move's end: so must what it is compared with.
-    duration = (count - 1) * constants[C_PERIOD]
-    wander_on(before, spread, duration, constants)
-    if not slide and not stick:
-        wander_on(found, uncertain, duration, constants)
-    misfit = math.sqrt(result[R_CHI_B] if stick else result[R_CHI_A])
-    # What is left between jolts of the drive is not free of them either.
-    doubt = max(misfit, 1.0 / max(result[R_STEADY], MOSTLY) ** 2)
-    if misfit > UNUSUAL * constants[C_TYPICAL]:
-        doubt = max(doubt, misfit / constants[C_TYPICAL])
-    # A figure that jumps is for `end_update` to see.
-    if (
-        misfit <= constants[C_MISFIT]
-        and doubt > 1.0
-        and whole
-        and result[R_FAILED] == 0.0
-        and jumping(before, spread, found, uncertain, constants) < 0
-    ):
-        temper(before, spread, found, uncertain, doubt)
-    for i in range(LEVEL):
-        solved[i] = p[i]
-    reshaped = end_update(
-        samples, constants, masks[USUAL], before, spread, found, uncertain, whole, mean, covariance,
-        p[:KNOTS], result,
-    )  # fmt: skip
-    through = stick and result[R_END] == count and not reshaped
-    for i in range(LEVEL):
-        through = through and abs(p[i] - led[i]) <= CLOSE * max(abs(p[i]), 0.5)
-        through = through and abs(p[i] - solved[i]) <= NEARLY * math.sqrt(uncertain[i, i])
-    if through:  # what little the figures have moved since, the derivatives know
-        by_coulomb = units[F_UNIT, COULOMB] * (p[COULOMB] - led[COULOMB])
-        by_stiffness = units[F_UNIT, STIFFNESS] * (p[STIFFNESS] - led[STIFFNESS])
-        for i in range(n):
-            elements[FORCE, i] += by_coulomb * elements[BY_COULOMB, i]
-            elements[FORCE, i] += by_stiffness * elements[BY_STIFFNESS, i]
-            forces[i] = elements[FORCE, i]
-            slips[i] = elements[SLIPS, i] > 0.0
-        return
-    if reshaped:
-        for k in range(count):
-            marks[M_READY, k] = 0
-    no = n < 0  # not written as False: numba would compile anew what takes it, for a constant
-    lead(
-        p, units[F_UNIT], constants[C_VS:], constants[C_POSITION_NOISE], constants[C_PERIOD],
-        forces, result[R_KNOWN], result[R_REST_FORCE], tables, marks[M_HEADING], marks[M_READY],
-        no, no, no, as_rows(scratch[: KNOTS * count], KNOTS, count), elements,
-    )  # fmt: skip
-    for i in range(n):
-        forces[i] = elements[FORCE, i]
-        slips[i] = elements[SLIPS, i] > 0.0

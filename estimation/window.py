@@ -7,7 +7,8 @@ move and behind the last turn (what a position and a measured force there leave 
 the one at the beginning of zone A, and the level at knots joined by its Gauss-Markov process.
 
 What can be solved: `preparation`; residual and derivatives: `rows`; weights and normal equations:
-`whitening`; steps in a box: `least_squares`.
+`whitening`; steps in a box: `least_squares`. Where noise is not white, the solution is refined, by
+`refinement`: few axes ever need it, so it is compiled apart.
 """
 
 from __future__ import annotations
@@ -18,8 +19,6 @@ import numba
 
 from estimation.arrival_cost import believe, joint_prior
 from estimation.belief import ALPHA, COULOMB, LAG, LEVEL, MASS, RATE, STIFFNESS, VISCOUS
-from estimation.carried_weights import refine_carried
-from estimation.elements import SHARES
 from estimation.flat_room import as_rows
 from estimation.least_squares import cholesky_inverse, gauss_newton_into, quadratic_form
 from estimation.move_tables import (
@@ -40,7 +39,6 @@ from estimation.move_tables import (
     TURN_FORCE,
 )
 from estimation.onset import first_stiffness
-from estimation.rounding import refine
 from estimation.rows import fill_rows, fill_slide
 from estimation.update_tables import (
     C_FORCE_NOISE,
@@ -49,9 +47,12 @@ from estimation.update_tables import (
     C_POSITION_NOISE,
     C_SLIP_SPREAD,
     C_VS,
+    CARRIED,
+    CODES,
     F_LOWER,
     F_UNIT,
     F_UPPER,
+    R_ASKS,
     R_BOUND,
     R_CHI_A,
     R_CHI_B,
@@ -60,9 +61,11 @@ from estimation.update_tables import (
     R_FAILED,
     R_KNOWN,
     R_REST_FORCE,
+    R_ROWS,
     R_SAMPLES,
     R_STEP,
     R_STICK,
+    R_UNKNOWNS,
 )
 from estimation.whitening import factor_weights, normal_equations, whiten
 from estimation.zones import REST, SLIDE
@@ -106,7 +109,8 @@ def fit(  # type: ignore[no-untyped-def]
         spare: for what belongs to them, shape (>= SPARE,).
         scratch: for rows and weights, shape (>= (KNOTS + knots + 4) K,).
         report: R_*. Chi-squares are means over their zones' samples; R_BOUND is a figure on its
-            bound, or -1; R_FAILED is 1 where the problem has no solution.
+            bound, or -1; R_FAILED is 1 where the problem has no solution. Where R_ASKS is written,
+            the solution still has to be refined, and nothing is believed yet (`refinement`).
     """
     heading, zone, usable = marks[M_HEADING], marks[M_ZONE], marks[M_USABLE]
     ready, use = marks[M_READY], marks[M_USE]
@@ -155,6 +159,7 @@ def fit(  # type: ignore[no-untyped-def]
     begin, size = 6 * MOST, (n + 1) * (n + 1)
     information = as_rows(spare[begin : begin + n * n], n, n)
     normal = as_rows(spare[begin + size : begin + 2 * size], n + 1, n + 1)
+    equations = normal  # what is kept there; the two change places
     trial_normal = as_rows(spare[begin + 2 * size : begin + 3 * size], n + 1, n + 1)
     spare = spare[begin + 3 * size :]
     joint_prior(
@@ -277,38 +282,41 @@ def fit(  # type: ignore[no-untyped-def]
             p[chosen[a]] = min(max(value[a] + beyond, lower[a]), upper[a])
         if done and not refined and not carried:
             break
-    if carried:
+    report[R_EVALUATIONS] += evaluations
+    report[R_SAMPLES], report[R_UNKNOWNS], report[R_ROWS] = counted, n, end
+    if refined or carried:
+        report[R_ASKS] = CODES if refined else CARRIED
+        for a in range(n + 1):
+            for b in range(n + 1):
+                equations[a, b] = normal[a, b]
         for a in range(first, n):
-            if chosen[a] == SLIP_FORCE:  # what stood for the errors that are now known as such
+            if carried and chosen[a] == SLIP_FORCE:
+                # what stood for the errors that are now known as such
                 information[a, a] = 1.0 / (fresh * fresh + 1e-20)
-        refine_carried(
-            rows, chosen, tables, heading, ready, use[:end], units[F_UNIT, MASS] * p[MASS],
-            units[F_UNIT, VISCOUS] * p[VISCOUS], units[F_UNIT, COULOMB] * p[COULOMB],
-            units[F_UNIT, STIFFNESS] * p[STIFFNESS], units[F_UNIT, RATE] * p[RATE], p[ALPHA],
-            constants[C_VS:], constants[C_POSITION_NOISE], constants[C_PERIOD], forces,
-            report[R_KNOWN], report[R_REST_FORCE], white, elements[SHARES, :-1], prior,
-            information, lower, upper, value, normal,
-        )  # fmt: skip
-    if refined:
-        chi = normal[n, n]
-        for k in range(end):
-            weights[3, k] -= white
-        for a in range(n):
-            away[a] = value[a]
-        refine(
-            rows, chosen, away, tables[T_STUCK], weights[3], use[:end],
-            units[F_UNIT, MASS] * p[MASS], units[F_UNIT, VISCOUS] * p[VISCOUS],
-            constants[C_PERIOD], constants[C_POSITION_NOISE], report[R_STEP], prior,
-            information, lower, upper, value, normal,
-        )  # fmt: skip
-        normal[n, n] = chi
+        return
+    conclude(
+        whole, linear, figures, knots, chosen, value, lower, upper, normal, information, p,
+        prior_mean, prior_covariance, mean, covariance, report,
+    )  # fmt: skip
+
+
+@numba.njit(cache=True, error_model="numpy")
+def conclude(  # type: ignore[no-untyped-def]
+    whole, linear, figures, knots, chosen, value, lower, upper, normal, information, p,
+    prior_mean, prior_covariance, mean, covariance, report,
+):  # fmt: skip
+    """Take a solution, and say what is believed with it.
+
+    `normal` are the normal equations there, shape (n + 1, n + 1); `information` is the arrival
+    cost's, and becomes the covariance; the others are those of `fit`. Of a `linear` solve on no
+    bound the solution is all that is needed.
+    """
+    n = value.shape[0]
     for a in range(n):
         p[chosen[a]] = value[a]
         for b in range(n):
             information[a, b] += normal[a, b]
-    report[R_EVALUATIONS] += evaluations
-    report[R_SAMPLES] = counted
-    report[R_CHI_B if whole else R_CHI_A] = normal[n, n] / max(counted, 1)
+    report[R_CHI_B if whole else R_CHI_A] = normal[n, n] / max(report[R_SAMPLES], 1.0)
     for a in range(figures):
         if value[a] <= lower[a] or value[a] >= upper[a]:
             report[R_BOUND] = chosen[a]

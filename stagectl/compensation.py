@@ -24,6 +24,7 @@ from estimation.feedforward import (
     remaining_feedforward,
 )
 from estimation.gms import F64, Friction, FrictionState
+from estimation.move_solver import compile_all
 from estimation.noise import encoder_noise, quantisation
 from estimation.relief import level_with_target, relief_feedforward, state_after
 from estimation.sampled_force import kink_share, with_mean_force
@@ -330,6 +331,7 @@ def make_compensation(
     truth: Machine | None = None,
     known: Mapping[str, Figures] | None = None,
     settled: Mapping[str, Mapping[str, float]] | None = None,
+    waits: bool = False,
 ) -> tuple[AxisCompensation, ...]:
     """Compensation of every axis, in the machine's order, compiled and ready.
 
@@ -340,6 +342,8 @@ def make_compensation(
         truth: where `mode` is oracle, whose friction figures to use.
         known: axis -> figures that an earlier run has learned, where `mode` is estimated.
         settled: axis -> as of `AxisCompensation`; None: the Coulomb force is the same everywhere.
+        waits: time stands still while something is computed; what few moves need is then compiled
+            when one does.
     """
     source = truth if mode is Mode.ORACLE and truth is not None else machine
     scale = scale if source is machine else 1.0
@@ -358,6 +362,8 @@ def make_compensation(
             if name in known:
                 compensation.estimator.believe(known[name])
     _warm_up(next(iter(machine.axes.values())), machine.bus.sync_period)
+    if not waits:
+        compile_all()
     return made
 
 
@@ -370,7 +376,7 @@ def _drift(settled: Mapping[str, float]) -> tuple[float, ...]:
 
 
 def _warm_up(axis: Axis, period: float) -> None:
-    """Run every compiled kernel once, on a throw-away axis, before anything moves."""
+    """Run the compiled kernels once, on a throw-away axis, before anything moves."""
     scratch = AxisCompensation(axis, friction_model(axis), Mode.ESTIMATED, period)
     limits = axis.limits
     motion = plan(

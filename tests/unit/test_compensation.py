@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from estimation.refinement import refine_move
 from estimation.split_horizon import MoveData
 from estimation.trajectory import Limits, plan
+from estimation.update import update_move
 from stagectl.compensation import Mode, friction_model, make_compensation
 from stagectl.config import load_machine, parse_machine
 
@@ -22,6 +24,12 @@ def test_none_is_mass_times_acceleration():
     expected = 8.0 * MOVE.sample(np.arange(1, 261) * TS + ahead)[2]
     np.testing.assert_allclose(offsets(x), expected, atol=1e-12)
     assert x.learn(MoveData(np.zeros(5), np.zeros(5), np.ones(5, bool), 0.0, 0.0)) is None
+
+
+def test_nothing_is_left_to_compile_once_time_runs():
+    make_compensation(load_machine(), Mode.NONE)
+    assert refine_move.signatures
+    assert set(refine_move.signatures) >= set(update_move.signatures)
 
 
 def test_model_adds_friction_of_the_machine_file():
