@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
 from hil_sim.settings import AxisSettings
-from sim2real.axis_model import AxisModel, implausible, plausible, within_tolerance
+from sim2real.axis_model import AxisModel, implausible, is_course, plausible, within_tolerance
 from sim2real.axis_problem import AxisProblem, Fitted
 from sim2real.closed_loop import SIGNALS
 from sim2real.fit import fit
@@ -41,6 +41,9 @@ _LEAST_GAIN = 100.0
 """Score that an effect must save: nominal stages show accidental ones of 12."""
 _OCCAM = 20.0
 """Score that each parameter of an effect but the first must save: more than chance does."""
+_OCCAM_COURSE = 6.0
+"""The same for a Coulomb level that changes with time, against one that does not: in ten seconds
+most warm-ups change little, and levels that stay are no likelier beforehand."""
 _IMPLAUSIBLE = 40.0
 """Score for each tenth of its plausible range that a value lies beyond it."""
 _FAINT = 40.0
@@ -125,12 +128,16 @@ def score(problem: AxisProblem, rival: Rival, each: float = _OCCAM) -> float:
 
     The latter counts as twice a negative log likelihood too, of as many samples as are on their
     own; both as outliers count by now. The simpler one wins where both fit: each parameter of an
-    effect but the first has to save `each`. So does the likelier one: values beyond what is
-    plausible count against an effect.
+    effect but the first has to save `each`, or what is asked of a course. So does the likelier
+    one: values beyond what is plausible count against an effect.
     """
     samples = sum(int(mask.sum()) for mask in problem.masks)
     loop = samples / _COHERENT * rival.gap
-    simpler = each * sum(len(term.values) - 1 for term in rival.model.terms)
+    simpler = sum(
+        (min(each, _OCCAM_COURSE) if is_course(term, problem.axis) else each)
+        * (len(term.values) - 1)
+        for term in rival.model.terms
+    )
     far = _IMPLAUSIBLE * sum(implausible(term, problem.axis) for term in rival.model.terms)
     return problem.cost(rival.model, rival.fitted.residual) + loop + simpler + far
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sim2real.examine import examine, without_causes
+from sim2real.free_form import FrictionOverPosition
 from sim2real.likeness import likeness
 from sim2real.report import (
     Candidate,
@@ -98,6 +99,15 @@ def explained(examined):
             "move slowly", ({"kind": "macro", "to": [0.0, 0.1]},), {}, {}
         ),
     )  # fmt: skip
+
+
+def test_friction_over_position_is_drawn_where_it_was_named(examined, explained):
+    places = np.linspace(-0.05, 0.05, 20)
+    seen = FrictionOverPosition("y", places, 2.0 * places, np.zeros(20))
+    page = render_gap_page(explained, examined, "wafer", profiles=[seen])
+    Balanced().feed(page)
+    assert "Axis y: surplus of the Coulomb force" in page
+    assert "surplus of the Coulomb" not in render_gap_page(explained, examined, "wafer")
 
 
 def test_the_page_says_all_of_it_and_loads_nothing(examined, explained):
