@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import math
 
-import numba
-
 from estimation.belief import COULOMB, LEVEL
+from estimation.compiled import kernel
 from estimation.flat_room import as_rows
 from estimation.least_squares import cholesky_inverse
 from estimation.move_tables import KNOTS, MOST_KNOTS
@@ -20,7 +19,7 @@ KNOT_SPACING = 0.1
 """Of the level's knots [s]: a fifth of its usual correlation time."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def age(mean, covariance, elapsed, restless, constants, units, after, spread):  # type: ignore[no-untyped-def]
     """The belief one move later: the figures drifted, the level partly forgotten."""
     for i in range(LEVEL + 1):
@@ -33,7 +32,7 @@ def age(mean, covariance, elapsed, restless, constants, units, after, spread):  
     wander_on(after, spread, elapsed, constants)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def wander_on(mean, covariance, elapsed, constants):  # type: ignore[no-untyped-def]
     """The level partly forgotten, as it is after so many seconds; changed in place."""
     keep = math.exp(-max(elapsed, 0.0) / constants[C_CORRELATION])
@@ -45,7 +44,7 @@ def wander_on(mean, covariance, elapsed, constants):  # type: ignore[no-untyped-
     covariance[LEVEL, LEVEL] += (1.0 - keep * keep) * constants[C_WANDER] ** 2 + 1e-12
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def knots_of(count, period, wander):  # type: ignore[no-untyped-def]
     """How many knots the level has in a move of so many rows."""
     if wander <= 0.0:
@@ -53,7 +52,7 @@ def knots_of(count, period, wander):  # type: ignore[no-untyped-def]
     return min(max(2, 1 + round(count * period / KNOT_SPACING)), MOST_KNOTS)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def joint_prior(  # type: ignore[no-untyped-def]
     prior_mean, prior_covariance, chosen, figures, knots, count, constants, prior, information,
     room,
@@ -88,7 +87,7 @@ def joint_prior(  # type: ignore[no-untyped-def]
             information[j + 1, j + 1] += 1.0 / walk
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def believe(  # type: ignore[no-untyped-def]
     p, posterior, chosen, figures, knots, prior_mean, prior_covariance, mean, covariance
 ):

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
+from estimation.compiled import kernel
 from estimation.elements import (
     ELEMENT_ROWS,
     FORCE,
@@ -32,7 +32,7 @@ REACH = 4
 the limit before, where an element begins to slip at once, is a tenth of that at most: left out."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def carry(  # type: ignore[no-untyped-def]
     coulomb, stiffness, rate, alpha, shape, noise, period, start, known_coulomb, rest_force,
     tables, heading, ready, shares, pull, keep, left,
@@ -128,7 +128,7 @@ def carry(  # type: ignore[no-untyped-def]
             variance += pull[j, k] * pull[j, k]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _slipping(elements):  # type: ignore[no-untyped-def]
     """How many slip."""
     number = 0
@@ -137,13 +137,13 @@ def _slipping(elements):  # type: ignore[no-untyped-def]
     return number
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _lowest(near, direction):  # type: ignore[no-untyped-def]
     """Travel of two samples, about the row's own and the one before: the lesser."""
     return min((near[4] - near[2]) * direction, (near[3] - near[1]) * direction)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _step(near, k, direction, period, coulomb, spring, rate, alpha, shape, elements):  # type: ignore[no-untyped-def]
     """One row, as `rows` leads the elements, from the positions k-2...k+2; returns what is kept."""
     n = elements.shape[1] - 1

@@ -14,16 +14,16 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
 from estimation.carried_noise import REACH, carry
+from estimation.compiled import kernel
 from estimation.least_squares import gauss_newton_step, quadratic_form
 from estimation.move_tables import T_HAZE, T_SHARE, T_STUCK
 from estimation.whitening import normal_equations
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def refine_carried(  # type: ignore[no-untyped-def]
     raw, chosen, tables, heading, ready, use, mass, viscous, coulomb, stiffness, rate, alpha,
     shape, noise, period, start, known_coulomb, rest_force, white, shares, prior, information,
@@ -90,7 +90,7 @@ def refine_carried(  # type: ignore[no-untyped-def]
         value[a] = min(max(value[a] + step[a], lower[a]), upper[a])
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def factor_carried(  # type: ignore[no-untyped-def]
     mass, viscous, period, noise, white, stuck, share, haze, use, pull, keep, left, factor
 ):
@@ -153,7 +153,7 @@ def factor_carried(  # type: ignore[no-untyped-def]
         inverse[k] = 1.0 / (variance - c1 * first[k] - c2 * second[k] - c3 * third[k])
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _common(by, rows):  # type: ignore[no-untyped-def]
     """Covariance of a row with the one so many rows before, by the positions of both."""
     total = 0.0
@@ -162,7 +162,7 @@ def _common(by, rows):  # type: ignore[no-untyped-def]
     return total
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def whiten_carried(row, keep, factor):  # type: ignore[no-untyped-def]
     """Take out of a column what its earlier rows explain, in place."""
     before = y1 = y2 = y3 = 0.0

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numba
-
 from estimation.arrival_cost import knots_of, wander_on
 from estimation.belief import COULOMB, LEVEL, STIFFNESS
+from estimation.compiled import kernel
 from estimation.elements import BY_COULOMB, BY_STIFFNESS, ELEMENT_ROWS, FORCE, SLIPS
 from estimation.flat_room import as_rows
 from estimation.judgement import MOSTLY, end_update, jumping
@@ -51,13 +50,13 @@ NEARLY, CLOSE = 0.01, 0.02
 than that share since the elements were led through the move: the derivatives tell where it ends."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def square(entries):  # type: ignore[no-untyped-def]
     """A matrix of figures and level out of its row of entries."""
     return as_rows(entries, LEVEL + 1, LEVEL + 1)
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def settle(  # type: ignore[no-untyped-def]
     samples, whole, constants, units, shares, masks, mean, covariance, forces, slips, beliefs,
     floats, small, result,

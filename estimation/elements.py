@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 
-import numba
+from estimation.compiled import kernel
 
 # Rows: force, and its derivatives by Fc, sigma0, an offset of all sticking elements since the rest
 # before the move, the same since the last turn, the same since zone A, C/Fc and alpha; whether the
@@ -27,7 +27,7 @@ SLIPS, SHARES = 8, 9
 ELEMENT_ROWS = 10
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def correct_forces(forces, shares, static, total):  # type: ignore[no-untyped-def]
     """Spread what is missing to `total` over the elements that are not at their limit."""
     count = forces.shape[0]
@@ -53,7 +53,7 @@ def correct_forces(forces, shares, static, total):  # type: ignore[no-untyped-de
                 forces[i] = min(max(forces[i] + missing / free, -limit), limit)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def begin(elements, start, coulomb, alpha, known_coulomb, rest_force):  # type: ignore[no-untyped-def]
     """State at rest: scaled from the Coulomb force it was known under, the sum as measured."""
     n = start.shape[0]
@@ -76,7 +76,7 @@ def begin(elements, start, coulomb, alpha, known_coulomb, rest_force):  # type: 
     elements[SHARES, n] = -1.0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def stribeck_rise(ratio, delta):  # type: ignore[no-untyped-def]
     """exp(-|v/vs|^delta)."""
     if delta != 1.0:
@@ -84,7 +84,7 @@ def stribeck_rise(ratio, delta):  # type: ignore[no-untyped-def]
     return math.exp(-ratio) if ratio < 40.0 else 0.0
 
 
-@numba.njit(cache=True, error_model="numpy", forceinline=True)
+@kernel(forceinline=True)
 def step_elements(dx, direction, rise, decay, dt, coulomb, stiffness, rate, alpha, elements):  # type: ignore[no-untyped-def]
     """Every element by one displacement.
 
@@ -158,7 +158,7 @@ def step_elements(dx, direction, rise, decay, dt, coulomb, stiffness, rate, alph
     return landed, slack
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def sum_elements(elements):  # type: ignore[no-untyped-def]
     """Sums over the elements into the column behind them; returns how many elements stick."""
     n = elements.shape[1] - 1

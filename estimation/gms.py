@@ -12,10 +12,10 @@ import math
 from dataclasses import dataclass, field, replace
 from functools import cache
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from estimation.compiled import kernel
 from estimation.elements import (
     BY_COULOMB,
     BY_RATE,
@@ -176,7 +176,7 @@ class FrictionState:
         correct_forces(self.forces, element_shares(friction.elements).copy(), static, total)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def follow_positions(  # type: ignore[no-untyped-def]
     p, levels, shares, forces, slipping, memory, position, velocity, period, substeps, band,
     force, jacobian,

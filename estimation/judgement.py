@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
 from estimation.belief import ALPHA, COULOMB, LEVEL, MASS, RATE
+from estimation.compiled import kernel
 from estimation.update_tables import (
     ACCEPTED,
     BOUND,
@@ -47,7 +47,7 @@ MOSTLY = 0.25
 """A motion is not learned from where its force was upset but for less than this share of it."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def end_update(  # type: ignore[no-untyped-def]
     samples, constants, masks, before, spread, found, uncertain, whole, mean, covariance, p, result
 ):
@@ -119,7 +119,7 @@ def end_update(  # type: ignore[no-untyped-def]
     return moved or asked(RATE, masks, result) or asked(ALPHA, masks, result)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def judge(before, spread, found, uncertain, constants, commit, result):  # type: ignore[no-untyped-def]
     """Whether what was found can be trusted."""
     sound = result[R_FAILED] == 0.0
@@ -138,7 +138,7 @@ def judge(before, spread, found, uncertain, constants, commit, result):  # type:
             result[U_NUMBER] = found[figure] / before[figure] - 1.0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def jumping(before, spread, found, uncertain, constants):  # type: ignore[no-untyped-def]
     """The first figure that changes by more than drift can explain, or -1.
 
@@ -153,7 +153,7 @@ def jumping(before, spread, found, uncertain, constants):  # type: ignore[no-unt
     return -1
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def sliding(mean, covariance, at, result):  # type: ignore[no-untyped-def]
     """Fc (1 + w), relative, and its variance, into two places of the result."""
     coulomb, level = mean[COULOMB], 1.0 + mean[LEVEL]
@@ -165,7 +165,7 @@ def sliding(mean, covariance, at, result):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def asked(figure, masks, report):  # type: ignore[no-untyped-def]
     """Whether a figure was solved for in this move."""
     if report[R_SLIDE] == 0.0:
@@ -173,7 +173,7 @@ def asked(figure, masks, report):  # type: ignore[no-untyped-def]
     return masks[2, figure] if report[R_STICK] > 0.0 else masks[0, figure]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def hold(figure, before, spread, found, uncertain, result):  # type: ignore[no-untyped-def]
     """Leave a figure at its prior; the others are what they are if it is there.
 

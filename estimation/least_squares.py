@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
+from estimation.compiled import kernel
 from estimation.flat_room import as_rows
 
 
-@numba.njit(cache=True)
+@kernel()
 def gauss_newton_step(  # type: ignore[no-untyped-def]
     curvature, slope, information, prior, value, lower, upper
 ):
@@ -35,7 +35,7 @@ def gauss_newton_step(  # type: ignore[no-untyped-def]
     return step, size
 
 
-@numba.njit(cache=True)
+@kernel()
 def gauss_newton_into(  # type: ignore[no-untyped-def]
     curvature, slope, information, prior, value, lower, upper, room, step
 ):
@@ -61,7 +61,7 @@ def gauss_newton_into(  # type: ignore[no-untyped-def]
     return math.sqrt(max(quadratic_form(normal, step), 0.0))
 
 
-@numba.njit(cache=True, fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def quadratic_form(matrix, x):  # type: ignore[no-untyped-def]
     """X' M x, row by row: sums that do not wait for each other."""
     total = 0.0
@@ -73,7 +73,7 @@ def quadratic_form(matrix, x):  # type: ignore[no-untyped-def]
     return total
 
 
-@numba.njit(cache=True, fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def cholesky_inverse(matrix):  # type: ignore[no-untyped-def]
     """Invert a positive definite matrix in place; False (and undefined) where it is not."""
     n = matrix.shape[0]
@@ -95,7 +95,7 @@ def cholesky_inverse(matrix):  # type: ignore[no-untyped-def]
     return True
 
 
-@numba.njit(cache=True, fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def _factor(matrix):  # type: ignore[no-untyped-def]
     """Cholesky factor in the lower triangle, diagonal inverted; False: not positive definite."""
     n = matrix.shape[0]
@@ -114,7 +114,7 @@ def _factor(matrix):  # type: ignore[no-untyped-def]
     return True
 
 
-@numba.njit(cache=True, fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def _substitute(factor, rhs):  # type: ignore[no-untyped-def]
     """Solve with a Cholesky factor, in place."""
     n = rhs.shape[0]
@@ -129,7 +129,7 @@ def _substitute(factor, rhs):  # type: ignore[no-untyped-def]
             rhs[k] -= factor[i, k] * rhs[i]
 
 
-@numba.njit(cache=True)
+@kernel()
 def _active_set(normal, gradient, value, lower, upper, step):  # type: ignore[no-untyped-def]
     """Fill the step that stays in the box; False where there is no minimum."""
     n = value.shape[0]

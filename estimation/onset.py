@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import numba
-
 from estimation.belief import COULOMB, MASS, STIFFNESS, VISCOUS
+from estimation.compiled import kernel
 from estimation.move_tables import T_ACCELERATION, T_FORCE, T_POSITION, T_VELOCITY
 from estimation.update_tables import (
     C_FORCE_NOISE,
@@ -20,7 +19,7 @@ from estimation.update_tables import (
 from estimation.zones import REST, SLIDE
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def first_stiffness(  # type: ignore[no-untyped-def]
     p, prior_mean, prior_covariance, zone, tables, use, forces, constants, units, report
 ):

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import math
 
-import numba
-
 from estimation.belief import ALPHA, STIFFNESS
+from estimation.compiled import kernel
 from estimation.move_tables import (
     M_GOOD,
     M_HEADING,
@@ -56,7 +55,7 @@ MIN_SLIDE, MIN_STICK = 12, 6
 """Fewest samples of a zone that is worth solving."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def clean(position, force, valid, rest, x, f, good):  # type: ignore[no-untyped-def]
     """Copy the samples; holes in the position are bridged by a straight line. Returns how many."""
     samples, usable, last = position.shape[0], 0, -1
@@ -94,7 +93,7 @@ def clean(position, force, valid, rest, x, f, good):  # type: ignore[no-untyped-
     return usable
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def rounding_step(force, noise):  # type: ignore[no-untyped-def]
     """The step that all forces are whole multiples of, where it alone makes the noise; else 0.
 
@@ -111,7 +110,7 @@ def rounding_step(force, noise):  # type: ignore[no-untyped-def]
     return step
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def prepare(  # type: ignore[no-untyped-def]
     constants, units, shares, mean, state_known, zone_b, tables, marks, report
 ):
@@ -169,7 +168,7 @@ def prepare(  # type: ignore[no-untyped-def]
     report[R_END] = min(count, end + int(REST_AFTER / period + 0.5))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _drop(force, upset, peak, usable):  # type: ignore[no-untyped-def]
     """Leave out samples whose force is saturated or upset."""
     for k in range(usable.shape[0]):
@@ -178,7 +177,7 @@ def _drop(force, upset, peak, usable):  # type: ignore[no-untyped-def]
         usable[k] &= upset[k] == 0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _lost(position, valid, least):  # type: ignore[no-untyped-def]
     """The sample behind the first hole in which the motion goes so far; how many where none does.
 
@@ -196,7 +195,7 @@ def _lost(position, valid, least):  # type: ignore[no-untyped-def]
     return count
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _way_back(position, heading, zone, begun):  # type: ignore[no-untyped-def]
     """How far the motion goes back behind zone A [m]."""
     farthest = back = direction = 0.0
@@ -211,7 +210,7 @@ def _way_back(position, heading, zone, begun):  # type: ignore[no-untyped-def]
     return back
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _tally(zone, usable, upset):  # type: ignore[no-untyped-def]
     """Usable samples of zone A and of the stick zones; samples that move, and upset ones."""
     slide = stick = moving = shaken = 0

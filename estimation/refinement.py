@@ -7,11 +7,10 @@ compile, and few axes need it.
 
 from __future__ import annotations
 
-import numba
-
 from estimation.arrival_cost import knots_of
 from estimation.belief import ALPHA, COULOMB, LEVEL, MASS, RATE, STIFFNESS, VISCOUS
 from estimation.carried_weights import refine_carried
+from estimation.compiled import kernel
 from estimation.conclusion import settle, square
 from estimation.elements import ELEMENT_ROWS, SHARES
 from estimation.flat_room import as_rows
@@ -58,7 +57,7 @@ from estimation.update_tables import (
 from estimation.window import conclude
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def refine_fit(  # type: ignore[no-untyped-def]
     whole, tables, marks, constants, units, forces, prior_mean, prior_covariance, mean, covariance,
     p, elements, room, spare, scratch, report,
@@ -111,7 +110,7 @@ def refine_fit(  # type: ignore[no-untyped-def]
     )  # fmt: skip
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def refine_move(  # type: ignore[no-untyped-def]
     position, force, valid, upset, rest, rest_force, elapsed, restless, state_known, whole, axis,
     masks, mean, covariance, forces, slips, memory, floats, small, result,

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
+from estimation.compiled import kernel
 from estimation.least_squares import cholesky_inverse, gauss_newton_step
 from estimation.whitening import factor_weights, normal_equations, whiten
 
@@ -27,7 +27,7 @@ MOST_ROUNDS, ENOUGH = 24, 0.01
 """Rounds; a step of less than so many standard deviations ends them."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def read_codes(force, doubt, step, away, variance):  # type: ignore[no-untyped-def]
     """Each code as a measurement that leaves the same mean and variance of the force as it does.
 
@@ -56,7 +56,7 @@ def read_codes(force, doubt, step, away, variance):  # type: ignore[no-untyped-d
         away[k] = pull * variance[k]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _code(expected, variance, step):  # type: ignore[no-untyped-def]
     """By how much a normal variable's mean moves, and its variance falls, inside a code."""
     sigma = math.sqrt(variance)
@@ -79,7 +79,7 @@ def _code(expected, variance, step):  # type: ignore[no-untyped-def]
     return slope * sigma, curvature * variance
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def refine(  # type: ignore[no-untyped-def]
     raw, chosen, at, stuck, haze, use, mass, viscous, period, noise, step, prior, information,
     lower, upper, value, normal,
@@ -159,7 +159,7 @@ def refine(  # type: ignore[no-untyped-def]
         read_codes(force, doubt, step, away, variance)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _whiten_back(row, lower, lowest, inverse):  # type: ignore[no-untyped-def]
     """From a whitened row to the inverse covariance times the row, in place."""
     count = row.shape[0]
@@ -174,7 +174,7 @@ def _whiten_back(row, lower, lowest, inverse):  # type: ignore[no-untyped-def]
         after, later = pull, after
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _own_part(lower, lowest, inverse, diagonal):  # type: ignore[no-untyped-def]
     """Diagonal of the inverse covariance, from its factor (Takahashi's recursion)."""
     count = diagonal.shape[0]

@@ -15,9 +15,8 @@ from __future__ import annotations
 
 import math
 
-import numba
-
 from estimation.belief import ALPHA, COULOMB, LAG, MASS, RATE, STIFFNESS, VISCOUS
+from estimation.compiled import kernel
 from estimation.elements import (
     BY_ALPHA,
     BY_COULOMB,
@@ -66,7 +65,7 @@ UNSEEN = 0.5
 samples; elements that slip gain meanwhile."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def fill_rows(  # type: ignore[no-untyped-def]
     p, knots, figures, shape, noise, period, start, known_coulomb, rest_force, tables, heading,
     ready, wide, weigh, columns, elements,
@@ -105,7 +104,7 @@ def fill_rows(  # type: ignore[no-untyped-def]
     return doubts
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def fill_slide(  # type: ignore[no-untyped-def]
     p, knots, figures, shape, period, start, tables, heading, ready, wide, columns, elements
 ):
@@ -142,7 +141,7 @@ def fill_slide(  # type: ignore[no-untyped-def]
     _finish(p, knots, figures, 0.0, 0.0, period, tables, wide, columns)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def lead(  # type: ignore[no-untyped-def]
     p, figures, shape, noise, period, start, known_coulomb, rest_force, tables, heading, ready,
     wide, weigh, record, columns, elements,
@@ -213,7 +212,7 @@ def lead(  # type: ignore[no-untyped-def]
     return doubt, math.sqrt(begun)
 
 
-@numba.njit(cache=True, error_model="numpy", forceinline=True)
+@kernel(forceinline=True)
 def lead_sample(  # type: ignore[no-untyped-def]
     k, haze, kept, error_by_slope, coulomb, stiffness, rate, alpha, shape, noise, period,
     tables, heading, ready, elements,
@@ -288,7 +287,7 @@ def lead_sample(  # type: ignore[no-untyped-def]
     return sum_elements(elements), relaxed, haze
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@kernel(fastmath={"contract"}, forceinline=True)
 def _finish(p, knots, figures, pull, swing, period, tables, wide, columns):  # type: ignore[no-untyped-def]
     """The rest of each row: what is linear in the data, units, and the level's knots.
 
@@ -337,14 +336,14 @@ def _finish(p, knots, figures, pull, swing, period, tables, wide, columns):  # t
             )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _scale(row, factor, out):  # type: ignore[no-untyped-def]
     """A row in other units; few rows at a time are what a compiler sees through."""
     for k in range(min(row.shape[0], out.shape[0])):
         out[k] = factor * row[k]
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def _add(a, by_a, b, by_b, total):  # type: ignore[no-untyped-def]
     """Add two columns times their unknowns."""
     for k in range(total.shape[0]):

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 
-import numba
-
+from estimation.compiled import kernel
 from estimation.elements import stribeck_rise
 from estimation.gms import FAR_ABOVE, NO_SUBSTEPS
 from estimation.move_tables import (
@@ -34,7 +33,7 @@ SMALL = 0.05
 """Up to there eight terms of exp(-x) are exact."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def map_samples(begin_at, end, direction, kept, rate, alpha, shape, period, tables, ready):  # type: ignore[no-untyped-def]
     """What each sample does to the force of all elements while they slip."""
     vs, fast = shape[0], shape[0] * FAR_ABOVE ** (1.0 / shape[1])
@@ -71,13 +70,13 @@ def map_samples(begin_at, end, direction, kept, rate, alpha, shape, period, tabl
         decays[k], goals[k] = decay, goal
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _lowest(velocity, k, direction):  # type: ignore[no-untyped-def]
     """Least speed from the sample before to this one."""
     return min(velocity[max(k - 1, 0)] * direction, velocity[k] * direction)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _slow(velocity, direction, fast):  # type: ignore[no-untyped-def]
     """How many samples are not above a speed."""
     count = 0
@@ -86,7 +85,7 @@ def _slow(velocity, direction, fast):  # type: ignore[no-untyped-def]
     return count
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _fill_run(decay, goal, decays, goals, ready):  # type: ignore[no-untyped-def]
     """The map of samples that are all far above the Stribeck velocity."""
     for j in range(decays.shape[0]):
@@ -96,7 +95,7 @@ def _fill_run(decay, goal, decays, goals, ready):  # type: ignore[no-untyped-def
         ready[j] |= MAPPED | FAST
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def map_shape(begin_at, end, direction, kept, rate, alpha, period, tables, ready):  # type: ignore[no-untyped-def]
     """Derivatives of `map_samples` by C/Fc and alpha."""
     for k in range(begin_at, end):
@@ -122,7 +121,7 @@ def map_shape(begin_at, end, direction, kept, rate, alpha, period, tables, ready
         tables[T_DECAY_BY_ALPHA, k], tables[T_GOAL_BY_ALPHA, k] = decay_by_alpha, goal_by_alpha
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def follow_curve(k, direction, rate, alpha, shape, period, tables, ready):  # type: ignore[no-untyped-def]
     """Stribeck curve and decay of each substep of a sample, and the curve's slope at its end."""
     vs, delta = shape[0], shape[1]
@@ -157,13 +156,13 @@ def follow_curve(k, direction, rate, alpha, shape, period, tables, ready):  # ty
     ready[k] |= CURVED
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _put(rise, decay, row, k, tables):  # type: ignore[no-untyped-def]
     tables[row, k] = rise
     tables[row + 1, k] = decay
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def _small_decay(x):  # type: ignore[no-untyped-def]
     """exp(-x) of what is SMALL, as it mostly is, by its series: exact, and quicker."""
     # In pairs that do not wait for each other.
@@ -173,7 +172,7 @@ def _small_decay(x):  # type: ignore[no-untyped-def]
     return low + square * square * high
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def rise_before(k, vs, delta, period, tables):  # type: ignore[no-untyped-def]
     """Stribeck rise in the last substep before sample k: where the next one's limits begin."""
     velocity, position = tables[T_VELOCITY], tables[T_POSITION]

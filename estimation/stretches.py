@@ -7,14 +7,13 @@ same for the sums of force and derivatives. What lies between is `rows`'.
 
 from __future__ import annotations
 
-import numba
-
 from estimation.belief import (
     ALPHA,
     COULOMB,
     RATE,
     STIFFNESS,
 )
+from estimation.compiled import kernel
 from estimation.elements import (
     BY_ALPHA,
     BY_COULOMB,
@@ -55,7 +54,7 @@ from estimation.move_tables import (
 from estimation.slip_maps import map_samples, map_shape
 
 
-@numba.njit(cache=True, error_model="numpy", forceinline=True)
+@kernel(forceinline=True)
 def spring(  # type: ignore[no-untyped-def]
     k, direction, coulomb, stiffness, alpha, level_at, wide, record, tables, columns, elements
 ):
@@ -101,7 +100,7 @@ def spring(  # type: ignore[no-untyped-def]
     return at
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"}, forceinline=True)
+@kernel(fastmath={"contract"}, forceinline=True)
 def slip(  # type: ignore[no-untyped-def]
     k, direction, kept, coulomb, rate, alpha, shape, period, wide, record, tables, ready, columns,
     elements,
@@ -148,7 +147,7 @@ def slip(  # type: ignore[no-untyped-def]
     return at
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def _follow_on(decays, goals, kept, gained):  # type: ignore[no-untyped-def]
     """What samples do to a force together, up to each of them."""
     # Four parts side by side, as every step waits for the one before; then joined.
@@ -180,7 +179,7 @@ def _follow_on(decays, goals, kept, gained):  # type: ignore[no-untyped-def]
         _behind(kept[begin_at - 1], gained[begin_at - 1], kept[begin_at:end], gained[begin_at:end])
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def _behind(whole, new, kept, gained):  # type: ignore[no-untyped-def]
     """The same behind other samples."""
     for j in range(kept.shape[0]):
@@ -188,21 +187,21 @@ def _behind(whole, new, kept, gained):  # type: ignore[no-untyped-def]
         kept[j] *= whole
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def _relax(before, towards, kept, gained, out):  # type: ignore[no-untyped-def]
     """A force, or a derivative of it, along samples; few rows are what a compiler sees through."""
     for j in range(out.shape[0]):
         out[j] = kept[j] * before + gained[j] * towards
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _keep(before, kept, out):  # type: ignore[no-untyped-def]
     """What is left of a derivative along samples; mostly there was none."""
     for j in range(out.shape[0]):
         out[j] = kept[j] * before
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def _slip_shape(k, end, coulomb, tables, columns, elements):  # type: ignore[no-untyped-def]
     """Derivatives by C/Fc and alpha of samples k...end - 1, where all elements slip."""
     n = elements.shape[1] - 1
@@ -227,7 +226,7 @@ def _slip_shape(k, end, coulomb, tables, columns, elements):  # type: ignore[no-
             )
 
 
-@numba.njit(cache=True, error_model="numpy", forceinline=True)
+@kernel(forceinline=True)
 def slip_haze(k, end, haze, kept, follows, tables, ready):  # type: ignore[no-untyped-def]
     """T_STUCK and T_HAZE of samples k...end - 1, where all elements slip; returns the last haze."""
     springs, hazes = tables[T_STUCK, k:end], tables[T_HAZE, k:end]

@@ -5,13 +5,13 @@ Its information counts by 1/misfit^2, as if its noise had been that much larger.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from estimation.compiled import kernel
 from estimation.least_squares import cholesky_inverse
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def temper(before, spread, found, uncertain, misfit):  # type: ignore[no-untyped-def]
     """Take back what a move says beyond what its residual lets one believe.
 

@@ -23,6 +23,7 @@ import numba
 import numpy as np
 
 from estimation.belief import COULOMB, BeliefSettings
+from estimation.compiled import kernel
 
 RATE, LASTING = 0.05, 10.0
 """Rms [1/s] and correlation time [s] of the rate, where there is a drift: guides and grease warm up
@@ -135,7 +136,7 @@ def wandered(elapsed: float, hold: float) -> float:
 _wandered = numba.njit(cache=True, inline="always")(wandered)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def observe(state, constants, elapsed, value, variance):  # type: ignore[no-untyped-def]
     """Let time pass, then correct both filters and what is believed of them by one value.
 

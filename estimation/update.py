@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import math
 
-import numba
-
 from estimation.arrival_cost import age, knots_of
 from estimation.belief import ALPHA, COULOMB, LEVEL, MASS
+from estimation.compiled import kernel
 from estimation.conclusion import settle, square
 from estimation.elements import ELEMENT_ROWS, SHARES, correct_forces
 from estimation.flat_room import as_rows
@@ -73,7 +72,7 @@ from estimation.window import QUIET, fit
 FEW, UNEQUAL, UNREFINED = -1, -2, -3
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def update_move(  # type: ignore[no-untyped-def]
     position, force, valid, upset, rest, rest_force, elapsed, restless, state_known, whole, axis,
     masks, mean, covariance, forces, slips, memory, floats, small, result,
@@ -135,7 +134,7 @@ def update_move(  # type: ignore[no-untyped-def]
     return int(result[U_VERDICT]), result[U_MISFIT], doubt
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def _begin(  # type: ignore[no-untyped-def]
     position, force, valid, upset, rest, rest_force, elapsed, restless, state_known, whole,
     constants, units, shares, mean, covariance, forces, memory, beliefs, floats, small, result,
@@ -198,7 +197,7 @@ def _begin(  # type: ignore[no-untyped-def]
     return counted
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def _solve(  # type: ignore[no-untyped-def]
     samples, constants, units, shares, masks, forces, beliefs, floats, small, result
 ):

@@ -12,10 +12,10 @@ stiffness is weighed wrongly.
 
 from __future__ import annotations
 
-import numba
+from estimation.compiled import kernel
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def factor_weights(  # type: ignore[no-untyped-def]
     mass, viscous, period, noise, stuck, white, use, lower, lowest, inverse
 ):
@@ -65,7 +65,7 @@ def factor_weights(  # type: ignore[no-untyped-def]
         lower[k], lowest[k], inverse[k] = first, second, weight
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def whiten(columns, chosen, lower, lowest):  # type: ignore[no-untyped-def]
     """Take out of every chosen column what earlier rows explain, in place."""
     n = chosen.shape[0]
@@ -81,7 +81,7 @@ def whiten(columns, chosen, lower, lowest):  # type: ignore[no-untyped-def]
             _whiten_three(a, b, c, lower, lowest)
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def _whiten_three(a, b, c, lower, lowest):  # type: ignore[no-untyped-def]
     a1 = a2 = b1 = b2 = c1 = c2 = 0.0
     for k in range(a.shape[0]):
@@ -93,7 +93,7 @@ def _whiten_three(a, b, c, lower, lowest):  # type: ignore[no-untyped-def]
         a2, a1, b2, b1, c2, c1 = a1, a0, b1, b0, c1, c0
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"contract"})
+@kernel(fastmath={"contract"})
 def _whiten_four(a, b, c, d, lower, lowest):  # type: ignore[no-untyped-def]
     a1 = a2 = b1 = b2 = c1 = c2 = d1 = d2 = 0.0
     for k in range(a.shape[0]):
@@ -106,7 +106,7 @@ def _whiten_four(a, b, c, d, lower, lowest):  # type: ignore[no-untyped-def]
         a2, a1, b2, b1, c2, c1, d2, d1 = a1, a0, b1, b0, c1, c0, d1, d0
 
 
-@numba.njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@kernel(fastmath={"reassoc", "contract"})
 def _dots(weight, a, b, c0, c1, c2, c3):  # type: ignore[no-untyped-def]
     """Weighted products of two rows with four: what is loaded once serves several sums."""
     a0 = a1 = a2 = a3 = b0 = b1 = b2 = b3 = 0.0
@@ -123,7 +123,7 @@ def _dots(weight, a, b, c0, c1, c2, c3):  # type: ignore[no-untyped-def]
     return a0, a1, a2, a3, b0, b1, b2, b3
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def normal_equations(columns, chosen, inverse, normal):  # type: ignore[no-untyped-def]
     """Weighted products of all chosen whitened columns, shape (n, n), both triangles."""
     n = chosen.shape[0]

@@ -15,10 +15,9 @@ from __future__ import annotations
 
 import math
 
-import numba
-
 from estimation.arrival_cost import believe, joint_prior
 from estimation.belief import ALPHA, COULOMB, LAG, LEVEL, MASS, RATE, STIFFNESS, VISCOUS
+from estimation.compiled import kernel
 from estimation.flat_room import as_rows
 from estimation.least_squares import cholesky_inverse, gauss_newton_into, quadratic_form
 from estimation.move_tables import (
@@ -83,7 +82,7 @@ MAX_ITERATIONS, HALVINGS, TOLERANCE, REMAINS = 20, 10, 1e-3, 0.03
 leaves at most REMAINS of them to go."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def fit(  # type: ignore[no-untyped-def]
     whole, tables, marks, constants, units, forces, prior_mean, prior_covariance, mean, covariance,
     mask, p, led, elements, room, spare, scratch, report,
@@ -300,7 +299,7 @@ def fit(  # type: ignore[no-untyped-def]
     )  # fmt: skip
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def conclude(  # type: ignore[no-untyped-def]
     whole, linear, figures, knots, chosen, value, lower, upper, normal, information, p,
     prior_mean, prior_covariance, mean, covariance, report,
@@ -328,7 +327,7 @@ def conclude(  # type: ignore[no-untyped-def]
     believe(p, information, chosen, figures, knots, prior_mean, prior_covariance, mean, covariance)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _choose(whole, moves, zone, usable, end, use):  # type: ignore[no-untyped-def]
     """Fill which rows count; returns the first one, where the rows may end, and how many count."""
     count = use.shape[0]
@@ -354,14 +353,14 @@ def _choose(whole, moves, zone, usable, end, use):  # type: ignore[no-untyped-de
     return start, end, counted
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _weigh_apart(variance, use, inverse):  # type: ignore[no-untyped-def]
     """Weights of rows by themselves, as if the encoder were exact."""
     for k in range(use.shape[0]):
         inverse[k] = 1.0 / variance[k] if use[k] else 0.0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _count(mask):  # type: ignore[no-untyped-def]
     """How many are set. A function, as numba would take a sum begun at 0 for that constant too."""
     number = 0

@@ -8,10 +8,10 @@ start ruins the Coulomb figure, a late one costs little.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from estimation.compiled import kernel
 from estimation.gms import Friction
 
 F64 = NDArray[np.float64]
@@ -77,7 +77,7 @@ def split(
     return zone
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def differences(position, valid, period, velocity, acceleration, usable):  # type: ignore[no-untyped-def]
     """Central first and second differences at samples 1..K-2, and where all three are valid."""
     half, square = 0.5 / period, 1.0 / period**2
@@ -88,7 +88,7 @@ def differences(position, valid, period, velocity, acceleration, usable):  # typ
         usable[k] = valid[k] and valid[k + 1] and valid[k + 2]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[no-untyped-def]
     """Direction of motion at each inner sample, and where it turns or stops.
 
@@ -168,7 +168,7 @@ def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[
         share[stop - 1], at[stop - 1], sharpness[stop - 1] = 1.0, position[stop], 0.0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _goes_on(position, direction, least):  # type: ignore[no-untyped-def]
     """Whether every step is one forward by more than `least`."""
     slow = 0
@@ -177,7 +177,7 @@ def _goes_on(position, direction, least):  # type: ignore[no-untyped-def]
     return slow == 0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def find_stretches(heading, share, until):  # type: ignore[no-untyped-def]
     """Fill for each inner sample the first one from it on that turns, or goes another way."""
     last = heading.shape[0] - 1
@@ -190,7 +190,7 @@ def find_stretches(heading, share, until):  # type: ignore[no-untyped-def]
         until[k] = reached
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _creeps(position, i, band):  # type: ignore[no-untyped-def]
     """Whether the next samples all stay near this one."""
     for j in range(i + 1, i + CREEP + 1):
@@ -199,7 +199,7 @@ def _creeps(position, i, band):  # type: ignore[no-untyped-def]
     return True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _crept(position, i, last, direction, least):  # type: ignore[no-untyped-def]
     """The sample from which on no step goes on the same way by more than `least`."""
     while i < last and (position[i + 1] - position[i]) * direction > least:
@@ -207,7 +207,7 @@ def _crept(position, i, last, direction, least):  # type: ignore[no-untyped-def]
     return i
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _vertex(position, turned, direction, noise, share, at, sharpness):  # type: ignore[no-untyped-def]
     """The turning point near its farthest sample: vertex of the parabola through three samples."""
     before, this, after = position[turned - 1], position[turned], position[turned + 1]
@@ -227,7 +227,7 @@ def _vertex(position, turned, direction, noise, share, at, sharpness):  # type: 
         )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def mark_zones(position, velocity, heading, until, breakaway, stribeck_velocity, zone):  # type: ignore[no-untyped-def]
     """Fill the zone codes; `breakaway` is the travel after which all elements slip [m].
 
@@ -256,7 +256,7 @@ def mark_zones(position, velocity, heading, until, breakaway, stribeck_velocity,
         )  # fmt: skip
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _mark_slide(position, velocity, direction, origin, travel, speed, zone):  # type: ignore[no-untyped-def]
     """Where a motion is past `travel` and faster than `speed`."""
     for k in range(zone.shape[0]):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 
-from peers.problem import F64, SLIPS_ON, START, ZONE_A, ZONE_AB, Problem
+from peers.problem import F64, START, ZONE_A, ZONE_AB, Problem
 
 QUIET_IPOPT = {"ipopt": {"print_level": 0, "sb": "yes"}}
 SQP = {
@@ -46,16 +46,13 @@ def element_step() -> ca.Function:
         stretched = f + stiffness / count * dx
         over = stretched * direction >= ca.fabs(goal)
         begins = ca.logic_and(slips < 0.5, over)
-        if SLIPS_ON:
-            limit = (2 * (i + 1) / (count * (count + 1))) * before * coulomb
-            room = limit - f * direction
-            closing = (stretched - f) * direction - (ca.fabs(goal) - limit)
-            lands = ca.logic_and(begins, ca.logic_and(room > 0, closing > 0))
-            at = ca.fmin(room / ca.if_else(lands, closing, 1.0), 1.0)
-            rest = 1 - (1 - at) * (1 - decay)
-            landed = goal + (f + at * (stretched - f) - goal) * rest
-        else:
-            lands, landed = ca.logic_and(begins, f * direction < ca.fabs(goal)), goal
+        limit = (2 * (i + 1) / (count * (count + 1))) * before * coulomb
+        room = limit - f * direction
+        closing = (stretched - f) * direction - (ca.fabs(goal) - limit)
+        lands = ca.logic_and(begins, ca.logic_and(room > 0, closing > 0))
+        at = ca.fmin(room / ca.if_else(lands, closing, 1.0), 1.0)
+        rest = 1 - (1 - at) * (1 - decay)
+        landed = goal + (f + at * (stretched - f) - goal) * rest
         slips = ca.if_else(begins, 1.0, slips)
         slid = ca.if_else(lands, landed, goal + (f - goal) * decay)
         forces.append(ca.if_else(slips > 0.5, slid, stretched))

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from peers.problem import F64, SLIPS_ON, START, ZONE_A, ZONE_AB, Problem
+from peers.problem import F64, START, ZONE_A, ZONE_AB, Problem
 
 jax.config.update("jax_enable_x64", True)
 ITERATIONS = 20
@@ -60,16 +60,13 @@ def _residual(problem: Problem, free: tuple[int, ...]) -> Callable[[jax.Array], 
             goal = direction * shares * curve * coulomb
             stretched = f + stiffness / count * dx
             begins = ~slips & (stretched * direction >= jnp.abs(goal))
-            if SLIPS_ON:
-                limit = shares * before * coulomb
-                room = limit - f * direction
-                closing = (stretched - f) * direction - (jnp.abs(goal) - limit)
-                lands = begins & (room > 0.0) & (closing > 0.0)
-                at = jnp.minimum(room / jnp.where(lands, closing, 1.0), 1.0)
-                rest = 1.0 - (1.0 - at) * (1.0 - decay)
-                landed = goal + (f + at * (stretched - f) - goal) * rest
-            else:
-                lands, landed = begins & (f * direction < jnp.abs(goal)), goal
+            limit = shares * before * coulomb
+            room = limit - f * direction
+            closing = (stretched - f) * direction - (jnp.abs(goal) - limit)
+            lands = begins & (room > 0.0) & (closing > 0.0)
+            at = jnp.minimum(room / jnp.where(lands, closing, 1.0), 1.0)
+            rest = 1.0 - (1.0 - at) * (1.0 - decay)
+            landed = goal + (f + at * (stretched - f) - goal) * rest
             slips = slips | begins
             slid = jnp.where(lands, landed, goal + (f - goal) * decay)
             f = jnp.where(slips, slid, stretched)

@@ -14,7 +14,6 @@ samples; `steps` is the list of micro-steps for packages that have to build the 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib.util import find_spec
 
 import numba
 import numpy as np
@@ -45,8 +44,6 @@ MASS = 8.0 * 1.01
 START = TRUE.scaled(0.5)
 ZONE_A = (0, 1, 3)
 ZONE_AB = (0, 1, 2, 3)
-SLIPS_ON = find_spec("estimation.elements") is not None
-"""Whether an element that reaches its limit inside a step slips for what is left of it."""
 NO_SUBSTEPS = 4.0
 """Above so many Stribeck velocities a sample is one step, as the estimator has it."""
 
@@ -179,6 +176,16 @@ def _follow(p, position, velocity, model, shares, scale, free, end, elements, ja
 
 
 @numba.njit(cache=True)
+def _whiten(k, value, factor, out):  # type: ignore[no-untyped-def]
+    """Entry k of a column without what the factor says of the two before it."""
+    if k > 0:
+        value -= factor[k, 1] * out[k - 1]
+    if k > 1:
+        value -= factor[k, 0] * out[k - 2]
+    out[k] = value / factor[k, 2]
+
+
+@numba.njit(cache=True)
 def compiled_residual(  # type: ignore[no-untyped-def]
     p, position, velocity, acceleration, force, model, shares, scale, spread, free, begin, end,
     factor, out,
@@ -189,11 +196,7 @@ def compiled_residual(  # type: ignore[no-untyped-def]
     for k in range(begin, end):
         row = k - begin
         value = elements[k] + figures[1] * velocity[k] + figures[3] * acceleration[k] - force[k + 1]
-        if row > 0:
-            value -= factor[row, 1] * out[row - 1]
-        if row > 1:
-            value -= factor[row, 0] * out[row - 2]
-        out[row] = value / factor[row, 2]
+        _whiten(row, value, factor, out)
     for i in range(free.shape[0]):
         out[end - begin + i] = (p[free[i]] - 1.0) / spread[free[i]]
 
@@ -218,12 +221,7 @@ def compiled_jacobian(  # type: ignore[no-untyped-def]
                 value = jacobian[begin + k, 1]
             else:
                 value = acceleration[begin + k]
-            value *= scale[free[i]]
-            if k > 0:
-                value -= factor[k, 1] * row[k - 1]
-            if k > 1:
-                value -= factor[k, 0] * row[k - 2]
-            row[k] = value / factor[k, 2]
+            _whiten(k, value * scale[free[i]], factor, row)
         for j in range(free.shape[0]):
             row[count + j] = 0.0
         row[count + i] = 1.0 / spread[free[i]]
