@@ -21,7 +21,8 @@ from sim2real.axis_model import (
 )
 from sim2real.held_out import HeldOut, given_back
 from sim2real.report import Candidate, Cause, Confusable, Parameter
-from sim2real.search import AxisSearch, score, sets_of
+from sim2real.rivals import score, sets_of
+from sim2real.search import AxisSearch
 
 F64 = NDArray[np.float64]
 

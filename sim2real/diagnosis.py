@@ -44,7 +44,8 @@ from sim2real.report import (
     GapReport,
     NextExperiment,
 )
-from sim2real.search import AxisSearch, beside, search, sets_of
+from sim2real.rivals import sets_of
+from sim2real.search import AxisSearch, beside, search
 from sim2real.shape import in_free_form, is_one_profile, nearest, repeats
 from sim2real.tracking import Tracker, needs_other_axes
 from sim2real.workers import Workers

@@ -17,7 +17,8 @@ from sim2real.axis_problem import AxisProblem, Fitted
 from sim2real.closed_loop import SIGNALS, axis_gap
 from sim2real.fit import fit
 from sim2real.gap import Measured
-from sim2real.search import AxisSearch, sets_of
+from sim2real.rivals import sets_of
+from sim2real.search import AxisSearch
 
 _CLOSES = 0.4
 """Share of the gap, or of what is left of it, that an effect must close where structure is left."""

@@ -1,11 +1,9 @@
 """Which effects act on an axis: forward selection, each step looked back on.
 
 Every effect of the library is scanned, the most promising ones are fitted beside what was found
-before, and the best one stays if the recording asks for it. Two things count: what the innovations
-say (sharp, but blind to what the filter follows, as another friction level), and the free
-closed-loop gap (blunt, but what people see). Afterwards each effect found is put to the test
-again: would another one do as well in its place? What rivals come close to is kept, for the
-probabilities and for the list of what these recordings cannot tell apart.
+before, and the best one stays if the recording asks for it. Afterwards each effect found is put to
+the test again: would another one do as well in its place? What rivals come close to is kept, for
+the probabilities and for the list of what these recordings cannot tell apart.
 """
 
 from __future__ import annotations
@@ -18,16 +16,16 @@ from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
 from hil_sim.settings import AxisSettings
-from sim2real.axis_model import AxisModel, implausible, is_course, plausible, within_tolerance
+from sim2real.axis_model import AxisModel, within_tolerance
 from sim2real.axis_problem import AxisProblem, Fitted
 from sim2real.closed_loop import SIGNALS
+from sim2real.contest import LEAST_GAIN, contended, side_by_side
 from sim2real.fit import fit
+from sim2real.rivals import Book, Loop, Rival, sets_of
 from sim2real.scan import Scanner, Start
 from sim2real.shape import Repeat
 
 F64 = NDArray[np.float64]
-Loop = Callable[[AxisModel], float]
-"""Squared closed-loop gap over floor of the axis under a model (`sim2real.closed_loop`)."""
 
 MOST_EFFECTS = 2
 """Effects sought on one axis, at most."""
@@ -37,50 +35,15 @@ _WANDERS = 2
 """And so many of those that the filter's wander speaks for."""
 _PROMISING = 0.03
 """Effects are fitted whose first-order gain is at least this share of the best one's."""
-_LEAST_GAIN = 100.0
-"""Score that an effect must save: nominal stages show accidental ones of 12."""
-_OCCAM = 20.0
-"""Score that each parameter of an effect but the first must save: more than chance does."""
-_OCCAM_COURSE = 6.0
-"""The same for a Coulomb level that changes with time, against one that does not: in ten seconds
-most warm-ups change little, and levels that stay are no likelier beforehand."""
-_IMPLAUSIBLE = 40.0
-"""Score for each tenth of its plausible range that a value lies beyond it."""
 _FAINT = 40.0
 """First-order gain from which effects are fitted where the closed loop shows a gap."""
 _OPEN = 2.0
 """Squared gap over floor per signal from which the closed loop shows one."""
 _SHRUNK = (0.5, 0.0)
 """Shares of the fitted base parameters that are tried in the closed loop."""
-_ROUNDS, _NARROWER = 5, 0.9
-"""Fits that a set of effects may take that is fitted to the end; and what counts as an outlier must
-not have come down below this share of what it was, or another one follows."""
-_CONTENDERS, _CONTEST, _CONTEST_SHARE = 4, 1000.0, 0.1
-"""Sets that are fitted to the end, and the score (or its share, or all that the best of them leaves
-beside noise) within which they contend."""
 _OTHERS, _WORSE, _BESIDE = 2, 1.3, 3
 """Single effects besides the best that pairs are built on where the best pair leaves structure,
 their score over the best one's, at most, and effects that are fitted beside each."""
-_COHERENT = 1000.0
-"""Samples over which the closed loop's deviations repeat themselves, for their weight."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Rival:
-    """One way to explain an axis.
-
-    Attributes:
-        fitted: the fit.
-        gap: its squared closed-loop gap over floor.
-    """
-
-    fitted: Fitted
-    gap: float
-
-    @property
-    def model(self) -> AxisModel:
-        """The model that was fitted."""
-        return self.fitted.model
 
 
 @dataclass(slots=True, eq=False)
@@ -123,76 +86,6 @@ class AxisSearch:
         self.rivals.insert(0, Rival(Fitted(model, cost, residual, None), gap))
 
 
-def score(problem: AxisProblem, rival: Rival, each: float = _OCCAM) -> float:
-    """What is to be least: the cost of the innovations and of the closed-loop gap.
-
-    The latter counts as twice a negative log likelihood too, of as many samples as are on their
-    own; both as outliers count by now. The simpler one wins where both fit: each parameter of an
-    effect but the first has to save `each`, or what is asked of a course. So does the likelier
-    one: values beyond what is plausible count against an effect.
-    """
-    samples = sum(int(mask.sum()) for mask in problem.masks)
-    loop = samples / _COHERENT * rival.gap
-    simpler = sum(
-        (min(each, _OCCAM_COURSE) if is_course(term, problem.axis) else each)
-        * (len(term.values) - 1)
-        for term in rival.model.terms
-    )
-    far = _IMPLAUSIBLE * sum(implausible(term, problem.axis) for term in rival.model.terms)
-    return problem.cost(rival.model, rival.fitted.residual) + loop + simpler + far
-
-
-class _Book:
-    """Every set of effects that was fitted, the best fit of each."""
-
-    def __init__(self, problem: AxisProblem, loop: Loop) -> None:
-        self._problem = problem
-        self._loop = loop
-        self._kept: dict[tuple[str, ...], Rival] = {}
-
-    def entered(self, fitted: Fitted) -> Rival:
-        rival = self._likelier(Rival(fitted, self._loop(fitted.model)))
-        key = tuple(sorted(fitted.model.names()))
-        if key not in self._kept or self.score(rival) < self.score(self._kept[key]):
-            self._kept[key] = rival
-        return rival
-
-    def _likelier(self, rival: Rival) -> Rival:
-        """The fit, or with values no farther than plausible where that costs less than it brings.
-
-        Where the data are silent a fit goes anywhere.
-        """
-        axis = self._problem.axis
-        terms = tuple(plausible(term, axis) for term in rival.model.terms)
-        if terms == rival.model.terms:
-            return rival
-        model = replace(rival.model, terms=terms)
-        residual = self._problem.attempted(model)
-        cost = self._problem.cost(model, residual)
-        other = Rival(Fitted(model, cost, residual, None), self._loop(model))
-        return min(rival, other, key=self.score)
-
-    def score(self, rival: Rival) -> float:
-        return score(self._problem, rival)
-
-    def regained(self, model: AxisModel) -> Rival:
-        """All sets again as the filter weighs them under a model that was entered; that one back.
-
-        What shakes the stage makes friction less sure than the machine file's model has it.
-        """
-        self._problem.regain(model)
-        for key, rival in self._kept.items():
-            self._kept[key] = replace(rival, fitted=self._problem.revalued(rival.fitted))
-        return self.best(model.names())
-
-    def best(self, names: tuple[str, ...]) -> Rival:
-        """The best fit of a set of effects that was entered."""
-        return self._kept[tuple(sorted(names))]
-
-    def ranked(self) -> list[Rival]:
-        return sorted(self._kept.values(), key=self.score)
-
-
 def search(
     problem: AxisProblem,
     library: Mapping[str, Effect],
@@ -211,7 +104,7 @@ def search(
     plain = fit(problem, problem.start, 2, columns, thorough=False)
     plain = fit(problem, plain.model, 3, thorough=False)
     found = AxisSearch(problem, plain, plain, loop(problem.start))
-    book = _Book(problem, loop)
+    book = Book(problem, loop)
     path = [_no_worse(problem, book, plain)]
     # What nobody sees in the closed loop is no gap, whatever the innovations say.
     for depth in range(MOST_EFFECTS if found.open_gap > _OPEN * SIGNALS else 0):
@@ -226,10 +119,10 @@ def search(
         if not candidates:
             break
         beside = [current.model.added(start.term) for start in candidates]
-        trials = _fitted(problem, book, beside, 5, columns)
-        best = _contended(problem, book, trials)
+        trials = side_by_side(problem, book, beside, 5, columns)
+        best = contended(problem, book, trials)
         path[-1] = book.best(path[-1].model.names())
-        if book.score(path[-1]) - book.score(best) < _LEAST_GAIN:
+        if book.score(path[-1]) - book.score(best) < LEAST_GAIN:
             break
         if within_tolerance(best.model.terms[-1], problem.axis, float(problem.spread[0])):
             break
@@ -298,11 +191,11 @@ def _candidates(
             found.scanned[name] = tried[0].gain
             found.signatures[name] = tried[0].signature
     starts.sort(key=lambda start: -start.gain)
-    needed = _FAINT if is_open else _LEAST_GAIN
+    needed = _FAINT if is_open else LEAST_GAIN
     if not starts or starts[0].gain < needed:
         return [], columns
     least = max(needed, _PROMISING * starts[0].gain)
-    most = _FITTED_FAINT if starts[0].gain < 10.0 * _LEAST_GAIN else _FITTED
+    most = _FITTED_FAINT if starts[0].gain < 10.0 * LEAST_GAIN else _FITTED
     chosen = [start for start in starts[:most] if start.gain >= least]
     if is_open:  # a wander weighs little beside innovations, whatever it does to the loop
         wanders = [s for s in starts if s.followed and s.gain >= needed and s not in chosen]
@@ -310,64 +203,7 @@ def _candidates(
     return chosen, columns
 
 
-def _fitted(
-    problem: AxisProblem,
-    book: _Book,
-    models: Sequence[AxisModel],
-    iterations: int,
-    columns: F64 | None = None,
-) -> list[Rival]:
-    """Models fitted side by side, with the same derivatives by the base parameters if given."""
-
-    def one(model: AxisModel) -> Fitted:
-        return fit(problem, model, iterations, columns, thorough=False)
-
-    return [book.entered(found) for found in problem.workers.map(one, models)]
-
-
-def _contended(problem: AxisProblem, book: _Book, trials: Sequence[Rival]) -> Rival:
-    """The best of the trials, after those that come near it were fitted to the end as well.
-
-    First fits stop early, by the gains of a model without the effect: what is the better name is
-    not yet told.
-    """
-    book.regained(min(trials, key=book.score).model)
-    names = {tuple(sorted(trial.model.names())) for trial in trials}
-
-    def ranked() -> list[Rival]:
-        return sorted((book.best(each) for each in names), key=book.score)
-
-    for _ in range(_ROUNDS):
-        before, wide = book.score(ranked()[0]), problem.outlier
-        left = max(before - problem.expected(), 0.0)
-        last = before + max(_CONTEST, _CONTEST_SHARE * before, left)
-        near = [rival for rival in ranked()[:_CONTENDERS] if book.score(rival) <= last]
-        starts = [_lent(problem, book, rival, near[0]).model for rival in near]
-        _fitted(problem, book, starts, 4)
-        best = ranked()[0]
-        gained = before - book.score(best)
-        problem.rescale(best.fitted.residual)
-        if gained < _LEAST_GAIN and problem.outlier > _NARROWER * wide:
-            break
-    return best
-
-
-def _lent(problem: AxisProblem, book: _Book, rival: Rival, best: Rival) -> Rival:
-    """The rival, or with the best one's figures for all that they share, whichever does better.
-
-    Fits of different names stop at different figures of the same plant.
-    """
-    if rival.model.names() == best.model.names():
-        return rival
-    shared = {term.name: term for term in best.model.terms}
-    terms = tuple(shared.get(term.name, term) for term in rival.model.terms)
-    model = AxisModel(best.model.base, terms)
-    residual = problem.attempted(model)
-    book.entered(Fitted(model, problem.cost(model, residual), residual, None))
-    return book.best(rival.model.names())
-
-
-def _no_worse(problem: AxisProblem, book: _Book, fitted: Fitted) -> Rival:
+def _no_worse(problem: AxisProblem, book: Book, fitted: Fitted) -> Rival:
     """The fit, or with its base parameters nearer to the machine file where the loop asks for it.
 
     What the innovations hardly weigh may bend base parameters by all that their tolerance allows.
@@ -384,27 +220,27 @@ def _looked_back(
     problem: AxisProblem,
     current: Rival,
     library: Mapping[str, Effect],
-    book: _Book,
+    book: Book,
     is_open: bool,
 ) -> Rival:
     """Each earlier effect put to the test beside the later ones."""
     for index in range(len(current.model.terms) - 1):
         book.entered(fit(problem, current.model.without(index), 2, thorough=False))
         rest = book.best(current.model.without(index).names())
-        if book.score(current) > book.score(rest) - _LEAST_GAIN:
+        if book.score(current) > book.score(rest) - LEAST_GAIN:
             return rest
         starts, columns = _candidates(problem, rest.fitted, library, is_open, None)
         own = current.model.terms[index].name
         others = [s.term for s in starts if s.term.name != own][:2]
         beside = [rest.model.added(term) for term in others]
-        trials = _fitted(problem, book, beside, 3, columns)
+        trials = side_by_side(problem, book, beside, 3, columns)
         if trials:
-            current = _contended(problem, book, [current, *trials])
+            current = contended(problem, book, [current, *trials])
     return current
 
 
 def _otherwise(
-    problem: AxisProblem, current: Rival, library: Mapping[str, Effect], book: _Book
+    problem: AxisProblem, current: Rival, library: Mapping[str, Effect], book: Book
 ) -> Rival:
     """Pairs built on other single effects than the best: two may look like a third one alone."""
     singles = sets_of(book.ranked(), 1)
@@ -417,12 +253,7 @@ def _otherwise(
     for single in others[:_OTHERS]:
         starts, columns = _candidates(problem, single.fitted, library, True, None)
         beside = [single.model.added(start.term) for start in starts[:_BESIDE]]
-        trials = _fitted(problem, book, beside, 4, columns)
+        trials = side_by_side(problem, book, beside, 4, columns)
         if trials and min(map(book.score, trials)) < book.score(current):
-            current = _contended(problem, book, [current, *trials])
+            current = contended(problem, book, [current, *trials])
     return current
-
-
-def sets_of(rivals: Sequence[Rival], size: int) -> list[Rival]:
-    """The rivals of so many effects, in their order."""
-    return [rival for rival in rivals if len(rival.model.terms) == size]
