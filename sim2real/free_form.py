@@ -19,6 +19,7 @@ from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.axis_model import AxisModel, Coordinate, Term, coordinates
 from sim2real.friction_profile import FrictionProfile, friction_profile
 from sim2real.gap import Measured
+from sim2real.grid import middle
 from sim2real.travel_hysteresis import TravelHysteresis, travel_hysteresis
 
 F64 = NDArray[np.float64]
@@ -137,7 +138,7 @@ def profile_of(term: Term, axis: AxisSettings, places: F64) -> F64:
 
 def _typical(effect: Effect, axis: AxisSettings) -> EffectPorts:
     """Ports with an effect of plausible values."""
-    values = {p.key: 0.5 * sum(p.ranges(axis)[0]) for p in effect.parameters}
+    values = {p.key: middle(p, axis) for p in effect.parameters}
     ports = EffectPorts(axis, 1e-3, 1.0)
     effect.apply(ports, values)
     return ports

@@ -7,32 +7,25 @@ error equations (`sim2real.signature`), the others from one tracked run each.
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.effects.effect import Effect, Parameter
-from hil_sim.effects.ports import EffectPorts
-from hil_sim.settings import AxisSettings
+from hil_sim.effects.effect import Effect
 from sim2real.axis_model import AxisModel, Term
 from sim2real.axis_problem import AxisProblem
+from sim2real.grid import Grid, middle
 from sim2real.signature import inputs, response
 
 F64 = NDArray[np.float64]
 
-_FINE, _COARSE, _SIMULATED_NODES = 48, 6, 3
-"""Nodes over a plausible range: where a signature is cheap, where each takes a run, and how many
-of the cheap ones are simulated in the end."""
-_PEAKS = 4
-"""Frequencies of a vibration that are tried: the highest peaks of the innovations' spectrum."""
+_SIMULATED_NODES = 3
+"""Nodes with a cheap signature that are simulated in the end."""
 _SHIFT = 0.05
 """Distance to a second place, between which a place that only shifts an effect is found [m]."""
-_BEYOND = 0.8
-"""Nodes begin at this share of what is plausible, and end as far beyond it."""
 _APART, _NEARLY = 1.2, 0.6
 """Shapes of one effect this far apart are different starts, as far as the second one's gain is this
 share of the first one's: a wave and its harmonic."""
@@ -89,6 +82,7 @@ class Scanner:
         self._cost = problem.cost(model, residual)
         self._axis = model.settings(problem.axis)
         self._tracks = problem.track(model)
+        self._grid = Grid(problem.axis, problem.trackers, self._tracks)
         period = float(problem.trackers[0].time[1])
         self._accelerations = [np.gradient(t.v, period) for t in self._tracks]
         nuisance = [base_columns * self._root[:, None]]
@@ -124,7 +118,7 @@ class Scanner:
         """
         given = nodes is not None
         cheap = self._cheap(effect)
-        nodes = list(self._nodes(effect, cheap)) if nodes is None else nodes
+        nodes = list(self._grid.nodes(effect, cheap)) if nodes is None else nodes
         linear: list[Start] = []
         if cheap:
             tried = [self._tried(effect, values, self._signature) for values in nodes]
@@ -160,7 +154,7 @@ class Scanner:
         if friction.wander <= 0.0:
             return None
         best: tuple[float, float, tuple[float, ...]] | None = None
-        for values in self._nodes(effect, True):
+        for values in self._grid.nodes(effect, True):
             along = square = 0.0
             for tracker, track, acceleration in zip(
                 self._problem.trackers, self._tracks, self._accelerations, strict=True
@@ -295,16 +289,8 @@ class Scanner:
         except ValueError:  # a node that physics does not allow beside what is there
             return None
 
-    def _nodes(self, effect: Effect, cheap: bool) -> Iterator[tuple[float, ...]]:
-        grids: list[list[float]] = []
-        formed = 0
-        for parameter in effect.parameters:
-            grids.append(self._grid(effect, parameter, cheap, formed))
-            formed += parameter.role in ("place", "shape")
-        yield from itertools.product(*grids)
-
     def _cheap(self, effect: Effect) -> bool:
-        values = tuple(_middle(p, self._problem.axis) for p in effect.parameters)
+        values = tuple(middle(p, self._problem.axis) for p in effect.parameters)
         return (
             inputs(
                 self._axis, Term(effect, values), self._tracks[0],
@@ -312,57 +298,6 @@ class Scanner:
             )
             is not None
         )  # fmt: skip
-
-    def _grid(self, effect: Effect, parameter: Parameter, cheap: bool, formed: int) -> list[float]:
-        """Values to try; `formed` parameters of place or shape came before."""
-        axis = self._problem.axis
-        if parameter.role == "phase":
-            return [0.0]
-        if parameter.role == "size":
-            several = not cheap and len(effect.parameters) == 1
-            return _sizes(parameter, axis, several)
-        several = sum(p.role in ("place", "shape") for p in effect.parameters) > 1
-        if parameter.role == "place":
-            low = min(float(t.x.min()) for t in self._tracks)
-            high = max(float(t.x.max()) for t in self._tracks)
-            count = 24 if cheap and several else _SIMULATED_NODES
-            edge = (high - low) / count / 2.0
-            return list(np.linspace(low + edge, high - edge, count))
-        low, high = parameter.ranges(axis)[0]
-        if self._periodic_in_time(effect):
-            return self._peaks(low, high)
-        if formed:
-            count = 3 if cheap else 1
-        else:
-            count = _FINE if cheap else _COARSE
-        if count == 1:
-            return [_middle(parameter, axis)]
-        if parameter.log:
-            return list(np.geomspace(_BEYOND * low, high / _BEYOND, count))
-        return list(np.linspace(low, high, count))
-
-    def _periodic_in_time(self, effect: Effect) -> bool:
-        ports = EffectPorts(self._problem.axis, 1e-3, 1.0)
-        values = {p.key: _middle(p, self._problem.axis) for p in effect.parameters}
-        effect.apply(ports, values)
-        return bool(ports.harmonics)
-
-    def _peaks(self, low: float, high: float) -> list[float]:
-        """Frequencies of the highest peaks of the innovations' spectrum [Hz]."""
-        track, tracker = self._tracks[0], self._problem.trackers[0]
-        values = np.where(track.valid, np.clip(track.position, -20.0, 20.0), 0.0)
-        count = 4 * len(values)
-        power = np.abs(np.fft.rfft(values, count)) ** 2
-        frequency = np.fft.rfftfreq(count, float(tracker.time[1]))
-        inside = (frequency > 0.7 * low) & (frequency < 1.4 * high)
-        power = np.where(inside, power, 0.0)
-        found: list[float] = []
-        width = 2.0 / float(tracker.time[-1])
-        while len(found) < _PEAKS and power.max() > 0.0:
-            peak = float(frequency[int(power.argmax())])
-            found.append(peak)
-            power[np.abs(frequency - peak) < width] = 0.0
-        return found
 
 
 def _distinct(found: list[Start], effect: Effect) -> list[Start]:
@@ -392,26 +327,3 @@ def _offset(effect: Effect) -> int | None:
 
 def _changed(values: tuple[float, ...], index: int, value: float) -> tuple[float, ...]:
     return (*values[:index], value, *values[index + 1 :])
-
-
-def _middle(parameter: Parameter, axis: AxisSettings) -> float:
-    low, high = parameter.ranges(axis)[-1]
-    return math.sqrt(low * high) if parameter.log else 0.5 * (low + high)
-
-
-def _sizes(parameter: Parameter, axis: AxisSettings, several: bool) -> list[float]:
-    """Typical sizes: in the middle of each plausible side of the neutral value, or several."""
-    neutral = parameter.neutral_on(axis)
-    found: list[float] = []
-    for low, high in parameter.ranges(axis):
-        sides = [(low, high)]
-        if neutral is not None and low < neutral < high:
-            sides = [(neutral, low), (neutral, high)]
-        for first, last in sides:
-            shares = (0.25, 0.5, 0.9) if several else (0.5,)
-            for share in shares:
-                if parameter.log:
-                    found.append(first * (last / first) ** share)
-                else:
-                    found.append(first + share * (last - first))
-    return found
