@@ -143,3 +143,10 @@ class MoveData:
     time: float
     rest_force: float
     upset: NDArray[np.bool_] | None = None
+
+    def __post_init__(self) -> None:
+        """Take samples of any type and layout: for another one kernels would be compiled anew."""
+        given = {"position": np.float64, "force": np.float64, "valid": np.bool_, "upset": np.bool_}
+        for name, kind in given.items():
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), kind))

@@ -9,6 +9,7 @@ from estimation.gms import Friction
 from estimation.noise import encoder_noise, quantisation
 from estimation.split_horizon import EstimatorSettings, MoveData, SplitHorizonEstimator
 from estimation.trajectory import Limits, plan
+from estimation.update import update_move
 from hil_sim.settings import StageSettings
 from hil_sim.simulate import simulate
 from stagectl.config import load_machine, stage_settings
@@ -137,6 +138,19 @@ def test_alpha_and_lag_on_request(data):
 def test_a_figure_that_there_is_not_is_an_error():
     with pytest.raises(ValueError, match="no such figure"):
         SplitHorizonEstimator(TRUE, replace(SETTINGS, request=("colour",)))
+
+
+def test_samples_of_any_layout_and_type_give_the_same_and_compile_nothing(data):
+    move = data.move(0)
+    columns = np.column_stack([move.position, move.force])
+    strided = MoveData(
+        columns[:, 0], columns[:, 1], move.valid.astype(np.int64), move.time, move.rest_force
+    )
+    plain = SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS).update(move)
+    compiled = len(update_move.signatures)
+    other = SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS).update(strided)
+    assert other.friction == plain.friction
+    assert len(update_move.signatures) == compiled
 
 
 def test_both_directions_give_the_same():
