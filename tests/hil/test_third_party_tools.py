@@ -45,9 +45,19 @@ def drives():
     stage = VirtualStage(settings, seed=1, start=(-5e-4, -4e-4))
     stage.plant.advance_to(1_000_000)  # compiled before anybody waits
     channel, stop = f"third-{uuid.uuid4().hex}", threading.Event()
-    with can.Bus(interface="virtual", channel=channel) as bus:
+    with (
+        can.Bus(interface="virtual", channel=channel) as bus,
+        can.Bus(interface="virtual", channel=channel) as listener,
+    ):
         thread = threading.Thread(target=serve, args=(stage, bus, stop))
         thread.start()
+        # Else a boot-up at power-on is taken for the answer to a reset that is still to come.
+        booted: set[int] = set()
+        while not booted >= {0x701, 0x702}:
+            message = listener.recv(ANSWERED_WITHIN)
+            assert message is not None, "no boot-up"
+            if message.data == b"\0":
+                booted.add(message.arbitration_id)
         yield channel
         stop.set()
         thread.join()
