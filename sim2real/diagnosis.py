@@ -62,8 +62,8 @@ _POOR, _DOUBT = 0.15, 3.0
 """A figure is poorly known whose sigma is this share of it; sigmas that an experiment must tell."""
 
 _FREE = 0.5
-"""Share of the force left in motion from which an effect is of a kind, whatever its shape: others
-come to 0.35 at most."""
+"""Share of the force left in motion from which an effect is of a kind, whatever its shape: other
+effects come to 0.35 at most (`benchmarks/free_forms.py`)."""
 
 Progress = Callable[[str, int, int], object]
 

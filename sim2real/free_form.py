@@ -76,9 +76,13 @@ class InMotion:
     measured: Sequence[Measured]
     settings: StageSettings
 
+    @property
+    def _axis(self) -> AxisSettings:
+        return next(a for a in self.settings.axes if a.name == self.name)
+
     def likeliest(self, library: Iterable[Effect]) -> FreeForm | None:
         """The kind that takes most of what the machine file leaves; None where there is no kind."""
-        axis = next(a for a in self.settings.axes if a.name == self.name)
+        axis = self._axis
         forms = []
         for effect in library:
             if is_profile(effect, axis):
@@ -92,7 +96,7 @@ class InMotion:
 
     def seen(self, models: Mapping[str, AxisModel]) -> tuple[FrictionOverPosition, ...]:
         """Friction over position beside all else that models hold, one per effect of that kind."""
-        axis = next(a for a in self.settings.axes if a.name == self.name)
+        axis = self._axis
         model = models[self.name]
         found = []
         for index, term in enumerate(model.terms):
@@ -108,7 +112,7 @@ class InMotion:
 
     def share(self, effect: Effect, models: Mapping[str, AxisModel]) -> float:
         """Share of the force left by models that is of an effect's kind; 0 where it has no way."""
-        axis = next(a for a in self.settings.axes if a.name == self.name)
+        axis = self._axis
         if is_profile(effect, axis):
             return friction_profile(self.name, models, self.measured, self.settings).share
         if is_hysteresis(effect, axis):
