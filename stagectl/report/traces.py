@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from sim2real.recording import AxisSignals, Recording, aligned_demand
 from stagectl.report.content import windows
+from stagectl.report.friction import friction_panels
 from stagectl.sequencer.settling import RESOLUTION, arrival
 
 BEFORE = 20  # samples shown before a move
@@ -64,25 +65,8 @@ def chart_data(
             for number, of_axis in enumerate(entries)
             for axis, entry in of_axis.items()
         ],
-        "friction": _friction(summary["friction"], by_site),
+        "friction": friction_panels(summary["friction"], tuple(recording.axes), by_site),
     }
-
-
-def _friction(entries: Iterable[Mapping[str, Any]], by_site: bool) -> list[dict[str, Any]]:
-    """Estimates at their site; in a list of moves there is none, and they are counted by axis."""
-    counts: dict[str, int] = {}
-    placed = []
-    for entry in entries:
-        count = counts[entry["axis"]] = counts.get(entry["axis"], 0) + 1
-        placed.append(
-            {
-                "place": entry["site"] if by_site else count,
-                "axis": entry["axis"],
-                "accepted": entry["accepted"],
-                "parameters": entry["parameters"],
-            }
-        )
-    return placed
 
 
 def _entries(

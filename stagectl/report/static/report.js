@@ -194,15 +194,16 @@
           entry.axis === axis && marked(entry) === hollow ? value(entry) : null));
       }
     }
-    return { rows, columns };
+    return columns;
   }
 
-  function scatterSeries(goodName, badName, digits) {
+  // The place, then two series an axis: `good` as points, `bad` for the crosses.
+  function scatterSeries(place, shownAxes, good, bad, value) {
     const none = () => null;
-    return [{ label: data.placeName, value: (chart, v) => (v == null ? "–" : String(Math.round(v))) },
-      ...data.axes.flatMap((axis) => [
-        { label: axis + goodName, stroke: () => axisColour(axis), width: 2, paths: none, points: points(axis, false), value: number(digits) },
-        { label: axis + badName, stroke: () => axisColour(axis), width: 2, paths: none, points: { show: false }, value: number(digits) },
+    return [{ label: place, value: (chart, v) => (v == null ? "–" : String(Math.round(v))) },
+      ...shownAxes.flatMap((axis) => [
+        { label: axis + good, stroke: () => axisColour(axis), width: 2, paths: none, points: points(axis, false), value },
+        { label: axis + bad, stroke: () => axisColour(axis), width: 2, paths: none, points: { show: false }, value },
       ])];
   }
 
@@ -211,7 +212,7 @@
 
   function settlingChart() {
     const entries = data.settling.filter((entry) => entry.kind === settlingKind);
-    const { columns } = scatter(entries, (e) => e.place, (e) => e.times[settlingWindow], (e) => e.outside.includes(settlingWindow));
+    const columns = scatter(entries, (e) => e.place, (e) => e.times[settlingWindow], (e) => e.outside.includes(settlingWindow));
     draw("settling", (element) => [plot(element, {
       height: 380,
       scales: {
@@ -219,75 +220,91 @@
         y: { range: (c, low, high) => [-0.03 * Math.max(high || 0, 5), Math.max(high || 0, 5) * 1.08] },
       },
       axes: axes(data.placeName, plainTicks, wholeTicks),
-      series: scatterSeries(" settled", " not settled", 1),
+      series: scatterSeries(data.placeName, data.axes, " settled", " not settled", number(1)),
       hooks: { draw: [crosses(hollowSeries())] },
     }, columns)]);
   }
 
   // ---- friction over sites -------------------------------------------------------------------
 
-  function sigmaBars(rows, name) {
+  // What is known of one figure of one axis: a bar of ±1 sigma an estimate, a cross where it was
+  // refused. What leaves the scale is clipped and ends in an arrow.
+  function estimates(panel) {
     return (chart) => {
       const { ctx, bbox } = chart;
-      ctx.save();
-      ctx.beginPath();
-      ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-      ctx.clip();
-      ctx.lineWidth = 2 * devicePixelRatio;
-      for (const { x, entry } of rows) {
-        const figure = entry.parameters[name];
-        if (figure.value == null || figure.sigma == null) continue;
-        const at = chart.valToPos(x, "x", true);
-        ctx.strokeStyle = axisColour(entry.axis);
+      const top = bbox.top, bottom = bbox.top + bbox.height, tip = 6 * devicePixelRatio;
+      const at = (value) => chart.valToPos(value, "y", true);
+      const arrow = (x, edge, inward) => {
         ctx.beginPath();
-        ctx.moveTo(at, chart.valToPos(figure.value - figure.sigma, "y", true));
-        ctx.lineTo(at, chart.valToPos(figure.value + figure.sigma, "y", true));
-        ctx.stroke();
+        ctx.moveTo(x, edge);
+        ctx.lineTo(x - tip, edge + 1.6 * inward * tip);
+        ctx.lineTo(x + tip, edge + 1.6 * inward * tip);
+        ctx.fill();
+      };
+      ctx.save();
+      ctx.strokeStyle = ctx.fillStyle = axisColour(panel.axis);
+      ctx.lineWidth = 2 * devicePixelRatio;
+      for (const { place, value, sigma, accepted } of panel.points) {
+        if (value == null) continue;
+        const x = chart.valToPos(place, "x", true);
+        if (x < bbox.left || x > bbox.left + bbox.width) continue;
+        const high = at(value + (sigma || 0)), low = at(value - (sigma || 0));
+        if (low > top && high < bottom) {
+          ctx.beginPath();
+          ctx.moveTo(x, Math.max(high, top));
+          ctx.lineTo(x, Math.min(low, bottom));
+          ctx.stroke();
+        }
+        // A refused figure stands at the edge as a cross; that it was refused says enough.
+        if (high < top && (accepted || low > top)) arrow(x, top, 1);
+        if (low > bottom && (accepted || high < bottom)) arrow(x, bottom, -1);
       }
       ctx.restore();
     };
   }
 
-  // Accepted figures set the range: a refused one may be anywhere.
-  function frictionRange(entries, name) {
-    const accepted = entries.filter((entry) => entry.accepted);
-    const ends = (accepted.length ? accepted : entries).flatMap((entry) => {
-      const { value, sigma } = entry.parameters[name];
-      return value == null ? [] : [value - (sigma || 0), value + (sigma || 0)];
-    });
-    if (!ends.length) return [0, 1];
-    const low = Math.min(...ends), high = Math.max(...ends);
-    const pad = Math.max(0.1 * (high - low), 0.02 * Math.abs(high), 1e-9);
-    return [low - pad, high + pad];
+  // As many digits as one sigma has a say in, and one more.
+  function known(point) {
+    if (point == null || point.value == null) return "–";
+    const finest = point.sigma || 1e-3 * Math.abs(point.value) || 1;
+    const decimals = Math.min(Math.max(0, 1 - Math.floor(Math.log10(finest))), 9);
+    const sigma = point.sigma == null ? "" : " ± " + point.sigma.toFixed(decimals);
+    return point.value.toFixed(decimals) + sigma;
   }
 
+  function frictionChart(panel, element) {
+    const column = (accepted) => panel.points.map((p) => (p.accepted === accepted ? p.value : null));
+    const told = (chart, value, series, k) => known(value == null ? null : panel.points[k]);
+    return plot(element, {
+      height: 240,
+      scales: { x: { time: false, range: (c, low, high) => [low - 0.6, high + 0.6] }, y: { range: () => [panel.low, panel.high] } },
+      axes: axes(data.estimateName, plainTicks, wholeTicks),
+      series: scatterSeries(data.estimateName, [panel.axis], "", " refused", told),
+      hooks: { draw: [estimates(panel), crosses([[2, panel.axis]])] },
+    }, [panel.points.map((p) => p.place), column(true), column(false)]);
+  }
+
+  // The axes of a figure in a row, each on its own scale; with one axis the figures follow on.
   function frictionCharts() {
-    const names = [...new Set(data.friction.flatMap((entry) => Object.keys(entry.parameters)))];
+    const names = [...new Set(data.friction.map((panel) => panel.name))];
     draw("friction", (container) => {
-      // All figures first: a chart takes the width its place has once every column is there.
-      const figures = names.map((name) => {
-        const figure = document.createElement("div");
-        const title = document.createElement("h3");
-        const unit = data.friction.find((entry) => entry.parameters[name]).parameters[name].unit;
-        title.textContent = name.replaceAll("_", " ") + ", " + unit;
-        figure.append(title);
-        return figure;
+      // All places first: a chart takes the width its place has once every column is there.
+      const places = new Map();
+      const rows = (data.axes.length > 1 ? names : [null]).map((name) => {
+        const row = document.createElement("div");
+        row.className = "multiples";
+        for (const panel of data.friction.filter((p) => name == null || p.name === name)) {
+          const place = document.createElement("div");
+          const title = document.createElement("h3");
+          title.textContent = panel.axis + " " + panel.name.replaceAll("_", " ") + ", " + panel.unit;
+          place.append(title);
+          row.append(place);
+          places.set(panel, place);
+        }
+        return row;
       });
-      container.replaceChildren(...figures);
-      return names.map((name, i) => {
-        const entries = data.friction.filter((entry) => entry.parameters[name]);
-        const { rows, columns } = scatter(
-          entries, (e) => e.place, (e) => e.parameters[name].value, (e) => !e.accepted);
-        const figure = figures[i];
-        const range = frictionRange(entries, name);
-        return plot(figure, {
-          height: 300,
-          scales: { x: { time: false, range: (c, low, high) => [low - 0.6, high + 0.6] }, y: { range: () => range } },
-          axes: axes(data.estimateName, plainTicks, wholeTicks),
-          series: scatterSeries("", " refused", 3).map((s, i) => (i ? s : { ...s, label: data.estimateName })),
-          hooks: { draw: [sigmaBars(rows, name), crosses(hollowSeries())] },
-        }, columns);
-      });
+      container.replaceChildren(...rows);
+      return data.friction.map((panel) => frictionChart(panel, places.get(panel)));
     });
   }
 

@@ -1,0 +1,72 @@
+"""The scales of the friction panels: what is in force fills them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from stagectl.report.friction import friction_panels, scale
+
+
+def point(value: float | None, sigma: float | None, accepted: bool = True) -> dict[str, Any]:
+    return {"value": value, "sigma": sigma, "accepted": accepted}
+
+
+def entry(axis: str, site: int, **values: float) -> dict[str, Any]:
+    figures = {name: {"value": v, "sigma": 0.01 * v, "unit": "N"} for name, v in values.items()}
+    return {"axis": axis, "site": site, "accepted": True, "parameters": figures}
+
+
+def test_what_was_not_known_yet_does_not_set_the_scale():
+    course = [point(6.0e5 + d, 2e3) for d in (0.0, 500.0, -800.0, 300.0)]
+    low, high = scale([point(3.0e5, 2.4e5), point(6.07e5, 3.9e4), *course])
+    assert 5.9e5 < low < 6.0e5 - 2.8e3
+    assert 6.0e5 + 2.5e3 < high < 6.1e5
+
+
+def test_a_drift_that_is_known_is_shown_whole():
+    course = [point(6.0 + 0.1 * k, 0.05) for k in range(20)]
+    low, high = scale(course)
+    assert low < 5.95
+    assert high > 7.95
+
+
+def test_the_figure_in_force_is_in_the_scale_however_uncertain():
+    low, high = scale([*(point(6.0, 0.01) for _ in range(9)), point(9.0, 1.0)])
+    assert low < 6.0
+    assert high > 10.0
+
+
+def test_a_refused_figure_sets_no_scale_but_where_all_were_refused():
+    assert scale([point(6.0, 0.1), point(99.0, 0.1, accepted=False)])[1] < 7.0
+    assert scale([point(99.0, 1.0, accepted=False)])[0] > 90.0
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        [point(None, None)],
+        [point(0.0, 0.0)],
+        [point(0.0, None)],
+        [point(5.0, None)],
+        [point(-1.7e308, 1e307), point(1.7e308, 1e307)],
+    ],
+)
+def test_a_scale_is_never_empty_nor_beyond_all_numbers(points: list[dict[str, Any]]):
+    low, high = scale(points)
+    assert -float("inf") < low < high < float("inf")
+
+
+def test_each_figure_of_each_axis_has_a_panel_and_estimates_of_a_site_stand_side_by_side():
+    entries = [
+        entry("x", 1, coulomb=6.0, viscous=20.0), entry("y", 1, coulomb=9.0),
+        entry("x", 1, coulomb=6.1, viscous=20.0), entry("x", 2, coulomb=6.0),
+    ]  # fmt: skip
+    panels = friction_panels(entries, ("x", "y", "z"), by_site=True)
+    assert [(p["name"], p["axis"]) for p in panels] == [
+        ("coulomb", "x"), ("coulomb", "y"), ("viscous", "x"),
+    ]  # fmt: skip
+    assert [p["place"] for p in panels[0]["points"]] == [0.9, 1.1, 2.0]
+    assert [p["place"] for p in panels[2]["points"]] == [0.9, 1.1]
+    assert panels[0]["high"] < panels[1]["low"]
