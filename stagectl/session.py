@@ -68,6 +68,10 @@ class Listener:
     switched_on: Callable[[VirtualStage, World], object] = field(default=lambda *_: None)
 
 
+class _EarlyStop(KeyboardInterrupt):
+    """The operator's stop before anything moves; no `except Exception` on its way keeps it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Rig:
     """What stands in for bus, camera and operator, where a run is made again.
@@ -233,6 +237,7 @@ class _Run:
         self._stage: Stage | None = None
         self._engine: Engine | None = None
         self._error: StagectlError | None = None
+        self._over = False
         self._record = RunRecord(request, history, None if active is None else _noted(active))
         if active is not None:
             self._record.stage_says(_short_of(active, request))
@@ -265,12 +270,16 @@ class _Run:
                 stage.disable()
         except DriverError as error:
             self._error = RunFault(str(error))
+        except _EarlyStop as stop:
+            self._error = Aborted(str(stop))
         except (Aborted, RunFault, ConfigError) as error:
             self._error = error
         except BaseException:
             # Not foreseen: keep what there is, then let it be seen.
             self._record.abandon()
             raise
+        finally:
+            self._over = True
 
     def finish(self, log_digest: str | None) -> RunResult:
         """Write what the run leaves, beside the bus log."""
@@ -373,12 +382,12 @@ class _Run:
         A stop that goes on already, for whatever reason, is not broken off.
 
         Raises:
-            Aborted: while the stage is opened, booted or homed; it is stopped on the way out.
+            _EarlyStop: while the stage is opened, booted or homed; it is stopped on the way out.
         """
         if self._engine is not None:
             self._engine.stop(reason)
-        elif self._stage is None or not self._stage.ending:
-            raise Aborted(reason)
+        elif not self._over and (self._stage is None or not self._stage.ending):
+            raise _EarlyStop(reason)
 
     def _moving_axes(self, axes: tuple[AxisSettings, ...]) -> tuple[MovingAxis, ...]:
         return tuple(
