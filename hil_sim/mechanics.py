@@ -275,7 +275,7 @@ class Arrays:
         substeps: plant steps per control tick: 5 is the reference, more is finer, 1 coarse
             (`hil_sim.coarse`).
         level: factor on Fc at each SYNC of the duration, shape (K, axes); None: 1.
-        fine: plant steps that a coarse one stands for, at least 5.
+        fine: plant steps that a coarse one stands for, at least 5; of all axes or of each.
 
     Raises:
         ValueError: effects that cannot be, naming axis and effect; substeps of 2..4.
@@ -288,7 +288,7 @@ class Arrays:
         duration: float | None = None,
         substeps: int = SUBSTEPS,
         level: F64 | None = None,
-        fine: float = SUBSTEPS,
+        fine: float | Sequence[float] = SUBSTEPS,
     ) -> None:
         if substeps != 1 and substeps < SUBSTEPS:
             raise ValueError(f"substeps must be 1 or at least {SUBSTEPS}, is {substeps}")
@@ -299,14 +299,15 @@ class Arrays:
         self.plant = np.zeros(len(axes), dtype=_PLANT)
         arena = Arena()
         first = 0
-        for record, axis, ports in zip(self.plant, axes, self.ports, strict=True):
+        fines = np.broadcast_to(fine, len(axes))
+        for a, (record, axis, ports) in enumerate(zip(self.plant, axes, self.ports, strict=True)):
             for name, value in _plant_record(axis).items():
                 record[name] = value
             record["first_element"] = first
             first += axis.friction.elements
             fill(record, ports, arena, settings, substeps)
             if substeps < SUBSTEPS:
-                fill_coarse(record, ports, settings.control_period, fine)
+                fill_coarse(record, ports, settings.control_period, float(fines[a]))
         couple(self.plant, self.ports, arena)
         self.arena = arena.array()
         self.control = np.array(

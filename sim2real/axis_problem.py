@@ -38,6 +38,10 @@ _WHITE = 0.55
 """Structure below this is none; nominal stages reach 0.5."""
 _NEARLY_WHITE = 0.6
 """The same for what is left in the end, where a stage need not be stepped as the simulator is."""
+_SIDE_BY_SIDE = 8
+"""Models that are simulated side by side: more of them gain nothing."""
+_FAR_FROM_WHITE = 3.0
+"""Structure beside which it does not count how finely the stage is stepped."""
 _CUT = 1e4
 """Deviations are kept within so many sigma, where a model makes the stage run away."""
 
@@ -82,6 +86,10 @@ class AxisProblem:
         self.tracks: tuple[Track, ...] = tuple(track for track, _ in first)
         self.masks: tuple[BoolArray, ...] = tuple(track.valid for track in self.tracks)
         self.outlier = _OUTLIER
+
+    def as_fine_as_needed(self, residual: F64) -> AxisProblem:
+        """The same problem in the reference's steps, unless far more than their effect is left."""
+        return self if structure(self.positions(residual)) > _FAR_FROM_WHITE else self.finer()
 
     def finer(self) -> AxisProblem:
         """The same problem, simulated in the reference's steps."""
@@ -136,7 +144,42 @@ class AxisProblem:
         try:
             return self.residual(model)
         except ValueError:
-            return np.full(2 * sum(int(mask.sum()) for mask in self.masks), _CUT)
+            return self._largest()
+
+    def _largest(self) -> F64:
+        return np.full(2 * sum(int(mask.sum()) for mask in self.masks), _CUT)
+
+    def residuals(self, models: Sequence[AxisModel]) -> list[F64 | None]:
+        """Weighted deviations under several models, which takes each less time than by itself.
+
+        Returns:
+            float64[R] for each, None for values that physics does not allow.
+        """
+        return self.workers.spread(self._side_by_side, models, _SIDE_BY_SIDE)
+
+    def _side_by_side(self, models: Sequence[AxisModel]) -> list[F64 | None]:
+        self.workers.check()
+        settings: dict[int, AxisSettings] = {}
+        for i, model in enumerate(models):
+            try:
+                settings[i] = model.settings(self.axis)
+            except ValueError:
+                continue
+        fines = [models[i].fine for i in settings]
+        runs = [
+            tracker.variants(list(settings.values()), gains, fines)
+            for tracker, gains in zip(self.trackers, self.gains, strict=True)
+        ]
+        found: list[F64 | None] = [None] * len(models)
+        for i, tracks in zip(settings, zip(*runs, strict=True), strict=True):
+            possible = [track for track in tracks if track is not None]
+            if len(possible) == len(tracks):
+                found[i] = self.weighted(possible)
+        return found
+
+    def all_attempted(self, models: Sequence[AxisModel]) -> list[F64]:
+        """As `attempted`, of several models as `residuals`."""
+        return [self._largest() if r is None else r for r in self.residuals(models)]
 
     def cost(self, model: AxisModel, residual: F64) -> float:
         """Twice the negative log posterior."""
@@ -192,20 +235,24 @@ class AxisProblem:
 
     def base_columns(self, model: AxisModel, residual: F64) -> F64:
         """Derivatives of the residual by the nuisance parameters, float64[R, NUISANCES]."""
-
-        def slope(j: int) -> F64:
-            steps = (_BASE_STEP, -_BASE_STEP)
+        steps, models = [], []
+        for j in range(NUISANCES):
+            sides = (_BASE_STEP, -_BASE_STEP)
             if j == STEP:  # to one side: neither coarser than the simulator nor infinitely fine
                 way = _UNLIKE_STEP if model.base[j] < 0.5 * FINEST else -_UNLIKE_STEP
-                steps = (way, 2.0 * way)
-            sides = []
-            for step in steps:
+                sides = (way, 2.0 * way)
+            for step in sides:
                 base = model.base.copy()
                 base[j] += step
-                sides.append((self.residual(replace(model, base=base)) - residual) / step)
-            return agreed(*sides)
-
-        return np.column_stack(self.workers.map(slope, range(NUISANCES)))
+                steps.append(step)
+                models.append(replace(model, base=base))
+        slopes = [
+            (there - residual) / step
+            for there, step in zip(self.all_attempted(models), steps, strict=True)
+        ]
+        return np.column_stack(
+            [agreed(one, other) for one, other in zip(slopes[::2], slopes[1::2], strict=True)]
+        )
 
 
 def agreed(one: F64, other: F64) -> F64:

@@ -8,7 +8,7 @@ from hil_sim.settings import StageSettings
 from sim2real.axis_model import AxisModel, composed
 from sim2real.gap import Measured
 from sim2real.recording import BoolArray
-from sim2real.replay import residual, rms
+from sim2real.replay import rms
 
 SIGNALS = 2.0
 """Squared gap over floor of an axis that is explained: one for each signal."""
@@ -33,14 +33,14 @@ def axis_gap(
     stage = composed(settings, models)
     total = samples = 0.0
     for number, m in enumerate(measured):
-        left = residual(m.replay.measured(), m.replay.run(stage))[name]
+        recorded, simulated = m.replay.measured()[name], m.replay.run_axis(stage, name)
         valid = m.replay.valid(name)
         if masks is not None:
             valid = valid & masks[number]
         count = float(valid.sum())
         total += count * sum(
-            (rms(values, valid) / max(m.floor.rms[name][signal], 1e-12)) ** 2
-            for signal, values in left.items()
+            (rms(values - simulated[signal], valid) / max(m.floor.rms[name][signal], 1e-12)) ** 2
+            for signal, values in recorded.items()
         )
         samples += count
     return total / samples

@@ -57,7 +57,9 @@ def contended(problem: AxisProblem, book: Book, trials: Sequence[Rival]) -> Riva
         last = before + max(_CONTEST, _CONTEST_SHARE * before, left)
         near = [rival for rival in ranked()[:_CONTENDERS] if book.score(rival) <= last]
         starts = [_lent(problem, book, rival, near[0]).model for rival in near]
-        side_by_side(problem, book, starts, 4)
+        # Beside one effect or another the base parameters do much the same.
+        columns = problem.base_columns(near[0].model, near[0].fitted.residual)
+        side_by_side(problem, book, starts, 4, columns)
         best = ranked()[0]
         gained = before - book.score(best)
         problem.rescale(best.fitted.residual)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from sim2real.axis_model import (
     NUISANCES,
     STEP,
     AxisModel,
+    Coordinate,
     coordinates,
     fitted,
     moved,
@@ -26,6 +27,8 @@ _COLUMN = 0.05
 """A parameter's step for differences changes so much of its effect's signature."""
 _REACH = 0.6
 """The most of its signature that an effect's parameter may change in one iteration."""
+_STEPS = 3
+"""Steps that a derivative may try."""
 _SLACK = 30.0
 """Rise of the cost that a last step may bring: slips make it rough, and where the data are silent
 the prior has to be heard."""
@@ -60,7 +63,7 @@ def fit(
         if last and not thorough:
             return Fitted(model, cost, residual, None)
         columns, reach = _effect_columns(problem, model, residual, steps, both=last)
-        jacobian = np.hstack([base_columns, *columns]) if columns else base_columns
+        jacobian = np.hstack([base_columns, columns])
         weights = problem.weights(residual)
         known, gradient = information(
             jacobian * np.sqrt(weights)[:, None],
@@ -75,7 +78,7 @@ def fit(
             covariance = robust(inverse(normal), scores)
             return Fitted(model, cost, residual, covariance)
         gradient[:NUISANCES] += model.base / problem.spread**2
-        limit = np.concatenate((10.0 * problem.spread, *reach))
+        limit = np.concatenate((10.0 * problem.spread, reach))
         step = -solve(normal, gradient)
         done += 1
         if not np.isfinite(step).all():
@@ -95,64 +98,102 @@ def fit(
         model, residual, cost = trial, trial_residual, trial_cost
 
 
+@dataclass(slots=True, eq=False)
+class _Slope:
+    """Derivative of the residual by one coordinate of one effect, on its way.
+
+    Attributes:
+        index: of the effect in the model.
+        j: of the coordinate, which is `entry`.
+        start: where the effect is, all its coordinates.
+        step: of the coordinate that is tried next.
+        taken: the last one tried.
+        change: of the residual by it, float64[R].
+    """
+
+    index: int
+    j: int
+    entry: Coordinate
+    start: F64
+    step: float
+    taken: float
+    change: F64
+
+    def where(self, step: float) -> F64:
+        """All coordinates after a step of this one."""
+        where = self.start.copy()
+        where[self.j] += step
+        return where
+
+    def inward(self) -> float:
+        """The next step, away from a limit that it would go beyond."""
+        here, there = self.start[self.j], self.start[self.j] + self.step
+        return -self.step if self.entry.outward(there) == self.entry.outward(here) else self.step
+
+    def tried(self, change: F64, size: float) -> bool:
+        """Whether a step and what it changed will do; else the next one is set.
+
+        Args:
+            change: of the residual, float64[R].
+            size: of the effect's signature.
+        """
+        self.change, self.taken = change, self.step
+        moves = float(np.linalg.norm(change)) / size
+        if _COLUMN / 5.0 < moves < _COLUMN * 5.0 or abs(self.step) >= self.entry.reach:
+            return True
+        wider = self.step * min(max(_COLUMN / (moves + 1e-12), 1e-3), 1e3)
+        self.step = float(np.clip(wider, -self.entry.reach, self.entry.reach))
+        return False
+
+
 def _effect_columns(
     problem: AxisProblem, model: AxisModel, residual: F64, steps: list[F64], both: bool = False
-) -> tuple[list[F64], list[F64]]:
-    """Derivatives by each effect's coordinates and how far each may move; `steps` are kept."""
-    found = [
-        _columns_of(problem, model, residual, index, steps[index], both)
-        for index in range(len(model.terms))
-    ]
-    return [columns for columns, _ in found], [reach for _, reach in found]
-
-
-def _columns_of(
-    problem: AxisProblem, model: AxisModel, residual: F64, index: int, steps: F64, both: bool
 ) -> tuple[F64, F64]:
-    """The same of one effect."""
-    term = model.terms[index]
-    start = fitted(term, problem.axis)
-    signature = problem.residual(model.without(index)) - residual
-    size = float(np.linalg.norm(signature)) + 1e-9
-    entries = coordinates(term.effect, problem.axis)
+    """Derivatives by all effects' coordinates and how far each may move; `steps` are kept."""
+    slopes = []
+    for index, term in enumerate(model.terms):
+        start = fitted(term, problem.axis)
+        for j, entry in enumerate(coordinates(term.effect, problem.axis)):
+            step = float(steps[index][j])
+            step = step if np.isfinite(step) else 0.1 * entry.step
+            slopes.append(_Slope(index, j, entry, start, step, step, residual))
+    bare = [model.without(index) for index in range(len(model.terms))]
+    sizes: list[float] = []
+    pending = slopes
+    for _ in range(_STEPS):
+        for slope in pending:
+            slope.step = slope.inward()
+        models = [_with_term(problem, model, s.index, s.where(s.step)) for s in pending]
+        found = problem.all_attempted([*models, *(() if sizes else bare)])
+        sizes = sizes or [float(np.linalg.norm(r - residual)) + 1e-9 for r in found[len(models) :]]
+        pending = [
+            slope
+            for slope, there in zip(pending, found, strict=False)
+            if not slope.tried(there - residual, sizes[slope.index])
+        ]
+        if not pending:
+            break
+    columns = [slope.change / slope.taken for slope in slopes]
+    if both:
+        models = [_with_term(problem, model, s.index, s.where(-s.taken)) for s in slopes]
+        found = problem.all_attempted(models)
+        columns = [
+            agreed(own, (residual - there) / slope.taken)
+            for own, there, slope in zip(columns, found, slopes, strict=True)
+        ]
+    reach = np.empty(len(slopes))
+    for k, (slope, own) in enumerate(zip(slopes, columns, strict=True)):
+        size, norm = sizes[slope.index], float(np.linalg.norm(own)) + 1e-12
+        reach[k] = min(slope.entry.reach, _REACH * size / norm)
+        best = np.clip(_COLUMN * size / norm, 1e-7, slope.entry.reach)
+        steps[slope.index][slope.j] = best * np.sign(slope.taken)
+    return np.column_stack(columns) if columns else np.empty((len(residual), 0)), reach
 
-    def slope(j: int) -> tuple[F64, float]:
-        coordinate = entries[j]
-        step = steps[j] if np.isfinite(steps[j]) else 0.1 * coordinate.step
-        for _ in range(3):
-            where = start.copy()
-            where[j] += step
-            if coordinate.outward(where[j]) == coordinate.outward(start[j]):
-                step = -step
-                where[j] = start[j] + step
-            change = _with_term(problem, model, index, where) - residual
-            moves = float(np.linalg.norm(change)) / size
-            if _COLUMN / 5.0 < moves < _COLUMN * 5.0 or abs(step) >= coordinate.reach:
-                break
-            wider = step * min(max(_COLUMN / (moves + 1e-12), 1e-3), 1e3)
-            step = float(np.clip(wider, -coordinate.reach, coordinate.reach))
-        own = change / step
-        if both:
-            where[j] = start[j] - step
-            other = residual - _with_term(problem, model, index, where)
-            own = agreed(own, other / step)
-        return own, step
 
-    columns, reach = np.empty((len(residual), len(entries))), np.empty(len(entries))
-    for j, (own, step) in enumerate(problem.workers.map(slope, range(len(entries)))):
-        norm = float(np.linalg.norm(own)) + 1e-12
-        reach[j] = min(entries[j].reach, _REACH * size / norm)
-        best = np.clip(_COLUMN * size / norm, 1e-7, entries[j].reach)
-        steps[j] = best * np.sign(step)
-        columns[:, j] = own
-    return columns, reach
-
-
-def _with_term(problem: AxisProblem, model: AxisModel, index: int, where: F64) -> F64:
-    """Residual with one effect at other coordinates."""
+def _with_term(problem: AxisProblem, model: AxisModel, index: int, where: F64) -> AxisModel:
+    """The model with one effect at other coordinates."""
     shifted = moved(model.terms[index], problem.axis, where)
-    terms = (*model.terms[:index], shifted, *model.terms[index + 1 :])
-    return problem.attempted(replace(model, terms=terms))
+    return replace(model, terms=(*model.terms[:index], shifted, *model.terms[index + 1 :]))
 
 
 def _moved(model: AxisModel, problem: AxisProblem, step: F64) -> AxisModel:

@@ -44,7 +44,9 @@ def gate(
         alone = partial(_alone, name, models, measured, settings)
         same = best.names() == found.best.model.names()
         if not same or alone(best) < alone(found.best.model):
-            problem = found.problem.finer() if best.terms else found.problem
+            problem = found.problem
+            if best.terms:
+                problem = problem.as_fine_as_needed(problem.residual(best))
             found.best = _settled(problem, best, alone)
         models[name] = found.best.model
         before = axis_gap(name, {**models, name: found.problem.start}, measured, settings)

@@ -6,13 +6,13 @@ The model starts at rest at the first target. A recording that starts with force
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.settings import AxisSettings, StageSettings
-from hil_sim.simulate import simulate
+from hil_sim.simulate import Response, needs_all_axes, simulate
 from sim2real.recording import AxisSignals, BoolArray, FloatArray, Recording
 from sim2real.report import SIGNALS
 
@@ -60,10 +60,24 @@ class Replay:
             seed: of encoder noise and friction wander; None for neither.
         """
         response = simulate(settings, self.demand, self.offset, seed, rest_force=self.rest_force)
-        return {
-            name: {signal: getattr(response, signal)[self.place, a] for signal in SIGNALS}
-            for a, name in enumerate(self.names)
-        }
+        return {name: self._sampled(response, a) for a, name in enumerate(self.names)}
+
+    def run_axis(self, settings: StageSettings, name: str) -> dict[str, FloatArray]:
+        """Signals of one axis, without noise; the others are run where they have to be."""
+        if needs_all_axes(settings):
+            return self.run(settings)[name]
+        a = self.names.index(name)
+        response = simulate(
+            replace(settings, axes=(settings.axes[a],)),
+            self.demand[:, a : a + 1],
+            self.offset[:, a : a + 1],
+            None,
+            rest_force=(self.rest_force[a],),
+        )
+        return self._sampled(response, 0)
+
+    def _sampled(self, response: Response, a: int) -> dict[str, FloatArray]:
+        return {signal: getattr(response, signal)[self.place, a] for signal in SIGNALS}
 
     def measured(self) -> Signals:
         """The recorded signals."""

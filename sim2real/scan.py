@@ -80,16 +80,16 @@ class Scanner:
         self._residual = residual
         self._root = np.sqrt(weights)
         self._cost = problem.cost(model, residual)
+        self._saved: dict[tuple[str, tuple[float, ...]], float | None] = {}
         self._axis = model.settings(problem.axis)
         self._tracks = problem.track(model)
         self._grid = Grid(problem.axis, problem.trackers, self._tracks)
         period = float(problem.trackers[0].time[1])
         self._accelerations = [np.gradient(t.v, period) for t in self._tracks]
         nuisance = [base_columns * self._root[:, None]]
-        for term in range(len(model.terms)):
-            nuisance.append(
-                ((problem.residual(model.without(term)) - residual) * self._root)[:, None]
-            )
+        fewer = [model.without(term) for term in range(len(model.terms))]
+        for without in problem.all_attempted(fewer):
+            nuisance.append(((without - residual) * self._root)[:, None])
         # The prior of the base parameters stands beside the data as rows of its own.
         # Stiffer than it is: else a mass 5 % off would be taken for a base parameter's.
         self._rows = np.diag(_STIFF / problem.spread)
@@ -121,17 +121,12 @@ class Scanner:
         nodes = list(self._grid.nodes(effect, cheap)) if nodes is None else nodes
         linear: list[Start] = []
         if cheap:
-            tried = [self._tried(effect, values, self._signature) for values in nodes]
-            linear = sorted((t for t in tried if t is not None), key=lambda start: -start.gain)
+            linear = sorted(self._tried(effect, nodes, self._signatures), key=lambda s: -s.gain)
             if not given and len(nodes) > _SIMULATED_NODES:
                 nodes = [start.node for start in linear[:_SIMULATED_NODES]]
-        found = [
-            start
-            for values in nodes
-            if (start := self._tried(effect, values, self._simulated)) is not None
-        ]
+        found = self._tried(effect, nodes, self._simulated)
         if not cheap:
-            found = [self._actual(start) for start in found]
+            found = self._actual(found)
         elif linear and not given:
             # A node in the wrong phase may make elements slip that do not: then the error
             # equations know better than a simulation, which the cost at their start shows.
@@ -172,7 +167,7 @@ class Scanner:
         energy, size, values = best
         apart = 2.0 * friction.correlation_time / float(self._problem.trackers[0].time[1])
         term = Term(effect, self._scaled(effect, values, min(size, _WIDEST)))
-        signature = self._signature(term)
+        signature = self._signatures([term])[0]
         if signature is None:
             return None
         column = self._beside([signature])[:, 0]
@@ -180,27 +175,30 @@ class Scanner:
 
     def _proven(self, start: Start) -> list[Start]:
         """The start with the gain that it really has, where it has one."""
-        try:
-            residual = self._problem.residual(self._model.added(start.term))
-        except ValueError:
-            return []
-        gain = self._cost - self._problem.cost(self._model, residual)
-        return [replace(start, gain=gain)] if gain > 0.0 else []
+        gain = self._gains([start.term])[0]
+        return [replace(start, gain=gain)] if gain is not None and gain > 0.0 else []
 
-    def _actual(self, start: Start) -> Start:
-        """With the gain that the node or the size sought from it really has, whichever is more."""
-        best = start
-        gains = []
-        for term in (start.term, Term(start.term.effect, start.node)):
-            try:
-                residual = self._problem.residual(self._model.added(term))
-            except ValueError:  # physics does not allow it beside what is there
-                continue
-            gains.append((self._cost - self._problem.cost(self._model, residual), term))
-        if gains:
-            gain, term = max(gains, key=lambda pair: pair[0])
-            best = Start(term, max(gain, 0.1 * start.gain), start.signature, start.node)
+    def _actual(self, starts: Sequence[Start]) -> list[Start]:
+        """With the gains that the node or the size sought from it really has, whichever is more."""
+        tried = [t for s in starts for t in (s.term, Term(s.term.effect, s.node))]
+        gains = self._gains(tried)
+        best = []
+        for i, start in enumerate(starts):
+            known = [
+                (gain, tried[at])
+                for at in (2 * i, 2 * i + 1)
+                if (gain := gains[at]) is not None  # physics may not allow it beside what is there
+            ]
+            if known:
+                gain, term = max(known, key=lambda pair: pair[0])
+                start = Start(term, max(gain, 0.1 * start.gain), start.signature, start.node)
+            best.append(start)
         return best
+
+    def _gains(self, terms: Sequence[Term]) -> list[float | None]:
+        """What each term really saves beside the model; None where it cannot be."""
+        self._simulated([term for term in terms if _key(term) not in self._saved])
+        return [self._saved[_key(term)] for term in terms]
 
     def _beside(self, signatures: Sequence[F64]) -> F64:
         """What base parameters and present effects leave of them, weighted, float64[R + B, n]."""
@@ -214,20 +212,38 @@ class Scanner:
     def _tried(
         self,
         effect: Effect,
-        values: tuple[float, ...],
-        signature: Callable[[Term], F64 | None],
-    ) -> Start | None:
+        nodes: Sequence[tuple[float, ...]],
+        signatures: Callable[[Sequence[Term]], list[F64 | None]],
+    ) -> list[Start]:
+        """Starts from nodes that change something; sizes, phases and shifts by least squares."""
         phase = next((i for i, p in enumerate(effect.parameters) if p.role == "phase"), None)
         place = _offset(effect)
-        sets = [values]
-        if phase is not None:
-            sets.append(_changed(values, phase, values[phase] + 0.5 * math.pi))
-        elif place is not None:
-            sets.append(_changed(values, place, values[place] + _SHIFT))
-        raw = [signature(Term(effect, v)) for v in sets]
-        if any(r is None for r in raw):
-            return None
-        free = self._beside([r for r in raw if r is not None])
+        sets = []
+        for values in nodes:
+            sets.append(values)
+            if phase is not None:
+                sets.append(_changed(values, phase, values[phase] + 0.5 * math.pi))
+            elif place is not None:
+                sets.append(_changed(values, place, values[place] + _SHIFT))
+        raw = signatures([Term(effect, v) for v in sets])
+        each = len(sets) // max(len(nodes), 1)
+        found = []
+        for i, values in enumerate(nodes):
+            own = [r for r in raw[each * i : each * (i + 1)] if r is not None]
+            if len(own) == each:
+                found.append(self._started(effect, values, own, phase, place))
+        return [start for start in found if start is not None]
+
+    def _started(
+        self,
+        effect: Effect,
+        values: tuple[float, ...],
+        signatures: Sequence[F64],
+        phase: int | None,
+        place: int | None,
+    ) -> Start | None:
+        """Where to start from a node, by its signature and that of its other phase or place."""
+        free = self._beside(signatures)
         normal = free.T @ free
         if not np.isfinite(normal).all() or float(np.trace(normal)) < 1e-6:
             return None
@@ -268,26 +284,33 @@ class Scanner:
             scaled[i] = min(max(value, least), parameter.below - 1e-6)
         return tuple(scaled)
 
-    def _signature(self, term: Term) -> F64 | None:
-        """Change of the residual when the term is added, float64[R]."""
-        parts: list[F64] = []
-        forces: list[F64] = []
-        for tracker, track, gains, acceleration, mask in zip(
-            self._problem.trackers, self._tracks, self._problem.gains, self._accelerations,
-            self._problem.masks, strict=True,
-        ):  # fmt: skip
-            found = inputs(self._axis, term, track, tracker.time, acceleration)
-            if found is None:
-                return self._simulated(term)
-            parts.append(-response(found, gains)[mask])
-            forces.append(np.zeros(int(mask.sum())))
-        return np.concatenate((*parts, *forces))
+    def _signatures(self, terms: Sequence[Term]) -> list[F64 | None]:
+        """Change of the residual when each term is added, float64[R], to first order."""
+        found: list[F64 | None] = []
+        for term in terms:
+            parts: list[F64] = []
+            forces: list[F64] = []
+            for tracker, track, gains, acceleration, mask in zip(
+                self._problem.trackers, self._tracks, self._problem.gains, self._accelerations,
+                self._problem.masks, strict=True,
+            ):  # fmt: skip
+                there = inputs(self._axis, term, track, tracker.time, acceleration)
+                if there is None:
+                    break
+                parts.append(-response(there, gains)[mask])
+                forces.append(np.zeros(int(mask.sum())))
+            whole = len(parts) == len(self._tracks)
+            found.append(np.concatenate((*parts, *forces)) if whole else self._simulated([term])[0])
+        return found
 
-    def _simulated(self, term: Term) -> F64 | None:
-        try:
-            return self._problem.residual(self._model.added(term)) - self._residual
-        except ValueError:  # a node that physics does not allow beside what is there
-            return None
+    def _simulated(self, terms: Sequence[Term]) -> list[F64 | None]:
+        """The same by simulation; None for values that physics does not allow."""
+        residuals = self._problem.residuals([self._model.added(term) for term in terms])
+        for term, residual in zip(terms, residuals, strict=True):
+            self._saved[_key(term)] = (
+                None if residual is None else self._cost - self._problem.cost(self._model, residual)
+            )
+        return [None if residual is None else residual - self._residual for residual in residuals]
 
     def _cheap(self, effect: Effect) -> bool:
         values = tuple(middle(p, self._problem.axis) for p in effect.parameters)
@@ -298,6 +321,10 @@ class Scanner:
             )
             is not None
         )  # fmt: skip
+
+
+def _key(term: Term) -> tuple[str, tuple[float, ...]]:
+    return term.name, term.values
 
 
 def _distinct(found: list[Start], effect: Effect) -> list[Start]:

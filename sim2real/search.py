@@ -35,6 +35,8 @@ _WANDERS = 2
 """And so many of those that the filter's wander speaks for."""
 _PROMISING = 0.03
 """Effects are fitted whose first-order gain is at least this share of the best one's."""
+_AGAIN = 0.01
+"""The same share for effects that later scans look at, beside another effect."""
 _FAINT = 40.0
 """First-order gain from which effects are fitted where the closed loop shows a gap."""
 _OPEN = 2.0
@@ -106,6 +108,7 @@ def search(
     found = AxisSearch(problem, plain, plain, loop(problem.start))
     book = Book(problem, loop)
     path = [_no_worse(problem, book, plain)]
+    promising: dict[str, Effect] = {}
     # What nobody sees in the closed loop is no gap, whatever the innovations say.
     for depth in range(MOST_EFFECTS if found.open_gap > _OPEN * SIGNALS else 0):
         # A plain fit to a stage with an effect bends the base parameters: start from none.
@@ -113,7 +116,7 @@ def search(
         problem.rescale(current.residual)
         is_open = path[-1].gap > _OPEN * SIGNALS
         candidates, columns = _candidates(
-            problem, current, library, is_open, found if depth == 0 else None
+            problem, current, library, is_open, found if depth == 0 else None, promising
         )
         progress((depth + 0.4) / MOST_EFFECTS)
         if not candidates:
@@ -127,7 +130,7 @@ def search(
         if within_tolerance(best.model.terms[-1], problem.axis, float(problem.spread[0])):
             break
         if depth > 0:
-            best = _looked_back(problem, best, library, book, is_open)
+            best = _looked_back(problem, best, promising, book, is_open)
         path.append(best)
         progress((depth + 1) / MOST_EFFECTS)
         problem.rescale(best.fitted.residual)
@@ -136,11 +139,12 @@ def search(
     problem.rescale(path[-1].fitted.residual)
     last = path[-1]
     if len(path) > 2 and not problem.nearly_white(last.fitted.residual):
-        last = _otherwise(problem, last, library, book)
+        last = _otherwise(problem, last, promising, book)
         problem.rescale(last.fitted.residual)
     settled = _no_worse(problem, book, last.fitted)
     model = settled.fitted.model
-    found.best = fit(problem.finer(), model, 2) if model.terms else settled.fitted
+    fine = problem.as_fine_as_needed(settled.fitted.residual)
+    found.best = fit(fine, model, 2) if model.terms else settled.fitted
     nothing = not model.terms and settled.gap < _OPEN * SIGNALS
     found.whole = nothing or problem.nearly_white(found.best.residual)
     found.rivals = book.ranked()
@@ -161,7 +165,7 @@ def beside(found: AxisSearch, others: Sequence[AxisSettings]) -> None:
     problem.regain(model)
     again = fit(problem, model, 4, thorough=False)
     problem.rescale(again.residual)
-    found.best = fit(problem.finer(), again.model, 2)
+    found.best = fit(problem.as_fine_as_needed(again.residual), again.model, 2)
     found.whole = problem.nearly_white(found.best.residual)
     own = set(model.names())
     found.rivals = [
@@ -175,9 +179,13 @@ def _candidates(
     current: Fitted,
     library: Mapping[str, Effect],
     is_open: bool,
-    found: AxisSearch | None,
+    found: AxisSearch | None = None,
+    promising: dict[str, Effect] | None = None,
 ) -> tuple[list[Start], F64]:
-    """Where to start fitting the most promising effects, and derivatives by base parameters."""
+    """Where to start fitting the most promising effects, and derivatives by base parameters.
+
+    `found` keeps what the scan said; `promising` gains the effects that may be looked at again.
+    """
     columns = problem.base_columns(current.model, current.residual)
     scanner = Scanner(
         problem, current.model, current.residual, columns, problem.weights(current.residual)
@@ -191,6 +199,10 @@ def _candidates(
             found.scanned[name] = tried[0].gain
             found.signatures[name] = tried[0].signature
     starts.sort(key=lambda start: -start.gain)
+    if promising is not None:
+        promising |= {
+            s.term.name: library[s.term.name] for s in starts if s.gain >= _AGAIN * starts[0].gain
+        }
     needed = _FAINT if is_open else LEAST_GAIN
     if not starts or starts[0].gain < needed:
         return [], columns
@@ -229,7 +241,7 @@ def _looked_back(
         rest = book.best(current.model.without(index).names())
         if book.score(current) > book.score(rest) - LEAST_GAIN:
             return rest
-        starts, columns = _candidates(problem, rest.fitted, library, is_open, None)
+        starts, columns = _candidates(problem, rest.fitted, library, is_open)
         own = current.model.terms[index].name
         others = [s.term for s in starts if s.term.name != own][:2]
         beside = [rest.model.added(term) for term in others]
@@ -251,7 +263,7 @@ def _otherwise(
         if single.model.names()[0] not in current.model.names() and book.score(single) < most
     ]
     for single in others[:_OTHERS]:
-        starts, columns = _candidates(problem, single.fitted, library, True, None)
+        starts, columns = _candidates(problem, single.fitted, library, True)
         beside = [single.model.added(start.term) for start in starts[:_BESIDE]]
         trials = side_by_side(problem, book, beside, 4, columns)
         if trials and min(map(book.score, trials)) < book.score(current):

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numba
 import numpy as np
@@ -42,6 +43,10 @@ rounded to 18 mN of deviation."""
 _FINE = 1e-13
 """Increment of the simulated encoder between SYNCs [m]: its rounding would only add noise."""
 _OUTPUTS = ("innovation", "motor", "x", "v", "level")
+_GAINS = {
+    "gain": (STATES,), "deviation": (), "transition": (STATES, STATES), "force": (STATES,),
+    "level": (STATES,),
+}  # fmt: skip
 _DERIVATIVE_SHARE = 0.4
 """Share of the derivative gain that a velocity error sees within one SYNC period, for the
 covariance only."""
@@ -181,6 +186,23 @@ def _track(  # type: ignore[no-untyped-def]
             propagate(covariance[a], transitions[k, a], spectrum)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Run:
+    """What the kernel found of K samples and some axes.
+
+    Attributes:
+        out: name of `_OUTPUTS` -> float64[K, axes].
+        filter: name of `_GAINS` -> float64[K, axes, ...], where gains were worked out.
+    """
+
+    out: dict[str, F64]
+    filter: dict[str, F64]
+
+    def gains(self, at: int) -> Gains:
+        """Of one axis."""
+        return Gains(**{name: np.ascontiguousarray(v[:, at]) for name, v in self.filter.items()})
+
+
 class Tracker:
     """Tracks one axis of a recording under whatever model is asked for.
 
@@ -239,11 +261,81 @@ class Tracker:
         Raises:
             ValueError: effects that cannot be.
         """
-        together = needs_other_axes(model, self._stage.sync_period)
-        axes = list(self._others) if together else [model]
-        columns = list(range(len(axes))) if together else [self._index]
-        at = self._index if together else 0
-        axes[at] = model
+        axes, columns, at = [model], [self._index], 0
+        known = None if gains is None else [gains]
+        if needs_other_axes(model, self._stage.sync_period):
+            axes, columns, at = list(self._others), list(range(len(self._others))), self._index
+            axes[at] = model
+            if gains is not None:
+                known = list(self._of_others)
+                known[at] = gains
+        run = self._tracked(axes, columns, known, [fine] * len(axes))
+        found = gains or run.gains(at)
+        return self._seen(run, at, found), found
+
+    def variants(
+        self, models: Sequence[AxisSettings], gains: Gains, fines: Sequence[float]
+    ) -> list[Track | None]:
+        """Track the axis under several models, side by side: each takes little more than half.
+
+        Steps of one fill the time in which another's waits for its own results.
+
+        Args:
+            models: of the axis, effects included.
+            gains: as in `run`.
+            fines: of each model, as in `run`.
+
+        Returns:
+            A track for each, None for effects that cannot be.
+        """
+        found: list[Track | None] = [None] * len(models)
+        groups: dict[int, list[int]] = {}
+        for i, (model, fine) in enumerate(zip(models, fines, strict=True)):
+            try:
+                together = needs_other_axes(model, self._stage.sync_period)
+            except ValueError:
+                continue
+            if together:
+                found[i] = self._if_possible(model, gains, fine)
+            else:
+                groups.setdefault(self._steps(fine), []).append(i)
+        for group in groups.values():
+            axes, columns = [models[i] for i in group], [self._index] * len(group)
+            try:
+                run = self._tracked(axes, columns, [gains] * len(group), [fines[i] for i in group])
+            except ValueError:  # of one of them, and only alone does it tell which
+                for i in group:
+                    found[i] = self._if_possible(models[i], gains, fines[i])
+            else:
+                for at, i in enumerate(group):
+                    found[i] = self._seen(run, at, gains)
+        return found
+
+    def _if_possible(self, model: AxisSettings, gains: Gains, fine: float) -> Track | None:
+        try:
+            return self.run(model, gains, fine)[0]
+        except ValueError:
+            return None
+
+    @cached_property
+    def _of_others(self) -> list[Gains]:
+        """Gains of all axes as they stand beside this one."""
+        count = len(self._others)
+        run = self._tracked(self._others, list(range(count)), None, [SUBSTEPS] * count)
+        return [run.gains(a) for a in range(count)]
+
+    def _steps(self, fine: float) -> int:
+        """Plant steps per control tick of a simulation that stands for `fine` ones."""
+        return self._substeps if self._substeps < SUBSTEPS else round(fine)
+
+    def _tracked(
+        self,
+        axes: Sequence[AxisSettings],
+        columns: Sequence[int],
+        gains: Sequence[Gains] | None,
+        fines: Sequence[float],
+    ) -> _Run:
+        """Track axes of the recording, column by column, or variants of one."""
         stage = replace(self._stage, axes=tuple(replace(a, increment=_FINE) for a in axes))
         demand, offset, measured, reported, valid = (
             np.ascontiguousarray(values[:, columns])
@@ -252,8 +344,8 @@ class Tracker:
             )
         )  # fmt: skip
         count, period = len(demand), stage.sync_period
-        steps = self._substeps if self._substeps < SUBSTEPS else round(fine)
-        arrays = Arrays(stage, demand[0].tolist(), count * period, steps, fine=fine)
+        steps = self._steps(fines[0])
+        arrays = Arrays(stage, demand[0].tolist(), count * period, steps, fine=fines)
         for name in ("offset", "from_force", "to_force"):
             arrays.loop[name] = offset[0]
         arrays.loop["powered"] = True
@@ -265,48 +357,36 @@ class Tracker:
         keep = np.exp(-period / np.array([f.correlation_time for f in friction]))
         noise = np.array(
             [math.hypot(o.noise, o.increment / math.sqrt(12.0)) for o in self._stage.axes]
-        )[columns]
+        )[list(columns)]
         doubt = np.array([force_deviation(a) for a in axes])
-        fresh = gains is None or together
         out = {name: np.zeros((count, len(axes))) for name in _OUTPUTS}
-        if gains is None or together:
-            gain = np.zeros((count, len(axes), STATES))
-            transition = np.zeros((count, len(axes), STATES, STATES))
-            force = np.zeros((count, len(axes), STATES))
-            level = np.zeros((count, len(axes), STATES))
-            deviation = np.zeros((count, len(axes)))
-        else:
-            gain, transition, force, level, deviation = (
-                np.ascontiguousarray(values[:, None])
-                for values in (
-                    gains.gain, gains.transition, gains.force, gains.level, gains.deviation,
-                )
-            )  # fmt: skip
+        known = 0 if gains is None else count
+        fresh = {
+            name: np.zeros((count - known, len(axes), *shape)) for name, shape in _GAINS.items()
+        }
+        gain = fresh["gain"] if gains is None else np.stack([g.gain for g in gains], axis=1)
         _track(
             arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces,
             arrays.slipping, arrays.shares, arrays.arena, stage.control_period,
             steps, stage.ticks, demand, offset, measured, reported, valid, wander, keep,
-            noise, doubt, fresh,
-            out["innovation"], deviation, out["motor"], out["x"], out["v"], out["level"],
-            gain, transition, force, level,
+            noise, doubt, gains is None,
+            out["innovation"], fresh["deviation"], out["motor"], out["x"], out["v"], out["level"],
+            gain, fresh["transition"], fresh["force"], fresh["level"],
         )  # fmt: skip
-        found = gains or Gains(
-            *(
-                np.ascontiguousarray(values[:, at])
-                for values in (gain, deviation, transition, force, level)
-            )
-        )
-        motor = out["motor"][:, at]
-        track = Track(
-            position=out["innovation"][:, at] / found.deviation,
+        return _Run(out, {**fresh, "gain": gain})
+
+    def _seen(self, run: _Run, at: int, gains: Gains) -> Track:
+        """One axis of a run."""
+        motor = run.out["motor"][:, at]
+        return Track(
+            position=run.out["innovation"][:, at] / gains.deviation,
             force=(self._force[:, self._index] - motor) / force_deviation(self.axis),
             valid=self.valid,
-            x=out["x"][:, at],
-            v=out["v"][:, at],
+            x=run.out["x"][:, at],
+            v=run.out["v"][:, at],
             motor=motor,
-            level=out["level"][:, at],
+            level=run.out["level"][:, at],
         )
-        return track, found
 
 
 def force_deviation(axis: AxisSettings) -> float:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
+from itertools import pairwise
 from types import TracebackType
 from typing import TypeVar
 
@@ -27,6 +28,7 @@ class Workers:
     """
 
     def __init__(self, jobs: int = 1) -> None:
+        self._jobs = jobs
         self._stopped = threading.Event()
         self._inside = threading.local()
         self._pool = (
@@ -49,6 +51,31 @@ class Workers:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=error is not None)
 
+    def spread(
+        self,
+        function: Callable[[Sequence[Item]], Sequence[Result]],
+        items: Sequence[Item],
+        most: int,
+    ) -> list[Result]:
+        """A function of several items at once, in as many parts as there are threads.
+
+        Args:
+            function: gives a result for each of the items it is given.
+            items: in parts of `most` or less, each as large as the others.
+            most: items at once.
+
+        Raises:
+            Stopped: nobody waits for it any more.
+        """
+        count = max(-(-len(items) // most), min(self._idle(), len(items)))
+        edges = [len(items) * part // count for part in range(count + 1)] if items else [0]
+        parts = [items[first:last] for first, last in pairwise(edges)]
+        return [result for part in self.map(function, parts) for result in part]
+
+    def _idle(self) -> int:
+        """Threads that a map from here can use."""
+        return 1 if self._pool is None or getattr(self._inside, "yes", False) else self._jobs
+
     def check(self) -> None:
         """Go on only where the result is still waited for.
 
@@ -65,7 +92,7 @@ class Workers:
             Stopped: nobody waits for it any more.
         """
         self.check()
-        if self._pool is None or getattr(self._inside, "yes", False):
+        if self._pool is None or self._idle() == 1:
             return [function(item) for item in items]
         try:
             return list(self._pool.map(function, items))

@@ -64,6 +64,28 @@ def test_response_to_a_force_is_what_a_simulation_shows(
     assert np.corrcoef(simulated, predicted)[0, 1] > 0.9
 
 
+def test_models_side_by_side_are_tracked_as_each_by_itself(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    problem = problem_of(*nominal)
+    base = problem.start.base.copy()
+    base[0], base[STEP] = 0.01, 0.4
+    heavier, nothing = AxisModel(base), problem.start
+    waved = nothing.added(Term(library()["cogging"], (0.3, 0.03, 1.0)))
+    tied = nothing.added(Term(library()["cross_coupling"], (0.1,)))
+    weightless = nothing.added(Term(library()["payload_mass"], (-1e3,)))
+    models = [heavier, waved, weightless, tied, nothing]
+    each = [None if m is weightless else problem.residual(m) for m in models]
+    for found, own in zip(problem.residuals(models), each, strict=True):
+        assert (found is None) == (own is None)
+        if found is not None:
+            np.testing.assert_array_equal(found, own)
+    assert problem.all_attempted([weightless])[0].min() > 1e3
+    finer = problem.finer()
+    for found, model in zip(finer.residuals([heavier, nothing, waved]), models[:1], strict=False):
+        np.testing.assert_array_equal(found, finer.residual(model))
+
+
 @pytest.mark.parametrize("name", sorted(library()))
 def test_coordinates_go_there_and_back(nominal: tuple[Recording, StageSettings], name: str) -> None:
     axis = nominal[1].axes[0]

@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hil_sim.effects.library import library
 from hil_sim.simulate import simulate
 from sim2real.gap import closed, measure
 from sim2real.recording import AxisSignals, Recording
+from sim2real.replay import prepare
 from stagectl.config import load_machine, stage_settings
 from stagectl.store.recording import read_recording
 
@@ -94,6 +96,18 @@ def test_another_sync_period_is_an_error(stage, recorded):
         ValueError, match=r"samples are 0\.001 s apart, the model.s sync_period is 0"
     ):
         measure(recorded, replace(stage, sync_period=0.002))
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_one_axis_runs_as_it_does_beside_the_others(stage, recorded, coupled):
+    if coupled:
+        effect = library()["cross_coupling"].at(mass=0.3)
+        stage = replace(stage, axes=(replace(stage.axes[0], effects=(effect,)), stage.axes[1]))
+    replay = prepare(recorded, stage)
+    whole = replay.run(stage)
+    for name, signals in whole.items():
+        for signal, values in replay.run_axis(stage, name).items():
+            np.testing.assert_array_equal(values, signals[signal])
 
 
 def test_periods_passed_over_are_part_of_the_model_too(stage, recorded):

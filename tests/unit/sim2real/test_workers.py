@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Sequence
 
 import pytest
 
@@ -18,6 +19,24 @@ def test_map_keeps_the_order_and_may_be_nested(jobs: int) -> None:
             return workers.map(lambda j: 10 * i + j, range(3))
 
         assert workers.map(row, range(5)) == [[10 * i + j for j in range(3)] for i in range(5)]
+
+
+@pytest.mark.parametrize(
+    ("jobs", "count", "most", "parts"),
+    [(1, 7, 4, [3, 4]), (2, 7, 8, [3, 4]), (2, 1, 8, [1]), (2, 0, 8, []), (2, 12, 4, [4, 4, 4])],
+)
+def test_items_are_spread_over_all_threads(
+    jobs: int, count: int, most: int, parts: list[int]
+) -> None:
+    sizes = []
+
+    def doubled(items: Sequence[int]) -> list[int]:
+        sizes.append(len(items))
+        return [2 * item for item in items]
+
+    with Workers(jobs) as workers:
+        assert workers.spread(doubled, range(count), most) == [2 * i for i in range(count)]
+    assert sorted(sizes) == parts
 
 
 def test_two_tasks_run_at_the_same_time() -> None:
