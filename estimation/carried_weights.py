@@ -26,8 +26,8 @@ from estimation.whitening import normal_equations
 @kernel()
 def refine_carried(  # type: ignore[no-untyped-def]
     raw, chosen, tables, heading, ready, use, mass, viscous, coulomb, stiffness, rate, alpha,
-    shape, noise, period, start, known_coulomb, rest_force, white, shares, prior, information,
-    lower, upper, value, normal,
+    shape, noise, period, start, known_coulomb, rest_force, white, shared, shares, prior,
+    information, lower, upper, value, normal,
 ):  # fmt: skip
     """From the solution under `whitening` to the one under the covariance that positions have.
 
@@ -52,6 +52,7 @@ def refine_carried(  # type: ignore[no-untyped-def]
         known_coulomb: Coulomb force under which they are known [N].
         rest_force: measured there [N].
         white: variance of the force [N^2].
+        shared: what it grows by, of `share_rounding` [N^2], shape (K,).
         shares: nu_i, shape (N,).
         prior: of `least_squares.gauss_newton_step`.
         information: the same.
@@ -68,8 +69,8 @@ def refine_carried(  # type: ignore[no-untyped-def]
     )  # fmt: skip
     factor = np.empty((REACH, count))
     factor_carried(
-        mass, viscous, period, noise, white, tables[T_STUCK], tables[T_SHARE], tables[T_HAZE],
-        use, pull, keep, left, factor,
+        mass, viscous, period, noise, white, shared, tables[T_STUCK], tables[T_SHARE],
+        tables[T_HAZE], use, pull, keep, left, factor,
     )  # fmt: skip
     rows, order = np.empty((n + 1, count)), np.empty(n + 1, dtype=np.int8)
     for a in range(n + 1):
@@ -92,7 +93,7 @@ def refine_carried(  # type: ignore[no-untyped-def]
 
 @kernel()
 def factor_carried(  # type: ignore[no-untyped-def]
-    mass, viscous, period, noise, white, stuck, share, haze, use, pull, keep, left, factor
+    mass, viscous, period, noise, white, shared, stuck, share, haze, use, pull, keep, left, factor
 ):
     """Factor the covariance of the rows less what they keep of the ones before, L D L'.
 
@@ -102,6 +103,7 @@ def factor_carried(  # type: ignore[no-untyped-def]
         period: of the samples [s].
         noise: rms of a position [m].
         white: variance of the force [N^2].
+        shared: what it grows by, of `share_rounding` [N^2], shape (K,).
         stuck: stiffness of what sticks at each row [N/m], shape (K,).
         share: where a row turns, else negative, shape (K,).
         haze: variance of what a turn leaves open [N^2], shape (K,).
@@ -128,7 +130,7 @@ def factor_carried(  # type: ignore[no-untyped-def]
             keep[k] = 0.0
         if not use[k]:
             continue
-        own = white + (haze[k] if share[k] >= 0.0 else 0.0)
+        own = white + shared[k] + (haze[k] if share[k] >= 0.0 else 0.0)
         by[0, 0] = pull[0, k] - keep[k] * before
         by[0, 1] = pull[1, k] + before - keep[k] * here_last
         by[0, 2] = pull[2, k] + here - keep[k] * after

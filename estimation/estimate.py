@@ -14,9 +14,11 @@ from estimation.update_tables import (
     HOLES,
     JUMP,
     MISFIT,
+    MUTE,
     R_EVALUATIONS,
     R_SLIDE,
     R_STICK,
+    SHAKEN,
     STILL,
     U_COVARIANCE,
     U_FIGURE,
@@ -29,11 +31,19 @@ from estimation.update_tables import (
     U_SLIDING,
     U_SPREAD,
     U_VERDICT,
+    UNBEGUN,
 )
 
 FIGURES_OF_FRICTION = FIGURES[:MASS]
 TELLING = 0.5
 """A move that leaves more than this of the level's variance does not show the level."""
+
+_WHY_NOT = {
+    0.0: "too little motion to learn from",
+    MUTE: "its force says nothing while it moves: saturated, missing, or upset by late setpoints",
+    UNBEGUN: "how its elements stood before it is not known: "
+    "a move that slides has to be learned from first",
+}
 
 
 class Estimate:
@@ -64,8 +74,10 @@ class Estimate:
             return None
         if verdict == HOLES:
             return f"only {number:.0%} of the samples can be used"
+        if verdict == SHAKEN:
+            return f"late setpoints upset the force in all but {number:.0%} of the motion"
         if verdict == STILL:
-            return "too little motion to learn from"
+            return _WHY_NOT[number]
         if verdict == MISFIT:
             return f"residual {number:.1f} times what noise and wander explain"
         if verdict == BOUND:

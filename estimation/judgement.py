@@ -26,6 +26,8 @@ from estimation.update_tables import (
     R_SLIDE,
     R_STEADY,
     R_STICK,
+    R_WHY,
+    SHAKEN,
     STILL,
     U_BEFORE,
     U_COVARIANCE,
@@ -77,9 +79,9 @@ def end_update(  # type: ignore[no-untyped-def]
     if whole and usable < constants[C_COMPLETE] * samples:
         result[U_VERDICT], result[U_NUMBER] = HOLES, usable / samples
     elif whole and result[R_STEADY] < MOSTLY:
-        result[U_VERDICT], result[U_NUMBER] = HOLES, result[R_STEADY]
+        result[U_VERDICT], result[U_NUMBER] = SHAKEN, result[R_STEADY]
     elif result[R_SLIDE] == 0.0 and not stick:
-        result[U_VERDICT] = STILL
+        result[U_VERDICT], result[U_NUMBER] = STILL, result[R_WHY]
     else:
         judge(before, spread, found, uncertain, constants, whole, result)
     sliding(before, spread, U_SLIDING, result)

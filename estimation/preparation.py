@@ -30,6 +30,7 @@ from estimation.update_tables import (
     C_POSITION_NOISE,
     C_VS,
     F_UNIT,
+    MUTE,
     R_BOUND,
     R_END,
     R_FAR,
@@ -38,6 +39,8 @@ from estimation.update_tables import (
     R_STEADY,
     R_STICK,
     R_TOLD,
+    R_WHY,
+    UNBEGUN,
 )
 from estimation.zones import REST, SLIDE, STICK, differences, find_stretches, find_turns, mark_zones
 
@@ -153,6 +156,7 @@ def prepare(  # type: ignore[no-untyped-def]
         begun += 1
     while end > 0 and zone[end - 1] == REST:
         end -= 1
+    sound = _tally(zone, usable, upset[1:])
     # An onset of which it is not known how it began says nothing.
     for k in range(_lost(position, valid, HIDDEN * travel) if state_known else 0, begun):
         usable[k] = False
@@ -160,6 +164,8 @@ def prepare(  # type: ignore[no-untyped-def]
     slide, stick, moving, shaken = _tally(zone, usable, upset[1:])
     report[R_SLIDE] = slide if slide >= MIN_SLIDE else 0.0
     report[R_STICK] = stick if zone_b and stick >= MIN_STICK else 0.0
+    if slide < MIN_SLIDE and stick < MIN_STICK:
+        report[R_WHY] = _why_not(zone, sound[0], sound[1])
     report[R_BOUND] = -1.0
     report[R_STEADY] = 1.0 - shaken / max(moving, 1)
     # A settling alone, of nanometres, has more than one stiffness that fits.
@@ -193,6 +199,18 @@ def _lost(position, valid, least):  # type: ignore[no-untyped-def]
                 return k
             gone = position[k]
     return count
+
+
+@kernel()
+def _why_not(zone, slide, stick):  # type: ignore[no-untyped-def]
+    """Why a move with so many samples that could be used has nothing to solve."""
+    if slide >= MIN_SLIDE or stick >= MIN_STICK:
+        return UNBEGUN
+    sliding = sticking = 0
+    for k in range(zone.shape[0]):
+        sliding += zone[k] == SLIDE
+        sticking += zone[k] == STICK
+    return MUTE if sliding >= MIN_SLIDE or sticking >= MIN_STICK else 0.0
 
 
 @kernel()

@@ -19,13 +19,17 @@ from estimation.move_tables import (
     M_HEADING,
     M_READY,
     M_USE,
+    M_ZONE,
     MARKS,
     MOST,
+    RESIDUAL,
     SPARE,
+    T_FORCE,
     T_STUCK,
     TABLES,
 )
 from estimation.rounding import refine
+from estimation.shared_rounding import share_rounding
 from estimation.update_tables import (
     AXIS,
     B_BEFORE,
@@ -45,6 +49,7 @@ from estimation.update_tables import (
     F_UNIT,
     FIGURE_ROWS,
     R_ASKS,
+    R_CODES,
     R_KNOWN,
     R_REST_FORCE,
     R_ROWS,
@@ -84,13 +89,20 @@ def refine_fit(  # type: ignore[no-untyped-def]
     spread = constants[C_MODEL_ERROR] * units[F_UNIT, COULOMB] * prior_mean[COULOMB]
     white = constants[C_FORCE_NOISE] ** 2 + spread * spread
     if report[R_ASKS] == CARRIED:
+        for k in range(end):
+            weights[3, k] = 0.0
+        if report[R_CODES] > 0.0:
+            share_rounding(
+                tables[T_FORCE], rows[RESIDUAL], marks[M_ZONE], use, report[R_CODES],
+                mass * constants[C_POSITION_NOISE] / constants[C_PERIOD] ** 2, weights[3],
+            )  # fmt: skip
         refine_carried(
             rows, chosen, tables, marks[M_HEADING], marks[M_READY], use, mass, viscous,
             units[F_UNIT, COULOMB] * p[COULOMB], units[F_UNIT, STIFFNESS] * p[STIFFNESS],
             units[F_UNIT, RATE] * p[RATE], p[ALPHA], constants[C_VS:],
             constants[C_POSITION_NOISE], constants[C_PERIOD], forces, report[R_KNOWN],
-            report[R_REST_FORCE], white, elements[SHARES, :-1], prior, information, lower, upper,
-            value, normal,
+            report[R_REST_FORCE], white, weights[3], elements[SHARES, :-1], prior,
+            information, lower, upper, value, normal,
         )  # fmt: skip
     else:
         chi = normal[n, n]

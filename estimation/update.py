@@ -52,6 +52,7 @@ from estimation.update_tables import (
     FIGURE_ROWS,
     R_ASKS,
     R_BOUND,
+    R_CODES,
     R_FAILED,
     R_FAR,
     R_KNOWN,
@@ -168,10 +169,10 @@ def _begin(  # type: ignore[no-untyped-def]
     correct_forces(
         forces, shares, known * (1.0 + before[LEVEL]) * (1.0 + before[ALPHA]), rest_force
     )
-    step = constants[C_STEP]
+    step, assumed = constants[C_STEP], math.sqrt(12.0) * constants[C_FORCE_NOISE]
+    # Where the model misses more than that, rounding is not what matters.
+    missed = constants[C_MODEL_ERROR] * known > 2.0 * constants[C_FORCE_NOISE]
     if step < 0.0:
-        # Where the model misses more than that, rounding is not what matters.
-        missed = constants[C_MODEL_ERROR] * known > 2.0 * constants[C_FORCE_NOISE]
         # The same where the encoder's noise is far more, as a force (see `window.QUIET`), and would
         # be with a fifth less mass: sqrt(12) and that.
         jitter = units[F_UNIT, MASS] * before[MASS] * constants[C_POSITION_NOISE]
@@ -181,6 +182,7 @@ def _begin(  # type: ignore[no-untyped-def]
         )
     result[R_STEP], result[R_KNOWN], result[R_REST_FORCE] = step, known, rest_force
     prepare(constants, units, shares, before, state_known, whole, tables, marks, result)
+    result[R_CODES] = step if constants[C_STEP] >= 0.0 else 0.0 if missed else assumed
     marks[M_READY] = 0
     k = samples - 3
     while k >= 0 and marks[M_HEADING, k] == 0:
@@ -218,10 +220,19 @@ def _solve(  # type: ignore[no-untyped-def]
     p = beliefs[B_UNKNOWNS : B_UNKNOWNS + KNOTS + knots]
     slide, stick = result[R_SLIDE] > 0.0, result[R_STICK] > 0.0
     kind = CALM if result[R_TOLD] == 0.0 else USUAL if result[R_FAR] > 0.0 else SHORT
-    for both in (False, True):
+    sticking, step = result[R_STICK], result[R_STEP]
+    for both, again in ((False, False), (False, True), (True, False)):
+        if again:
+            # Where zone A ends on a bound, it was perhaps for taking the encoder for exact; and if
+            # not, what is left over all noise says how far the model is from what happened.
+            if result[R_BOUND] < 0.0 or not stick:
+                continue
+            result[R_BOUND], result[R_STICK], result[R_STEP] = -1.0, 0.0, 0.0
         if (stick if both else slide) and result[R_BOUND] < 0.0 and result[R_FAILED] == 0.0:
             fit(
                 both, tables, marks, constants, units, forces, before, spread, found, uncertain,
                 masks[kind, 0 if not both else 2 if slide else 1], p, beliefs[B_LED:B_SOLVED],
                 elements, chosen, spare, scratch, result,
             )  # fmt: skip
+        if again and result[R_BOUND] < 0.0:
+            result[R_STICK], result[R_STEP] = sticking, step

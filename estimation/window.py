@@ -32,6 +32,7 @@ from estimation.move_tables import (
     RESIDUAL,
     REST_FORCE,
     SLIP_FORCE,
+    T_FORCE,
     T_HAZE,
     T_STUCK,
     T_UNTIL,
@@ -39,6 +40,7 @@ from estimation.move_tables import (
 )
 from estimation.onset import first_stiffness
 from estimation.rows import fill_rows, fill_slide
+from estimation.shared_rounding import share_rounding
 from estimation.update_tables import (
     C_FORCE_NOISE,
     C_MODEL_ERROR,
@@ -55,6 +57,7 @@ from estimation.update_tables import (
     R_BOUND,
     R_CHI_A,
     R_CHI_B,
+    R_CODES,
     R_END,
     R_EVALUATIONS,
     R_FAILED,
@@ -202,6 +205,11 @@ def fit(  # type: ignore[no-untyped-def]
         if evaluations == 0:  # the weights stay what they are at the first iterate
             for k in range(end):
                 weights[3, k] = white + tables[T_HAZE, k]
+            if report[R_CODES] > 0.0 and not linear:
+                share_rounding(
+                    tables[T_FORCE], rows[RESIDUAL], zone, use[:end], report[R_CODES], jitter,
+                    weights[3],
+                )  # fmt: skip
             if linear:
                 _weigh_apart(weights[3], use[:end], weights[2])
             else:

@@ -118,8 +118,8 @@ def test_weights_are_those_of_the_dense_covariance():
     expected = columns @ np.linalg.solve(covariance, columns.T)
     factor = np.empty((REACH, COUNT))
     factor_carried(
-        MASS, TRUE.viscous, TS, NOISE, white, stuck, share, haze, np.ones(COUNT, bool), pull,
-        keep, np.zeros(COUNT), factor,
+        MASS, TRUE.viscous, TS, NOISE, white, np.zeros(COUNT), stuck, share, haze,
+        np.ones(COUNT, bool), pull, keep, np.zeros(COUNT), factor,
     )  # fmt: skip
     for row in columns:
         whiten_carried(row, keep, factor)
@@ -132,7 +132,7 @@ def test_nothing_is_kept_of_a_row_that_does_not_count():
     keep, left = np.full(COUNT, 0.9), np.full(COUNT, 1e-6)
     none, factor = np.zeros(COUNT), np.empty((REACH, COUNT))
     factor_carried(
-        MASS, TRUE.viscous, TS, NOISE, 1e-9, none, none - 1.0, none, use,
+        MASS, TRUE.viscous, TS, NOISE, 1e-9, none, none, none - 1.0, none, use,
         np.zeros((REACH, COUNT)), keep, left, factor,
     )  # fmt: skip
     assert factor[0, 20] == keep[20] == keep[21] == 0.0

@@ -346,6 +346,38 @@ class TestRefusals:
             self.settled(data).update(replace(move, force=move.force[:-1]))
 
 
+@pytest.mark.parametrize("number", [0, 4])
+def test_samples_of_other_instants_are_refused_for_what_they_leave_over(data, number):
+    """A SYNC that comes up to 20 us late, unseen: told as a lag on its bound, it misled."""
+    estimator = SplitHorizonEstimator(TRUE.scaled(0.5), replace(SETTINGS, request=("lag",)))
+    estimator.at_rest(0.0, 0.0, 0.0)
+    for earlier in range(number):
+        estimator.update(data.move(earlier))
+    move, rng = data.move(number), np.random.default_rng(1)
+    late = rng.uniform(-1e-5, 1e-5, len(move.position))
+    moved = move.position + late * np.gradient(move.position) / TS
+    estimate = estimator.update(replace(move, position=moved))
+    assert not estimate.accepted
+    assert "times what noise and wander explain" in estimate.reason
+
+
+def test_a_short_move_behind_unknown_elements_says_why_it_is_not_learned_from(data):
+    estimator = SplitHorizonEstimator(TRUE, SETTINGS)
+    estimate = estimator.update(data.move(1))
+    assert not estimate.accepted
+    assert "how its elements stood before it is not known" in estimate.reason
+
+
+def test_a_force_that_says_nothing_is_not_told_as_too_little_motion(data):
+    move = data.move(0)
+    saturated = SplitHorizonEstimator(TRUE, replace(SETTINGS, peak_force=1e-3)).update(move)
+    shaken = SplitHorizonEstimator(TRUE, SETTINGS).update(
+        replace(move, upset=np.ones(len(move.valid), dtype=bool))
+    )
+    assert "its force says nothing while it moves" in saturated.reason
+    assert "late setpoints upset the force in all but 0% of the motion" in shaken.reason
+
+
 def test_an_upset_force_counts_for_nothing_while_the_position_is_followed(data):
     plain, spoiled = (SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS) for _ in range(2))
     for estimator in (plain, spoiled):
