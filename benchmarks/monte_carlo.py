@@ -14,10 +14,13 @@ the elements still slip in the last one) and its sample.
 
 A planned profile is smooth to a fraction of an encoder's increment, no real motion is: --jitter
 adds a motion of so many metres rms at every sample faster than 5 mm/s, which the force follows.
---force-noise adds white noise of so many newtons rms where the force would be exact.
+--force-noise adds white noise of so many newtons rms instead of steps. --velocity: s-curves no
+faster than that, at lower acceleration and jerk, so that most of the motion is at one speed.
+--elements: another N. --wide: true figures off by -40 to +60 % of what the host halves.
 
     python benchmarks/monte_carlo.py [--runs 1000] [--stage reference|paper] [--jobs 1]
-                                     [--jitter 1e-9] [--force-noise 6e-4]
+                                     [--jitter 1e-9] [--force-noise 6e-4] [--velocity 0.1]
+                                     [--elements 8] [--wide]
 """
 
 from __future__ import annotations
@@ -25,6 +28,7 @@ from __future__ import annotations
 import argparse
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from machine_facts import machine_facts
@@ -37,7 +41,7 @@ from estimation.split_horizon import EstimatorSettings, MoveData, SplitHorizonEs
 from estimation.trajectory import Limits, plan
 
 F64 = NDArray[np.float64]
-TS, ENCODER, REST = 1e-3, 1e-9, 5
+TS, ENCODER, REST, FASTEST = 1e-3, 1e-9, 5, 0.5
 EXACT = 1e-9
 """What is left of the force's noise where it is exact [N]."""
 JITTERS = 5e-3
@@ -51,15 +55,28 @@ STAGES = {
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Some runs: stage, profile, force resolution (0: none) and noise [N], jitter [m], numbers."""
+    """Some runs.
+
+    Attributes:
+        stage, profile: of `STAGES`; sine or s-curve.
+        step, noise: resolution of the force, 0: none; its white noise [N].
+        jitter: of the true motion [m].
+        velocity: most of an s-curve [m/s].
+        elements: N.
+        wide: whether true figures are off by -40 to +60 % instead of 10 %.
+        first, runs: numbers of the runs.
+    """
 
     stage: str
     profile: str
-    step: float
-    jitter: float
-    noise: float
-    first: int
-    runs: int
+    step: float = 0.0
+    noise: float = 0.0
+    jitter: float = 0.0
+    velocity: float = FASTEST
+    elements: int = 4
+    wide: bool = False
+    first: int = 0
+    runs: int = 0
 
 
 def sine(length: float, time: F64) -> F64:
@@ -71,12 +88,17 @@ def sine(length: float, time: F64) -> F64:
     return result
 
 
-def positions(profile: str, length: float, phase: float) -> F64:
+def positions(profile: str, length: float, phase: float, velocity: float) -> F64:
     """A move from rest to rest, sampled; `phase` of a sample period into the first one."""
     time = (np.arange(-REST, 320) + phase) * TS
     if profile == "sine":
         return sine(length, time)
-    return plan(0.0, length, Limits(0.5, 3.0, 200.0)).sample(time)[0]
+    if velocity >= FASTEST:
+        return plan(0.0, length, Limits(velocity, 3.0, 200.0)).sample(time)[0]
+    # At round figures of mass, jerk, period and step each sample can be whole codes after the one
+    # before, and all of a ramp has one rounding error.
+    motion = plan(0.0, length, Limits(velocity, 2.1, 130.0))
+    return motion.sample((np.arange(-REST, motion.duration / TS + 80) + phase) * TS)[0]
 
 
 def force(position: F64, model: Friction, mass: float, before: float = 0.0) -> F64:
@@ -148,12 +170,14 @@ def one(case: Case, number: int) -> tuple[F64, F64] | None:
     """Errors over the bound and over the reported sigma; None where the move was refused."""
     rng = np.random.default_rng([number, case.stage == "paper", case.profile == "sine"])
     mass, nominal = STAGES[case.stage]
+    nominal = replace(nominal, elements=case.elements)
     truth = np.array([nominal.coulomb, nominal.viscous, nominal.stiffness, mass])
-    truth *= rng.uniform(0.9, 1.1, 4)
+    truth *= rng.uniform(0.6, 1.6, 4) if case.wide else rng.uniform(0.9, 1.1, 4)
     truth[3] = mass * rng.uniform(0.98, 1.02)
     model = model_at(nominal, truth)
     sign = rng.choice([-1.0, 1.0])
-    clean = sign * positions(case.profile, 25e-3 * rng.uniform(0.9, 1.1), rng.uniform())
+    length = 25e-3 * rng.uniform(0.9, 1.1)
+    clean = sign * positions(case.profile, length, rng.uniform(), case.velocity)
     if case.jitter:
         moving = np.abs(np.gradient(clean)) / TS > JITTERS
         clean += moving * np.random.default_rng([number, 1]).normal(0.0, case.jitter, len(clean))
@@ -189,34 +213,26 @@ def some(case: Case) -> list[tuple[F64, F64] | None]:
     return [one(case, number) for number in range(case.first, case.first + case.runs)]
 
 
-def table(
-    stage: str, profile: str, step: float, jitter: float, noise: float, runs: int, jobs: int
-) -> None:
-    """Print one table."""
-    parts = [
-        Case(
-            stage,
-            profile,
-            step,
-            jitter,
-            noise,
-            runs * j // jobs,
-            runs * (j + 1) // jobs - runs * j // jobs,
-        )
-        for j in range(jobs)
-    ]
+def table(case: Case, jobs: int) -> None:
+    """Print the table of a case."""
+    runs = case.runs
+    ends = [runs * j // jobs for j in range(jobs + 1)]
+    parts = [replace(case, first=a, runs=b - a) for a, b in pairwise(ends)]
     if jobs == 1:
-        results = some(parts[0])
+        results = some(case)
     else:
         with ProcessPoolExecutor(jobs) as pool:
             results = [result for part in pool.map(some, parts) for result in part]
     kept = [result for result in results if result is not None]
     errors, scores = np.array([e for e, _ in kept]), np.array([s for _, s in kept])
-    resolution = f"steps of {step:g} N" if step else "exact"
-    if noise and not step:
-        resolution = f"with {noise:g} N of noise"
-    resolution += f", jitter {jitter:g} m" if jitter else ""
-    print(f"| {stage} stage, {profile}, force {resolution} | spread/bound | bias/bound "
+    force = f"steps of {case.step:g} N" if case.step else "exact"
+    if case.noise:
+        force = f"with {case.noise:g} N of noise"
+    force += f", jitter {case.jitter:g} m" if case.jitter else ""
+    force += f", {case.velocity:g} m/s" if case.velocity < FASTEST else ""
+    force += f", N = {case.elements}" if case.elements != 4 else ""
+    force += ", truths -40 to +60 %" if case.wide else ""
+    print(f"| {case.stage} stage, {case.profile}, force {force} | spread/bound | bias/bound "
           "| inside 95 % |\n| --- | --- | --- | --- |")  # fmt: skip
     for name, error, score in zip(NAMES, errors.T, scores.T, strict=True):
         print(
@@ -233,16 +249,22 @@ def main() -> None:
     parser.add_argument("--stage", choices=list(STAGES), help="one of them [both]")
     parser.add_argument("--jitter", type=float, default=0.0, help="of the true motion [m] [0]")
     parser.add_argument(
-        "--force-noise", type=float, default=0.0, help="of a force that is not rounded [N] [0]"
+        "--force-noise", type=float, default=0.0, help="white, instead of steps [N] [0]"
     )
+    parser.add_argument("--velocity", type=float, default=FASTEST, help="of s-curves [m/s] [0.5]")
+    parser.add_argument("--elements", type=int, default=4, help="N [4]")
+    parser.add_argument("--wide", action="store_true", help="truths off by -40 to +60 %%")
     parser.add_argument("--jobs", type=int, default=1)
-    arguments = parser.parse_args()
-    print(f"{arguments.runs} runs each; {machine_facts()}\n")
-    for stage in [arguments.stage] if arguments.stage else list(STAGES):
-        for profile in ("sine", "s-curve"):
-            for step in (0.0, 0.04):
-                table(stage, profile, step, arguments.jitter, arguments.force_noise, arguments.runs,
-                      arguments.jobs)  # fmt: skip
+    given = parser.parse_args()
+    print(f"{given.runs} runs each; {machine_facts()}\n")
+    for stage in [given.stage] if given.stage else list(STAGES):
+        for profile in ("s-curve",) if given.velocity < FASTEST else ("sine", "s-curve"):
+            for step in (0.0,) if given.force_noise else (0.0, 0.04):
+                case = Case(
+                    stage, profile, step, given.force_noise, given.jitter, given.velocity,
+                    given.elements, given.wide, 0, given.runs,
+                )  # fmt: skip
+                table(case, given.jobs)
 
 
 if __name__ == "__main__":
