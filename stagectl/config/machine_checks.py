@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Protocol
 
 from drivers.settings import HOST_NODE
+from stagectl.config.plausible import implausible
 from stagectl.config.yaml_nodes import Document
 
 if TYPE_CHECKING:
@@ -15,6 +16,8 @@ POSITION_RANGE = 2**31
 """CiA 402 positions and velocities are INTEGER32: less than so many units."""
 UNSIGNED_RANGE = 2**32 - 1
 """Windows and accelerations are UNSIGNED32: less than so many units (all ones: no window)."""
+LONGEST_HOMING = 30 * 86_400.0
+"""The travel there and back, the driver's bound of a homing: at most so long [s]."""
 FORCE_RANGE = 32.767
 """CiA 402 force values are INTEGER16 in 1/1000 of the rated force: at most this multiple."""
 
@@ -46,7 +49,13 @@ def impossible(machine: Machine, document: Document) -> list[str]:
         elif axis.node in nodes:
             refuse((*at, "node"), f"{axis.node} is the node of axis {nodes[axis.node]} already")
         nodes.setdefault(axis.node, name)
+        strange = list(implausible(axis))
+        for key, reason in strange:
+            refuse((*at, *key), reason)
+        if strange:  # what else is wrong is wrong for it
+            continue
         _ranges(axis, at, refuse)
+        _homing(axis, at, refuse)
         _drive(axis.drive, (*at, "drive"), refuse)
         sync, period = machine.bus.sync_period, axis.drive.control_period
         if period > sync or not _whole(sync / period):
@@ -89,25 +98,57 @@ def _ranges(axis: Axis, at: At, refuse: Refuse) -> None:
     reach = POSITION_RANGE * unit
     if max(abs(low), abs(high)) >= reach:
         refuse(
-            (*at, "travel"), f"beyond +-{reach:.4g} m, the range of a position in {_short(unit)}m"
+            (*at, "travel"),
+            f"beyond +-{reach:.4g} m, the range of a position in {_short(unit)}m "
+            "(drive.position_unit)",
         )
-    speed = axis.drive.velocity_unit or unit
+    speed, speed_key = _speed_unit(axis.drive)
     rate = axis.drive.acceleration_unit
     limits = axis.limits
-    for key, value, most, step, dimension in (
-        ("velocity", limits.velocity, POSITION_RANGE, speed, "m/s"),
-        ("acceleration", limits.acceleration, UNSIGNED_RANGE, rate, "m/s^2"),
-        ("following_error", limits.following_error, UNSIGNED_RANGE, unit, "m"),
-        ("position_window", limits.position_window, UNSIGNED_RANGE, unit, "m"),
+    for key, value, most, step, dimension, unit_key in (
+        ("velocity", limits.velocity, POSITION_RANGE, speed, "m/s", speed_key),
+        ("acceleration", limits.acceleration, UNSIGNED_RANGE, rate, "m/s^2", "acceleration_unit"),
+        ("following_error", limits.following_error, UNSIGNED_RANGE, unit, "m", "position_unit"),
+        ("position_window", limits.position_window, UNSIGNED_RANGE, unit, "m", "position_unit"),
     ):
+        steps = f"{_short(step)}{dimension} steps (drive.{unit_key})"
         if value >= most * step:
             refuse(
-                (*at, "limits", key),
-                f"beyond {most * step:.4g} {dimension}, "
-                f"the range of {_short(step)}{dimension} steps",
+                (*at, "limits", key), f"beyond {most * step:.4g} {dimension}, the range of {steps}"
             )
-    if axis.homing.velocity > limits.velocity:
+        elif round(value / step) < 1 and key != "position_window":  # that may be a single step
+            refuse((*at, "limits", key), f"{value:g} {dimension} is nothing in {steps}")
+
+
+def _homing(axis: Axis, at: At, refuse: Refuse) -> None:
+    """Speeds of homing, as integers on the bus and against the travel."""
+    homing, limits = axis.homing, axis.limits
+    step, key = _speed_unit(axis.drive)
+    steps = f"{_short(step)}m/s steps (drive.{key})"
+    if homing.velocity > limits.velocity:
         refuse((*at, "homing", "velocity"), "above the axis' velocity limit")
+    for name, value in (("velocity", homing.velocity), ("index_velocity", homing.index_velocity)):
+        there_and_back = 2.0 * (axis.travel[1] - axis.travel[0]) / value
+        if value >= UNSIGNED_RANGE * step:
+            refuse(
+                (*at, "homing", name),
+                f"beyond {UNSIGNED_RANGE * step:.4g} m/s, the range of {steps}",
+            )
+        elif round(value / step) < 1:
+            refuse((*at, "homing", name), f"{value:g} m/s is nothing in {steps}")
+        elif there_and_back > LONGEST_HOMING:
+            days = there_and_back / 86_400.0
+            refuse(
+                (*at, "homing", name),
+                f"at {value:g} m/s the travel there and back takes {days:.0f} days",
+            )
+
+
+def _speed_unit(drive: Drive) -> tuple[float, str]:
+    """The unit of velocities on the bus [m/s], and the key that says so."""
+    if drive.velocity_unit is not None:
+        return drive.velocity_unit, "velocity_unit"
+    return drive.position_unit, "position_unit"
 
 
 def _drive(drive: Drive, at: At, refuse: Refuse) -> None:

@@ -113,7 +113,8 @@ def test_effects_are_kept_as_names_and_figures() -> None:
         (
             "travel: [-0.15, 0.15]",
             "travel: ^[-150, 150]",
-            "axes.x.travel: beyond +-2.147 m, the range of a position in 1 nm",
+            "axes.x.travel: beyond +-2.147 m, the range of a position in 1 nm "
+            "(drive.position_unit)",
         ),
         (
             "travel: [-0.15, 0.15]",
@@ -163,12 +164,50 @@ def test_effects_are_kept_as_names_and_figures() -> None:
         (
             "acceleration: 10.0",
             "acceleration: ^1.0e+30",
-            "axes.x.limits.acceleration: beyond 4295 m/s^2, the range of 1 um/s^2 steps",
+            "axes.x.limits.acceleration: beyond 4295 m/s^2, the range of 1 um/s^2 steps "
+            "(drive.acceleration_unit)",
         ),
         (
             "following_error: 0.001",
             "following_error: ^4.2949672950",
-            "axes.x.limits.following_error: beyond 4.295 m, the range of 1 nm steps",
+            "axes.x.limits.following_error: beyond 4.295 m, the range of 1 nm steps "
+            "(drive.position_unit)",
+        ),
+        (
+            "mass: 8.0",
+            "mass: ^1.0e+300",
+            "axes.x.plant.mass: must be at most 1e+09 kg, is 1e+300",
+        ),
+        (
+            "current_bandwidth: 1500.0",
+            "current_bandwidth: ^1.0e-300",
+            "axes.x.drive.current_bandwidth: must be at least 0.001 Hz, is 1e-300",
+        ),
+        (
+            "repeatability: {coulomb: 0.01",
+            "repeatability: {coulomb: ^7.0",
+            "axes.x.plant.friction.repeatability.coulomb: must be at most 1, is 7",
+        ),
+        (
+            "following_error: 0.001",
+            "following_error: ^1.0e-12",
+            "axes.x.limits.following_error: 1e-12 m is nothing in 1 nm steps (drive.position_unit)",
+        ),
+        (
+            "node: 1",
+            "node: 1\n    homing: {velocity: 0.01, index_velocity: ^1.0e-10}",
+            "axes.x.homing.index_velocity: 1e-10 m/s is nothing in 1 nm/s steps "
+            "(drive.position_unit)",
+        ),
+        (
+            "node: 1",
+            "node: 1\n    homing: {velocity: ^1.0e-8}",
+            "axes.x.homing.velocity: at 1e-08 m/s the travel there and back takes 694 days",
+        ),
+        (
+            "node: 1",
+            "node: 1\n    homing: {index_velocity: ^1.0e+300}",
+            "axes.x.homing.index_velocity: must be at most 1e+06 m/s, is 1e+300",
         ),
         ("  x:\n", "  ^'x y':\n", "axes.x y: must be a word of at most 32 letters, digits and _"),
         (
@@ -249,3 +288,22 @@ def test_a_machine_survives_pickling() -> None:
     machine = load_machine()
     assert pickle.loads(pickle.dumps(machine)).text == machine.text  # noqa: S301 - our own
     assert pickle.loads(pickle.dumps(machine)) == machine  # noqa: S301 - our own
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("mass: 8.0", "mass: 5 g"),  # a piezo stage's carriage
+        ("mass: 8.0", "mass: 2.0e+4"),  # a gantry
+        ("coulomb: 6.0", "coulomb: 1.0e-6"),  # an air bearing
+        ("viscous: 20.0", "viscous: 0.0"),
+        ("increment: 1.0e-9", "increment: 1.0e-12"),  # an interferometer
+        ("increment: 1.0e-9", "increment: 50 um"),
+        ("current_bandwidth: 1500.0", "current_bandwidth: 10 kHz"),
+        ("control_period: 1.0e-4", "control_period: 6.25e-5"),
+        ("node: 1", "node: 1\n    homing: {velocity: 100 um/s, index_velocity: 1 um/s}"),
+        ("correlation_time: 0.5", "correlation_time: 1.0e+6"),
+    ],
+)
+def test_what_a_stage_may_have_is_taken(old: str, new: str) -> None:
+    parse_machine(GOOD.replace(old, new), "m")
