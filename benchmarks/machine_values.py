@@ -1,6 +1,6 @@
 """Every number of a machine file at values that no stage has: refused in one line, or it works.
 
-    python benchmarks/machine_values.py [--key PART ...] [--command NAME ...] [--bounds] [--all]
+    python benchmarks/machine_values.py [--key PART ...] [--command NAME ...] [--bounds | --effects]
 
 Each number of a machine file, on both axes alike, is made each of `VALUES`; each command then runs
 in a process of its own. Asked of a command: exit code 0, 2 or 3, at most one line a problem on
@@ -28,7 +28,9 @@ from typing import Any
 
 import yaml
 
+from hil_sim.effects.library import library
 from stagectl.config.machine import load_machine
+from stagectl.config.mapping import stage_settings
 from stagectl.config.plausible import RANGES
 from stagectl.store.recording import read_recording
 
@@ -79,7 +81,7 @@ class Case:
 
 def machine_with(cascade: bool) -> dict[str, Any]:
     """The packaged machine with every number written out."""
-    machine: dict[str, Any] = yaml.safe_load(load_machine(None).text)
+    machine: dict[str, Any] = _read(yaml.safe_load(load_machine(None).text))
     machine["bus"]["sync_window"] = 0.0
     machine["temperature"] = {"axis": "x", "object": "0x6064:00", "scale": 1.0, "offset": 0.0}
     for axis in machine["axes"].values():
@@ -89,6 +91,18 @@ def machine_with(cascade: bool) -> dict[str, Any]:
             del axis["drive"]["pid"]
             axis["drive"]["cascade"] = dict(CASCADE)
     return machine
+
+
+def _read(node: Any) -> Any:
+    """YAML 1.1 takes 6.0e5 for a text."""
+    if isinstance(node, dict):
+        return {key: _read(value) for key, value in node.items()}
+    if isinstance(node, list):
+        return [_read(value) for value in node]
+    try:
+        return float(node) if isinstance(node, str) else node
+    except ValueError:
+        return node
 
 
 def cases(parts: list[str], bounds: bool) -> Iterator[Case]:
@@ -111,6 +125,21 @@ def cases(parts: list[str], bounds: bool) -> Iterator[Case]:
                         place = place[step]
                     place[path[-1]] = copy.copy(value)
                 yield Case(key, value, yaml.safe_dump(changed))
+
+
+def effects() -> Iterator[Case]:
+    """The same of every number of every effect, the others amid their usual range."""
+    machine = machine_with(cascade=False)
+    axes = stage_settings(load_machine(None)).axes
+    for name, effect in library().items():
+        usual = {p.key: sum(p.ranges(axes[0])[-1]) / 2.0 for p in effect.parameters}
+        for key in usual:
+            for value in VALUES:
+                changed = copy.deepcopy(machine)
+                for axis in changed["axes"].values():
+                    figures = usual | {key: copy.copy(value)}
+                    axis["effects"] = [{"effect": name, **figures}]
+                yield Case(f"{name}.{key}", value, yaml.safe_dump(changed))
 
 
 def _numbers(node: object) -> Iterator[Path_]:
@@ -174,9 +203,10 @@ def problem(code: int, errors: str, case: Case) -> str | None:
 
 
 def _named(key: str, line: str) -> bool:
-    """Whether a line names the key, or is the recipe's about the limit that the key is."""
+    """Whether a line names the key; or the recipe's, or the effect's, what the key makes of it."""
     last = next(part for part in reversed(key.split(".")) if not part.isdigit())
-    return last in line or line.startswith("stagectl: short.yaml")
+    whole = ("stagectl: short.yaml", "too stiff", "too much")
+    return last in line or any(text in line for text in whole)
 
 
 def main() -> None:
@@ -185,6 +215,7 @@ def main() -> None:
     parser.add_argument("--key", nargs="*", default=[""], help="parts of keys [all]")
     parser.add_argument("--command", nargs="*", default=["run", "identify", "measure"])
     parser.add_argument("--bounds", action="store_true", help="least and greatest values allowed")
+    parser.add_argument("--effects", action="store_true", help="numbers of effects instead")
     parser.add_argument("--all", action="store_true", help="print every case")
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
@@ -205,7 +236,8 @@ def main() -> None:
         commands["run"][6] = "out"
         read_recording(folder / "sound" / "recording.h5")
         count, findings, begin = 0, 0, time.monotonic()
-        for case in cases(chosen.key, chosen.bounds):
+        made = effects() if chosen.effects else cases(chosen.key, chosen.bounds)
+        for case in made:
             (folder / "m.yaml").write_text(case.text)
             for which in chosen.command:
                 code, errors = attempt(commands[which], folder)

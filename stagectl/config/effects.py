@@ -15,6 +15,7 @@ from stagectl.config.machine import Machine
 from stagectl.config.yaml_nodes import one_line
 from stagectl.errors import ConfigError
 
+_GREATEST = 1e15  # of any figure, SI: what is computed with it stays a number
 _TRIAL = 1.0  # duration for which effects are tried [s]; nothing depends on it
 
 
@@ -74,7 +75,12 @@ def _problems(wanted: Wanted, known: dict[str, Effect], axis: AxisSettings) -> l
         found.append(((key,), f"unknown key of {effect.name}{suggestion(key, list(keys))}", True))
     for key, parameter in keys.items():
         if key in wanted.parameters:
-            if reason := parameter.refusal(wanted.parameters[key]):
+            value = wanted.parameters[key]
+            reason = parameter.refusal(value)
+            if reason is None and abs(value) > _GREATEST:
+                reason = f"must be within +-{_GREATEST:g} {parameter.unit}".rstrip()
+                reason += f", is {value:g}"
+            if reason:
                 found.append(((key,), reason, False))
         elif not extra:  # else it may be the one misspelt
             found.append(((), f"{effect.name}: {key} is missing ({_about(parameter)})", False))

@@ -17,14 +17,21 @@ if TYPE_CHECKING:
     import hil_sim.settings
 
 
+_STABLE = 0.5
+"""Of damping times step over mass, and stiffness times step squared over mass, at most so much: the
+same bound as with effects."""
+
+
 def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
     """The simulator's settings: the machine's figures exactly, `tolerance` is never drawn.
 
     Raises:
-        ConfigError: effects that the simulator does not have, or with values that cannot be.
+        ConfigError: effects that the simulator does not have, or with values that cannot be; a
+            plant that its steps cannot follow.
     """
     from hil_sim import settings
 
+    _check_steps(machine, settings.SUBSTEPS)
     axes = []
     for name, axis in machine.axes.items():
         friction, drive = axis.plant.friction, axis.drive
@@ -63,6 +70,30 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
 
         axes = with_effects(machine, axes)
     return settings.StageSettings(sync_period=machine.bus.sync_period, axes=tuple(axes))
+
+
+def _check_steps(machine: Machine, substeps: int) -> None:
+    """Friction that semi-implicit steps cannot follow would be a plant that runs away.
+
+    Raises:
+        ConfigError: with the figure that is too much.
+    """
+    problems = []
+    for name, axis in machine.axes.items():
+        mass, step = axis.plant.mass, axis.drive.control_period / substeps
+        for key, value, unit, gain in (
+            ("viscous", axis.plant.friction.viscous, "N s/m", step / mass),
+            ("stiffness", axis.plant.friction.stiffness, "N/m", step**2 / mass),
+        ):
+            if value * gain > _STABLE:
+                reason = (
+                    f"{value:g} {unit} on {mass:g} kg cannot be simulated in steps of {step:g} s "
+                    f"(control_period/{substeps})"
+                )
+                place = ("axes", name, "plant", "friction", key)
+                problems.append(machine.document.problem(place, reason))
+    if problems:
+        raise ConfigError(problems)
 
 
 def _control(drive: Drive) -> hil_sim.settings.ControlSettings:

@@ -104,6 +104,10 @@ def test_effects_reach_the_simulator() -> None:
             "{effect: payload_mass, mass: -5}, {effect: payload_mass, mass: -5}",
             r"m:12:14: axes\.x\.effects: effects leave a mass of -2 kg",
         ),
+        (
+            "{effect: friction_spot, amplitude: 0.1, center: 0, other: 1.0e+300, width: 0.01}",
+            r"m:12:73: axes\.x\.effects\[1\]\.other: must be within \+-1e\+15 m, is 1e\+300",
+        ),
     ],
 )
 def test_effects_that_cannot_be_are_named_with_file_and_key(effect: str, problem: str) -> None:
@@ -111,3 +115,28 @@ def test_effects_that_cannot_be_are_named_with_file_and_key(effect: str, problem
         stage_settings(parse_machine(with_effect(effect), "m"))
     (line,) = str(caught.value).splitlines()
     assert re.fullmatch(problem, line), line
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        (
+            "viscous: 20.0",
+            "viscous: 1.0e+9",
+            "axes.x.plant.friction.viscous: 1e+09 N s/m on 8 kg cannot be simulated "
+            "in steps of 2e-05 s (control_period/5)",
+        ),
+        (
+            "stiffness: 6.0e5",
+            "stiffness: 1.0e+12",
+            "axes.x.plant.friction.stiffness: 1e+12 N/m on 8 kg cannot be simulated "
+            "in steps of 2e-05 s (control_period/5)",
+        ),
+    ],
+)
+def test_a_plant_that_the_steps_cannot_follow_is_no_plant(old: str, new: str, problem: str) -> None:
+    machine = parse_machine(load_machine().text.replace(old, new), "m")
+    driver_settings(machine)  # a real stage may have it
+    with pytest.raises(ConfigError) as caught:
+        stage_settings(machine)
+    assert str(caught.value).partition(": ")[2] == problem
