@@ -40,7 +40,7 @@ import numpy as np
 from fuzz_input import AT_DRIVER, AT_DRIVES, Frame, calm, edited, random_edits, random_frames
 
 from drivers.errors import DriverError
-from drivers.node import load_dictionary
+from drivers.remote_objects import load_dictionary
 from drivers.stage import Stage
 from hil_sim.dictionary import EDS_PATH
 from hil_sim.stage import VirtualStage

@@ -28,8 +28,8 @@ from estimation.trajectory import Limits, plan
 from hil_sim.effects.library import own_effects
 from hil_sim.settings import SUBSTEPS, AxisSettings
 from hil_sim.simulate import simulate
-from stagectl.compensation import friction_model
 from stagectl.config import load_machine, stage_settings
+from stagectl.host_model import friction_model
 from stagectl.identify import identify_pieces
 
 F64 = NDArray[np.float64]

@@ -22,8 +22,9 @@ import numpy as np
 from machine_facts import machine_facts
 
 from hil_sim.stage import VirtualStage
-from stagectl.compensation import Mode, friction_model
+from stagectl.compensation import Mode
 from stagectl.config.machine import Machine, load_machine, parse_machine
+from stagectl.host_model import friction_model
 from stagectl.recipe.load import parse_recipe
 from stagectl.request import RunRequest
 from stagectl.sequencer.events import Event, FrictionUpdated

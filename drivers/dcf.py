@@ -11,8 +11,9 @@ from collections.abc import Iterator
 import canopen
 
 from drivers.errors import ConfigurationError, NodeError
-from drivers.node import Node, Value
+from drivers.node import Node
 from drivers.objects import ObjectRef
+from drivers.remote_objects import Value
 
 LISTED = 5
 """Differences that are told; of more, only the number."""

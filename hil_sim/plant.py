@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from hil_sim.arrays import Arrays
 from hil_sim.control import HELD_AT_POSITION
-from hil_sim.mechanics import Arrays, step
+from hil_sim.mechanics import step
 from hil_sim.noise import Noise
 from hil_sim.settings import StageSettings
 

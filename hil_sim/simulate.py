@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.arrays import Arrays
 from hil_sim.effects.ports import EffectPorts
-from hil_sim.mechanics import Arrays, run_demands
+from hil_sim.mechanics import run_demands
 from hil_sim.noise import Noise
 from hil_sim.settings import SUBSTEPS, AxisSettings, StageSettings
 

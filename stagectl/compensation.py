@@ -17,7 +17,6 @@ from enum import StrEnum
 
 import numpy as np
 
-from estimation.belief import FIGURES, BeliefSettings
 from estimation.feedforward import (
     friction_feedforward,
     mass_feedforward,
@@ -25,12 +24,12 @@ from estimation.feedforward import (
 )
 from estimation.gms import F64, Friction, FrictionState
 from estimation.move_solver import compile_all
-from estimation.noise import encoder_noise, quantisation
 from estimation.relief import level_with_target, relief_feedforward, state_after
 from estimation.sampled_force import kink_share, with_mean_force
-from estimation.split_horizon import Estimate, EstimatorSettings, MoveData, SplitHorizonEstimator
+from estimation.split_horizon import Estimate, MoveData, SplitHorizonEstimator
 from estimation.trajectory import Limits, Trajectory, plan
-from stagectl.config.machine import Axis, Drive, Machine
+from stagectl.config.machine import Axis, Machine
+from stagectl.host_model import estimator_settings, friction_model, kink_tip
 
 TAKE_OVER = 0.1
 """Shortest move in which the offset takes over what the integrator holds [s]."""
@@ -42,11 +41,6 @@ REVISE_AT = 0.65
 
 Figures = Mapping[str, tuple[float, float]]
 """Friction figures by name (coulomb, viscous, stiffness, relaxation_rate), each with its sigma."""
-
-
-SETTLED_DRIFT = (7e-4, 4e-4, 4e-4, 2e-4, 5e-5, 2e-4, 1e-4)
-"""Relative 1-sigma per move of `estimation.belief.FIGURES` where a map takes what changes with
-place and warm-up: a history shows the others to change over days, not from move to move."""
 
 
 class Mode(StrEnum):
@@ -81,7 +75,7 @@ class AxisCompensation:
         period: Ts [s].
         settled: given where it is known from elsewhere how the Coulomb force differs from place to
             place, so that the figures themselves hardly change from move to move: the relative
-            1-sigma of that by name, `SETTLED_DRIFT` for those that are missing.
+            1-sigma of that by name, as of `estimator_settings`.
     """
 
     def __init__(
@@ -100,22 +94,9 @@ class AxisCompensation:
         lag = 1.0 / (2.0 * math.pi * drive.current_bandwidth)
         self._ahead = lag + drive.control_period / 2.0
         self._kink = kink_share(period, kink_tip(drive))
-        wander = axis.plant.friction.repeatability
         self.estimator = SplitHorizonEstimator(
             friction,
-            EstimatorSettings(
-                mass=self._mass,
-                period=period,
-                position_noise=encoder_noise(axis.encoder.noise, axis.encoder.increment),
-                force_noise=quantisation(drive.force_unit),
-                peak_force=drive.peak_force,
-                request=("lag",),
-                belief=BeliefSettings(
-                    wander=wander.coulomb,
-                    correlation_time=wander.correlation_time,
-                    drift=BeliefSettings().drift if settled is None else _drift(settled),
-                ),
-            ),
+            estimator_settings(axis, period, settled),
             frozen=mode is not Mode.ESTIMATED,
         )  # fmt: skip
 
@@ -304,26 +285,6 @@ class AxisCompensation:
         return Learned(estimate, spent) if self.mode is Mode.ESTIMATED else None
 
 
-def kink_tip(drive: Drive) -> float:
-    """When a kink of a drive's force comes after the sample, see `estimation.sampled_force` [s]."""
-    return 1.0 / (2.0 * math.pi * drive.current_bandwidth) - drive.control_period / 2.0
-
-
-def friction_model(axis: Axis) -> Friction:
-    """The friction that a machine file states for an axis, as the estimator's model."""
-    friction = axis.plant.friction
-    return Friction(
-        elements=friction.elements,
-        coulomb=friction.coulomb,
-        viscous=friction.viscous,
-        stiffness=friction.stiffness,
-        relaxation_rate=friction.attraction / friction.coulomb,
-        static_ratio=friction.static_ratio,
-        stribeck_velocity=friction.stribeck_velocity,
-        stribeck_shape=friction.stribeck_shape,
-    )
-
-
 def make_compensation(
     machine: Machine,
     mode: Mode,
@@ -365,14 +326,6 @@ def make_compensation(
     if not waits:
         compile_all()
     return made
-
-
-def _drift(settled: Mapping[str, float]) -> tuple[float, ...]:
-    """Drift of all figures; that of the Coulomb force and of the mass is not learnt."""
-    drift = list(SETTLED_DRIFT)
-    for name, value in settled.items():
-        drift[FIGURES.index(name)] = value
-    return tuple(drift)
 
 
 def _warm_up(axis: Axis, period: float) -> None:

@@ -18,9 +18,9 @@ from estimation.offline.records import Samples
 from estimation.sampled_force import kink_share, with_mean_force
 from estimation.settings import MoveData
 from sim2real.recording import Recording
-from stagectl.compensation import friction_model, kink_tip
 from stagectl.config.machine import Axis, Machine
 from stagectl.errors import UnusableInput
+from stagectl.host_model import friction_model, kink_tip
 
 ANOTHER = 0.05
 """Friction that is off by more than this share changes its mean around a SYNC noticeably."""

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import can
 
-from drivers import AxisFault, BusError, DriverError, Stage
+from drivers import AxisFault, DriverError, Stage
 from drivers.settings import AxisSettings, BusSettings
 from estimation.trajectory import Limits
 from hil_sim.fault_rules import Injected
@@ -34,6 +34,7 @@ from stagectl.recipe.fiducial import Fiducial, make_fiducial
 from stagectl.recipe.model import Pair
 from stagectl.recipe.plan import plan_from
 from stagectl.request import RunRequest, RunResult
+from stagectl.retries import recover
 from stagectl.run_record import RunRecord
 from stagectl.sequencer.engine import Engine
 from stagectl.sequencer.events import Event, Retrying
@@ -44,11 +45,6 @@ from stagectl.store.recovery import recover_left_over
 
 if TYPE_CHECKING:
     from stagectl.maps.active import ActiveMap
-
-LASTING = (0x2, 0x3, 0x4, 0x5, 0x7)
-"""Classes of error codes (their first digit) after which somebody has to look before power comes
-back: current, voltage, temperature, hardware, sensors."""
-OVER_TRAVEL = 0x8612
 
 
 @dataclass(slots=True)
@@ -309,7 +305,15 @@ class _Run:
             except AxisFault as fault:
                 attempt = attempt + 1 if record.done == attempted else 1
                 attempted = record.done
-                attempt = self._recover(stage, fault, attempt)
+                attempt = recover(
+                    stage,
+                    fault,
+                    attempt,
+                    self._request.retries,
+                    lambda again, why: self._on_event(
+                        Retrying(record.done + 1, again, self._request.retries, why)
+                    ),
+                )
                 broken = engine.begin_anew(record.journal.samples)
                 if broken is not None:
                     record.broken_off(broken)
@@ -329,52 +333,6 @@ class _Run:
                 engine.stop(reason)
 
         return sink
-
-    def _recover(self, stage: Stage, fault: AxisFault, attempt: int) -> int:
-        """From a stopped stage with a fault to an enabled one.
-
-        A fault on the way, such as one that the other axis had meanwhile, is one attempt more.
-
-        Args:
-            stage: to be made ready again.
-            fault: what it was stopped by.
-            attempt: the number of this attempt at the present site, from 1.
-
-        Returns:
-            The number of the attempt that succeeded.
-
-        Raises:
-            AxisFault: the fault itself, where it may not be acknowledged, or not once more.
-            RunFault: the same of a fault on the way.
-            BusError: the bus fails.
-        """
-        last = fault
-        while attempt <= self._request.retries and recoverable(last):
-            self._on_event(
-                Retrying(self._record.done + 1, attempt, self._request.retries, str(last))
-            )
-            try:
-                self._make_ready(stage)
-                return attempt
-            except BusError:
-                raise
-            except AxisFault as another:
-                last, attempt = another, attempt + 1
-            except DriverError as stays:
-                raise RunFault(f"{fault}; trying to go on: {stays}") from stays
-        if last is fault:
-            raise fault
-        raise RunFault(f"{fault}; trying to go on: {last}") from last
-
-    def _make_ready(self, stage: Stage) -> None:
-        try:
-            stage.reset_faults()
-        except BusError:
-            raise
-        except DriverError:  # a drive that rebooted, or that takes no reset as it is
-            stage.boot()
-        stage.home()  # only axes that have lost their zero
-        stage.enable()
 
     def _ask_to_stop(self, reason: str) -> None:
         """Moves end in a controlled stop; before them there is nothing to bring to an end.
@@ -405,16 +363,6 @@ class _Run:
     def _on_event(self, event: Event) -> None:
         self._record.event(event)
         self._listener.event(event)
-
-
-def recoverable(fault: AxisFault) -> bool:
-    """Whether a fault may be acknowledged and gone on from without anybody looking at the machine.
-
-    Lost frames, a drive that lost its host or rebooted, a following error: yes, as often as the
-    run allows. Current, voltage, temperature, hardware, sensors and end switches: no.
-    """
-    code = fault.code
-    return code is None or (code >> 12 not in LASTING and code != OVER_TRAVEL)
 
 
 def _pair(position: tuple[float, ...]) -> Pair:

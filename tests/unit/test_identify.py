@@ -14,10 +14,11 @@ from estimation.trajectory import Limits, plan
 from hil_sim.settings import SUBSTEPS
 from hil_sim.simulate import simulate
 from stagectl.cli.identify import command
-from stagectl.compensation import Mode, friction_model
+from stagectl.compensation import Mode
 from stagectl.config import stage_settings
 from stagectl.config.machine import load_machine
 from stagectl.errors import UnusableInput
+from stagectl.host_model import friction_model
 from stagectl.identify import identify_axis, identify_pieces
 from stagectl.recipe.load import load_recipe
 from stagectl.request import RunRequest

@@ -13,7 +13,7 @@ import pytest
 from drivers.bus import Network, open_bus
 from drivers.clock import Clock, MonotonicClock, clock_of
 from drivers.errors import BusError, ConfigurationError
-from drivers.node import load_dictionary
+from drivers.remote_objects import load_dictionary
 from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
 from tests.multicast import require_multicast
