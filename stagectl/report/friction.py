@@ -86,7 +86,7 @@ def scale(points: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
 
 
 def _places(entries: Sequence[Mapping[str, Any]], by_site: bool) -> list[float]:
-    """Where the estimates of one axis stand: at 1, 2, 3; or at their site, 0.2 from each other."""
+    """Where the estimates of one axis stand: at 1, 2, 3; or about their site, without overlap."""
     if not by_site:
         return [float(k) for k in range(1, len(entries) + 1)]
     at: dict[int, int] = {}
@@ -95,6 +95,6 @@ def _places(entries: Sequence[Mapping[str, Any]], by_site: bool) -> list[float]:
         order.append(at.get(entry["site"], 0))
         at[entry["site"]] = order[-1] + 1
     return [
-        round(entry["site"] + 0.2 * (k - (at[entry["site"]] - 1) / 2), 3)
-        for entry, k in zip(entries, order, strict=True)
+        round(site + min(0.2, 0.8 / at[site]) * (k - (at[site] - 1) / 2), 3)
+        for site, k in zip((entry["site"] for entry in entries), order, strict=True)
     ]

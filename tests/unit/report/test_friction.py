@@ -70,3 +70,9 @@ def test_each_figure_of_each_axis_has_a_panel_and_estimates_of_a_site_stand_side
     assert [p["place"] for p in panels[0]["points"]] == [0.9, 1.1, 2.0]
     assert [p["place"] for p in panels[2]["points"]] == [0.9, 1.1]
     assert panels[0]["high"] < panels[1]["low"]
+
+
+def test_many_estimates_of_a_site_stay_beside_it():
+    (panel,) = friction_panels([entry("x", 3, coulomb=6.0)] * 18, ("x",), by_site=True)
+    places = [p["place"] for p in panel["points"]]
+    assert 2.6 <= places[0] < places[1] < places[-1] <= 3.4
