@@ -56,12 +56,14 @@ class Fitted:
         residual: weighted deviations there, float64[R].
         covariance: of base parameters and all effects' fitted coordinates, in order; None where
             it was not asked for.
+        falling: what the last iteration lowered the cost by, where another one was not made.
     """
 
     model: AxisModel
     cost: float
     residual: F64
     covariance: F64 | None
+    falling: float = 0.0
 
 
 class AxisProblem:

@@ -16,9 +16,9 @@ F64 = NDArray[np.float64]
 
 LEAST_GAIN = 100.0
 """Score that an effect must save: nominal stages show accidental ones of 12."""
-_ROUNDS, _NARROWER = 5, 0.9
-"""Fits that a set of effects may take that is fitted to the end; and what counts as an outlier must
-not have come down below this share of what it was, or another one follows."""
+_ROUNDS, _ITERATIONS, _NARROWER = 5, 4, 0.9
+"""Fits that a set of effects may take that is fitted to the end, iterations of each; what counts as
+an outlier must not have come down below this share of what it was, or another one follows."""
 _CONTENDERS, _CONTEST, _CONTEST_SHARE = 4, 1000.0, 0.1
 """Sets that are fitted to the end, and the score (or its share, or all that the best of them leaves
 beside noise) within which they contend."""
@@ -52,14 +52,16 @@ def contended(problem: AxisProblem, book: Book, trials: Sequence[Rival]) -> Riva
         return sorted((book.best(each) for each in names), key=book.score)
 
     for _ in range(_ROUNDS):
-        before, wide = book.score(ranked()[0]), problem.outlier
+        order = ranked()[:_CONTENDERS]
+        before, wide = book.score(order[0]), problem.outlier
         left = max(before - problem.expected(), 0.0)
         last = before + max(_CONTEST, _CONTEST_SHARE * before, left)
-        near = [rival for rival in ranked()[:_CONTENDERS] if book.score(rival) <= last]
+        # And those that would come near if they went on falling as they did in the end.
+        near = [r for r in order if book.score(r) - _ITERATIONS * r.fitted.falling <= last]
         starts = [_lent(problem, book, rival, near[0]).model for rival in near]
         # Beside one effect or another the base parameters do much the same.
         columns = problem.base_columns(near[0].model, near[0].fitted.residual)
-        side_by_side(problem, book, starts, 4, columns)
+        side_by_side(problem, book, starts, _ITERATIONS, columns)
         best = ranked()[0]
         gained = before - book.score(best)
         problem.rescale(best.fitted.residual)

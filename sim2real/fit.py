@@ -27,6 +27,8 @@ _COLUMN = 0.05
 """A parameter's step for differences changes so much of its effect's signature."""
 _REACH = 0.6
 """The most of its signature that an effect's parameter may change in one iteration."""
+_PARTS = (0.3, 0.05)
+"""Shares of a step that are tried where the whole one raises the cost."""
 _STEPS = 3
 """Steps that a derivative may try."""
 _SLACK = 30.0
@@ -57,11 +59,11 @@ def fit(
     if base_columns is None:
         base_columns = problem.base_columns(model, residual)
     steps: list[F64] = [np.full(len(t.values), np.nan) for t in model.terms]
-    done = 0
+    done, falling = 0, 0.0
     while True:
         last = done >= iterations
         if last and not thorough:
-            return Fitted(model, cost, residual, None)
+            return Fitted(model, cost, residual, None, falling)
         columns, reach = _effect_columns(problem, model, residual, steps, both=last)
         jacobian = np.hstack([base_columns, columns])
         weights = problem.weights(residual)
@@ -79,23 +81,65 @@ def fit(
             return Fitted(model, cost, residual, covariance)
         gradient[:NUISANCES] += model.base / problem.spread**2
         limit = np.concatenate((10.0 * problem.spread, reach))
-        step = -solve(normal, gradient)
+        step = _inside(model, -solve(normal, gradient), normal, gradient, problem.spread)
         done += 1
         if not np.isfinite(step).all():
-            done = iterations
+            done, falling = iterations, 0.0
             continue
-        for shrink in (1.0, 0.3, 0.05):
-            trial = _moved(model, problem, np.clip(shrink * step, -limit, limit))
-            trial_residual = problem.attempted(trial)
-            trial_cost = problem.cost(trial, trial_residual)
-            if trial_cost < cost + (_SLACK if thorough else 0.0):
-                break
-        else:
-            done = iterations
+        taken = _lowered(problem, model, cost + (_SLACK if thorough else 0.0), step, limit)
+        if taken is None:
+            done, falling = iterations, 0.0
             continue
-        if cost - trial_cost < settled + 1e-4 * cost and not thorough:
-            done = iterations
+        trial, trial_residual, trial_cost = taken
+        falling = cost - trial_cost
+        if falling < settled + 1e-4 * cost and not thorough:
+            done, falling = iterations, 0.0
         model, residual, cost = trial, trial_residual, trial_cost
+
+
+def _inside(model: AxisModel, step: F64, normal: F64, gradient: F64, spread: F64) -> F64:
+    """The step, with base parameters that stand at a limit and would go beyond it left there.
+
+    Cut off afterwards, they would leave the others a step that only makes sense with them.
+    """
+    low, high = _limits(spread)
+    free = np.ones(len(step), dtype=np.bool_)
+    for _ in range(NUISANCES):
+        own = step[:NUISANCES]
+        beyond = ((model.base >= high) & (own > 0.0)) | ((model.base <= low) & (own < 0.0))
+        if not beyond.any() or not np.isfinite(step).all():
+            break
+        free[:NUISANCES] &= ~beyond
+        step = np.zeros(len(step))
+        step[free] = -solve(normal[np.ix_(free, free)], gradient[free])
+    return step
+
+
+def _limits(spread: F64) -> tuple[F64, F64]:
+    """Between which base parameters and the step stay."""
+    low, high = -FARTHEST * spread, FARTHEST * spread
+    low[STEP], high[STEP] = 0.0, FINEST
+    return low, high
+
+
+def _lowered(
+    problem: AxisProblem, model: AxisModel, least: float, step: F64, limit: F64
+) -> tuple[AxisModel, F64, float] | None:
+    """The model after a step, its residual and cost; None where no part of the step lowers it.
+
+    Each coordinate goes as far as it may; where that bends the step too much, a part of it, or as
+    much of the whole as its most limited coordinate allows.
+    """
+    whole = step * min(1.0, float(np.min(limit / np.maximum(np.abs(step), 1e-300))))
+    parts = [np.clip(shrink * step, -limit, limit) for shrink in (1.0, *_PARTS)]
+    for steps in (parts[:1], [*parts[1:], whole]):
+        trials = [_moved(model, problem, each) for each in steps]
+        residuals = problem.all_attempted(trials)
+        costs = [problem.cost(t, r) for t, r in zip(trials, residuals, strict=True)]
+        best = int(np.argmin(costs))
+        if costs[best] < least:
+            return trials[best], residuals[best], costs[best]
+    return None
 
 
 @dataclass(slots=True, eq=False)
@@ -203,7 +247,5 @@ def _moved(model: AxisModel, problem: AxisProblem, step: F64) -> AxisModel:
         width = len(term.values)
         terms.append(moved(term, problem.axis, fitted(term, problem.axis) + step[at : at + width]))
         at += width
-    limit = FARTHEST * problem.spread
-    base = np.clip(model.base + step[:NUISANCES], -limit, limit)
-    base[STEP] = min(max(base[STEP], 0.0), FINEST)
+    base = np.clip(model.base + step[:NUISANCES], *_limits(problem.spread))
     return AxisModel(base, tuple(terms))

@@ -43,8 +43,10 @@ _OPEN = 2.0
 """Squared gap over floor per signal from which the closed loop shows one."""
 _SHRUNK = (0.5, 0.0)
 """Shares of the fitted base parameters that are tried in the closed loop."""
+_NARROW = 1000.0
+"""Score up to which what was there before is fitted again, too, before an effect is added."""
 _OTHERS, _WORSE, _BESIDE = 2, 1.3, 3
-"""Single effects besides the best that pairs are built on where the best pair leaves structure,
+"""Single effects besides the best that pairs are built on where the best pair leaves something,
 their score over the best one's, at most, and effects that are fitted beside each."""
 
 
@@ -125,6 +127,8 @@ def search(
         trials = side_by_side(problem, book, beside, 5, columns)
         best = contended(problem, book, trials)
         path[-1] = book.best(path[-1].model.names())
+        if book.score(path[-1]) - book.score(best) < _NARROW:
+            path[-1] = book.entered(fit(problem, path[-1].model, 4, thorough=False))
         if book.score(path[-1]) - book.score(best) < LEAST_GAIN:
             break
         if within_tolerance(best.model.terms[-1], problem.axis, float(problem.spread[0])):
@@ -138,7 +142,8 @@ def search(
             break
     problem.rescale(path[-1].fitted.residual)
     last = path[-1]
-    if len(path) > 2 and not problem.nearly_white(last.fitted.residual):
+    is_open = last.gap > _OPEN * SIGNALS
+    if len(path) > 2 and (is_open or not problem.nearly_white(last.fitted.residual)):
         last = _otherwise(problem, last, promising, book)
         problem.rescale(last.fitted.residual)
     settled = _no_worse(problem, book, last.fitted)
