@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from rich import box
 from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
@@ -196,7 +197,8 @@ def _judged(verdicts: Sequence[SiteVerdict]) -> list[RenderableType]:
 def _list(title: str, lines: Sequence[str], always: bool = False) -> list[RenderableType]:
     if not lines and not always:
         return []
-    shown = [f"  {line}" for line in lines[:_LISTED]]
+    shown = list(lines[:_LISTED])
     if len(lines) > _LISTED:
-        shown.append(f"  and {len(lines) - _LISTED} more")
-    return [Text("\n".join([title, *shown]))]
+        shown.append(f"and {len(lines) - _LISTED} more")
+    # what a line is too long for goes on below it, not below the title
+    return [Text(title), *(Padding(Text(line), (0, 0, 0, 2), expand=False) for line in shown)]
