@@ -101,7 +101,7 @@ def headline(summary: Summary) -> str:
     )
     return (
         f"Micro-moves settle to {times} (medians of {micro['count']}), "
-        f"with a peak error of {micrometres(micro['peak_error_median'])} µm."
+        f"with a peak error of {micrometres(micro['peak_error_median'])}\u00a0µm."
     )
 
 
