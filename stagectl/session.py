@@ -29,7 +29,7 @@ from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError, Unusa
 from stagectl.history.opening import open_history
 from stagectl.history.port import History
 from stagectl.history.records import StageKey
-from stagectl.history.temperature import stage_temperature
+from stagectl.history.temperature import Thermometer, plugin_thermometer, stage_temperature
 from stagectl.recipe.fiducial import Fiducial, make_fiducial
 from stagectl.recipe.model import Pair
 from stagectl.recipe.plan import plan_from
@@ -98,7 +98,9 @@ def execute(request: RunRequest, listener: Listener, rig: Rig | None = None) -> 
         StagectlError: the folder cannot be written.
         OSError: likewise.
     """
-    fiducial = make_fiducial(request.recipe.fiducial) if rig is None else rig.fiducial
+    recipe, machine = request.recipe, request.machine
+    fiducial = make_fiducial(recipe.fiducial, recipe.source) if rig is None else rig.fiducial
+    thermometer = plugin_thermometer(machine) if rig is None else None
     try:
         request.folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -108,7 +110,7 @@ def execute(request: RunRequest, listener: Listener, rig: Rig | None = None) -> 
         listener.phase(left_over.describe())
     history = None if request.history is None else open_history(request.history, write=True)
     try:
-        return _execute(request, listener, fiducial, rig, history)
+        return _execute(request, listener, fiducial, thermometer, rig, history)
     finally:
         if history is not None:
             history.close()
@@ -118,6 +120,7 @@ def _execute(
     request: RunRequest,
     listener: Listener,
     fiducial: Fiducial,
+    thermometer: Thermometer | None,
     rig: Rig | None,
     history: History | None,
 ) -> RunResult:
@@ -140,7 +143,7 @@ def _execute(
     run = _Run(request, listener, compensation, fiducial, rig, history, active)
     log = BusLog(request.folder / "bus.asc", request.started)
     with _virtual_stage(request, bus, listener, rig) as (used, injected), log:
-        run.drive(used, axes, log)
+        run.drive(used, axes, log, thermometer)
         run.note(injected)
     return run.finish(log.digest)
 
@@ -239,7 +242,13 @@ class _Run:
             self._record.stage_says(_short_of(active, request))
         self.note = self._record.note
 
-    def drive(self, bus: BusSettings, axes: tuple[AxisSettings, ...], log: BusLog) -> None:
+    def drive(
+        self,
+        bus: BusSettings,
+        axes: tuple[AxisSettings, ...],
+        log: BusLog,
+        thermometer: Thermometer | None,
+    ) -> None:
         """Open, home, run and disable the stage; what goes wrong is kept for `finish`."""
         listener = self._listener
         try:
@@ -255,7 +264,9 @@ class _Run:
                 stage.home()
                 stage.enable()
                 self._record.stage_says((*stage.limitations, *stage.notices))
-                self._record.temperature = stage_temperature(self._request.machine, stage)
+                self._record.temperature = stage_temperature(
+                    self._request.machine, stage, thermometer
+                )
                 self._record.temperature.at(0.0)
                 begin = time.perf_counter()
                 try:

@@ -79,28 +79,45 @@ def load_plugin(name: str) -> Thermometer:
     """
     found = list(metadata.entry_points(group=ENTRY_POINTS, name=name))
     if not found:
-        raise ConfigError(f"temperature plug-in '{name}' is not installed")
+        raise ConfigError(f"plug-in '{name}' is not installed")
     try:
         thermometer: Thermometer = found[0].load()()
     except Exception as error:
         reason = f"{type(error).__name__}: {error}".splitlines()[0]
-        raise ConfigError(f"temperature plug-in '{name}' cannot be loaded: {reason}") from error
+        raise ConfigError(f"plug-in '{name}' cannot be loaded: {reason}") from error
     return thermometer
 
 
-def stage_temperature(machine: Machine, stage: Stage) -> LatestTemperature:
-    """The machine file's thermometer, asked over the opened stage where it is an object.
+def plugin_thermometer(machine: Machine) -> Thermometer | None:
+    """The thermometer of the plug-in that the machine file names; None where it names none.
 
     Raises:
-        ConfigError: its plug-in cannot be used.
+        ConfigError: it cannot be used; names file and key.
+    """
+    if machine.temperature is None or machine.temperature.plugin is None:
+        return None
+    try:
+        return load_plugin(machine.temperature.plugin)
+    except ConfigError as error:
+        place = ("temperature", "plugin")
+        raise ConfigError(machine.document.problem(place, str(error))) from error
+
+
+def stage_temperature(
+    machine: Machine, stage: Stage, plugin: Thermometer | None
+) -> LatestTemperature:
+    """The machine file's thermometer, asked over the opened stage where it is an object.
+
+    Args:
+        machine: whose file says where the temperature is read.
+        stage: opened.
+        plugin: as of `plugin_thermometer`.
     """
     from drivers.objects import ObjectRef
 
     source = machine.temperature
-    if source is None:
-        return LatestTemperature(None)
-    if source.plugin is not None:
-        return LatestTemperature(load_plugin(source.plugin))
+    if source is None or source.plugin is not None:
+        return LatestTemperature(plugin)
     index, _, sub = str(source.object).partition(":")
     entry = ObjectRef(int(index, 16), int(sub, 16), "temperature")
     node = next(axis.node for axis in stage.axes if axis.name == source.axis)

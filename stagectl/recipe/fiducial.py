@@ -103,8 +103,12 @@ class Plugin:
         return dx, dy
 
 
-def make_fiducial(source: FiducialSource) -> Fiducial:
+def make_fiducial(source: FiducialSource, file: str = "") -> Fiducial:
     """The finder for a recipe's source of marks.
+
+    Args:
+        source: of the marks.
+        file: the recipe's name, for what is told of a plug-in.
 
     Raises:
         ConfigError: the plug-in is not installed or cannot be loaded.
@@ -115,17 +119,17 @@ def make_fiducial(source: FiducialSource) -> Fiducial:
         case ListedMarks():
             return Offsets(source.offsets)
         case PluginMark():
-            return _plugin(source.name)
+            return _plugin(source.name, f"{file}: " if file else "")
         case NoMark():
             return Absent()
 
 
-def _plugin(name: str) -> Plugin:
+def _plugin(name: str, where: str) -> Plugin:
     found = list(metadata.entry_points(group=ENTRY_POINTS, name=name))
     if not found:
-        raise ConfigError(f"fiducial plug-in '{name}' is not installed")
+        raise ConfigError(f"{where}fiducial plug-in '{name}' is not installed")
     try:
         return Plugin(name, found[0].load()())
     except Exception as error:
         reason = f"{type(error).__name__}: {error}".splitlines()[0]
-        raise ConfigError(f"fiducial plug-in '{name}' cannot be loaded: {reason}") from error
+        raise ConfigError(f"{where}fiducial plug-in '{name}' cannot be loaded: {reason}") from error

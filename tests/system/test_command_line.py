@@ -198,6 +198,17 @@ def start_long(folder: Path) -> subprocess.Popen[str]:
     raise AssertionError(f"no samples: {process.communicate()}")
 
 
+def test_a_thermometer_that_is_not_there_is_told_before_anything_moves(stagectl, short, tmp_path):
+    machine = tmp_path / "m.yaml"
+    machine.write_text(load_machine().text + "temperature: {plugin: nobody}\n")
+    done = stagectl("run", short, "--simulate", "--machine", machine, "--out", tmp_path / "out")
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"stagectl: {machine}:")
+    assert line.endswith("temperature.plugin: plug-in 'nobody' is not installed")
+    assert not (tmp_path / "out").exists()
+
+
 def test_ctrl_c_stops_and_keeps_what_was_recorded(tmp_path):
     process = start_long(tmp_path)
     process.send_signal(signal.SIGINT)
