@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.bus_access import Bench, bus_options
+from stagectl.cli.bus_access import Bench, bus_options, interruptible
 from stagectl.cli.options import NumberRange
 
 if TYPE_CHECKING:
@@ -66,7 +63,7 @@ def enable(
     bench = Bench(machine, bus, simulate, seed)
     if simulate and duration is None:
         duration = 1.0
-    with bench.stage() as stage, _interruptible() as stopped:
+    with bench.stage() as stage, interruptible() as stopped:
         _boot(stage, reset)
         stage.enable()
         _say(stage, "enabled, holding")
@@ -90,7 +87,7 @@ def home(
     The drives keep their zero until they are switched off.
     """
     bench = Bench(machine, bus, simulate, seed)
-    with bench.stage() as stage, _interruptible():
+    with bench.stage() as stage, interruptible():
         _boot(stage, reset)
         stage.home(force=True)
         _say(stage, "homed")
@@ -122,7 +119,7 @@ def jog(
     chosen = _axis(bench.axes, axis)
     speed, acceleration = _profile(chosen, velocity)
     _check_distance(chosen, distance, here)
-    with bench.stage() as stage, _interruptible():
+    with bench.stage() as stage, interruptible():
         _boot(stage, reset)
         if not here:
             stage.home()
@@ -181,34 +178,3 @@ def _say(stage: Stage, what: str) -> None:
         for axis, position in zip(stage.axes, stage.positions, strict=True)
     )
     click.echo(f"{what}: {at}")
-
-
-@contextmanager
-def _interruptible() -> Iterator[Callable[[], bool]]:
-    """Ctrl-C interrupts what is under way; the stage is stopped and disabled on the way out.
-
-    Gives a function that says from then on to wait for Ctrl-C instead, and whether it came.
-    """
-    asked = waited_for = False
-
-    def stopped() -> bool:
-        nonlocal waited_for
-        waited_for = True
-        return asked
-
-    def handler(number: int, _: Any) -> None:
-        nonlocal asked
-        if asked:
-            return
-        asked = True
-        if not waited_for:
-            raise KeyboardInterrupt
-
-    before = {n: signal.signal(n, handler) for n in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield stopped
-    except KeyboardInterrupt:
-        raise click.exceptions.Abort from None
-    finally:
-        for number, former in before.items():
-            signal.signal(number, former)

@@ -6,6 +6,7 @@ its drives have just been switched on.
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -125,3 +126,37 @@ class Bench:
 
         with self.on_bus() as settings, Stage.open(settings, self.axes) as stage:
             yield stage
+
+
+@contextmanager
+def interruptible() -> Iterator[Callable[[], bool]]:
+    """Ctrl-C interrupts what is under way; the drives are stopped on the way out.
+
+    A second one does not break that off: once it came, Ctrl-C is heard no more.
+
+    Gives a function that says from then on to wait for Ctrl-C instead, and whether it came.
+    """
+    asked = waited_for = False
+
+    def stopped() -> bool:
+        nonlocal waited_for
+        waited_for = True
+        return asked
+
+    def handler(number: int, _: Any) -> None:
+        nonlocal asked
+        if asked:
+            return
+        asked = True
+        if not waited_for:
+            raise KeyboardInterrupt
+
+    before = {n: signal.signal(n, handler) for n in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stopped
+    except KeyboardInterrupt:
+        raise click.exceptions.Abort from None
+    finally:
+        if not asked:
+            for number, former in before.items():
+                signal.signal(number, former)

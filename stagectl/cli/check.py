@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.bus_access import Bench, bus_options
+from stagectl.cli.bus_access import Bench, bus_options, interruptible
 from stagectl.cli.options import JSON_FILE, quietly, write_json
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def command(
     from stagectl.errors import StagectlError
 
     bench = Bench(machine, bus, simulate, seed)
-    with bench.onlooker() as network:
+    with bench.onlooker() as network, interruptible():
         network.listen(LISTENING)  # a stage that runs is left alone
         findings = run(network, node, power=power, homing=homing)
         label = network.label
