@@ -19,7 +19,6 @@ from estimation.move_tables import (
     M_HEADING,
     M_READY,
     M_USE,
-    M_ZONE,
     MARKS,
     MOST,
     RESIDUAL,
@@ -93,7 +92,7 @@ def refine_fit(  # type: ignore[no-untyped-def]
             weights[3, k] = 0.0
         if report[R_CODES] > 0.0:
             share_rounding(
-                tables[T_FORCE], rows[RESIDUAL], marks[M_ZONE], use, report[R_CODES],
+                tables[T_FORCE], rows[RESIDUAL], use, report[R_CODES],
                 mass * constants[C_POSITION_NOISE] / constants[C_PERIOD] ** 2, weights[3],
             )  # fmt: skip
         refine_carried(

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 
 from estimation.compiled import kernel
-from estimation.zones import REST
 
 LONG, LONGER, STRIDE = 8, 24, 4
 """More samples than that in one code are no chance, nor so many in two; looked for at every so many
@@ -21,7 +20,7 @@ NEAR = 1e-3
 
 
 @kernel()
-def share_rounding(force, residual, zone, use, step, jitter, variance):  # type: ignore[no-untyped-def]
+def share_rounding(force, residual, use, step, jitter, variance):  # type: ignore[no-untyped-def]
     """Let the variance of rows grow where they share an error, until together they say what is so.
 
     L samples whose common error has the variance c are as good as L apart with a variance of L c.
@@ -32,8 +31,7 @@ def share_rounding(force, residual, zone, use, step, jitter, variance):  # type:
     Args:
         force: measured [N], shape (K + 2,).
         residual: predicted minus measured force of the inner samples [N], shape (>= K,).
-        zone: of these, shape (>= K,).
-        use: which of them count, shape (K,).
+        use: which of these count, shape (K,).
         step: between codes, if the force has any [N].
         jitter: of the residual, by one position's noise in the acceleration [N].
         variance: of the rows [N^2], shape (K,); grows.
@@ -43,13 +41,13 @@ def share_rounding(force, residual, zone, use, step, jitter, variance):  # type:
     k = done = 0
     while k + LONG < count:
         first = force[k + 1]
-        if abs(force[k + 1 + LONG] - first) > step + near or zone[k] == REST or not use[k]:
+        if abs(force[k + 1 + LONG] - first) > step + near or not use[k]:
             k += STRIDE
             continue
-        while k > done and use[k - 1] and zone[k - 1] != REST and abs(force[k] - first) <= near:
+        while k > done and use[k - 1] and abs(force[k] - first) <= near:
             k -= 1
         end, number, others, other = k, 0, 0, first
-        while end < count and zone[end] != REST:
+        while end < count:
             code = force[end + 1]
             if use[end]:
                 if abs(code - first) > near:

@@ -207,9 +207,8 @@ def fit(  # type: ignore[no-untyped-def]
                 weights[3, k] = white + tables[T_HAZE, k]
             if report[R_CODES] > 0.0 and not linear:
                 share_rounding(
-                    tables[T_FORCE], rows[RESIDUAL], zone, use[:end], report[R_CODES], jitter,
-                    weights[3],
-                )  # fmt: skip
+                    tables[T_FORCE], rows[RESIDUAL], use[:end], report[R_CODES], jitter, weights[3]
+                )
             if linear:
                 _weigh_apart(weights[3], use[:end], weights[2])
             else:

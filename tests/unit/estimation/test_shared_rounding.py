@@ -9,19 +9,17 @@ from estimation.noise import quantisation
 from estimation.shared_rounding import share_rounding
 from estimation.split_horizon import EstimatorSettings, MoveData, SplitHorizonEstimator
 from estimation.trajectory import Limits, plan
-from estimation.zones import REST, SLIDE
 
 TS, STEP, MASS, COUNT = 1e-3, 0.04, 8.0, 200
 OTHERS = (6e5, 100.0, 0.4, 2e-3, 1.0)
 
 
-def grown(force, jitter=0.0, zone=None, use=None):
+def grown(force, jitter=0.0, use=None):
     """By how much the variance of the rows grows, in step^2, for a model that has it right."""
     codes = np.round(force / STEP) * STEP
     variance = np.zeros(len(force) - 2)
-    zone = np.full(len(variance), SLIDE, np.int8) if zone is None else zone
     use = np.ones(len(variance), np.int8) if use is None else use
-    share_rounding(codes, (force - codes)[1:-1], zone, use, STEP, jitter, variance)
+    share_rounding(codes, (force - codes)[1:-1], use, STEP, jitter, variance)
     return variance / STEP**2
 
 
@@ -50,13 +48,10 @@ def test_on_the_border_of_two_codes_the_error_is_half_a_code_less_their_share():
     assert grown(force) == pytest.approx(COUNT * 0.4**2)
 
 
-def test_rest_and_what_is_left_out_do_not_count():
-    zone, use = np.full(COUNT, SLIDE, np.int8), np.ones(COUNT, np.int8)
-    zone[150:] = REST
+def test_what_is_left_out_does_not_count():
+    use = np.ones(COUNT, np.int8)
     use[40:60] = 0
-    shared = grown(np.full(COUNT + 2, 0.123), zone=zone, use=use)
-    assert shared[:150] == pytest.approx(130.0 / 12.0)
-    assert (shared[150:] == 0.0).all()
+    assert grown(np.full(COUNT + 2, 0.123), use=use) == pytest.approx(180.0 / 12.0)
 
 
 @pytest.mark.parametrize("step", [STEP, 1e-3])
