@@ -1,9 +1,11 @@
-"""Where a rounded force hardly changes, its samples share one rounding error.
+"""Where a rounded force changes evenly, its samples share one rounding error.
 
 Taken for white noise, a hundred equal codes of a stage at constant speed would tell its force to a
-thirtieth of a step; they tell it to a third, however many there are. How much of the error is
-shared, codes and model say: all of it where there is one code and the force stays in its place, the
-less the farther it runs through the code, or the more evenly two of them take turns.
+thirtieth of a step; they tell it to a third, however many there are. The same where it changes by
+whole steps from sample to sample, as viscous friction can at constant acceleration. How much of the
+error is shared, codes and model say: all of it where there is one code (on a line of whole steps)
+and the force stays in its place, the less the farther it runs through the code, or the more evenly
+two of them take turns.
 """
 
 from __future__ import annotations
@@ -23,8 +25,8 @@ NEAR = 1e-3
 def share_rounding(force, residual, use, step, jitter, variance):  # type: ignore[no-untyped-def]
     """Let the variance of rows grow where they share an error, until together they say what is so.
 
-    L samples whose common error has the variance c are as good as L apart with a variance of L c.
-    Of a force that stays anywhere in a code, c is 1/12 of step^2; on the border of two that come as
+    L samples whose mean error has the variance c are as good as L apart with a variance of L c. Of
+    a force that stays anywhere in a code, c is 1/12 of step^2; on the border of two that come as
     often as s and 1 - s, the mean is s - 1/2 off. Both are less by the share D of a code that it
     runs through: (1 - D)^2.
 
@@ -41,42 +43,50 @@ def share_rounding(force, residual, use, step, jitter, variance):  # type: ignor
     k = done = 0
     while k + LONG < count:
         first = force[k + 1]
-        if abs(force[k + 1 + LONG] - first) > step + near or not use[k]:
+        rise = step * math.floor((force[k + 1 + LONG] - first) / (LONG * step) + 0.5)
+        ahead = force[k + 2] - first - rise
+        if abs(ahead) > step + near or abs(ahead + rise - force[k + 3] + force[k + 2]) > 2.1 * step:
             k += STRIDE
             continue
-        while k > done and use[k - 1] and abs(force[k] - first) <= near:
-            k -= 1
-        end, number, others, other = k, 0, 0, first
+        begin = k
+        while (
+            begin > done
+            and use[begin - 1]
+            and abs(force[begin] + rise * (k + 1 - begin) - first) <= near
+        ):
+            begin -= 1
+        end, number, others, other = begin, 0, 0, 0.0
         while end < count:
-            code = force[end + 1]
+            off = force[end + 1] - first - rise * (end - k)
             if use[end]:
-                if abs(code - first) > near:
-                    if others == 0 and abs(abs(code - first) - step) <= near:
-                        other = code
-                    if abs(code - other) > near:
+                if abs(off) > near:
+                    if others == 0 and abs(abs(off) - step) <= near:
+                        other = off
+                    if abs(off - other) > near or number == 0:
                         break
                     others += 1
                 number += 1
             end += 1
         if number > (LONG if others == 0 else LONGER):
-            stays = max(1.0 - _run(force, residual, jitter, k, end) / step, 0.0)
+            stays = max(1.0 - _run(force, residual, rise, jitter, begin, end) / step, 0.0)
             apart = others / number - 0.5
             common = (stays * step) ** 2 * (apart * apart if others > 0 else 1.0 / 12.0)
-            for j in range(k, end):
-                variance[j] += common * number
-        k = done = end
+            grows = common * number - step * step / 12.0
+            for j in range(begin, end if grows > 0.0 else begin):
+                variance[j] += grows
+        k = done = max(end, k + 1)
 
 
 @kernel()
-def _run(force, residual, jitter, begin, end):  # type: ignore[no-untyped-def]
-    """How far the predicted force runs from one row to another, by the means of both halves [N].
+def _run(force, residual, rise, jitter, begin, end):  # type: ignore[no-untyped-def]
+    """How far the predicted force runs from a line with the slope `rise`, by the means of halves.
 
-    At least, for what the positions' noise makes of these (of second differences' sums little is
-    left: three first differences, the one in the middle twice).
+    At least [N], for what the positions' noise makes of these: of second differences' sums three
+    first differences are left, the one in the middle twice.
     """
     half = (end - begin) // 2
-    before = after = 0.0
+    total = 0.0
     for j in range(half):
-        before += residual[begin + j] + force[begin + j + 1]
-        after += residual[end - 1 - j] + force[end - j]
-    return max(2.0 * (abs(after - before) - math.sqrt(12.0) * jitter) / half, 0.0)
+        total += residual[end - 1 - j] + force[end - j] - residual[begin + j] - force[begin + j + 1]
+    total -= rise * half * (end - begin - half)
+    return max(2.0 * (abs(total) - math.sqrt(12.0) * jitter) / half, 0.0)
