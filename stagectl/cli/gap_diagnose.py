@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ from stagectl.cli.gap_measure import console_for, gap_table, machine_of
 from stagectl.cli.options import FILE, JSON_FILE, OUTPUT, quietly, write_json
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import Console, RenderableType
 
     from sim2real.diagnosis import Diagnosis
     from sim2real.examine import Progress
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from stagectl.config.machine import Machine
 
 _WHERE_SHOWN = 6
+_ABOUT = 7  # characters of the longest "cause", "channel", ...
 _ALIKE_SHOWN = 8
 _VERDICTS = {
     "no_gap": ("No gap", "green"),
@@ -158,31 +159,45 @@ def _diagnosing(console: Console) -> Iterator[Progress]:
 
 def _show(console: Console, report: GapReport, machine: str) -> None:
     """The report in a screenful."""
-
-    def say(text: str) -> None:
-        console.print(text, markup=False, highlight=False)
-
     word, colour = _VERDICTS[report.verdict]
-    console.print(f"[bold {colour}]{word}[/]: ", end="")
-    say(report.reason)
-    for finding in report.channels:
-        say(f"channel  {finding.text}{' (corrected)' if finding.applied else ''}")
+    lines = [(f"[bold {colour}]{word}[/]:", report.reason)]
+    lines += [
+        ("channel", f"{f.text}{' (corrected)' if f.applied else ''}") for f in report.channels
+    ]
+    console.print(_lines(lines))
     if report.gap is not None:
         console.print(gap_table(report.gap, f"Gap of {machine} (rms)"))
-    for cell in report.where[:_WHERE_SHOWN]:
-        say(f"where    {cell.text}")
+    lines = [("where", cell.text) for cell in report.where[:_WHERE_SHOWN]]
     for cause in report.causes:
         figures = ", ".join(
             f"{key} {p.value:.4g} ± {p.sigma:.2g} {p.unit}" for key, p in cause.parameters.items()
         )
-        say(f"cause    {cause.axis}: {cause.effect}, p = {cause.probability:.2f}: {figures}")
+        lines.append(
+            ("cause", f"{cause.axis}: {cause.effect}, p = {cause.probability:.2f}: {figures}")
+        )
         if cause.remedy:
-            say(f"         {cause.remedy}")
+            lines.append(("", cause.remedy))
     for group in report.confusable:
-        say(f"alike    {group.axis}: {', '.join(group.effects)}: {group.why}")
+        lines.append(("alike", f"{group.axis}: {', '.join(group.effects)}: {group.why}"))
     if report.gap_closed is not None:
         interval = report.gap_closed_interval
         held = "" if interval is None else f" ({interval[0]:.2f} to {interval[1]:.2f})"
-        say(f"closed   {report.gap_closed:.2f}{held} of the gap, on moves that took no part")
+        lines.append(
+            ("closed", f"{report.gap_closed:.2f}{held} of the gap, on moves that took no part")
+        )
     if report.next_experiment is not None:
-        say(f"next     {report.next_experiment.why}")
+        lines.append(("next", report.next_experiment.why))
+    console.print(_lines(lines))
+
+
+def _lines(lines: Sequence[tuple[str, str]]) -> RenderableType:
+    """What each line is about, and beside it what is too long for one line."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    grid = Table.grid(padding=(0, 2, 0, 0))
+    grid.add_column(min_width=_ABOUT, no_wrap=True)
+    grid.add_column(overflow="fold")
+    for about, text in lines:
+        grid.add_row(about, escape(text))
+    return grid
