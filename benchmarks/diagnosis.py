@@ -6,6 +6,8 @@ parameters beside the effect's own with the machine file's tolerance as prior. W
 places, pitches or frequencies it would need many starts; here it is given one, so its time is a
 lower bound. Only every n-th candidate is run; the sum over all is told from those.
 
+Besides, how long a diagnosis takes where nothing explains the gap, and where there is none.
+
     python benchmarks/diagnosis.py [REC.h5] [--every 7]
 """
 
@@ -30,10 +32,9 @@ from sim2real.blind.draw import Drawn, Key, draw_base, stage_of
 from sim2real.blind.moves import draw_demands
 from sim2real.blind.stage import record
 from sim2real.diagnosis import diagnose
-from sim2real.examine import examine
+from sim2real.examine import Examination, examine
 from sim2real.gap import Measured
 from sim2real.recording import Recording
-from sim2real.replay import residual
 from stagectl.config.machine import load_machine, parse_machine
 from stagectl.config.mapping import stage_settings
 from stagectl.store.recording import read_recording
@@ -41,16 +42,21 @@ from stagectl.store.recording import read_recording
 F64 = NDArray[np.float64]
 EFFECT = "cogging"
 VALUES = {"amplitude": 1.2, "pitch": 0.031, "phase": 0.5}
+STRANGERS: dict[str, dict[str, float]] = {
+    "random_walk": {"rate": 0.5, "seed": 7.0},
+    "root_drag": {"drag": 5.0},
+}
+"""Effects of no family."""
 
 
-def example() -> Recording:
-    """Ten seconds of the reference stage with cogging on y."""
+def example(*drawn: Drawn) -> Recording:
+    """Ten seconds of the reference stage with effects."""
     machine = load_machine()
     settings = stage_settings(machine)
     rng = np.random.default_rng(1)
     demands = draw_demands(rng, settings)
     base = {a.name: draw_base(rng, 0.003) for a in settings.axes}
-    key = Key("one", (Drawn("y", EFFECT, VALUES, 0.0, EFFECT),), base)
+    key = Key("one", drawn, base)
     stage = stage_of(settings, key, library())
     return record(stage, demands, 1, 8, machine.text, "example")
 
@@ -74,8 +80,11 @@ def by_scipy(
         stage = replace(
             settings, axes=tuple(model.settings(a) if a.name == axis else a for a in settings.axes)
         )
-        left = residual(measured.replay.measured(), measured.replay.run(stage))[axis]
-        parts = [v / measured.floor.rms[axis][signal] for signal, v in left.items()]
+        simulated = measured.replay.run_axis(stage, axis)
+        parts = [
+            (values - simulated[signal]) / measured.floor.rms[axis][signal]
+            for signal, values in measured.replay.measured()[axis].items()
+        ]
         return np.nan_to_num(np.concatenate((*parts, at[:STEP] / tolerance)), nan=1e4)
 
     begun = time.perf_counter()
@@ -91,24 +100,37 @@ def main() -> None:
     parser.add_argument("recording", type=Path, nargs="?", help="[ten seconds with cogging]")
     parser.add_argument("--every", type=int, default=7, help="candidates that are run: each n-th")
     arguments = parser.parse_args()
-    recording = read_recording(arguments.recording) if arguments.recording else example()
+    cogging = Drawn("y", EFFECT, VALUES, 0.0, EFFECT)
+    recording = read_recording(arguments.recording) if arguments.recording else example(cogging)
     machine = parse_machine(recording.machine, recording.source)
     settings = stage_settings(machine)
     tolerance = {name: axis.plant.tolerance for name, axis in machine.axes.items()}
     known = {name: effect for name, effect in library().items() if effect.searched}
-    diagnose(examine([recording], settings), tolerance, known)  # compiles
-    begun = time.perf_counter()
-    examined = examine([recording], settings)
-    report = diagnose(examined, tolerance, known).report
-    whole = time.perf_counter() - begun
-    print(f"whole diagnosis: {whole:.1f} s, {report.verdict}: {report.reason}")
+
+    def timed(what: str, recording: Recording) -> tuple[Examination, float]:
+        """Examine and diagnose, and tell how long that takes [s]."""
+        begun, spent = time.perf_counter(), time.process_time()
+        examined = examine([recording], settings)
+        report = diagnose(examined, tolerance, known).report
+        took, spent = time.perf_counter() - begun, time.process_time() - spent
+        print(
+            f"{what}: {took:.1f} s ({spent:.1f} s of processor time), {report.verdict}", flush=True
+        )
+        return examined, took
+
+    timed("with compilation", recording)
+    examined, whole = timed("whole diagnosis", recording)
+    if arguments.recording is None:
+        timed("nothing", example())
+        for name, values in STRANGERS.items():
+            timed(name, example(Drawn("x", name, values, 0.0, "")))
     candidates = [(name, axis.name) for axis in settings.axes for name in known]
-    spent = []
+    each = []
     for name, axis in candidates[:: arguments.every]:
         took, runs = by_scipy(name, axis, examined.measured[0], settings, tolerance[axis])
-        spent.append(took)
+        each.append(took)
         print(f"scipy, {name} on {axis}: {took:.1f} s, {runs} simulations", flush=True)
-    everything = float(np.mean(spent)) * len(candidates) / 2
+    everything = float(np.mean(each)) * len(candidates) / 2
     print(
         f"scipy, all {len(candidates)} candidates on two cores: {everything:.0f} s; "
         f"{everything / whole:.1f} times the whole diagnosis"
