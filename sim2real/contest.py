@@ -19,6 +19,8 @@ LEAST_GAIN = 100.0
 _ROUNDS, _ITERATIONS, _NARROWER = 5, 4, 0.9
 """Fits that a set of effects may take that is fitted to the end, iterations of each; what counts as
 an outlier must not have come down below this share of what it was, or another one follows."""
+_LITTLE = 0.01
+"""Share of what the best of them leaves beside noise that another fit has to gain."""
 _CONTENDERS, _CONTEST, _CONTEST_SHARE = 4, 1000.0, 0.1
 """Sets that are fitted to the end, and the score (or its share, or all that the best of them leaves
 beside noise) within which they contend."""
@@ -65,7 +67,7 @@ def contended(problem: AxisProblem, book: Book, trials: Sequence[Rival]) -> Riva
         best = ranked()[0]
         gained = before - book.score(best)
         problem.rescale(best.fitted.residual)
-        if gained < LEAST_GAIN and problem.outlier > _NARROWER * wide:
+        if gained < max(LEAST_GAIN, _LITTLE * left) and problem.outlier > _NARROWER * wide:
             break
     return best
 
