@@ -8,6 +8,7 @@ package's kept kernels are dropped.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 _ROOT = Path(__file__).resolve().parent.parent
@@ -33,7 +34,7 @@ def drop_stale() -> int:
             continue
         sources = (p for n in (name, *others) for p in (_ROOT / n).rglob("*.py"))
         newest = max(path.stat().st_mtime for path in sources)
-        if min(path.stat().st_mtime for path in kept) >= newest:
+        if all(_time(path) >= newest for path in kept):
             continue
         for path in kept:
             try:
@@ -42,3 +43,11 @@ def drop_stale() -> int:
             except OSError:
                 continue
     return dropped
+
+
+def _time(path: Path) -> float:
+    """When a kernel was kept; as if it were new where another process has just dropped it."""
+    try:
+        return path.stat().st_mtime
+    except FileNotFoundError:
+        return math.inf

@@ -48,3 +48,10 @@ def test_kernels_with_the_code_of_another_package_go_with_it(package, tmp_path):
     os.utime(tmp_path / "hil_sim" / "code.py", (later, later))
     assert kernel_cache.drop_stale() == 2
     assert not kept.exists()
+
+
+def test_a_kernel_that_another_process_has_just_dropped_is_passed_over(package):
+    (package / "__pycache__" / "gone.f-1.py311.nbi").symlink_to("nothing")
+    earlier = time.time() - 10
+    os.utime(package / "gms.py", (earlier, earlier))
+    assert kernel_cache.drop_stale() == 0
