@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator
 from pathlib import Path
-from signal import SIGINT, pthread_kill
+from signal import SIGINT, default_int_handler, pthread_kill, signal
 
 import numpy as np
 import pytest
@@ -42,6 +43,15 @@ def test_an_effect_is_named_with_its_figures(nominal: tuple[Recording, StageSett
     assert found.report.gap_closed > 0.9
 
 
+@pytest.fixture
+def heard() -> Iterator[None]:
+    """Ctrl-C is heard, also where these tests were started in the background, which ignores it."""
+    before = signal(SIGINT, default_int_handler)
+    yield
+    signal(SIGINT, before)
+
+
+@pytest.mark.usefixtures("heard")
 def test_ctrl_c_ends_the_searches(nominal: tuple[Recording, StageSettings]) -> None:
     recording = stage_with(nominal, 11, y={"dead_time": {"delay": 4e-4}})
     examined = examine([recording], nominal[1])
