@@ -123,9 +123,9 @@ def _limits(spread: F64) -> tuple[F64, F64]:
 
 
 def _lowered(
-    problem: AxisProblem, model: AxisModel, least: float, step: F64, limit: F64
+    problem: AxisProblem, model: AxisModel, below: float, step: F64, limit: F64
 ) -> tuple[AxisModel, F64, float] | None:
-    """The model after a step, its residual and cost; None where no part of the step lowers it.
+    """The model after a step, its residual and cost; None where no part gets the cost `below`.
 
     Each coordinate goes as far as it may; where that bends the step too much, a part of it, or as
     much of the whole as its most limited coordinate allows.
@@ -137,7 +137,7 @@ def _lowered(
         residuals = problem.all_attempted(trials)
         costs = [problem.cost(t, r) for t, r in zip(trials, residuals, strict=True)]
         best = int(np.argmin(costs))
-        if costs[best] < least:
+        if costs[best] < below:
             return trials[best], residuals[best], costs[best]
     return None
 

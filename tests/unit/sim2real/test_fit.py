@@ -81,8 +81,8 @@ def test_models_side_by_side_are_tracked_as_each_by_itself(
         if found is not None:
             np.testing.assert_array_equal(found, own)
     assert problem.all_attempted([weightless])[0].min() > 1e3
-    finer = problem.finer()
-    for found, model in zip(finer.residuals([heavier, nothing, waved]), models[:1], strict=False):
+    finer, models = problem.finer(), [heavier, nothing, waved]
+    for found, model in zip(finer.residuals(models), models, strict=True):
         np.testing.assert_array_equal(found, finer.residual(model))
 
 
