@@ -29,6 +29,7 @@ from hil_sim.world import World
 from stagectl.config.machine import Machine, load_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 from stagectl.store.bus_log import BusLog
+from stagectl.store.journal import AxisScaling, Journal, JournalHeader
 
 CYCLES = 4000
 STROKE = 0.01
@@ -57,6 +58,13 @@ def open_stage(stack: ExitStack, machine: Machine, name: str, log: BusLog | None
     return stage
 
 
+def journal_of(stage: Stage, folder: Path) -> Journal:
+    """A journal for the samples of this stage."""
+    settings = [axis.settings for axis in stage.axes]
+    scaling = tuple(AxisScaling(s.name, s.increment, s.rated_force / 1000) for s in settings)
+    return Journal(folder, JournalHeader("", "", "", scaling))
+
+
 def streaming(stage: Stage, period: float) -> Callable[[], object]:
     """What streams the motion once."""
     demand = there_and_back(stage.targets, period)
@@ -77,12 +85,15 @@ def main() -> None:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         log = stack.enter_context(BusLog(folder / "bus.asc", datetime.now(UTC)))
+        journaled = open_stage(stack, machine, "rate-journal", None)
+        journaled.sink = stack.enter_context(journal_of(journaled, folder)).sink
         subjects = {
             "plant alone (`simulate`)": lambda: simulate(settings, demand, offset, 1),
             "`Stage.stream`, lock-step bus": streaming(
                 open_stage(stack, machine, "rate", None), period
             ),
             "the same with bus log": streaming(open_stage(stack, machine, "rate-log", log), period),
+            "the same with journal": streaming(journaled, period),
         }
         for subject in subjects.values():
             subject()  # compiles

@@ -89,7 +89,7 @@ class Watch:
         assert self._process.stdout is not None
         self._process.stdin.close()
         self._process.stdout.close()
-        self._process.wait(10)
+        self._process.wait(60)
 
     def _read(self) -> bytes:
         parts = []

@@ -51,7 +51,7 @@ def test_boot_home_at_the_index_enable_stream(rig: Any, travel_to: Any, hold: An
     np.testing.assert_allclose(times, np.round(times), atol=1e-6)
     if rig.virtual_time:
         np.testing.assert_allclose(np.diff(times), 1.0)
-    assert np.nanmedian(rest.arrival) <= rig.period / (1 if rig.guest else 2)
+        assert np.nanmedian(rest.arrival) <= rig.period / 2
 
 
 def test_the_host_knows_when_its_syncs_were_on_the_bus(stage: Stage, rig: Any, hold: Any) -> None:

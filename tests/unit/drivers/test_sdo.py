@@ -222,7 +222,7 @@ def test_threads_share_a_channel_each_with_its_own_answers() -> None:
                         can.Message(arbitration_id=0x585, is_extended_id=False, data=answer)
                     )
 
-        channel = SdoChannel(Network(ours, "virtual"), 5, timeout=5.0)
+        channel = SdoChannel(Network(ours, "virtual"), 5, timeout=60.0)
         wrong: list[object] = []
 
         def read(start: int) -> None:
@@ -236,7 +236,7 @@ def test_threads_share_a_channel_each_with_its_own_answers() -> None:
         for thread in (server, *readers):
             thread.start()
         for thread in readers:
-            thread.join(30)
+            thread.join(300)
             assert not thread.is_alive()
         stop.set()
         server.join()
@@ -250,24 +250,25 @@ def test_another_thread_reads_during_a_stream_without_a_late_sync(
     import numpy as np
 
     stage.enable()
-    begun, got = threading.Event(), []
+    begun, done, got = threading.Event(), threading.Event(), []
     node = stage.axes[0].node
 
     def read() -> None:
         begun.set()
         got.append(node.read(ObjectRef(0x1018, 2, "product code")))
+        done.set()
 
     reader = threading.Thread(target=read)
 
     def until(_: object) -> bool:
         if not begun.is_set():
             reader.start()
-            begun.wait(5)
-        return bool(got)
+            begun.wait(100)
+        return done.wait(0.001)  # the reader's turn; no virtual time passes
 
     position = np.tile(stage.targets, (20_000, 1))
     samples = stage.stream(position, np.zeros_like(position), until=until)
-    reader.join(5)
+    reader.join(100)
     assert got == [0x402]
     assert not samples.late.any()
     assert samples.valid.all()

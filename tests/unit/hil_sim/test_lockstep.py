@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import threading
-import time
 
 import can
 import canopen
@@ -45,9 +44,7 @@ def test_everything_that_follows_is_done_when_send_returns(bus):
 def test_only_waiting_moves_time(bus):
     bus.send(frame(1))
     assert bus.clock.now_ns() == 0
-    began = time.monotonic()
-    assert bus.recv(3600.0) is None
-    assert time.monotonic() - began < 60.0  # not an hour
+    assert bus.recv(3600.0) is None  # an hour that nobody waits for: a test is given 600 s
     assert bus.clock.now_ns() == 3600 * 10**9
     assert bus.recv(-1.0) is None
     assert bus.clock.now_ns() == 3600 * 10**9

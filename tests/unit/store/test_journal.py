@@ -7,8 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -284,24 +282,3 @@ def test_a_full_disk_is_an_error_not_a_hole(tmp_path: Path):
         journal.sink(sample(0))
     assert journal.samples == 0
     journal.close()
-
-
-def test_the_sink_keeps_up(tmp_path: Path):
-    journal = Journal(tmp_path, HEADER)
-    record = sample(1)
-    bare = os.open(tmp_path / "bare", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
-    data = bytes(sample_codec(len(HEADER.axes)).size)
-    ratio = min(
-        _timed(lambda: journal.sink(record)) / _timed(lambda: os.write(bare, data))
-        for _ in range(10)
-    )
-    os.close(bare)
-    journal.close()
-    assert ratio < 8  # about 1.5: the system call is most of it
-
-
-def _timed(call: Callable[[], object]) -> float:
-    begin = time.perf_counter()
-    for _ in range(500):
-        call()
-    return time.perf_counter() - begin
