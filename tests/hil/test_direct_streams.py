@@ -117,6 +117,7 @@ def velocities(*values: float) -> np.ndarray:
     [
         (np.linspace(0, 2, 300), r"row 15\d: 1\.0\d* m/s exceeds the velocity limit 1 m/s"),
         ([0.02, 0.0], r"0x60FF:00 .*row 0: 20 m/s\^2 exceeds the acceleration limit 10"),
+        ([0.02, 0.01, 0.0], r"0x60FF:00 .*row 0: 20 m/s\^2 exceeds the acceleration limit 10"),
         ([0.005, 0.005], r"row 1: the last one must be 0"),
         ([0.0, np.nan], r"row 1: nan m/s is no setpoint"),
         (
@@ -137,6 +138,7 @@ def test_velocities_outside_the_limits_reach_no_drive(
 @pytest.mark.parametrize(
     ("force", "message"),
     [
+        ([-120.5, 100.0, 0.0], r"0x6072:00 .*row 0: 120\.5 N exceeds the force limit 120 N"),
         ([120.5, 0.0], r"0x6072:00 .*row 0: 120\.5 N exceeds the force limit 120 N"),
         ([1.0, 2.0], r"0x6071:00 .*row 1: the last one must be 0"),
     ],
@@ -148,6 +150,39 @@ def test_forces_outside_the_limits_reach_no_drive(
     with pytest.raises(LimitError, match=r"^axis x: .*" + message):
         stage.stream_force(velocities(*force)[:, ::-1])
     assert len(seen) == before
+
+
+def test_each_stream_of_velocities_begins_at_rest(stage: Stage, seen: list[int]) -> None:
+    """Also the second one in csv, and whatever the first one ended with."""
+    stage.stream_velocity(velocities(0.01, 0.02, 0.01, 0.0))
+    before = len(seen)
+    with pytest.raises(LimitError, match=r"^axis y: .*row 0: 20 m/s\^2 exceeds the acceleration"):
+        stage.stream_velocity(velocities(0.02, 0.01, 0.0))
+    assert len(seen) == before
+    stage.stream_velocity(velocities(0.01, 0.02, 0.01, 0.0))
+
+
+def test_positions_begin_where_the_stage_was_sent_last(stage: Stage, seen: list[int]) -> None:
+    """1 mm a SYNC at most, from the last target and not from 0; also back from csv."""
+    ramp = np.linspace(0.0, 0.004, 41)[1:, None] * (1.0, -1.0)
+    stage.stream(np.array(stage.targets) + ramp, np.zeros_like(ramp))
+    stage.hold(0.3)
+
+    def refused() -> None:
+        for axis, way in itertools.product((0, 1), (1.003e-3, -1.003e-3)):
+            position = np.tile(stage.targets, (3, 1))
+            position[:, axis] += way  # only the first row is off
+            before = len(seen)
+            name = "xy"[axis]
+            with pytest.raises(LimitError, match=rf"^axis {name}: .*row 0: 1\.003 m/s from"):
+                stage.stream(position, np.zeros_like(position))
+            assert len(seen) == before
+
+    refused()
+    stage.stream_velocity(velocities(0.01, 0.02, 0.01, 0.0))
+    stage.enable()
+    refused()
+    assert len(stage.hold(0.01)) == 10
 
 
 def test_forces_that_make_an_axis_too_fast_end_the_stream(stage: Stage) -> None:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import LimitError
-from drivers.limits import checked_counts
+from drivers.limits import checked_counts, checked_forces, checked_velocities
 from drivers.settings import AxisSettings
 
 TS = 1e-3
@@ -80,3 +80,72 @@ def test_whatever_passes_is_within_travel_and_speed(steps: list[float], last: in
         return
     assert np.abs(targets).max() <= 150_000_000
     assert np.abs(np.diff(targets[:, 0], prepend=last)).max() <= 1_000_002
+
+
+def alone(axis: int, *values: float) -> np.ndarray:
+    """Rows of two axes, of which one stays 0."""
+    rows = np.zeros((len(values), 2))
+    rows[:, axis] = values
+    return rows
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_first_position_is_judged_from_the_one_sent_last(
+    axis_settings: tuple[AxisSettings, ...], axis: int, sign: int
+) -> None:
+    last = [0, 0]
+    last[axis] = sign * 100_000_000
+    there = alone(axis, 0.1, 0.1) * sign
+    checked_counts(there, 0 * there, axis_settings, last, TS)
+    checked_counts(there + alone(axis, 1e-3, 1e-3), 0 * there, axis_settings, last, TS)
+    for far in (alone(axis, 1.003e-3, 1.003e-3), alone(axis, -1.003e-3, -1.003e-3)):
+        with pytest.raises(LimitError, match=rf"axis {'xy'[axis]}: .*row 0: 1\.003 m/s from"):
+            checked_counts(there + far, 0 * there, axis_settings, last, TS)
+    with pytest.raises(LimitError, match=r"row 0: 100 m/s from the setpoint before"):
+        checked_counts(there, 0 * there, axis_settings, (0, 0), TS)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_first_velocity_is_judged_from_rest(
+    axis_settings: tuple[AxisSettings, ...], axis: int, sign: int
+) -> None:
+    """0.01 m/s in a SYNC of 1 ms are 10 m/s^2: what follows keeps within that."""
+    for values, row, found in (
+        ((0.02, 0.01, 0.0), 0, "20"),
+        ((0.02, 0.02, 0.01, 0.0), 0, "20"),
+        ((0.01, 0.025, 0.015, 0.005, 0.0), 1, "15"),
+        ((0.01, 0.012, 0.0), 2, "12"),
+    ):
+        velocity = sign * alone(axis, *values)
+        text = rf"axis {'xy'[axis]}: 0x60FF:00 .*row {row}: {found} m/s\^2 exceeds the acceleration"
+        with pytest.raises(LimitError, match=text):
+            checked_velocities(velocity, 0 * velocity, axis_settings, (0.0, 0.0), TS)
+    velocity = sign * alone(axis, 0.01, 0.02, 0.01, 0.0)
+    targets, _ = checked_velocities(velocity, 0 * velocity, axis_settings, (0.0, 0.0), TS)
+    assert targets[:, axis].tolist() == [sign * v for v in (10_000_000, 20_000_000, 10_000_000, 0)]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_first_velocity_already_leads_somewhere(
+    axis_settings: tuple[AxisSettings, ...], sign: int
+) -> None:
+    """10 um in a SYNC, from 5 um before the end of the travel."""
+    velocity = sign * alone(1, 0.01, 0.0)
+    start = (0.0, sign * (0.15 - 5e-6))
+    with pytest.raises(LimitError, match=r"axis y: 0x607D:0[12] .*row 0: leads to -?0\.150005 m"):
+        checked_velocities(velocity, 0 * velocity, axis_settings, start, TS)
+    checked_velocities(-velocity, 0 * velocity, axis_settings, start, TS)
+
+
+@pytest.mark.parametrize(("axis", "limit"), [(0, 120.0), (1, 200.0)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_first_force_is_judged_by_the_peak_force(
+    axis_settings: tuple[AxisSettings, ...], axis: int, limit: float, sign: int
+) -> None:
+    allowed = sign * alone(axis, limit, 0.0)
+    targets = checked_forces(allowed, axis_settings)
+    assert targets[0, axis] == sign * round(limit / axis_settings[axis].rated_force * 1000)
+    with pytest.raises(LimitError, match=rf"axis {'xy'[axis]}: 0x6072:00 .*row 0: .* N exceeds"):
+        checked_forces(allowed * 1.001, axis_settings)
