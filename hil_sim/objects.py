@@ -63,6 +63,10 @@ DIGITAL_INPUTS = key(0x60FD)
 OUTPUTS, OUTPUT_MASK = key(0x60FE, 1), key(0x60FE, 2)
 TARGET_VELOCITY = key(0x60FF)
 
+LATER_HOOKS = (MODE, CONTROLWORD)
+"""What acts after all other objects of the same SYNC or frame, in this order: a mode finds its
+parameters, a command the mode and the set-points that came with it."""
+
 OFF = 0xFFFFFFFF  # in 0x6065 and 0x6067: not watched
 
 _MAGNET_PITCH = 0.032  # [m], stands for the motor revolution in the factor group

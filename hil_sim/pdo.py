@@ -3,10 +3,11 @@
 Synchronous TPDOs (type 1..240) sample at their SYNC and type 0 when the data changed; synchronous
 RPDOs (0..240) are kept and act at the next SYNC; 254 and 255 act at once and send on an event of
 the device profile (the statusword or the mode display changed) or on the event timer, not more
-often than the inhibit time. An RPDO whose event timer is set has to come again within it. The
-mapping is changed by the book: PDO invalid (bit 31), count 0, entries, count, PDO valid. Not
-offered: RTR (252, 253), dummy entries, multiplexed PDOs; a PDO may be made valid with nothing
-mapped and does nothing then.
+often than the inhibit time. All values of a SYNC, or of a frame of type 254 or 255, are stored
+before any of them acts; the controlword acts last, wherever it is mapped. An RPDO whose event timer
+is set has to come again within it. The mapping is changed by the book: PDO invalid (bit 31), count
+0, entries, count, PDO valid. Not offered: RTR (252, 253), dummy entries, multiplexed PDOs; a PDO
+may be made valid with nothing mapped and does nothing then.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from canopen.objectdictionary import datatypes
 from canopen.sdo import constants as abort
 
 from hil_sim.dictionary import Dictionary, Value, key
+from hil_sim.objects import LATER_HOOKS
 from hil_sim.ports import CanSegment, Timer
 
 _ENTRIES = range(1, 9)
@@ -37,6 +39,17 @@ _CODES = {
     datatypes.INTEGER64: "q", datatypes.UNSIGNED64: "Q",
     datatypes.REAL32: "f", datatypes.REAL64: "d",
 }  # fmt: skip
+
+
+Hooks = tuple[tuple[int, Callable[[int], None]], ...]
+"""What acts on a write, with the key of the object whose value it takes."""
+
+
+def in_order(hooks: Hooks) -> Hooks:
+    """Mode and controlword after all others, each object once."""
+    by_key = dict(hooks)
+    late = tuple((k, by_key.pop(k)) for k in LATER_HOOKS if k in by_key)
+    return (*by_key.items(), *late)
 
 
 def _restricted(cob_id: int) -> bool:
@@ -149,6 +162,7 @@ class Rpdo(_Pdo):
         windowed: it counts only within the SYNC window.
         apply: stores a frame's values, then lets the objects that act on a write do so; made by
             `compile`.
+        store: only stores them; returns what has to act then.
     """
 
     receive = True
@@ -167,7 +181,8 @@ class Rpdo(_Pdo):
         self._timer: Timer | None = None
         self._reported = False
         self.apply: Callable[[bytes], None] = self._apply_guarded
-        self._hooks: tuple[tuple[int, Callable[[int], None]], ...] = ()
+        self.store: Callable[[bytes], Hooks] = self._store_guarded
+        self._hooks: Hooks = ()
 
     def compile(self) -> None:
         """Take the parameters from the dictionary."""
@@ -176,16 +191,16 @@ class Rpdo(_Pdo):
         self._reported = False
         d = self.dictionary
         self._deadline_ns = d.integer(self.deadline_key) * 1_000_000
-        self._hooks = tuple((k, d.on_write[k]) for k in self.keys if k in d.on_write)
+        self._hooks = in_order(tuple((k, d.on_write[k]) for k in self.keys if k in d.on_write))
         guarded = any(
             k in d.check or d.variables[k].min is not None or d.variables[k].max is not None
             for k in self.keys
         )
-        self.apply = (
-            self._apply_guarded
-            if guarded
-            else _writer(d.values, self.keys, self.codec.unpack, self._hooks)
-        )
+        if guarded:
+            self.store, self.apply = self._store_guarded, self._apply_guarded
+        else:
+            self.store = _storer(d.values, self.keys, self.codec.unpack, self._hooks)
+            self.apply = _writer(d.values, self.keys, self.codec.unpack, self._hooks)
 
     def stop(self) -> None:
         """Nothing is kept or waited for any more."""
@@ -213,12 +228,19 @@ class Rpdo(_Pdo):
         elif not self.windowed or self._engine.in_window():
             self.pending = data
 
+    def _store_guarded(self, data: bytes) -> Hooks:
+        values = self.dictionary.values
+        taken = {
+            k: value
+            for k, value in zip(self.keys, self.codec.unpack(data), strict=True)
+            if self._acceptable(k, value)
+        }
+        values.update(taken)
+        return tuple((k, hook) for k, hook in self._hooks if k in taken)
+
     def _apply_guarded(self, data: bytes) -> None:
         values = self.dictionary.values
-        for k, value in zip(self.keys, self.codec.unpack(data), strict=True):
-            if self._acceptable(k, value):
-                values[k] = value
-        for k, hook in self._hooks:
+        for k, hook in self._store_guarded(data):
             hook(values[k])  # type: ignore[arg-type]
 
     def _on_deadline(self) -> None:
@@ -326,13 +348,28 @@ class Tpdo(_Pdo):
             raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
 
 
+def _storer(
+    values: dict[int, Value],
+    keys: tuple[int, ...],
+    unpack: Callable[[bytes], tuple[Any, ...]],
+    hooks: Hooks,
+) -> Callable[[bytes], Hooks]:
+    """What stores the values of an RPDO that takes any, one of several at a SYNC."""
+
+    def store(data: bytes) -> Hooks:
+        values.update(zip(keys, unpack(data), strict=True))
+        return hooks
+
+    return store
+
+
 def _writer(
     values: dict[int, Value],
     keys: tuple[int, ...],
     unpack: Callable[[bytes], tuple[Any, ...]],
-    hooks: tuple[tuple[int, Callable[[int], None]], ...],
+    hooks: Hooks,
 ) -> Callable[[bytes], None]:
-    """What stores the values of an RPDO that takes any; it runs at every SYNC."""
+    """The same where it is the only one, with what acts; it runs at every SYNC."""
 
     def write(data: bytes) -> None:
         values.update(zip(keys, unpack(data), strict=True))

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from hil_sim.dictionary import Dictionary, key
-from hil_sim.pdo import EVENT, Rpdo, Tpdo
+from hil_sim.pdo import EVENT, Hooks, Rpdo, Tpdo, in_order
 from hil_sim.ports import CanSegment
 
 COUNT = 4  # of each kind
@@ -42,6 +42,7 @@ class PdoEngine:
         self._rpdos = [Rpdo(dictionary, n, self, segment) for n in range(COUNT)]
         self._tpdos = [Tpdo(dictionary, n, segment) for n in range(COUNT)]
         self._sync_rpdos: tuple[Rpdo, ...] = ()
+        self._several = False
         self._emit = segment.emit
         self._at_every_sync: tuple[tuple[int, Callable[[], bytes]], ...] = ()
         self._sync_tpdos: tuple[Tpdo, ...] = ()
@@ -83,13 +84,28 @@ class PdoEngine:
 
     def latch(self) -> None:
         """Let the synchronous RPDOs received since the last SYNC act."""
+        if self._several:
+            self._latch_several()
+        else:
+            for rpdo in self._sync_rpdos:
+                data = rpdo.pending
+                if data is not None:
+                    rpdo.pending = None
+                    rpdo.apply(data)
+        if self._window_ns:
+            self._sync_ns = self._segment.now_ns
+
+    def _latch_several(self) -> None:
+        """Store what all of them bring before any of it acts."""
+        hooks: Hooks = ()
         for rpdo in self._sync_rpdos:
             data = rpdo.pending
             if data is not None:
                 rpdo.pending = None
-                rpdo.apply(data)
-        if self._window_ns:
-            self._sync_ns = self._segment.now_ns
+                hooks += rpdo.store(data)
+        values = self._dictionary.values
+        for k, hook in in_order(hooks) if len(hooks) > 1 else hooks:
+            hook(values[k])  # type: ignore[arg-type]
 
     def emergency(self, code: int) -> None:
         """An EMCY for something that passes by itself."""
@@ -137,3 +153,4 @@ class PdoEngine:
         self._sync_rpdos = tuple(
             r for r in self._rpdos if live and r.valid and r.transmission <= 240
         )
+        self._several = len(self._sync_rpdos) > 1
