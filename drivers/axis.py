@@ -13,6 +13,7 @@ from drivers import objects as od
 from drivers.bus import Network
 from drivers.cia402 import Mode
 from drivers.errors import AxisFault, ConfigurationError, NodeError
+from drivers.host_watch import unwatched
 from drivers.node import Node
 from drivers.objects import ObjectRef
 from drivers.pdo import MappedObject, PdoMapping, PdoRecord
@@ -39,7 +40,6 @@ _WITHOUT = {
 }
 _MISSED = {
     od.FOLLOWING_ERROR_WINDOW: "the drive does not watch the following error as asked",
-    od.ABORT_CONNECTION_OPTION: "what the drive does when it loses its host is its own matter",
     od.QUICK_STOP_OPTION: "how it stops on a quick stop is the drive's own matter",
     od.SOFT_LIMIT_HIGH: "only the host watches the travel",
 }
@@ -146,7 +146,8 @@ class Axis:
         """Checks the drive's units and writes limits, windows, options, PDOs and heartbeats.
 
         Raises:
-            ConfigurationError: other units than ours, or a value that does not stay written.
+            ConfigurationError: other units than ours, a value that does not stay written, or a
+                drive that goes on without its host where the settings do not accept that.
             NodeError: the drive refuses or does not answer.
         """
         node = self.node
@@ -171,7 +172,20 @@ class Axis:
         for number in range(2, PDO_COUNT + 1):
             PdoRecord.receive(number).disable(node)
             PdoRecord.transmit(number).disable(node)
-        node.set_heartbeats()
+        node.set_heartbeat()
+        self._have_host_watched()
+
+    def _have_host_watched(self) -> None:
+        gap = unwatched(self.node, self.settings.options.abort_connection, self.limited)
+        if gap is None:
+            return
+        obj, why = gap
+        if not self.settings.unwatched_host:
+            raise ConfigurationError(
+                f"{why}; powered only with unwatched_host: accept in its drive section",
+                axis=self.name, obj=obj,
+            )  # fmt: skip
+        self.limited(f"{obj} {why}")
 
     def _limits(self) -> dict[ObjectRef, int]:
         s = self.settings
@@ -179,7 +193,6 @@ class Axis:
         homing = min(HOMING_ACCELERATION, s.acceleration)
         search, index = (self.speed_counts(v) for v in s.homing_velocity)
         return {
-            od.ABORT_CONNECTION_OPTION: s.options.abort_connection,
             od.QUICK_STOP_OPTION: s.options.quick_stop,
             od.FAULT_REACTION_OPTION: s.options.fault_reaction,
             od.SHUTDOWN_OPTION: s.options.shutdown,

@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 from drivers import objects as od
@@ -16,14 +17,13 @@ from drivers.bus import Network
 from drivers.errors import NodeError
 from drivers.faults import error_text, register_text
 from drivers.remote_objects import RemoteObjects
-from drivers.settings import HOST_NODE, AxisSettings
+from drivers.settings import AxisSettings
 
 BOOT_TIMEOUT = 2.0
 """How long a node may take from the reset of its communication to its boot-up message [s]."""
 REBOOTED = "the drive rebooted (boot-up message): its set-up is lost"
 HEARTBEAT_PRODUCER_MS = 100
 HEARTBEAT_DEADLINE_NS = 350_000_000
-HEARTBEAT_CONSUMER_MS = 500
 
 _OPERATIONAL, _PRE_OPERATIONAL = 5, 127
 _NMT_STATES = {4: "STOPPED", 5: "OPERATIONAL", 127: "PRE-OPERATIONAL"}
@@ -167,10 +167,9 @@ class Node(RemoteObjects):
                 f"is profile {kind}, not a CiA 402 drive", axis=self.name, obj=od.DEVICE_TYPE
             )
 
-    def set_heartbeats(self) -> None:
-        """Sets the node's heartbeat, and has it watch the host's."""
+    def set_heartbeat(self) -> None:
+        """Sets the node's heartbeat; that it watches the host's: `host_watch.py`."""
         self.write_checked(od.HEARTBEAT_PRODUCER, HEARTBEAT_PRODUCER_MS)
-        self.write_optional(od.HEARTBEAT_CONSUMER, HOST_NODE << 16 | HEARTBEAT_CONSUMER_MS)
 
     def start(self) -> None:
         """NMT start, and wait for a heartbeat that confirms OPERATIONAL.
@@ -194,7 +193,8 @@ class Node(RemoteObjects):
         """Puts the node back to PRE-OPERATIONAL without heartbeat watch over the host."""
         self.watched = False
         if self.offers(od.HEARTBEAT_CONSUMER):
-            self.write(od.HEARTBEAT_CONSUMER, 0)
+            with suppress(NodeError):  # a drive may refuse to watch a host at all
+                self.write(od.HEARTBEAT_CONSUMER, 0)
         self._network.send_message(0, (128, self.id))
 
     def detach(self) -> None:

@@ -174,6 +174,7 @@ class AxisSettings:
         following_error: window [m]; outside it for following_error_time [s], the drive faults.
         position_window: target reached (pp) within this [m] for position_window_time [s].
         options: option codes for stops.
+        unwatched_host: whether a drive is powered that goes on when its host is gone.
         homing_method: CiA 402 homing method, 33..37 for stages without switches.
         homing_velocity: (search, index) [m/s].
     """
@@ -198,6 +199,7 @@ class AxisSettings:
     position_window: float = 1e-6
     position_window_time: float = 0.01
     options: OptionCodes = OptionCodes()
+    unwatched_host: bool = False
 
     def __post_init__(self) -> None:
         axis = self.name

@@ -37,7 +37,7 @@ from stagectl.request import RunRequest, RunResult
 from stagectl.retries import recover
 from stagectl.run_record import RunRecord
 from stagectl.sequencer.engine import Engine
-from stagectl.sequencer.events import Event, Retrying
+from stagectl.sequencer.events import DriveLimited, Event, Retrying
 from stagectl.sequencer.mover import MovingAxis
 from stagectl.sequencer.places import Places
 from stagectl.store.bus_log import BusLog
@@ -260,6 +260,8 @@ class _Run:
                 listener.phase("booting the drives")
                 stage.boot()
                 self._record.stage_says(stage.limitations)
+                for clause in stage.limitations:
+                    listener.event(DriveLimited(clause))
                 listener.phase("homing")
                 stage.home()
                 stage.enable()

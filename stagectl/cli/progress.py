@@ -15,6 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from stagectl.recipe.model import Recipe
 from stagectl.recipe.plan import MoveStep, plan
 from stagectl.sequencer.events import (
+    DriveLimited,
     Event,
     Exposed,
     FrictionUpdated,
@@ -82,6 +83,8 @@ class RunProgress:
     def event(self, event: Event) -> None:
         """Something happened in the run."""
         match event:
+            case DriveLimited(text=text):
+                self._warn(text)
             case MoveStarted():
                 self._begun += 1
                 self._draw(f"{self._where(event.site)}{event.kind}-move", self._begun - 1)

@@ -208,6 +208,7 @@ class Drive(Section):
     Attributes:
         position_unit, velocity_unit, acceleration_unit: of its integers on the bus [m, m/s,
             m/s^2]; velocity_unit None: one position unit per second.
+        unwatched_host: whether it is powered although it goes on when its host is gone.
         pid: the position loop, or None where there is a cascade.
         cascade: in place of a PID.
     """
@@ -219,6 +220,7 @@ class Drive(Section):
     position_unit: PositiveLength = 1e-9
     velocity_unit: PositiveVelocity | None = None
     options: OptionCodes = OptionCodes()
+    unwatched_host: Literal["refuse", "accept"] = "refuse"
     acceleration_unit: PositiveAcceleration = 1e-6
     pid: Pid | None = None
     cascade: Cascade | None = None

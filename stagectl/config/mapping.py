@@ -177,6 +177,7 @@ def driver_settings(
             position_window=axis.limits.position_window,
             position_window_time=axis.limits.position_window_time,
             options=settings.OptionCodes(**axis.drive.options.model_dump()),
+            unwatched_host=axis.drive.unwatched_host == "accept",
         )
         for name, axis in machine.axes.items()
     )

@@ -8,6 +8,13 @@ from estimation.split_horizon import Estimate
 
 
 @dataclass(frozen=True, slots=True)
+class DriveLimited:
+    """Something that a drive does without, and what follows; before it is powered."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class MoveStarted:
     """A move begins; `site` counts from 1, None outside sites."""
 
@@ -144,7 +151,8 @@ class LevelStepped:
 
 
 Event = (
-    MoveStarted
+    DriveLimited
+    | MoveStarted
     | Settled
     | FrictionUpdated
     | Exposed

@@ -46,6 +46,7 @@ class ScriptedDrive:
         self.node = node
         self.objects: dict[tuple[int, int], int] = {
             (0x1000, 0): 0x00020192,
+            (0x1016, 0): 1,
             (0x1018, 1): 0x00535447,
             (0x1018, 2): 0x402,
             (0x1018, 3): 0x00010003,

@@ -1,0 +1,164 @@
+"""A drive that goes on under power when its host is gone: refused before power, or accepted."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from canopen import SdoAbortedError
+
+from drivers.errors import ConfigurationError
+from drivers.settings import AxisSettings
+from drivers.stage import Stage
+from hil_sim.dictionary import Dictionary, key
+from hil_sim.stage import VirtualStage
+from hil_sim.state_machine import State
+from hil_sim.world import World
+from stagectl.config.machine import Machine, parse_machine
+from stagectl.config.mapping import driver_settings, stage_settings
+
+_names = (f"unwatched-{n}" for n in itertools.count())
+
+CONSUMER, REACTION = key(0x1016, 1), key(0x6007)
+Change = Callable[[Dictionary], object]
+
+
+def refusing(code: int) -> Callable[[int], None]:
+    def check(value: int) -> None:
+        raise SdoAbortedError(code)
+
+    return check
+
+
+def without_consumer(drive: Dictionary) -> None:
+    del drive.variables[CONSUMER]
+
+
+def refuses_consumer(drive: Dictionary) -> None:
+    drive.check[CONSUMER] = refusing(0x06090030)
+
+
+def forgets_consumer(drive: Dictionary) -> None:
+    drive.live[CONSUMER] = lambda: 0
+
+
+def watches_none(drive: Dictionary) -> None:
+    drive.live[key(0x1016, 0)] = lambda: 0
+
+
+def keeps_no_action(drive: Dictionary) -> None:
+    drive.live[REACTION] = lambda: 0
+
+
+def holds_no_action(drive: Dictionary) -> None:
+    drive.values[REACTION] = 0
+    drive.check[REACTION] = refusing(0x06010002)
+
+
+UNWATCHED: dict[str, tuple[Change, str]] = {
+    "absent": (without_consumer, "0x1016:01 consumer heartbeat time.* refused: "),
+    "refused": (refuses_consumer, "0x1016:01 consumer heartbeat time.* refused: .*0x06090030"),
+    "not kept": (forgets_consumer, "0x1016:01 consumer heartbeat time.*the drive holds 0: "),
+    "count 0": (watches_none, "0x1016:01 consumer heartbeat time.*0x1016:00 .* is 0: "),
+    "no action": (keeps_no_action, "0x6007:00 abort connection option.*the drive holds 0: "),
+    "no action, read-only": (holds_no_action, "0x6007:00 abort connection option.* refused: "),
+}
+
+
+@pytest.fixture(params=UNWATCHED)
+def unwatched(request: pytest.FixtureRequest) -> tuple[Change, str]:
+    return UNWATCHED[request.param]
+
+
+@contextmanager
+def opened(
+    machine: Machine, change: Change = lambda d: None, **settings: object
+) -> Iterator[tuple[Stage, VirtualStage, World]]:
+    """A stage whose drive x was changed; axis x with these settings."""
+    bus, axes = driver_settings(machine)
+    world = World(next(_names))
+    drives = VirtualStage(stage_settings(machine), seed=1)
+    drives.attach(world)
+    change(drives.drives[0].dictionary)
+    bus = dataclasses.replace(bus, interface="lockstep", channel=world.name)
+    axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
+    axes = (dataclasses.replace(axes[0], **settings), *axes[1:])  # type: ignore[arg-type]
+    with Stage.open(bus, axes) as stage:
+        yield stage, drives, world
+
+
+def test_it_is_refused_before_power(stage_machine: Machine, unwatched: tuple[Change, str]) -> None:
+    change, said = unwatched
+    with opened(stage_machine, change) as (stage, drives, _):
+        with pytest.raises(ConfigurationError, match=f"^axis x: {said}.*unwatched_host: accept"):
+            stage.boot()
+        assert drives.drives[0].motion.state is State.SWITCH_ON_DISABLED
+
+
+def test_accepted_it_is_powered_and_said(
+    stage_machine: Machine, unwatched: tuple[Change, str]
+) -> None:
+    change, said = unwatched
+    with opened(stage_machine, change, unwatched_host=True) as (stage, _, _):
+        stage.boot()
+        (clause,) = stage.limitations
+        assert clause.startswith(f"axis x: {said[:9]}")
+        assert clause.endswith("its host is gone, and stays under power")
+        stage.home()
+        stage.enable()
+        assert stage.enabled
+
+
+def test_what_is_said_is_true(stage_machine: Machine) -> None:
+    with opened(stage_machine, without_consumer, unwatched_host=True) as (stage, drives, world):
+        stage.boot()
+        stage.home()
+        stage.enable()
+        world.sleep_until_ns(world.now_ns + 2_000_000_000)  # nothing of the host meanwhile
+        states = [drive.motion.state for drive in drives.drives]
+    assert states == [State.ENABLED, State.SWITCH_ON_DISABLED]
+
+
+def test_an_eds_without_the_object(stage_machine: Machine, tmp_path: Path) -> None:
+    _, axes = driver_settings(stage_machine)
+    text = axes[0].eds.read_text()
+    before, _, after = text.partition("[1016]\n")
+    rest = after[after.index("[1017]") :]
+    eds = tmp_path / "without.eds"
+    eds.write_text(before.replace("9=0x1016", "9=0x1017") + rest)
+    with (
+        opened(stage_machine, eds=eds) as (stage, _, _),
+        pytest.raises(ConfigurationError, match=r"^axis x: 0x1016:01 .*: is not offered: "),
+    ):
+        stage.boot()
+
+
+def test_a_read_only_reaction_other_than_none_is_a_limitation(stage_machine: Machine) -> None:
+    def faults(drive: Dictionary) -> None:
+        drive.values[REACTION] = 1
+        drive.check[REACTION] = refusing(0x06010002)
+
+    with opened(stage_machine, faults) as (stage, _, _):
+        stage.boot()
+        (clause,) = stage.limitations
+        assert "what the drive does when it loses its host is its own matter" in clause
+
+
+def test_a_drive_that_is_let_go_of_is_pre_operational(stage_machine: Machine) -> None:
+    """Its refusal to watch a host is no reason to leave it sending."""
+    with opened(stage_machine, refuses_consumer, unwatched_host=True) as (stage, drives, _):
+        stage.boot()
+    assert [drive.nmt.state.name for drive in drives.drives] == ["PRE_OPERATIONAL"] * 2
+
+
+@pytest.mark.parametrize(("text", "accepted"), [("refuse", False), ("accept", True)])
+def test_the_machine_file_decides(stage_machine: Machine, text: str, accepted: bool) -> None:
+    changed = stage_machine.text.replace(
+        "rated_force: 40.0", f"unwatched_host: {text}\n      rated_force: 40.0"
+    )
+    axes: tuple[AxisSettings, ...] = driver_settings(parse_machine(changed, "m.yaml"))[1]
+    assert [axis.unwatched_host for axis in axes] == [accepted, False]
