@@ -17,9 +17,8 @@ from stagectl.compensation import Figures
 from stagectl.errors import UnusableInput
 from stagectl.recipe.model import Recipe
 from stagectl.request import Resumed
-from stagectl.store.bus_log import recover_log
 from stagectl.store.recording import RunNotes, read_notes
-from stagectl.store.recovery import RECORDING_NAME, recover_left_over
+from stagectl.store.recovery import RECORDING_NAME, recover_folder
 
 
 def load_interrupted(folder: Path, recipe: Recipe) -> Resumed:
@@ -36,8 +35,7 @@ def load_interrupted(folder: Path, recipe: Recipe) -> Resumed:
     """
     if not folder.is_dir():
         raise UnusableInput(f"{folder}: no such folder")
-    recover_log(folder)
-    recover_left_over(folder)
+    recover_folder(folder)
     path = folder / RECORDING_NAME
     if not path.exists():
         raise UnusableInput(

@@ -14,11 +14,9 @@ def command(folder: Path) -> None:
 
     `stagectl run --out FOLDER` does this by itself before it writes there.
     """
-    from stagectl.store.bus_log import recover_log
-    from stagectl.store.recovery import recover_left_over
+    from stagectl.store.recovery import recover_folder
 
-    recovered = recover_left_over(folder)
-    log = recover_log(folder)
+    recovered, log = recover_folder(folder)
     if recovered is not None:
         click.echo(recovered.describe())
     if log is not None:

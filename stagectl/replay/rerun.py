@@ -21,10 +21,10 @@ from stagectl.recipe.model import Pair
 from stagectl.replay.bus import Difference, ReplayBus
 from stagectl.request import Resumed, RunRequest
 from stagectl.session import Listener, Rig, execute
-from stagectl.store.bus_log import LOG_NAME, recover_log
+from stagectl.store.bus_log import LOG_NAME
 from stagectl.store.log_reader import read_log
 from stagectl.store.recording import RunNotes, read_notes
-from stagectl.store.recovery import RECORDING_NAME, recover_left_over
+from stagectl.store.recovery import RECORDING_NAME, recover_folder
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,12 +70,12 @@ def replay(folder: Path, listener: Listener | None = None) -> Replayed:
     Raises:
         UnusableInput: no recording or log there, they do not tell what is needed, or the run was
             in real time.
+        StagectlError: the run still goes on.
         ConfigError: machine or recipe of the recording cannot be used any more.
     """
     if not folder.is_dir():
         raise UnusableInput(f"{folder}: no such folder")
-    recover_log(folder)
-    recover_left_over(folder)
+    recover_folder(folder)
     path = folder / RECORDING_NAME
     if not path.exists():
         raise UnusableInput(f"{folder}: holds no recording: no sample was taken")

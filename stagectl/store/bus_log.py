@@ -17,7 +17,7 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -25,6 +25,7 @@ from typing import BinaryIO
 
 from drivers.settings import HOST_NODE
 from stagectl.errors import StagectlError, UnusableInput
+from stagectl.store.journal import FILE_NAME, claimed
 
 LOG_NAME = "bus.asc"
 SPOOL_SUFFIX = ".frames"
@@ -151,8 +152,15 @@ def recover_log(folder: Path) -> Path | None:
 
     Raises:
         UnusableInput: the spool is not one.
-        StagectlError: the file cannot be written.
+        StagectlError: the run still goes on, or the file cannot be written.
     """
+    journal = folder / FILE_NAME
+    # a run has its journal, and the journal's lock, for as long as it has its spool
+    with claimed(journal) if journal.exists() else nullcontext():
+        return _recover_log(folder)
+
+
+def _recover_log(folder: Path) -> Path | None:
     path = folder / LOG_NAME
     spool = path.with_suffix(SPOOL_SUFFIX)
     if not spool.exists():

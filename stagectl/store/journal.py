@@ -16,15 +16,17 @@ import json
 import os
 import struct
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, is_dataclass
 from pathlib import Path
 from types import TracebackType
+from typing import BinaryIO
 
 import numpy as np
 
 from sim2real.recording import Move
-from stagectl.errors import StagectlError
+from stagectl.errors import StagectlError, UnusableInput
 
 FILE_NAME = "recording.journal"
 MAGIC = b"stagectl-journal 3 "
@@ -90,6 +92,26 @@ def sample_dtype(axes: int) -> np.dtype[np.void]:
             (f"extra_{i}", "u1"),
         ]
     return np.dtype(fields)
+
+
+@contextmanager
+def claimed(path: Path) -> Iterator[BinaryIO]:
+    """A journal open for reading and locked: whoever wrote it is gone, and nobody else recovers it.
+
+    Raises:
+        UnusableInput: the journal cannot be opened.
+        StagectlError: the run still goes on.
+    """
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise UnusableInput(f"{path}: {error.strerror}") from error
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise StagectlError(f"{path}: a run that still goes on is writing it") from None
+        yield file
 
 
 class Journal:

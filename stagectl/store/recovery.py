@@ -6,19 +6,19 @@ nothing can be after a cut. A run that ends regularly takes the same way. Layout
 
 from __future__ import annotations
 
-import fcntl
 import json
 import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from sim2real.recording import AxisSignals, Move, Recording
-from stagectl.errors import StagectlError, UnusableInput
+from stagectl.errors import UnusableInput
+from stagectl.store.bus_log import recover_log
 from stagectl.store.journal import (
     FILE_NAME,
     MAGIC,
@@ -27,6 +27,7 @@ from stagectl.store.journal import (
     TEXT_TAG,
     AxisScaling,
     JournalHeader,
+    claimed,
     sample_dtype,
 )
 from stagectl.store.ledger import CycleLedger
@@ -107,8 +108,7 @@ def recover(path: Path, *, name: str = RECORDING_NAME, overwrite: bool = False) 
         StagectlError: the run still goes on, or the recording cannot be written.
     """
     try:
-        with path.open("rb") as file:
-            _claim(file, path)
+        with claimed(path) as file:
             content = _parse(file.read(), path)
             target = None
             if content is not None:
@@ -142,11 +142,17 @@ def recover_left_over(folder: Path, *, aside: bool = False) -> Recovered | None:
     return recover(path, name="recording-recovered.h5" if aside else RECORDING_NAME)
 
 
-def _claim(file: BinaryIO, path: Path) -> None:
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise StagectlError(f"{path}: a run that still goes on is writing it") from None
+def recover_folder(folder: Path) -> tuple[Recovered | None, Path | None]:
+    """Recover all that an interrupted run left in a folder: its journal, then its bus log.
+
+    Returns:
+        What became of the journal, and the path of the bus log; None where there was none.
+
+    Raises:
+        UnusableInput: one of them is something else.
+        StagectlError: the run still goes on, and nothing is touched; or a file cannot be written.
+    """
+    return recover_left_over(folder), recover_log(folder)
 
 
 def _free(target: Path, recording: Recording) -> Path:

@@ -14,13 +14,17 @@ from hil_sim import faults as f
 from hil_sim.state_machine import State
 from stagectl.cli import cli
 from stagectl.compensation import Mode
-from stagectl.errors import UnusableInput
+from stagectl.errors import StagectlError, UnusableInput
 from stagectl.recipe.load import parse_recipe
+from stagectl.replay.rerun import replay
 from stagectl.request import RunRequest
 from stagectl.resume import load_interrupted
 from stagectl.sequencer.events import Exposed, MoveStarted
 from stagectl.session import Listener, execute
+from stagectl.store.bus_log import recover_log
+from stagectl.store.log_reader import read_log
 from stagectl.store.recording import read_notes, read_recording
+from stagectl.store.recovery import recover_folder
 
 HEAD = """\
 recipe: short
@@ -149,6 +153,42 @@ def test_a_run_that_was_killed_goes_on_and_can_be_interrupted_again(go, sites, t
     assert once_more.done == 1
     assert once_more.friction == resumed.friction != {}
     assert go(sites, "last", resumed=once_more).summary["outcome"] == "completed"
+
+
+def test_nothing_is_taken_from_a_run_that_still_goes_on(go, sites, tmp_path):
+    folder, context = tmp_path / "running", get_context("fork")
+    amid, looked = context.Event(), context.Event()
+
+    def wait(happened):
+        if isinstance(happened, Exposed) and happened.site == 2:
+            amid.set()
+            looked.wait(200)
+
+    child = context.Process(
+        target=go, args=(sites, "running"), kwargs={"listener": Listener(event=wait)}
+    )
+    child.start()
+    try:
+        assert amid.wait(200)
+        before = {path.name: path.read_bytes() for path in folder.iterdir()}
+        assert {"recording.journal", "bus.frames"} <= set(before)
+        for take in (
+            lambda: load_interrupted(folder, sites),
+            lambda: replay(folder),
+            lambda: recover_folder(folder),
+            lambda: recover_log(folder),
+        ):
+            with pytest.raises(StagectlError, match=r"recording\.journal: .* still goes on"):
+                take()
+        assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    finally:
+        looked.set()
+        child.join(250)
+    assert child.exitcode == 0
+    log, notes = read_log(folder / "bus.asc"), read_notes(folder / "recording.h5")
+    (sealed,) = [e["digest"] for e in notes.events if e["event"] == "bus_log"]
+    assert notes.outcome == "completed"
+    assert log.stated == log.digest == sealed
 
 
 def test_a_list_of_moves_goes_on_where_it_was(go, machine, tmp_path):
