@@ -53,7 +53,13 @@ fiducial: {source: simulated, range: 80.0e-6, seed: 1}
 DEFAULTS: dict[str, Any] = {
     "limits": {"following_error_time": 0.01, "position_window": 1e-6, "position_window_time": 0.01},
     "homing": {"velocity": 0.01, "index_velocity": 0.002},
-    "drive": {"velocity_unit": 1e-9, "acceleration_unit": 1e-6, "position_unit": 1e-9},
+    "drive": {
+        "velocity_unit": 1e-9,
+        "acceleration_unit": 1e-6,
+        "position_unit": 1e-9,
+        "boot_timeout": 2.0,
+        "enable_timeout": 2.0,
+    },
 }
 """Numbers that a file may leave out."""
 CASCADE = {

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from drivers import dcf
+from drivers import dcf, parameters
 from drivers import objects as od
 from drivers.bus import Network
 from drivers.cia402 import Mode
@@ -29,7 +29,6 @@ TARGETS = {
 """What the cyclic target is in these modes; in all others the target position."""
 TPDO_OBJECTS = (od.STATUSWORD, od.POSITION_ACTUAL, od.FORCE_ACTUAL)
 
-HOMING_ACCELERATION = 1.0
 MODE_TIMEOUT = 5.0
 """Some drives show the mode before for seconds [s]."""
 PDO_COUNT = 4
@@ -38,12 +37,7 @@ _WITHOUT = {
     od.FORCE_OFFSET: "force offsets are not sent",
     od.FORCE_ACTUAL: "force reads 0, friction cannot be learned",
 }
-_MISSED = {
-    od.FOLLOWING_ERROR_WINDOW: "the drive does not watch the following error as asked",
-    od.QUICK_STOP_OPTION: "how it stops on a quick stop is the drive's own matter",
-    od.SOFT_LIMIT_HIGH: "only the host watches the travel",
-}
-"""Objects that are written where offered, and what is missing without them."""
+"""Objects that are mapped where offered, and what is missing without them."""
 
 _NAMES = {
     mode: mode.name.lower().replace("_sync_", " synchronous ").replace("_", " ") for mode in Mode
@@ -54,18 +48,20 @@ class Axis:
     """An axis and its node.
 
     Attributes:
-        name: as in the settings.  settings: its settings.  node: its CANopen node.
+        name: as in the settings.  node: its CANopen node.
+        settings: its settings; once configured, within what the drive has.
         scale: length and force of one unit on the bus.
         homed: whether position 0 is the stage's zero; the drive's reboot makes it False.
         rpdo, tpdo: the cyclic mappings, made from the EDS's data types; without force offset or
             force where the drive has none.
         mode: of operation set last, None before the first.
         target: what the cyclic target is: position, velocity or force.
-        limitations: what the drive does not offer and what follows from that, one clause each.
+        limitations: what the drive does not offer or has otherwise than asked for, and what
+            follows from that, one clause each.
     """
 
     def __init__(self, network: Network, settings: AxisSettings) -> None:
-        self.settings = settings
+        self.settings = self._asked = settings
         self.name = settings.name
         self.node = Node(network, settings)
         self.scale = Scale(settings.increment, settings.rated_force / 1000)
@@ -143,19 +139,20 @@ class Axis:
         return round(velocity / self.settings.velocity_unit_si)
 
     def configure(self, bus: BusSettings) -> None:
-        """Checks the drive's units and writes limits, windows, options, PDOs and heartbeats.
+        """Writes the DCF, checks the units, writes limits, windows, options, PDOs and heartbeats.
 
         Raises:
-            ConfigurationError: other units than ours, a value that does not stay written, or a
+            ConfigurationError: other units than ours, a value that is none to go by, or a
                 drive that goes on without its host where the settings do not accept that.
             NodeError: the drive refuses or does not answer.
         """
         node = self.node
         self._find_limitations()
-        for clause in check_units(node, self.settings):
+        for clause in dcf.apply(node, dcf.configured(node.dictionary)):
+            self.limited(clause)
+        for clause in check_units(node, self._asked):
             self.limited(clause)
         self.check_mode(Mode.CYCLIC_SYNC_POSITION)
-        dcf.apply(node, dcf.configured(node.dictionary))
         self._listen_to_sync()
         self._set_sync_counter(bus.sync_counter)
         node.write_optional(od.CYCLE_PERIOD, bus.period_us)
@@ -164,9 +161,9 @@ class Axis:
         value, index = interpolation_period(bus.period_us)
         node.write_optional(od.INTERPOLATION_VALUE, value)
         node.write_optional(od.INTERPOLATION_INDEX, index)
-        for ref, number in self._limits().items():
-            if not node.write_optional(ref, number) and ref in _MISSED:
-                self.limited(f"{ref} is not offered: {_MISSED[ref]}")
+        self.settings, clauses = parameters.give(node, self._asked)
+        for clause in clauses:
+            self.limited(clause)
         PdoRecord.receive(1).configure(node, self.rpdo_id, self.rpdo)
         PdoRecord.transmit(1).configure(node, self.tpdo_id, self.tpdo)
         for number in range(2, PDO_COUNT + 1):
@@ -186,32 +183,6 @@ class Axis:
                 axis=self.name, obj=obj,
             )  # fmt: skip
         self.limited(f"{obj} {why}")
-
-    def _limits(self) -> dict[ObjectRef, int]:
-        s = self.settings
-        acceleration = round(s.acceleration / s.acceleration_unit)
-        homing = min(HOMING_ACCELERATION, s.acceleration)
-        search, index = (self.speed_counts(v) for v in s.homing_velocity)
-        return {
-            od.QUICK_STOP_OPTION: s.options.quick_stop,
-            od.FAULT_REACTION_OPTION: s.options.fault_reaction,
-            od.SHUTDOWN_OPTION: s.options.shutdown,
-            od.DISABLE_OPTION: s.options.disable,
-            od.HALT_OPTION: s.options.halt,
-            od.QUICK_STOP_DECELERATION: acceleration,
-            od.FOLLOWING_ERROR_WINDOW: self.counts(s.following_error),
-            od.FOLLOWING_ERROR_TIMEOUT: round(s.following_error_time * 1e3),
-            od.POSITION_WINDOW: self.counts(s.position_window),
-            od.POSITION_WINDOW_TIME: round(s.position_window_time * 1e3),
-            od.MAX_FORCE: round(s.peak_force / self.scale.force),
-            od.SOFT_LIMIT_LOW: self.counts(s.travel[0]),
-            od.SOFT_LIMIT_HIGH: self.counts(s.travel[1]),
-            od.HOME_OFFSET: 0,
-            od.HOMING_METHOD: s.homing_method,
-            od.HOMING_SEARCH_SPEED: search,
-            od.HOMING_INDEX_SPEED: index,
-            od.HOMING_ACCELERATION: round(homing / s.acceleration_unit),
-        }  # fmt: skip
 
     def _listen_to_sync(self) -> None:
         """0x1005: our SYNC, and none of the drive's own."""
@@ -291,12 +262,21 @@ class Axis:
                 )  # fmt: skip
             self._network.pump(0.005)
 
-    def set_profile(self, velocity: float, acceleration: float) -> None:
-        """Velocity [m/s] and acceleration [m/s^2] of the drive's own profiles (pp)."""
-        rate = round(acceleration / self.settings.acceleration_unit)
-        self.node.write_checked(od.PROFILE_VELOCITY, self.speed_counts(velocity))
-        self.node.write_checked(od.PROFILE_ACCELERATION, rate)
-        self.node.write_checked(od.PROFILE_DECELERATION, rate)
+    def set_profile(self, velocity: float, acceleration: float) -> float:
+        """Velocity [m/s] and acceleration [m/s^2] of the drive's own profiles (pp).
+
+        Returns:
+            How many times longer than asked for a move takes at most; 1 where the drive has them.
+
+        Raises:
+            ConfigurationError, NodeError: the drive has neither these nor slower ones.
+        """
+        slower, held = parameters.give_profile(self.node, self.settings, velocity, acceleration)
+        for ref, clause in held.items():  # of this move, not of the one before
+            self.limitations = [c for c in self.limitations if not c.startswith(f"{ref} ")]
+            if clause is not None:
+                self.limited(clause)
+        return slower
 
     def error_code(self) -> int | None:
         """0x603F, None where it cannot be read."""

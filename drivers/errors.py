@@ -21,6 +21,24 @@ if TYPE_CHECKING:
     from drivers.diagnosis import FaultReport
 
 
+def shown(value: object) -> str:
+    """A value as people write it: bytes in hexadecimal, texts in quotes, no name of a type."""
+    match value:
+        case bytes() | bytearray():
+            return value.hex(" ").upper() or "nothing"
+        case bool() | None:
+            return str(value).lower()
+        case int():
+            return str(int(value))  # of an enumeration, too
+        case float():
+            return repr(float(value))
+        case str():
+            return f'"{value}"'
+        case tuple() | list():
+            return ", ".join(map(shown, value)) or "nothing"
+    return str(value)
+
+
 class DriverError(Exception):
     """A failure of bus, node or axis.
 

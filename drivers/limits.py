@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers import objects as od
-from drivers.errors import LimitError
+from drivers.errors import LimitError, shown
 from drivers.profile_position import Setpoint
 from drivers.settings import AxisSettings
 
@@ -149,7 +149,7 @@ def checked_profile(
         (acceleration, axis.acceleration, od.PROFILE_ACCELERATION),
     ):
         if not 0 < value <= limit:
-            raise LimitError(f"{value!r} is not in (0, {limit:g}]", axis=axis.name, obj=ref)
+            raise LimitError(f"{shown(value)} is not in (0, {limit:g}]", axis=axis.name, obj=ref)
     if not positions:
         raise LimitError("there is no target", axis=axis.name, obj=od.TARGET_POSITION)
     low, high = axis.travel
@@ -160,7 +160,7 @@ def checked_profile(
             below = end < low
             which = f"target {number + 1}: " if len(positions) > 1 else ""
             raise LimitError(
-                f"{which}target {end!r} m is {'below' if below else 'above'} the limit "
+                f"{which}target {shown(end)} m is {'below' if below else 'above'} the limit "
                 f"{low if below else high:g} m",
                 axis=axis.name, obj=od.SOFT_LIMIT_LOW if below else od.SOFT_LIMIT_HIGH,
             )  # fmt: skip

@@ -9,6 +9,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -150,7 +151,8 @@ class Motion:
             channel.axis.settings, start, wanted, velocity, acceleration, relative
         )
         with self._stopping.on_failure():
-            channel.axis.set_profile(velocity, acceleration)
+            slower = channel.axis.set_profile(velocity, acceleration)
+            setpoints = [replace(s, duration=slower * s.duration) for s in setpoints]
             self._enter(Mode.PROFILE_POSITION, self._cycle.channels)
             profile_position.move(self._cycle, channel, setpoints, self._period)
         self.enable()

@@ -19,8 +19,6 @@ from drivers.faults import error_text, register_text
 from drivers.remote_objects import RemoteObjects
 from drivers.settings import AxisSettings
 
-BOOT_TIMEOUT = 2.0
-"""How long a node may take from the reset of its communication to its boot-up message [s]."""
 REBOOTED = "the drive rebooted (boot-up message): its set-up is lost"
 HEARTBEAT_PRODUCER_MS = 100
 HEARTBEAT_DEADLINE_NS = 350_000_000
@@ -53,6 +51,7 @@ class Node(RemoteObjects):
 
     def __init__(self, network: Network, settings: AxisSettings) -> None:
         super().__init__(network, settings)
+        self._boot_timeout, self._revision = settings.boot_timeout, settings.revision
         self.alarm: Alarm | None = None
         self.watched = False
         self.booted = 0
@@ -120,15 +119,15 @@ class Node(RemoteObjects):
         """Resets the node's communication, waits for its boot-up, checks who it is.
 
         Raises:
-            NodeError: no boot-up within `BOOT_TIMEOUT`, or another device than the EDS describes.
+            NodeError: no boot-up in time, or another device than the EDS describes.
         """
         self.watched = False
         before = self.booted
         # communication only: the application keeps its power stage off and its encoder reference
         self._network.send_message(0, (130, self.id))
-        if not self._network.pump_until(lambda: self.booted > before, BOOT_TIMEOUT):
+        if not self._network.pump_until(lambda: self.booted > before, self._boot_timeout):
             raise NodeError(
-                f"no boot-up message from node {self.id} within {BOOT_TIMEOUT:g} s: "
+                f"no boot-up message from node {self.id} within {self._boot_timeout:g} s: "
                 "is the drive on, on this bus and at this bit rate?",
                 axis=self.name,
             )
@@ -153,14 +152,14 @@ class Node(RemoteObjects):
                     axis=self.name, obj=ref,
                 )  # fmt: skip
         revision = self._dictionary.get_variable(0x1018, od.REVISION.sub)
-        if revision is not None and revision.default is not None:
-            # the major number stands for the CANopen behaviour, the minor one for the firmware
-            described, found = revision.default >> 16, self.read(od.REVISION) >> 16
-            if found != described:
-                raise NodeError(
-                    f"major revision is {found}, the EDS describes {described}",
-                    axis=self.name, obj=od.REVISION,
-                )  # fmt: skip
+        # the major number stands for the CANopen behaviour, the minor one for the firmware
+        wanted, source = self._revision, "the settings want"
+        if wanted is None and revision is not None and revision.default is not None:
+            wanted, source = revision.default >> 16, "the EDS describes"
+        if wanted is not None and (found := self.read(od.REVISION) >> 16) != wanted:
+            raise NodeError(
+                f"major revision is {found}, {source} {wanted}", axis=self.name, obj=od.REVISION
+            )
         kind = self.read(od.DEVICE_TYPE) & 0xFFFF
         if kind != 402:
             raise NodeError(

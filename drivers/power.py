@@ -58,6 +58,11 @@ def fault(channel: Channel, what: str) -> AxisFault:
     )  # fmt: skip
 
 
+def _patience(channel: Channel) -> float:
+    """How long the axis may take to be enabled, or to be heard at all [s]."""
+    return channel.axis.settings.enable_timeout if channel.seen else TIMEOUT
+
+
 class Power:
     """Takes all axes from one power state to another.
 
@@ -143,31 +148,36 @@ class Power:
         """Leads axes (all by default) to `target`; one that faults stops the attempt.
 
         Raises:
-            AxisFault: an axis is in or falls into FAULT, or does not get there in time.
+            AxisFault: an axis is in or falls into FAULT, or does not get there in the time that
+                its settings give it.
         """
         chosen = self.channels if channels is None else channels
         self.loose.update(c.axis.name for c in chosen)
-        for _ in self._cycles(TIMEOUT):
-            waiting = False
-            for channel in chosen:
-                if channel.seen:
-                    state = state_of(channel)
-                    if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
-                        raise fault(
-                            channel, "is in fault, to be reset first (stagectl enable --reset)"
-                        )
-                    channel.controlword = next_controlword(state, target, channel.controlword)
-                    if state is not State.OPERATION_ENABLED:
-                        channel.rest()
-                    waiting |= state is not target
-                else:
-                    waiting = True
+        late = chosen[0]
+        longest = max(TIMEOUT, *(c.axis.settings.enable_timeout for c in chosen))
+        for count, _ in enumerate(self._cycles(longest), 1):
+            waiting = [c for c in chosen if not self._led(c, target)]
             if not waiting:
                 return
-        late = next((c for c in chosen if not c.seen or state_of(c) is not target), chosen[0])
+            late = min(waiting, key=_patience)
+            if count >= round(_patience(late) / self._period):
+                break
         if not late.seen:
             self._silent(late)
-        raise fault(late, f"does not reach {target} within {TIMEOUT:g} s")
+        raise fault(late, f"does not reach {target} within {_patience(late):g} s (enable_timeout)")
+
+    @staticmethod
+    def _led(channel: Channel, target: State) -> bool:
+        """One step further towards `target`; whether it is there."""
+        if not channel.seen:
+            return False
+        state = state_of(channel)
+        if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+            raise fault(channel, IN_FAULT)
+        channel.controlword = next_controlword(state, target, channel.controlword)
+        if state is not State.OPERATION_ENABLED:
+            channel.rest()
+        return state is target
 
     def _silent(self, channel: Channel) -> None:
         raise AxisFault(

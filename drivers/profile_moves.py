@@ -29,6 +29,7 @@ class _Way:
         end: where the last set-point leads to [increments]; None: it was not told anything yet.
         seconds: how long everything told so far may take at most [s].
         velocity, acceleration: of its last set-point [m/s, m/s^2].
+        slower: how many times longer than by these the drive may take.
         queued: set-points may be waiting in the drive.
     """
 
@@ -37,6 +38,7 @@ class _Way:
         self.end: int | None = None
         self.seconds = 0.0
         self.velocity = self.acceleration = 0.0
+        self.slower = 1.0
         self.queued = False
 
     @property
@@ -121,7 +123,7 @@ class ProfileMoves:
         if relative:
             _check_base(channel)
         if (speed, rate) != (way.velocity, way.acceleration):
-            channel.axis.set_profile(speed, rate)
+            way.slower = channel.axis.set_profile(speed, rate)
         turning = 2 * way.velocity / rate + way.velocity**2 / (rate * speed)
         bits = 0 if queued else int(Control.CHANGE_IMMEDIATELY)
         if passing and queued:
@@ -133,7 +135,7 @@ class ProfileMoves:
             instead=full and not queued,
         )  # fmt: skip
         own = abs(setpoint.end * increment - channel.position * increment) / speed
-        own += setpoint.duration + turning + SETTLING_TIMEOUT
+        own = way.slower * (own + setpoint.duration + turning) + SETTLING_TIMEOUT
         way.seconds = way.seconds + own if queued else own
         way.end, way.queued, way.velocity, way.acceleration = setpoint.end, queued, speed, rate
 
@@ -180,7 +182,11 @@ class ProfileMoves:
             AxisFault: an axis faults or does not come to rest.
         """
         slowest = max(
-            (w.velocity / w.acceleration for w in self._ways.values() if w.end is not None),
+            (
+                w.slower * w.velocity / w.acceleration
+                for w in self._ways.values()
+                if w.end is not None
+            ),
             default=0.0,
         )
         self._power.stand_still(10 * slowest + HOLDING_TIMEOUT)

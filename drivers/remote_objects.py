@@ -1,7 +1,7 @@
 """The objects of one node by SDO, as its EDS describes them.
 
 The dictionary comes from canopen; what is added here is errors that name axis and object, one
-retry of a lost SDO, and read-back.
+retry of a lost SDO, and read-back: an object that holds its value already is not written.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import canopen
 
 from drivers import objects as od
 from drivers.bus import Network
-from drivers.errors import ConfigurationError, NodeError
+from drivers.errors import ConfigurationError, NodeError, shown
 from drivers.objects import ObjectRef
 from drivers.sdo_channel import SdoChannel
 from drivers.settings import AxisSettings
@@ -148,7 +148,7 @@ class RemoteObjects:
         """
         data = self._encoded(obj, value)
         self._attempt(
-            f"write of {value!r}",
+            f"write of {shown(value)}",
             obj,
             lambda: self._sdo.download(obj.index, obj.sub, data),
         )
@@ -163,21 +163,18 @@ class RemoteObjects:
         self._sdo.tell(obj.index, obj.sub, self._encoded(obj, value))
 
     def write_checked(self, obj: ObjectRef, value: int) -> None:
-        """Writes an object and reads it back.
+        """Has an object hold a value.
 
         Raises:
-            ConfigurationError: the drive holds another value afterwards.
+            ConfigurationError: the drive holds another value in the end.
             NodeError: as `read` and `write`.
         """
-        self.write(obj, value)
-        held = self.read(obj)
+        held, refusal = self._keep(obj, value)
         if held != value:
-            raise ConfigurationError(
-                f"wrote {value}, the drive holds {held}", axis=self.name, obj=obj
-            )
+            raise self.not_kept(obj, value, held, refusal)
 
     def write_optional(self, obj: ObjectRef, value: int) -> bool:
-        """Writes and reads back an object that a drive may do without.
+        """Has an object that a drive may do without hold a value.
 
         Returns:
             False where neither EDS nor node offer it.
@@ -185,15 +182,58 @@ class RemoteObjects:
         Raises:
             ConfigurationError, NodeError: as `write_checked`, where it is offered.
         """
-        if not self.offers(obj):
+        kept = self.keep(obj, value)
+        if kept is None:
             return False
+        held, refusal = kept
+        if held != value:
+            raise self.not_kept(obj, value, held, refusal)
+        return True
+
+    def keep(self, obj: ObjectRef, value: int) -> tuple[int, NodeError | None] | None:
+        """Has an object hold a value where the drive lets it; the caller judges what it holds.
+
+        Returns:
+            What it holds in the end, and the drive's refusal of the write if there was one; None
+            where neither EDS nor node offer it.
+
+        Raises:
+            ConfigurationError: the value does not fit the object.
+            NodeError: no answer, or it cannot be read.
+        """
+        if not self.offers(obj):
+            return None
         try:
-            self.write_checked(obj, value)
+            return self._keep(obj, value)
         except NodeError as refused:
             if refused.abort_code in _NOT_OFFERED:
-                return False
+                return None
             raise
-        return True
+
+    def _keep(self, obj: ObjectRef, value: int) -> tuple[int, NodeError | None]:
+        held = self.read(obj)
+        if held == value:
+            return held, None
+        try:
+            self.write(obj, value)
+        except NodeError as refused:
+            if refused.abort_code is None or refused.abort_code in _NOT_OFFERED:
+                raise
+            return held, refused
+        return self.read(obj), None
+
+    def not_kept(
+        self, obj: ObjectRef, value: int, held: int, refusal: NodeError | None
+    ) -> ConfigurationError | NodeError:
+        """The error of a value that the drive does not hold, refused or not."""
+        if refusal is None:
+            return ConfigurationError(
+                f"wrote {value}, the drive holds {held}", axis=self.name, obj=obj
+            )
+        return NodeError(
+            f"{refusal.cause}; the drive holds {held}", axis=self.name, obj=obj,
+            abort_code=refusal.abort_code,
+        )  # fmt: skip
 
     @property
     def dictionary(self) -> canopen.ObjectDictionary:
@@ -211,7 +251,7 @@ class RemoteObjects:
             return bytes(variable.encode_raw(value))
         except (struct.error, ValueError, OverflowError, TypeError) as why:
             raise ConfigurationError(
-                f"{value!r} does not fit the object: {why}", axis=self.name, obj=obj
+                f"{shown(value)} does not fit the object: {why}", axis=self.name, obj=obj
             ) from why
 
     def _attempt(self, what: str, obj: ObjectRef, access: Callable[[], T]) -> T:

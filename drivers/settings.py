@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from drivers.errors import ConfigurationError
+from drivers.errors import ConfigurationError, shown
 
 HOST_NODE = 127
 """Node id under which the host sends its heartbeat."""
@@ -40,11 +40,11 @@ class RealTimeSettings:
     def __post_init__(self) -> None:
         _require(
             0 <= self.priority <= 99, None, "realtime priority",
-            f"must be 0..99, is {self.priority!r}",
+            f"must be 0..99, is {shown(self.priority)}",
         )  # fmt: skip
         _require(
             self.core is None or self.core >= 0, None, "realtime core",
-            f"must be >= 0, is {self.core!r}",
+            f"must be >= 0, is {shown(self.core)}",
         )  # fmt: skip
 
 
@@ -83,28 +83,30 @@ class BusSettings:
 
     def __post_init__(self) -> None:
         _require(bool(self.interface), None, "bus interface", "is empty")
-        _require(self.bitrate > 0, None, "bitrate", f"must be > 0, is {self.bitrate!r}")
+        _require(self.bitrate > 0, None, "bitrate", f"must be > 0, is {shown(self.bitrate)}")
         counter = self.sync_counter
         _require(
             counter == 0 or 2 <= counter <= 240,
-            None, "sync_counter", f"must be 0 or 2..240, is {counter!r}",
+            None, "sync_counter", f"must be 0 or 2..240, is {shown(counter)}",
         )  # fmt: skip
         _require(
             self.sync_source in SYNC_SOURCES,
-            None, "sync_source", f"must be auto, host or kernel, is {self.sync_source!r}",
+            None, "sync_source", f"must be auto, host or kernel, is {shown(self.sync_source)}",
         )  # fmt: skip
         for name in ("max_missed", "max_late"):
             _require(getattr(self, name) >= 0, None, name, "must be >= 0")
         period = self.sync_period
-        _require(_finite(period) and period > 0, None, "sync_period", f"must be > 0, is {period!r}")
+        _require(
+            _finite(period) and period > 0, None, "sync_period", f"must be > 0, is {shown(period)}"
+        )
         _require(
             self.period_us >= 1 and abs(period * 1e6 - self.period_us) < 1e-6 * self.period_us,
-            None, "sync_period", f"must be a whole number of microseconds, is {period!r} s",
+            None, "sync_period", f"must be a whole number of microseconds, is {shown(period)} s",
         )  # fmt: skip
         window = self.sync_window
         _require(
             _finite(window) and (window == 0 or 10e-6 <= window <= period),
-            None, "sync_window", f"must be 0 or 10 us to sync_period, is {window!r}",
+            None, "sync_window", f"must be 0 or 10 us to sync_period, is {shown(window)}",
         )  # fmt: skip
 
     @property
@@ -153,7 +155,7 @@ class OptionCodes:
             value = getattr(self, name)
             _require(
                 value in allowed, None, f"option code {name}",
-                f"must be one of {', '.join(map(str, allowed))}, is {value!r}",
+                f"must be one of {', '.join(map(str, allowed))}, is {shown(value)}",
             )  # fmt: skip
 
 
@@ -177,6 +179,9 @@ class AxisSettings:
         unwatched_host: whether a drive is powered that goes on when its host is gone.
         homing_method: CiA 402 homing method, 33..37 for stages without switches.
         homing_velocity: (search, index) [m/s].
+        boot_timeout: for the drive's boot-up message after a reset of its communication [s].
+        enable_timeout: for OPERATION ENABLED, phase finding included [s].
+        revision: major revision number wanted (0x1018:03); None: that of the EDS.
     """
 
     name: str
@@ -200,26 +205,33 @@ class AxisSettings:
     position_window_time: float = 0.01
     options: OptionCodes = OptionCodes()
     unwatched_host: bool = False
+    boot_timeout: float = 2.0
+    enable_timeout: float = 2.0
+    revision: int | None = None
 
     def __post_init__(self) -> None:
         axis = self.name
         _require(bool(axis), None, "axis", "has no name")
-        _require(1 <= self.node < HOST_NODE, axis, "node", f"must be 1..126, is {self.node!r}")
+        _require(1 <= self.node < HOST_NODE, axis, "node", f"must be 1..126, is {shown(self.node)}")
         for name in (
             "rated_force", "peak_force", "velocity", "acceleration", "jerk",
-            "following_error", "increment", "acceleration_unit",
+            "following_error", "increment", "acceleration_unit", "boot_timeout", "enable_timeout",
         ):  # fmt: skip
             value = getattr(self, name)
-            _require(_finite(value) and value > 0, axis, name, f"must be > 0, is {value!r}")
+            _require(_finite(value) and value > 0, axis, name, f"must be > 0, is {shown(value)}")
+        _require(
+            self.revision is None or 0 <= self.revision <= 0xFFFF,
+            axis, "revision", f"must be 0..65535, is {shown(self.revision)}",
+        )  # fmt: skip
         for name in ("following_error_time", "position_window_time"):
             value = getattr(self, name)
             _require(
                 _finite(value) and 0 <= value <= 65.535, axis, name,
-                f"must be 0 to 65.535 s, is {value!r}",
+                f"must be 0 to 65.535 s, is {shown(value)}",
             )  # fmt: skip
         for name in ("encoder", "velocity_unit", "position_window"):
             value = getattr(self, name)
-            _require(_finite(value) and value >= 0, axis, name, f"must be >= 0, is {value!r}")
+            _require(_finite(value) and value >= 0, axis, name, f"must be >= 0, is {shown(value)}")
         low, high = self.travel
         _require(
             _finite(low) and _finite(high) and low < high, axis, "travel", "must be low < high"
@@ -235,7 +247,7 @@ class AxisSettings:
         _require(
             len(self.homing_velocity) == 2
             and all(_finite(v) and v > 0 for v in self.homing_velocity),
-            axis, "homing_velocity", f"must be two speeds > 0, is {self.homing_velocity!r}",
+            axis, "homing_velocity", f"must be two speeds > 0, is {shown(self.homing_velocity)}",
         )  # fmt: skip
 
     @property

@@ -11,7 +11,7 @@ from estimation.move_tables import floats_for, marks_for
 from estimation.refinement import refine_move
 from estimation.settings import EstimatorSettings, MoveData
 from estimation.update import UNEQUAL, UNREFINED, update_move
-from estimation.update_tables import AXIS, BELIEFS, C_TYPICAL, CONSTANTS, UPDATE_SIZE
+from estimation.update_tables import AXIS, BELIEFS, C_PEAK, C_TYPICAL, CONSTANTS, UPDATE_SIZE
 
 _LEAST_ROOM, _MANY_ELEMENTS = 512, 16
 _rooms: list[_Room] = []
@@ -72,6 +72,10 @@ class MoveSolver:
     def expect(self, misfit: float) -> None:
         """The misfit that this axis' moves usually have; until the first call anything is usual."""
         self._axis[C_TYPICAL] = misfit
+
+    def saturates_at(self, force: float) -> None:
+        """From now on samples at or beyond this force are saturated [N]."""
+        self._axis[C_PEAK] = force
 
     def solve(
         self,

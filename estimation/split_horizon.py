@@ -145,6 +145,11 @@ class SplitHorizonEstimator:
                 unit = float(self._solver.units[F_UNIT, i])
                 self._belief.set_apart(i, value / unit, sigma / unit)
 
+    def saturates_at(self, force: float) -> None:
+        """From now on samples at or beyond this force are saturated and left out [N]."""
+        self.settings = replace(self.settings, peak_force=force)
+        self._solver.saturates_at(force)
+
     def expect(
         self, coulomb: float, sigma: float, level: tuple[float, float] | None = None
     ) -> None:

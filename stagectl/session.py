@@ -272,7 +272,7 @@ class _Run:
                 self._record.temperature.at(0.0)
                 begin = time.perf_counter()
                 try:
-                    self._go_through(stage, axes, bus.sync_period)
+                    self._go_through(stage, bus.sync_period)
                 finally:
                     self._record.wall_time = time.perf_counter() - begin
                 listener.phase("disabling")
@@ -296,13 +296,13 @@ class _Run:
         self._record.note_log(log_digest)
         return self._record.finish(self._error)
 
-    def _go_through(self, stage: Stage, axes: tuple[AxisSettings, ...], period: float) -> None:
+    def _go_through(self, stage: Stage, period: float) -> None:
         """All that is left of the recipe; a stretch that faults is begun again where that helps."""
         record, recipe = self._record, self._request.recipe
         start = _pair(stage.targets)
         engine = self._engine = Engine(
             stage,
-            self._moving_axes(axes),
+            self._moving_axes([axis.settings for axis in stage.axes]),
             self._fiducial,
             period,
             record.move,
@@ -360,7 +360,10 @@ class _Run:
         elif not self._over and (self._stage is None or not self._stage.ending):
             raise _EarlyStop(reason)
 
-    def _moving_axes(self, axes: tuple[AxisSettings, ...]) -> tuple[MovingAxis, ...]:
+    def _moving_axes(self, axes: Sequence[AxisSettings]) -> tuple[MovingAxis, ...]:
+        """The axes by what their drives have, which may be less than the machine file says."""
+        for axis, compensation in zip(axes, self._compensation, strict=True):
+            compensation.estimator.saturates_at(axis.peak_force)
         return tuple(
             MovingAxis(
                 axis.name,

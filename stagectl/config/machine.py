@@ -209,6 +209,9 @@ class Drive(Section):
         position_unit, velocity_unit, acceleration_unit: of its integers on the bus [m, m/s,
             m/s^2]; velocity_unit None: one position unit per second.
         unwatched_host: whether it is powered although it goes on when its host is gone.
+        boot_timeout: for its boot-up message [s].
+        enable_timeout: for OPERATION ENABLED, phase finding included [s].
+        revision: major revision number wanted; None: that of the EDS.
         pid: the position loop, or None where there is a cascade.
         cascade: in place of a PID.
     """
@@ -222,6 +225,9 @@ class Drive(Section):
     options: OptionCodes = OptionCodes()
     unwatched_host: Literal["refuse", "accept"] = "refuse"
     acceleration_unit: PositiveAcceleration = 1e-6
+    boot_timeout: PositiveTime = 2.0
+    enable_timeout: PositiveTime = 2.0
+    revision: Annotated[StrictInt, Field(ge=0, le=65_535)] | None = None
     pid: Pid | None = None
     cascade: Cascade | None = None
 

@@ -178,6 +178,9 @@ def driver_settings(
             position_window_time=axis.limits.position_window_time,
             options=settings.OptionCodes(**axis.drive.options.model_dump()),
             unwatched_host=axis.drive.unwatched_host == "accept",
+            boot_timeout=axis.drive.boot_timeout,
+            enable_timeout=axis.drive.enable_timeout,
+            revision=axis.drive.revision,
         )
         for name, axis in machine.axes.items()
     )

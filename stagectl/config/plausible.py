@@ -22,6 +22,8 @@ RANGES: dict[str, tuple[float, float, str]] = {
     "drive.position_unit": (1e-15, 1.0, "m"),
     "drive.velocity_unit": (1e-15, 1e3, "m/s"),
     "drive.acceleration_unit": (1e-15, 1e6, "m/s^2"),
+    "drive.boot_timeout": (1e-3, 600.0, "s"),
+    "drive.enable_timeout": (1e-3, 600.0, "s"),
     "drive.pid.kp": (1e-9, 1e15, "N/m"),
     "drive.pid.ki": (0.0, 1e18, "N/(m s)"),
     "drive.pid.kd": (0.0, 1e12, "N s/m"),

@@ -236,6 +236,26 @@ def test_effects_are_kept_as_names_and_figures() -> None:
             "axes.x.effects[1]: needs the key effect with the effect's name",
         ),
         (
+            "rated_force: 40.0",
+            "rated_force: 40.0\n      enable_timeout: ^0",
+            "axes.x.drive.enable_timeout: must be > 0, is 0",
+        ),
+        (
+            "rated_force: 40.0",
+            "rated_force: 40.0\n      boot_timeout: ^1 um",
+            "axes.x.drive.boot_timeout: must be a time",
+        ),
+        (
+            "rated_force: 40.0",
+            "rated_force: 40.0\n      enable_timeout: ^3600",
+            "axes.x.drive.enable_timeout: must be at most 600 s, is 3600",
+        ),
+        (
+            "rated_force: 40.0",
+            "rated_force: 40.0\n      revision: ^65536",
+            "axes.x.drive.revision: must be",
+        ),
+        (
             "node: 1",
             "node: 1\n    effects: ^cogging",
             "axes.x.effects: must be a list, is 'cogging'",

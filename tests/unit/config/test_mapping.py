@@ -39,6 +39,8 @@ def test_driver_settings_hold_bus_limits_and_homing() -> None:
     text = load_machine().text.replace(
         "node: 1", "node: 1\n    homing: {method: 33, velocity: 5 mm/s}", 1
     )
+    slow = "boot_timeout: 12 s\n      enable_timeout: 8000 ms\n      revision: 3"
+    text = text.replace("rated_force: 40.0", f"rated_force: 40.0\n      {slow}")
     bus, (x, y) = driver_settings(parse_machine(text, "m.yaml"))
     assert (bus.interface, bus.channel, bus.bitrate, bus.sync_period) == (
         "virtual", "stage", 1_000_000, 1e-3,
@@ -47,6 +49,8 @@ def test_driver_settings_hold_bus_limits_and_homing() -> None:
     assert (y.travel, y.velocity, y.jerk, y.following_error) == ((-0.15, 0.15), 1.0, 2000.0, 1e-3)
     assert (x.homing_method, x.homing_velocity) == (33, (0.005, 0.002))
     assert (y.homing_method, y.homing_velocity) == (34, (0.01, 0.002))
+    assert (x.boot_timeout, x.enable_timeout, x.revision) == (12.0, 8.0, 3)
+    assert (y.boot_timeout, y.enable_timeout, y.revision) == (2.0, 2.0, None)
     assert x.eds.name == "stagectl-linear-drive.eds"
 
 

@@ -33,7 +33,8 @@ class ScriptedDrive:
 
     Attributes:
         objects: (index, sub) -> value; unset ones read 0.
-        refuse: (index, sub) -> SDO abort code.
+        refuse: (index, sub) -> SDO abort code, for any access.
+        refuse_write: the same, reading goes.
         stuck: objects whose writes are acknowledged but not kept.
         silent: from now on it sends nothing.
         waits_for_word: shows 0x0000 until a controlword other than 0 comes.
@@ -57,6 +58,7 @@ class ScriptedDrive:
         }  # fmt: skip
         self.sizes: dict[tuple[int, int], int] = {}
         self.refuse: dict[tuple[int, int], int] = {}
+        self.refuse_write: dict[tuple[int, int], int] = {}
         self.stuck: set[tuple[int, int]] = set()
         self.writes: list[tuple[int, int, int]] = []
         self.silent = False
@@ -123,8 +125,9 @@ class ScriptedDrive:
     def answer_sdo(self, data: bytes) -> None:
         command, index, sub = struct.unpack_from("<BHB", data)
         key = (index, sub)
-        if key in self.refuse:
-            self.emit(0x580 + self.node, struct.pack("<BHBI", 0x80, index, sub, self.refuse[key]))
+        code = self.refuse.get(key) or (self.refuse_write.get(key) if command != 0x40 else None)
+        if code:
+            self.emit(0x580 + self.node, struct.pack("<BHBI", 0x80, index, sub, code))
         elif command == 0x40:
             value = self.objects.get(key, 0)
             if index == 0x6061:

@@ -109,14 +109,14 @@ def test_a_mapping_that_does_not_stay_written_is_found(
 def test_an_sdo_abort_names_object_value_and_reason(
     scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
 ) -> None:
-    scripted.drives[X].refuse[0x6072, 0] = 0x06090031
+    scripted.drives[X].refuse_write[0x6072, 0] = 0x06090031
     with Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage:
         with pytest.raises(NodeError) as caught:
             stage.boot()
         assert caught.value.abort_code == 0x06090031
         assert str(caught.value) == (
             "axis x: 0x6072:00 max torque: write of 3000 refused: Value of parameter written "
-            "too high (abort 0x06090031)"
+            "too high (abort 0x06090031); the drive holds 0"
         )
 
 

@@ -371,6 +371,9 @@ def test_a_short_move_behind_unknown_elements_says_why_it_is_not_learned_from(da
 def test_a_force_that_says_nothing_is_not_told_as_too_little_motion(data):
     move = data.move(0)
     saturated = SplitHorizonEstimator(TRUE, replace(SETTINGS, peak_force=1e-3)).update(move)
+    later = SplitHorizonEstimator(TRUE, SETTINGS)
+    later.saturates_at(1e-3)  # as the drive says when it has booted
+    assert later.update(move).reason == saturated.reason
     shaken = SplitHorizonEstimator(TRUE, SETTINGS).update(
         replace(move, upset=np.ones(len(move.valid), dtype=bool))
     )
