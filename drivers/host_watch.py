@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from drivers import objects as od
-from drivers.errors import ConfigurationError, NodeError
+from drivers.errors import NodeError
 from drivers.node import Node
 from drivers.objects import ObjectRef
 from drivers.settings import HOST_NODE
@@ -19,7 +19,13 @@ PERIOD_MS = 500
 """The drive misses its host after this time without a heartbeat."""
 _COUNT = ObjectRef(0x1016, 0, "number of heartbeats watched")
 _NO_ACTION = 0
-_GONE = "its host is gone, and stays under power"
+_REACTIONS = {
+    1: "it faults",
+    2: "it switches the power off and the axis coasts, nothing brakes it",
+    3: "it stops by a quick stop",
+}
+"""What 0x6007 has a drive do when its host is gone (CiA 402)."""
+_STAYS = "its host is gone, and stays under power"
 
 
 def unwatched(
@@ -38,45 +44,33 @@ def unwatched(
     Raises:
         NodeError: the node does not answer.
     """
-    problem = _refusal(node, od.HEARTBEAT_CONSUMER, HOST_NODE << 16 | PERIOD_MS)
-    if problem is None and _held(node, _COUNT) == 0:
-        problem = f"{_COUNT} is 0"
-    if problem is not None:
-        return od.HEARTBEAT_CONSUMER, f"{problem}: the drive does not notice that {_GONE}"
-    problem = _refusal(node, od.ABORT_CONNECTION_OPTION, reaction)
-    held = None if problem is None else _held(node, od.ABORT_CONNECTION_OPTION)
+    wanted = HOST_NODE << 16 | PERIOD_MS
+    held, why = _kept(node, od.HEARTBEAT_CONSUMER, wanted)
+    if held == wanted and node.offers(_COUNT) and node.read(_COUNT) == 0:
+        held, why = None, f"{_COUNT} is 0"
+    if held != wanted:
+        return od.HEARTBEAT_CONSUMER, f"{why}: the drive does not notice that {_STAYS}"
+    held, why = _kept(node, od.ABORT_CONNECTION_OPTION, reaction)
     if held == _NO_ACTION:
-        return od.ABORT_CONNECTION_OPTION, f"{problem}: the drive does nothing when {_GONE}"
-    if problem is not None and held != reaction:
-        limited(
-            f"{od.ABORT_CONNECTION_OPTION} {problem}: "
-            "what the drive does when it loses its host is its own matter"
+        return od.ABORT_CONNECTION_OPTION, f"{why}: the drive does nothing when {_STAYS}"
+    if held != reaction:
+        done = _REACTIONS.get(
+            -1 if held is None else held, "the drive does what its maker has it do"
         )
+        limited(f"{od.ABORT_CONNECTION_OPTION} {why}: without its host {done}")
     return None
 
 
-def _refusal(node: Node, obj: ObjectRef, value: int) -> str | None:
-    """Writes an object and reads it back; why the drive does not hold the value, None: it does."""
-    if not node.offers(obj):
-        return "is not offered"
+def _kept(node: Node, obj: ObjectRef, value: int) -> tuple[int | None, str]:
+    """What the object holds after `value` was asked for, and what is wrong with that."""
     try:
-        node.write_checked(obj, value)
+        kept = node.keep(obj, value)
     except NodeError as refused:
         if refused.abort_code is None:
             raise
-        return refused.cause
-    except ConfigurationError as other:
-        return other.cause
-    return None
-
-
-def _held(node: Node, obj: ObjectRef) -> int | None:
-    """The object's value, None where the node does not let it be read."""
-    if not node.offers(obj):
-        return None
-    try:
-        return node.read(obj)
-    except NodeError as refused:
-        if refused.abort_code is None:
-            raise
-        return None
+        return None, refused.cause
+    if kept is None:
+        return None, "is not offered"
+    held, refusal = kept
+    because = "" if refusal is None else f" ({refusal.cause})"
+    return held, f"is {held}, not {value}{because}"

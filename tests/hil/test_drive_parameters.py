@@ -81,7 +81,6 @@ def test_what_is_fixed_at_the_value_asked_for_is_not_written(stage_machine: Mach
         (0x605D, 2, "halt option code is 2, not 1: on a halt it brakes on the quick-stop ramp"),
         (0x605E, 0, "fault reaction option code is 0, not 2: on a fault it switches the power"),
         (0x605E, -1, "fault reaction option code is -1, not 2: on a fault the drive does what its"),
-        (0x6007, 2, "abort connection option code is 2, not 3: without its host it switches"),
     ],
 )  # fmt: skip
 def test_an_option_code_of_the_drives_own_is_said(
@@ -98,19 +97,6 @@ def test_an_option_code_of_the_drives_own_is_said(
         stage.enable()
         stage.quick_stop()
         assert not stage.enabled
-
-
-def test_a_drive_that_would_go_on_without_its_host_is_refused(stage_machine: Machine) -> None:
-    stage, drive, _, _ = switched_on(stage_machine)
-    fix(drive, 0x6007, 0)
-    with (
-        stage,
-        pytest.raises(
-            ConfigurationError,
-            match=r"^axis x: 0x6007:00 .* is 0, not 3: without its host it goes on \(write of 3",
-        ),
-    ):
-        stage.boot()
 
 
 @pytest.mark.parametrize(

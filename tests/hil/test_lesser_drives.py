@@ -100,7 +100,7 @@ def test_without_factor_group_the_increment_is_trusted() -> None:
 
 def test_without_option_codes_and_windows_it_says_what_follows() -> None:
     with stage_without(0x6007, 0x605A, 0x605B, 0x605C, 0x605D, 0x605E, 0x6065) as (stage, _):
-        assert any("loses its host is its own matter" in x for x in stage.limitations)
+        assert any("without its host the drive does what its maker" in x for x in stage.limitations)
         assert any("does not watch the following error" in x for x in stage.limitations)
         stage.halt()
         assert stage.enabled
