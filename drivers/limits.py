@@ -165,7 +165,7 @@ def checked_profile(
                 axis=axis.name, obj=od.SOFT_LIMIT_LOW if below else od.SOFT_LIMIT_HIGH,
             )  # fmt: skip
         duration = abs(end - at) / velocity + velocity / acceleration
-        counts = round((position if relative else end) / axis.increment)
+        counts = round(position / axis.increment)
         setpoints.append(Setpoint(counts, round(end / axis.increment), duration, relative))
         at = end
     return setpoints

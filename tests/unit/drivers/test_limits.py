@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import LimitError
-from drivers.limits import checked_counts, checked_forces, checked_velocities
+from drivers.limits import checked_counts, checked_forces, checked_profile, checked_velocities
+from drivers.profile_position import Setpoint
 from drivers.settings import AxisSettings
 
 TS = 1e-3
@@ -18,10 +20,10 @@ TS = 1e-3
 
 def test_rounds_to_increments_and_permille(axis_settings: tuple[AxisSettings, ...]) -> None:
     position = np.array([[1.4e-9, -1.6e-9], [2.6e-9, -2.4e-9]])
-    offset = np.array([[0.05, -0.1], [0.0, 1e9]])
+    offset = np.array([[0.05, -0.1], [-1e9, 1e9]])
     targets, offsets = checked_counts(position, offset, axis_settings, (0, 0), TS)
     assert targets.tolist() == [[1, -2], [3, -2]]
-    assert offsets.tolist() == [[1, -2], [0, 32767]]
+    assert offsets.tolist() == [[1, -2], [-32768, 32767]]
 
 
 def test_the_ends_of_the_travel_and_the_velocity_limit_itself_are_allowed(
@@ -149,3 +151,104 @@ def test_the_first_force_is_judged_by_the_peak_force(
     assert targets[0, axis] == sign * round(limit / axis_settings[axis].rated_force * 1000)
     with pytest.raises(LimitError, match=rf"axis {'xy'[axis]}: 0x6072:00 .*row 0: .* N exceeds"):
         checked_forces(allowed * 1.001, axis_settings)
+
+
+def test_rounding_alone_leaves_neither_travel_nor_speed(
+    axis_settings: tuple[AxisSettings, ...],
+) -> None:
+    """Half an increment beyond the travel, one and a half beyond the way of a SYNC."""
+    for sign in (1, -1):
+        end, last = sign * 0.15, (sign * 150_000_000, 0)
+        near, far = alone(0, end + sign * 0.4e-9), alone(0, end + sign * 0.6e-9)
+        targets, _ = checked_counts(near, 0 * near, axis_settings, last, TS)
+        assert targets[0, 0] == last[0]
+        with pytest.raises(LimitError, match=r"the limit -?0\.15 m"):
+            checked_counts(far, 0 * far, axis_settings, last, TS)
+        near, far = sign * alone(0, 1.000001e-3), sign * alone(0, 1.000002e-3)
+        checked_counts(near, 0 * near, axis_settings, (0, 0), TS)
+        with pytest.raises(LimitError, match="exceeds the velocity limit"):
+            checked_counts(far, 0 * far, axis_settings, (0, 0), TS)
+
+
+def test_velocities_may_lead_to_the_very_end_of_the_travel(
+    axis_settings: tuple[AxisSettings, ...],
+) -> None:
+    for sign, side in ((1, r"0x607D:02 .*above the limit 0\.15"), (-1, "0x607D:01 .*below the")):
+        velocity, start = sign * alone(0, 0.01, 0.0), sign * (0.15 - 1e-5)
+        checked_velocities(velocity, 0 * velocity, axis_settings, (start, 0.0), TS)
+        start += sign * 2e-9
+        with pytest.raises(LimitError, match=side):
+            checked_velocities(velocity, 0 * velocity, axis_settings, (start, 0.0), TS)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "offset", "text"),
+    [
+        ((0.0, np.inf, 0.0), (0.0, 0.0, 0.0), r"0x60FF:00 .*row 1: inf m/s is no setpoint"),
+        ((0.0, 0.0, 0.0), (0.0, np.nan, 0.0), r"0x60B2:00 .*row 1: nan N is no setpoint"),
+        ((0.0, -1.01, 0.0), (0.0, 0.0, 0.0), r"0x60FF:00 .*row 1: 1.01 m/s exceeds the velocity"),
+        ((0.0, 0.0, 0.005), (0.0, 0.0, 0.0), r"0x60FF:00 .*row 2: the last one must be 0"),
+    ],
+)
+def test_of_velocities_the_first_offender_is_named(
+    axis_settings: tuple[AxisSettings, ...], velocity: Any, offset: Any, text: str
+) -> None:
+    rows = alone(1, *velocity), alone(1, *offset)
+    with pytest.raises(LimitError, match=rf"^axis y: {text}"):
+        checked_velocities(*rows, axis_settings, (0.0, 0.0), TS)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_force_that_is_no_number_is_named(
+    axis_settings: tuple[AxisSettings, ...], value: float
+) -> None:
+    with pytest.raises(LimitError, match=rf"^axis y: 0x6071:00 .*row 1: {value} N is no setpoint"):
+        checked_forces(alone(1, 0.0, value, 0.0), axis_settings)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "offset"), [((3, 1), (3, 1)), ((2,), (2,)), ((3, 2), (2, 2)), ((3, 3), (3, 3))]
+)
+def test_velocities_of_wrong_shape_are_refused(
+    axis_settings: tuple[AxisSettings, ...], velocity: Any, offset: Any
+) -> None:
+    text = f"must be [K, 2], also their offsets, are {list(velocity)} and {list(offset)}"
+    with pytest.raises(LimitError, match=re.escape(text)):
+        checked_velocities(np.zeros(velocity), np.zeros(offset), axis_settings, (0.0, 0.0), TS)
+
+
+def test_forces_of_wrong_shape_are_refused(axis_settings: tuple[AxisSettings, ...]) -> None:
+    for shape in ((3, 1), (2,), (3, 3)):
+        with pytest.raises(LimitError, match=r"must be \[K, 2\]"):
+            checked_forces(np.zeros(shape), axis_settings)
+
+
+def test_a_profile_reaches_its_limits_and_knows_how_long_it_takes(
+    axis_settings: tuple[AxisSettings, ...],
+) -> None:
+    """At 1 m/s and 10 m/s^2: the way at full speed, and 0.1 s for both ramps."""
+    x = axis_settings[0]
+    assert checked_profile(x, 0.1, [-0.15, 0.15], 1.0, 10.0, False) == [
+        Setpoint(-150_000_000, -150_000_000, pytest.approx(0.25 + 0.1), False),
+        Setpoint(150_000_000, 150_000_000, pytest.approx(0.3 + 0.1), False),
+    ]
+    assert checked_profile(x, 0.1, [-0.25, 0.1], 0.5, 5.0, True) == [
+        Setpoint(-250_000_000, -150_000_000, pytest.approx(0.5 + 0.1), True),
+        Setpoint(100_000_000, -50_000_000, pytest.approx(0.2 + 0.1), True),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("positions", "relative", "text"),
+    [
+        ([-0.151], False, "0x607D:01 .*: target -0.151 m is below the limit -0.15 m"),
+        ([0.1, 0.051], True, "0x607D:02 .*: target 2: target 0.151 m is above the limit 0.15 m"),
+        ([np.nan], False, "0x607D:02 .*: target nan m is above the limit"),
+        ([], False, "0x607A:00 .*: there is no target"),
+    ],
+)
+def test_the_target_of_a_profile_outside_the_travel_is_named(
+    axis_settings: tuple[AxisSettings, ...], positions: list[float], relative: bool, text: str
+) -> None:
+    with pytest.raises(LimitError, match=rf"^axis x: {text}"):
+        checked_profile(axis_settings[0], 0.0, positions, 1.0, 10.0, relative)
