@@ -7,7 +7,7 @@ position, so that enabling never moves anything.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from drivers import objects as od
 from drivers.channel import Channel
@@ -138,11 +138,16 @@ class Power:
         recent: deque[tuple[int, ...]] = deque(maxlen=REST_SYNCS)
         for _ in self._cycles(timeout, blind=True):
             recent.append(tuple(c.position for c in self.channels))
-            if len(recent) == REST_SYNCS and all(
-                max(p) - min(p) <= REST_BAND / c.axis.scale.increment
-                for p, c in zip(zip(*recent, strict=True), self.channels, strict=True)
-            ):
+            if len(recent) == REST_SYNCS and not self._moved(recent):
                 return
+
+    def _moved(self, recent: Iterable[tuple[int, ...]]) -> list[Channel]:
+        """Those that did not keep within the rest band over these positions [increments]."""
+        return [
+            c
+            for p, c in zip(zip(*recent, strict=True), self.channels, strict=True)
+            if max(p) - min(p) > REST_BAND / c.axis.scale.increment
+        ]
 
     def go(self, target: State, channels: Sequence[Channel] | None = None) -> None:
         """Leads axes (all by default) to `target`; one that faults stops the attempt.
@@ -295,14 +300,12 @@ class Power:
             for channel in self.channels:
                 if channel.valid and state_of(channel) is not State.OPERATION_ENABLED:
                     raise fault(channel, "left OPERATION ENABLED on the way to a halt")
-            still = len(recent) == REST_SYNCS and all(
-                max(p) - min(p) <= REST_BAND / c.axis.scale.increment
-                for p, c in zip(zip(*recent, strict=True), self.channels, strict=True)
-            )
+            still = len(recent) == REST_SYNCS and not self._moved(recent)
             # bit 10 says velocity 0 with halt; a drive without it is believed at rest
             if still and all(c.valid for c in self.channels):
                 return
-        raise fault(self.channels[0], f"still moves {timeout:g} s after halt")
+        moving = self._moved(recent) or self.channels
+        raise fault(moving[0], f"still moves {timeout:g} s after halt")
 
     def switch_off(self) -> None:
         """Power off on all axes, whatever state they are in; stays silent about faults.

@@ -1,0 +1,160 @@
+"""Changes of power state on a scripted bus: halts and resets that do not go as they should."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from drivers.cia402 import State
+from drivers.errors import AxisFault
+from drivers.stage import Stage
+from tests.unit.drivers.conftest import rest
+
+X, Y = 0, 1
+RESET, HALT = 0x0080, 0x0100
+
+
+def test_a_halt_takes_the_force_offsets_away_and_ends_without_its_bit(
+    stage: Stage, scripted: Any
+) -> None:
+    stage.enable()
+    position, offset = rest(stage, 3)
+    stage.stream(position, offset + 4.0)
+    halted = []
+    for drive in scripted.drives:
+        drive.on_sync = lambda d, n: d.latched[0] & HALT and halted.append(d.latched[2])
+    stage.halt()
+    assert len(halted) >= 2 * 20  # rest is looked at for so many SYNCs, on both axes
+    assert set(halted) == {0}
+    assert [d.latched[0] & HALT for d in scripted.drives] == [0, 0]
+    assert stage.enabled
+
+
+@pytest.mark.parametrize("axis", [X, Y])
+def test_a_halt_that_does_not_come_to_rest_names_the_axis_that_moves(
+    stage: Stage, scripted: Any, axis: int
+) -> None:
+    stage.enable()
+
+    def creeps(drive: Any, count: int) -> None:
+        drive.position = 5 * count  # 5 um/s: 100 nm over the SYNCs that are looked at
+
+    scripted.drives[axis].on_sync = creeps
+    begin = scripted.clock.now
+    with pytest.raises(AxisFault, match=rf"^axis {'xy'[axis]}: .*still moves 2 s after halt"):
+        stage.halt()
+    assert scripted.clock.now - begin > 2e9
+    assert not stage.enabled
+
+
+def test_what_trembles_within_the_rest_band_is_at_rest(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+
+    def trembles(drive: Any, count: int) -> None:
+        drive.position = 45 * (count % 2)  # nm
+
+    scripted.drives[Y].on_sync = trembles
+    stage.halt()
+    assert stage.enabled
+
+
+@pytest.mark.parametrize("state", [State.FAULT, State.QUICK_STOP_ACTIVE, State.SWITCHED_ON])
+def test_an_axis_that_leaves_operation_enabled_ends_the_halt_by_its_name(
+    stage: Stage, scripted: Any, state: State
+) -> None:
+    stage.enable()
+
+    def leaves(drive: Any, count: int) -> None:
+        if drive.latched[0] & HALT:
+            drive.state = state
+
+    scripted.drives[Y].on_sync = leaves
+    text = rf"^axis y: .*left OPERATION ENABLED on the way to a halt; .*\({state}\)"
+    with pytest.raises(AxisFault, match=text):
+        stage.halt()
+    assert scripted.drives[X].state is State.SWITCH_ON_DISABLED
+
+
+def in_fault(scripted: Any) -> Any:
+    """Axis y in fault."""
+    drive = scripted.drives[Y]
+    drive.state = State.FAULT
+    return drive
+
+
+def test_without_a_fault_a_reset_takes_a_few_syncs(stage: Stage, scripted: Any) -> None:
+    begin = scripted.clock.now
+    stage.reset_faults()
+    assert scripted.clock.now - begin < 500e6
+    assert {d.latched[0] & RESET for d in scripted.drives} == {0}
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+def test_a_reset_ends_without_its_bit(stage: Stage, scripted: Any, at_once: bool) -> None:
+    """Whether the drive shows its new state at the same SYNC or at the next one."""
+    drive = in_fault(scripted)
+
+    def takes_it_at_once(d: Any, count: int) -> None:
+        if at_once and d.latched[0] & RESET:
+            d.state = State.SWITCH_ON_DISABLED
+
+    drive.on_sync = takes_it_at_once
+    begin = scripted.clock.now
+    stage.reset_faults()
+    assert scripted.clock.now - begin < 500e6
+    assert drive.state is State.SWITCH_ON_DISABLED
+    assert drive.latched[0] & RESET == 0
+    stage.enable()
+
+
+def test_a_fault_that_comes_back_is_reset_by_another_edge(stage: Stage, scripted: Any) -> None:
+    drive = in_fault(scripted)
+
+    def again(d: Any, count: int) -> None:
+        if count - begin < 10:
+            d.state = State.FAULT
+
+    begin, drive.on_sync = drive.syncs, again
+    stage.reset_faults()
+    assert drive.state is State.SWITCH_ON_DISABLED
+
+
+def test_what_a_drive_says_while_it_is_reset_is_forgotten(stage: Stage, scripted: Any) -> None:
+    drive = in_fault(scripted)
+    drive.on_sync = lambda d, n: d.emergency(0x3210) if d.state is State.FAULT else None
+    stage.reset_faults()
+    stage.enable()
+    assert stage.enabled
+
+
+def test_a_fault_that_stays_is_named_with_its_cause(stage: Stage, scripted: Any) -> None:
+    drive = in_fault(scripted)
+
+    def stays(d: Any, count: int) -> None:
+        d.state = State.FAULT
+        d.emergency(0x3210)
+
+    drive.on_sync = stays
+    text = r"^axis y: .*the fault cannot be reset; .*DC link over-voltage \(0x3210\).*\(FAULT\)"
+    with pytest.raises(AxisFault, match=text) as caught:
+        stage.reset_faults()
+    assert caught.value.code == 0x3210
+
+
+def test_an_axis_that_says_nothing_is_named_and_the_other_one_is_reset(
+    stage: Stage, scripted: Any
+) -> None:
+    scripted.drives[X].mute_tpdo = 1_000_000
+    drive = in_fault(scripted)
+    with pytest.raises(AxisFault, match=r"^axis x: .*no process data \(TPDO 0x181\) at all"):
+        stage.reset_faults()
+    assert drive.state is State.SWITCH_ON_DISABLED
+
+
+def test_an_axis_that_is_late_to_speak_is_waited_for(stage: Stage, scripted: Any) -> None:
+    scripted.drives[Y].mute_tpdo = 100
+    drive = in_fault(scripted)
+    stage.reset_faults()
+    assert drive.syncs > 100
+    assert drive.state is State.SWITCH_ON_DISABLED
