@@ -5,7 +5,7 @@ themselves) and lets the drives handle it. A real drive samples when SYNC interr
 is handled at the time it came where the bus tells that, and a late loop shows up as late answers,
 never as samples of another instant. The control ticks keep in phase with SYNC, as real drives' do.
 A SYNC that the next one has overtaken is not answered any more. Frames that the bus refuses are
-lost, and counted.
+lost, and counted. A bus that goes away is waited for where it can be opened again (`connection`).
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import Protocol
 
 import can
 
+from hil_sim.connection import Connection
 from hil_sim.stage import VirtualStage
 from hil_sim.subscriptions import Handler, PendingAction, Subscriptions
 
@@ -64,12 +65,20 @@ class RealTimeSegment:
     """
 
     def __init__(
-        self, bus: can.BusABC, clock: Callable[[], int] = time.monotonic_ns, tick_ns: int = 0
+        self,
+        bus: can.BusABC,
+        clock: Callable[[], int] = time.monotonic_ns,
+        tick_ns: int = 0,
+        reopen: Callable[[], can.BusABC | None] | None = None,
+        told: Callable[[str], object] = lambda _: None,
     ) -> None:
-        """With `tick_ns`, time is shifted until SYNCs come in the middle of a tick."""
+        """With `tick_ns`, time is shifted until SYNCs come in the middle of a tick.
+
+        `reopen` and `told` are those of `Connection`.
+        """
         self.now_ns = 0
         self.refused = self.overtaken = 0
-        self._bus = bus
+        self._connection = Connection(bus, reopen, told, clock)
         self._stamped = any(f".{name}" in type(bus).__module__ for name in _STAMPED)
         self._waiting: deque[tuple[int, int, bytes]] = deque()
         self.sync_overtaken = False
@@ -83,9 +92,8 @@ class RealTimeSegment:
 
     def emit(self, can_id: int, data: bytes) -> None:
         """Send a data frame."""
-        try:
-            self._bus.send(_Frame(arbitration_id=can_id, data=data, is_extended_id=False))
-        except can.CanOperationError:
+        frame = _Frame(arbitration_id=can_id, data=data, is_extended_id=False)
+        if not self._connection.send(frame):
             self.refused += 1
 
     def at(self, time_ns: int, action: Callable[[], None]) -> PendingAction:
@@ -103,16 +111,20 @@ class RealTimeSegment:
         """Undo `subscribe`."""
         self._handlers.unsubscribe(can_id, handler)
 
+    def close(self) -> None:
+        """Close the bus, where it was up to us to open it again."""
+        self._connection.close()
+
     def handle_next(self) -> None:
         """Wait for one frame or timer (not for ever) and handle what is due."""
         if not self._waiting:
             wait = _LONGEST_WAIT
             if self._timers:
                 wait = min(wait, max(0.0, (self._timers[0][0] - self._elapsed()) * 1e-9))
-            message = self._bus.recv(wait)
+            message = self._connection.recv(wait)
             while message is not None:  # what else is there: a SYNC may have been overtaken
                 self._take(message)
-                message = self._bus.recv(0.0)
+                message = self._connection.recv(0.0)
         if self._waiting:
             came, can_id, data = self._waiting.popleft()
             self._run_timers(came)
@@ -174,22 +186,35 @@ class RealTimeSegment:
         return self._clock() - self._origin
 
 
-def serve(stage: VirtualStage, bus: can.BusABC, stop: StopSignal) -> RealTimeSegment:
+def serve(
+    stage: VirtualStage,
+    bus: can.BusABC,
+    stop: StopSignal,
+    reopen: Callable[[], can.BusABC | None] | None = None,
+    told: Callable[[str], object] = lambda _: None,
+) -> RealTimeSegment:
     """Run the stage's drives on `bus` until `stop` is set.
 
     Args:
         stage: not attached to a bus yet.
         bus: any python-can bus; this loop is its only reader.
         stop: `threading.Event` or alike.
+        reopen: opens the bus again after it has failed, None while that can't be done. With it a
+            bus that goes away is waited for, and is closed here in the end.
+        told: called with a line when the bus goes, and when it is back.
 
     Returns:
         The segment, with its count of refused frames.
 
     Raises:
-        can.CanOperationError: the bus failed while receiving.
+        can.CanError: the bus failed while receiving, and there is no `reopen`.
     """
-    segment = RealTimeSegment(bus, tick_ns=round(stage.settings.control_period * 1e9))
-    stage.attach(segment)
-    while not stop.is_set():
-        segment.handle_next()
+    tick_ns = round(stage.settings.control_period * 1e9)
+    segment = RealTimeSegment(bus, tick_ns=tick_ns, reopen=reopen, told=told)
+    try:
+        stage.attach(segment)
+        while not stop.is_set():
+            segment.handle_next()
+    finally:
+        segment.close()
     return segment

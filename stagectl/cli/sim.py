@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import signal
 import threading
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from stagectl.cli.options import FILE, BusType
+
+if TYPE_CHECKING:
+    import can
 
 
 @click.command(short_help="Virtual drives in real time on a CAN bus.")
@@ -29,10 +33,8 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
       stagectl sim --bus socketcan:vcan0
 
     The drives boot at once (boot-up message, then heartbeat); their EDS is packaged with
-    stagectl, the command prints where.
+    stagectl, the command prints where. They wait for a bus that goes away.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
-    import can
-
     from drivers.bus import open_bus
     from drivers.errors import BusError
     from drivers.realtime import RealTime
@@ -46,12 +48,22 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
     stage = load_machine(machine)
     settings = stage_settings(stage)
     interface, channel = bus or (stage.bus.interface, str(stage.bus.channel))
+    where = replace(driver_settings(stage)[0], interface=interface, channel=channel)
     try:
-        opened = open_bus(replace(driver_settings(stage)[0], interface=interface, channel=channel))
+        opened = open_bus(where)
     except BusError as error:
         raise RunFault(str(error)) from error
+
+    def reopen() -> can.BusABC | None:
+        with suppress(BusError):
+            return open_bus(where)
+        return None
+
+    def told(line: str) -> None:
+        click.echo(f"bus {where}: {line}", err=True)
+
     # the same as the host asks for; but on one core both would wait for each other
-    real_time = RealTime(replace(driver_settings(stage)[0].realtime, core=None))
+    real_time = RealTime(replace(where.realtime, core=None))
     stop = threading.Event()
 
     def handler(number: int, frame: Any) -> None:
@@ -69,11 +81,8 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
     for refused in real_time.refused:
         click.echo(refused, err=True)
     try:
-        segment = serve(virtual, opened, stop)
-    except can.CanError as error:
-        raise RunFault(f"bus {interface}:{channel}: {error}") from error
+        segment = serve(virtual, opened, stop, reopen, told)
     finally:
-        opened.shutdown()
         real_time.end()
     if segment.refused:
         click.echo(f"the bus refused {segment.refused} frames", err=True)

@@ -1,7 +1,8 @@
-"""The real-time segment on a scripted bus and clock: late loops, refused frames."""
+"""The real-time segment on a scripted bus and clock: late loops, refused frames, no bus."""
 
 from __future__ import annotations
 
+import errno
 import struct
 
 import can
@@ -57,9 +58,9 @@ def run(segment, milliseconds):
         segment.handle_next()
 
 
-def write(bus, segment, index, fmt, value):
+def write(bus, segment, index, fmt, value, sub=0):
     data = struct.pack("<" + fmt, value)
-    head = struct.pack("<BHB", 0x23 | (4 - len(data)) << 2, index, 0)
+    head = struct.pack("<BHB", 0x23 | (4 - len(data)) << 2, index, sub)
     payload = head + data.ljust(4, b"\0")
     bus.inbox.append(can.Message(arbitration_id=0x601, data=payload, is_extended_id=False))
     segment.handle_next()
@@ -124,3 +125,55 @@ def test_frames_that_are_not_for_drives(bus, segment):
         bus.inbox.append(can.Message(arbitration_id=0x601, data=bytes(8), **options))
         segment.handle_next()
     assert len(bus.sent) == count
+
+
+class NetworkDown(ScriptedBus):
+    """As SocketCAN: told once that the interface is down, then silent; what is sent is refused."""
+
+    down = told = False
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        if self.down and not self.told:
+            self.told = True
+            self.refuse()
+        return super().recv(timeout)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        if self.down:
+            self.refuse()
+        super().send(msg, timeout)
+
+    def refuse(self) -> None:
+        try:
+            raise OSError(errno.ENETDOWN, "Network is down")
+        except OSError as why:
+            raise can.CanOperationError("Error receiving", why.errno) from why
+
+
+def test_drives_whose_bus_is_down_for_two_seconds_stop_by_themselves(stage_settings, plant):
+    said: list[str] = []
+    with NetworkDown() as bus:
+
+        def reopen() -> can.BusABC:
+            bus.told = False  # a new socket
+            return bus
+
+        segment = RealTimeSegment(bus, clock=lambda: bus.now_ns, reopen=reopen, told=said.append)
+        VirtualStage(stage_settings, 1, plant=plant).attach(segment)
+        run(segment, 25)
+        write(bus, segment, 0x1016, "I", 127 << 16 | 100, sub=1)
+        write(bus, segment, 0x1017, "H", 50)
+        start_move(bus, segment, 50_000_000)
+        bus.inbox.append(can.Message(arbitration_id=0x77F, data=b"\5", is_extended_id=False))
+        run(segment, 50)
+        assert plant.powered == [True, False]
+        bus.down = True
+        run(segment, 2000)
+        assert plant.powered == [False, False]
+        assert plant.encoder(0) < 10_000_000  # it would take 5 s to the target
+        assert said == ["Network is down; the drives wait for it"]
+        assert segment.refused > 20
+        bus.down = False
+        run(segment, 600)
+        assert said[1:] == ["is back"]
+        write(bus, segment, 0x6060, "b", 8)
