@@ -117,7 +117,8 @@ class Drive:
         self.dictionary.on_write[o.SYNC_COB_ID] = lambda _: self._subscribe(self.nmt.state)
 
     def _check_sync(self, value: int) -> None:
-        if value & ~0x7FF or not 0x080 <= value <= 0x57F:  # bit 30: we produce no SYNC
+        # bit 30: we produce no SYNC; bit 31 says nothing
+        if value & 0x7FFFF800 or not 0x080 <= value & 0x7FF <= 0x57F:
             raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
 
     def _subscribe(self, state: NmtState) -> None:
@@ -125,7 +126,7 @@ class Drive:
         segment.unsubscribe(self._sync_id, self._on_sync)
         segment.unsubscribe(0x600 + self.node_id, self._on_sdo)
         if state is NmtState.OPERATIONAL:
-            self._sync_id = self.dictionary.integer(o.SYNC_COB_ID)
+            self._sync_id = self.dictionary.integer(o.SYNC_COB_ID) & 0x7FF
             segment.subscribe(self._sync_id, self._on_sync)
         if state in _TALKING:
             segment.subscribe(0x600 + self.node_id, self._on_sdo)

@@ -35,6 +35,12 @@ _COMMANDS = {1: NmtState.OPERATIONAL, 2: NmtState.STOPPED, 128: NmtState.PRE_OPE
 _RESET_NODE, _RESET_COMMUNICATION = 129, 130
 
 
+def _consumer(value: int) -> tuple[int, int]:
+    """Node and period [ms] of an entry of 0x1016; node 0, and above 127: not used."""
+    node = value >> 16 & 0xFF
+    return node if node <= 127 else 0, value & 0xFFFF
+
+
 class NmtSlave:
     """NMT state of a node.
 
@@ -123,19 +129,19 @@ class NmtSlave:
         self._consumers = []
         for k in _CONSUMERS:
             value = self._dictionary.integer(k)
-            node, period_ms = value >> 16 & 0x7F, value & 0xFFFF
+            node, period_ms = _consumer(value)
             if node and period_ms:
                 self._consumers.append(
                     _Consumer(self._segment, node, period_ms * 1_000_000, self._heartbeat)
                 )
 
     def _check_consumer(self, k: int, value: int) -> None:
-        node, period_ms = value >> 16 & 0xFF, value & 0xFFFF
-        others = (self._dictionary.integer(o) for o in _CONSUMERS if o != k)
-        if period_ms and node and any(o >> 16 & 0xFF == node and o & 0xFFFF for o in others):
-            raise SdoAbortedError(abort.ABORT_PARAMETER_INCOMPATIBLE)
-        if node > 127 or value >> 24:
+        if value >> 24:
             raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
+        node, period_ms = _consumer(value)
+        others = (_consumer(self._dictionary.integer(o)) for o in _CONSUMERS if o != k)
+        if period_ms and node and any(n == node and ms for n, ms in others):
+            raise SdoAbortedError(abort.ABORT_PARAMETER_INCOMPATIBLE)
 
 
 class _Consumer:

@@ -7,7 +7,8 @@ often than the inhibit time. All values of a SYNC, or of a frame of type 254 or 
 before any of them acts; the controlword acts last, wherever it is mapped. An RPDO whose event timer
 is set has to come again within it. The mapping is changed by the book: PDO invalid (bit 31), count
 0, entries, count, PDO valid. Not offered: RTR (252, 253), dummy entries, multiplexed PDOs; a PDO
-may be made valid with nothing mapped and does nothing then.
+may be made valid with nothing mapped and does nothing then. Bit 30 (no RTR) is kept as written:
+masters clear it without ever asking by RTR, which nobody answers here.
 """
 
 from __future__ import annotations
@@ -109,12 +110,10 @@ class _Pdo:
 
     def _check_cob(self, value: int) -> None:
         identifier = value & 0x1FFFFFFF
-        if self._exists() and not value & _INVALID and value != self.dictionary.integer(
-            self.cob_key
-        ):  # fmt: skip
+        changed = value ^ self.dictionary.integer(self.cob_key)
+        if self._exists() and not value & _INVALID and changed & ~_NO_RTR:
             raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
-        no_rtr_missing = not self.receive and not value & _NO_RTR
-        if value & _EXTENDED or identifier > 0x7FF or no_rtr_missing:
+        if value & _EXTENDED or identifier > 0x7FF:
             raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
         if not value & _INVALID and _restricted(identifier):
             raise SdoAbortedError(abort.ABORT_INVALID_VALUE)

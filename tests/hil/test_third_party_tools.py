@@ -213,7 +213,7 @@ x:
     1: {enabled: true, transmission: 1,
         mapping: [{index: 0x6040}, {index: 0x607A}, {index: 0x60B2}]}
   tpdo:
-    1: {enabled: true, transmission: 1,
+    1: {enabled: true, cob_id: auto, transmission: 1,
         mapping: [{index: 0x6041}, {index: 0x6064}, {index: 0x6077}]}
   sdo: [{index: 0x6065, value: 1500000}, {index: 0x605E, value: 2}]
 """

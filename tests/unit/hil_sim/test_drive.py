@@ -206,6 +206,24 @@ def test_following_error_in_pp(host, plant):
     assert host.read_object(1, 0x603F, 0, "H") == 0x8611
 
 
+def test_sync_cob_id_with_the_bit_that_says_nothing(host):
+    host.write(1, 0x1005, 0, "I", 0x80000080)
+    assert host.read_object(1, 0x1005, 0, "I") == 0x80000080
+    host.nmt(1)
+    host.send(0x080)
+    assert len(host.take(0x181)) == 1
+
+
+@pytest.mark.parametrize("node", [0, 128, 255])
+def test_heartbeat_consumers_that_are_not_used(host, node):
+    host.write(1, 0x1016, 1, "I", node << 16 | 10)
+    host.write(1, 0x1016, 2, "I", node << 16 | 10)
+    assert host.read_object(1, 0x1016, 2, "I") == node << 16 | 10
+    host.send(0x700 | node & 0x7F, b"\x05")
+    host.wait(30)
+    assert host.take(EMCY) == []
+
+
 def test_error_history_keeps_the_newest_eight(host, plant):
     host.write(1, 0x1016, 1, "I", 127 << 16 | 10)
     for _ in range(10):
