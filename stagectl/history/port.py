@@ -31,13 +31,28 @@ class History(Protocol):
         """How messages call it."""
 
     def start_run(self, run: RunEntry) -> int:
-        """Note a run that begins; returns its number."""
+        """Note a run that begins, unless its uuid is there already; returns its number."""
 
-    def end_run(self, run: int, outcome: str, fault: str | None = None) -> None:
-        """Note how it ended; a run without an outcome was killed, or goes on."""
+    def end_run(
+        self, run: int, outcome: str | None, fault: str | None = None, estimates: int | None = None
+    ) -> None:
+        """Note how it ended, and that all it has made is filed.
+
+        Args:
+            run: its number.
+            outcome: None where it was killed.
+            fault: its text.
+            estimates: how many it has made; None: not all of them may be here.
+        """
+
+    def unfiled(self, stage: StageKey, last: int = 20) -> list[tuple[str, str]]:
+        """Uuid and folder of runs that may have made more than is here, the newest first."""
+
+    def filed(self, run: int) -> int:
+        """How many estimates of a run are here."""
 
     def add(self, estimates: Sequence[EstimateRecord]) -> None:
-        """Add estimates, accepted or refused, all or none."""
+        """Add estimates, accepted or refused, all or none; numbers that are there stay as is."""
 
     def runs(self, stage: StageKey, last: int = 100) -> list[tuple[int, RunEntry, str | None]]:
         """Number, run and outcome of the last so many runs, newest first."""
@@ -101,7 +116,7 @@ class History(Protocol):
         """Moves and distance of an axis after `since`, as far as they were estimated."""
 
     def add_step(self, step: StepRecord) -> None:
-        """Note a step of the level."""
+        """Note a step of the level, unless its number is there already."""
 
     def newest(self, stage: StageKey) -> float | None:
         """When the last estimate was made [s since 1970], None where there is none."""

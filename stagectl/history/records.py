@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -43,6 +43,7 @@ class RunEntry:
         stage: it ran on.  axes: of the stage.  started: [s since 1970].  recipe: its name.
         lot, wafer: or None.  software: name and version that made the estimates.
         folder: of its files.  purpose: what it was for.  seed: of a simulated stage, or None.
+        uuid: what it is known by whatever its number; None where it was read, or has none.
     """
 
     stage: StageKey
@@ -55,6 +56,7 @@ class RunEntry:
     folder: str
     purpose: Purpose = "production"
     seed: int | None = None
+    uuid: str | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +75,7 @@ class EstimateRecord:
         measured: sliding level Fc (1 + w) that this move alone showed at its end, and its
             standard deviation [N]; None where it showed none.
         temperature: [deg C], or None.
+        number: of the estimate in its run, from 1; None where it was read, or has none.
     """
 
     run: int
@@ -89,6 +92,7 @@ class EstimateRecord:
     level: float = 1.0
     measured: tuple[float, float] | None = None
     temperature: float | None = None
+    number: int | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if len(self.covariance) != len(self.figures) ** 2:
@@ -126,6 +130,7 @@ class StepRecord:
         run: number of the run in the history.  axis: its name.  place: [m].
         time: [s since 1970].  change: relative.
         kind: "site", or "common" where the whole table has stepped.
+        number: of the step in its run, from 1; None where it was read, or has none.
     """
 
     run: int
@@ -134,6 +139,7 @@ class StepRecord:
     time: float
     change: float
     kind: str
+    number: int | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True)

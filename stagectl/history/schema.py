@@ -60,6 +60,22 @@ MIGRATIONS: tuple[tuple[str, ...], ...] = (
         """CREATE INDEX estimate_slipped ON estimate (place, time)
             WHERE kind = 'other' AND site IS NULL""",
     ),
+    # 4: what tells runs and their estimates apart, so that filing them again adds nothing.
+    (
+        "ALTER TABLE run ADD COLUMN uuid TEXT",
+        "ALTER TABLE run ADD COLUMN estimates BIGINT",
+        "ALTER TABLE estimate ADD COLUMN number BIGINT",
+        "ALTER TABLE level_step ADD COLUMN number BIGINT",
+        "CREATE UNIQUE INDEX run_uuid ON run (uuid)",
+        """CREATE INDEX run_unfiled ON run (stage)
+            WHERE uuid IS NOT NULL AND estimates IS NULL""",
+        # Rows of older versions have no number, and no part in these.
+        """CREATE UNIQUE INDEX estimate_number ON estimate (run, number)
+            WHERE number IS NOT NULL""",
+        """CREATE UNIQUE INDEX level_step_number ON level_step (run, number)
+            WHERE number IS NOT NULL""",
+    ),
 )
 READABLE = 2
-"""Tables from this version on can be read as they are: later ones are only read faster."""
+"""Tables from this version on can be read as they are: later ones are only read faster, or have
+columns that only writing needs."""

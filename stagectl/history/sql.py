@@ -8,6 +8,7 @@ import struct
 from collections.abc import Sequence
 from typing import Any
 
+from stagectl.errors import StagectlError
 from stagectl.history.database import Database
 from stagectl.history.records import (
     EstimateRecord,
@@ -48,12 +49,15 @@ class SqlHistory(SqlSeries):
             stage = self._stage_number(run.stage)
             rows = self._database.execute(
                 "INSERT INTO run (stage, purpose, started, recipe, lot, wafer, software, folder, "
-                "seed) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) RETURNING id",
+                "seed, uuid) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) "
+                "ON CONFLICT DO NOTHING RETURNING id",
                 (
                     stage, run.purpose, run.started, run.recipe, run.lot, run.wafer, run.software,
-                    run.folder, run.seed,
+                    run.folder, run.seed, run.uuid,
                 ),
             )  # fmt: skip
+            if not rows:
+                rows = self._database.execute("SELECT id FROM run WHERE uuid = ?", (run.uuid,))
             for axis in run.axes:
                 self._database.execute(
                     "INSERT INTO stage_axis (stage, axis) VALUES (?, ?) ON CONFLICT DO NOTHING",
@@ -63,12 +67,30 @@ class SqlHistory(SqlSeries):
         self._stage_of_run[number] = stage
         return number
 
-    def end_run(self, run: int, outcome: str, fault: str | None = None) -> None:
+    def end_run(
+        self, run: int, outcome: str | None, fault: str | None = None, estimates: int | None = None
+    ) -> None:
         """As `port.History`."""
         with self._database.transaction():
             self._database.execute(
-                "UPDATE run SET outcome = ?, fault = ? WHERE id = ?", (outcome, fault, run)
+                "UPDATE run SET outcome = ?, fault = ?, estimates = ? WHERE id = ?",
+                (outcome, fault, estimates, run),
             )
+
+    def unfiled(self, stage: StageKey, last: int = 20) -> list[tuple[str, str]]:
+        """As `port.History`."""
+        rows = self._database.execute(
+            "SELECT r.uuid, r.folder FROM run r JOIN stage s ON s.id = r.stage "
+            "WHERE s.machine = ? AND s.simulated = ? AND r.uuid IS NOT NULL "
+            "AND r.estimates IS NULL ORDER BY r.id DESC LIMIT ?",
+            (stage.machine, int(stage.simulated), last),
+        )
+        return [(uuid, folder) for uuid, folder in rows]
+
+    def filed(self, run: int) -> int:
+        """As `port.History`."""
+        rows = self._database.execute("SELECT count(*) FROM estimate WHERE run = ?", (run,))
+        return int(rows[0][0])
 
     def add(self, estimates: Sequence[EstimateRecord]) -> None:
         """As `port.History`."""
@@ -77,8 +99,9 @@ class SqlHistory(SqlSeries):
             rows = [self._row(estimate, made) for estimate in estimates]
             self._database.execute_many(
                 "INSERT INTO estimate (run, place, axis, kind, site, time, distance, accepted, "
-                "reason, figures, covariance, level, measured, measured_sigma, temperature) "
-                "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                "reason, figures, covariance, level, measured, measured_sigma, temperature, "
+                "number) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) "
+                "ON CONFLICT DO NOTHING",
                 rows,
             )
         self._places |= made  # only now are they there for good
@@ -159,9 +182,9 @@ class SqlHistory(SqlSeries):
                 "place", ("stage", "x_um", "y_um"), (rows[0][0], *micrometres(step.place))
             )
             self._database.execute(
-                "INSERT INTO level_step (run, place, axis, time, change, kind) "
-                "VALUES (?, ?, ?, ?, ?, ?)",
-                (step.run, place, step.axis, step.time, step.change, step.kind),
+                "INSERT INTO level_step (run, place, axis, time, change, kind, number) "
+                "VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
+                (step.run, place, step.axis, step.time, step.change, step.kind, step.number),
             )
 
     def steps(self, stage: StageKey, since: float = -math.inf) -> list[StepRecord]:
@@ -194,7 +217,7 @@ class SqlHistory(SqlSeries):
         if stage is None:
             rows = self._database.execute("SELECT stage FROM run WHERE id = ?", (e.run,))
             if not rows:
-                raise ValueError(f"run {e.run} is not in {self.name}")
+                raise StagectlError(f"{self.name}: there is no run {e.run}")
             stage = self._stage_of_run[e.run] = int(rows[0][0])
         key = (stage, *micrometres(e.place))
         place = self._places.get(key) or made.get(key)
@@ -204,7 +227,7 @@ class SqlHistory(SqlSeries):
         return (
             e.run, place, e.axis, e.kind, e.site, e.time, e.distance, int(e.accepted), e.reason,
             json.dumps(dict(e.figures)), struct.pack(f"<{len(e.covariance)}d", *e.covariance),
-            e.level, *measured, e.temperature,
+            e.level, *measured, e.temperature, e.number,
         )  # fmt: skip
 
     def _axes(self, stage: StageKey) -> tuple[str, ...]:

@@ -42,23 +42,37 @@ def test_what_is_no_history_is_refused(tmp_path, write):
         open_history(str(tmp_path / "nowhere" / "stage.db"), write)
 
 
-def test_every_older_version_is_brought_up_to_date(tmp_path, monkeypatch, a_run, an_estimate):
+ROWS = """
+INSERT INTO stage VALUES (1, 'wafer-xy', 1);
+INSERT INTO stage_axis VALUES (1, 'x');
+INSERT INTO run (stage, purpose, started, recipe, software, folder)
+    VALUES (1, 'production', 1.7e9, 'r', 's', 'f');
+INSERT INTO place VALUES (1, 1, 0, 0);
+INSERT INTO estimate (run, place, axis, kind, time, distance, accepted, figures, covariance, level)
+    VALUES (1, 1, 'x', 'macro', 1.7e9, 0.01, 1, '{"coulomb": 6.0}', zeroblob(8), 1.0);
+"""
+
+
+def test_every_older_version_is_brought_up_to_date(tmp_path, monkeypatch):
     for version in range(1, len(MIGRATIONS) + 1):
         path = str(tmp_path / f"{version}.db")
         with monkeypatch.context() as old:
             old.setattr(database, "MIGRATIONS", MIGRATIONS[:version])
-            history = open_history(path, write=True)
-            history.add([an_estimate(history.start_run(a_run()))])
-            history.close()
+            open_history(path, write=True).close()
+        with contextlib.closing(sqlite3.connect(path)) as connection:
+            connection.executescript(ROWS)
         if version < READABLE:
             with pytest.raises(UnusableInput, match="open it once for writing"):
                 open_history(path)
         else:
             before = open_history(path)
             assert len(before.measurements(StageKey("wafer-xy", True), each=1)) == 0
+            assert len(before.at_date(StageKey("wafer-xy", True), 1.8e9)) == 1
+            assert len(before.runs(StageKey("wafer-xy", True))) == 1
             before.close()
         history = open_history(path, write=True)
         assert history.counted(StageKey("wafer-xy", True)) == (1, 0)
+        assert history.unfiled(StageKey("wafer-xy", True)) == []  # nothing is known of its files
         history.close()
         open_history(path).close()
 
