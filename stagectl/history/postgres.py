@@ -6,12 +6,14 @@ SQLite's; only the marks of the parameters differ.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.history.schema import MIGRATIONS, READABLE
+from stagectl.history.watchdog import Watchdog
 
 if TYPE_CHECKING:
     import psycopg
@@ -19,7 +21,10 @@ if TYPE_CHECKING:
 CONNECT_TIMEOUT = 5
 """How long connecting may take [s]."""
 STATEMENT_TIMEOUT = 10
-"""How long a statement may take [s]; a run must not hang on a network."""
+"""How long a statement may take [s]; the server ends it."""
+PATIENCE = 12
+"""How long an answer is waited for [s]; then it is not the statement, but the server or the network
+that hangs, and the connection is given up."""
 _LOCK = 0x53544743  # advisory lock held while tables are brought up to date
 
 
@@ -43,13 +48,17 @@ class PostgresDatabase:
                 "a history in PostgreSQL needs psycopg: pip install 'stagectl[postgres]'"
             ) from None
         self._error = psycopg.Error
+        # What a lost connection leaves undone is told by our error; psycopg says it, too.
+        logging.getLogger("psycopg").addHandler(logging.NullHandler())
         try:
             self._connection: psycopg.Connection[tuple[Any, ...]] = psycopg.connect(
                 url, autocommit=True, connect_timeout=CONNECT_TIMEOUT,
+                tcp_user_timeout=PATIENCE * 1000,
                 options=f"-c search_path=stagectl -c statement_timeout={STATEMENT_TIMEOUT}s",
             )  # fmt: skip
         except psycopg.Error as error:
             raise StagectlError(f"{_without_password(url)}: {_one_line(error)}") from error
+        self._watchdog = Watchdog(self._connection.fileno(), PATIENCE)
         info = self._connection.info
         self.name = f"postgresql://{info.host}:{info.port}/{info.dbname}"
         try:
@@ -98,31 +107,38 @@ class PostgresDatabase:
     def execute(self, sql: str, parameters: Sequence[object] = ()) -> list[tuple[Any, ...]]:
         """As `database.Database`."""
         try:
-            cursor = self._connection.execute(_marks(sql), parameters or None)
+            with self._watchdog:
+                cursor = self._connection.execute(_marks(sql), parameters or None)
             return cursor.fetchall() if cursor.description is not None else []
         except self._error as error:
-            raise StagectlError(f"{self.name}: {_one_line(error)}") from error
+            raise self._failure(error) from error
 
     def execute_many(self, sql: str, rows: Sequence[Sequence[object]]) -> None:
         """As `database.Database`."""
         try:
-            with self._connection.cursor() as cursor:
+            with self._watchdog, self._connection.cursor() as cursor:
                 cursor.executemany(_marks(sql), rows)
         except self._error as error:
-            raise StagectlError(f"{self.name}: {_one_line(error)}") from error
+            raise self._failure(error) from error
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
         """All or nothing of what is executed in it."""
         try:
-            with self._connection.transaction():
+            with self._watchdog, self._connection.transaction():
                 yield
         except self._error as error:
-            raise StagectlError(f"{self.name}: {_one_line(error)}") from error
+            raise self._failure(error) from error
 
     def close(self) -> None:
         """As `database.Database`."""
+        self._watchdog.close()
         self._connection.close()
+
+    def _failure(self, error: Exception) -> StagectlError:
+        if self._watchdog.cut:
+            return StagectlError(f"{self.name}: no answer for {PATIENCE} s")
+        return StagectlError(f"{self.name}: {_one_line(error)}")
 
 
 def _marks(sql: str) -> Any:

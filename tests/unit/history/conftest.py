@@ -1,16 +1,7 @@
-"""Histories to test on: SQLite always, PostgreSQL where Debian's `postgresql` is installed.
-
-The server is started by the session, in a folder of its own, on a Unix socket only. Without it its
-tests are skipped, and with STAGECTL_REQUIRE_POSTGRES=1 they fail instead.
-"""
+"""Histories to test on: SQLite always, PostgreSQL where there is a server (tests/postgres.py)."""
 
 from __future__ import annotations
 
-import os
-import pwd
-import shutil
-import subprocess
-import tempfile
 from collections.abc import Callable, Iterator
 from itertools import count
 from pathlib import Path
@@ -20,60 +11,22 @@ import pytest
 from stagectl.history.opening import open_history
 from stagectl.history.port import History
 from stagectl.history.records import EstimateRecord, RunEntry, StageKey
+from tests.postgres import Server, serve
 
-REQUIRED = "STAGECTL_REQUIRE_POSTGRES"
 STAGE = StageKey("wafer-xy", True)
 BEGIN = 1.7e9
 
 
-def missing(reason: str) -> None:
-    if os.environ.get(REQUIRED):
-        pytest.fail(f"{reason}, and {REQUIRED} is set")
-    pytest.skip(f"PostgreSQL history NOT TESTED: {reason} (apt-get install postgresql)")
+@pytest.fixture(scope="session")
+def server() -> Iterator[Server]:
+    with serve() as server:
+        yield server
 
 
 @pytest.fixture(scope="session")
-def postgres() -> Iterator[str]:
+def postgres(server: Server) -> str:
     """URL of a server of our own."""
-    found = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"))
-    if not found:
-        missing("no initdb under /usr/lib/postgresql")
-    try:
-        import psycopg  # noqa: F401
-    except ImportError:
-        missing("psycopg is not installed")
-    tools = found[-1].parent
-    base = Path(tempfile.mkdtemp(prefix="stagectl-pg-"))  # short: a socket's path has 107 bytes
-    user: dict[str, object] = {}
-    if os.geteuid() == 0:  # the server refuses root
-        try:
-            entry = pwd.getpwnam("postgres")
-        except KeyError:
-            missing("running as root, and there is no user postgres to start the server as")
-        os.chown(base, entry.pw_uid, entry.pw_gid)
-        user = {"user": entry.pw_uid, "group": entry.pw_gid, "extra_groups": []}
-
-    def tool(name: str, *arguments: str) -> None:
-        subprocess.run(
-            [tools / name, *arguments], check=True, cwd=base, timeout=60,
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, **user,
-        )  # type: ignore[call-overload]  # fmt: skip
-
-    data = str(base / "data")
-    try:
-        tool("initdb", "-D", data, "-A", "trust", "-U", "stage", "-E", "UTF8", "--no-sync")
-        tool(
-            "pg_ctl", "-D", data, "-w", "-l", str(base / "log"),
-            "-o", f"-c listen_addresses='' -c unix_socket_directories={base} -c fsync=off", "start",
-        )  # fmt: skip
-    except (OSError, subprocess.SubprocessError) as error:
-        shutil.rmtree(base, ignore_errors=True)
-        missing(f"the server does not start: {error}")
-    try:
-        yield f"postgresql://stage@/postgres?host={base}"
-    finally:
-        tool("pg_ctl", "-D", data, "-m", "immediate", "stop")
-        shutil.rmtree(base, ignore_errors=True)
+    return server.url
 
 
 @pytest.fixture(params=["sqlite", "postgres"])
