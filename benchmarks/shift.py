@@ -28,6 +28,7 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -157,16 +158,21 @@ def calibrate(database: str, seed: int) -> dict[str, tuple[float, float]]:
     stage = StageKey(machine.name, True)
     history = open_history(database, write=True)
     begin = EPOCH - 1000.0
-    notes = RunHistory(history, entry(stage, begin, recipe, "calibration", 0))
+    notes = RunHistory(
+        entry(stage, begin, recipe, "calibration", 0), history,
+        partial(open_history, database, write=True),
+    )  # fmt: skip
+    notes.start()
     compensation = make_compensation(machine, Mode.ESTIMATED)
     coulomb = {n: a.plant.friction.coulomb for n, a in machine.axes.items()}
     table = Table(machine, seed, math.inf, 0.0)
 
     def note(event: Event) -> None:
         if isinstance(event, FrictionUpdated):
-            notes.note(event)
+            notes.file(notes.estimate(event))
 
     drive(table, recipe, compensation, FreshPlaces(coulomb), 10_000 + seed, note)
+    end(notes, database)
     built = build_map(history, stage)
     number = history.save_map(stage, begin, "before the shift", to_json(built))
     history.activate(stage, number, begin, "activated")
@@ -181,8 +187,15 @@ def calibrate(database: str, seed: int) -> dict[str, tuple[float, float]]:
             float(np.sqrt(np.mean((found.value / true - 1) ** 2))),
             float(np.mean((true > low) & (true < high))),
         )
-    notes.end("completed", None)
+    history.close()
     return errors
+
+
+def end(notes: RunHistory, database: str) -> None:
+    """The next run is to know all of this one."""
+    notes.end("completed", None)
+    lacks = notes.unwritten(Path(database).parent)
+    assert lacks is None, lacks
 
 
 def produce(
@@ -206,10 +219,16 @@ def produce(
         notes: RunHistory | None = None
         places: Places | None = None
         if mode == "map":
-            history = open_history(str(folder / "stage.db"), write=True)
+            database = str(folder / "stage.db")
+            history = open_history(database, write=True)
             active = load_active(history, stage, machine, recipe.sites, EPOCH + now)
             assert active is not None
-            notes = RunHistory(history, entry(stage, EPOCH + now, recipe, "production", wafer))
+            notes = RunHistory(
+                entry(stage, EPOCH + now, recipe, "production", wafer), history,
+                partial(open_history, database, write=True),
+            )  # fmt: skip
+            history.close()
+            notes.start()
             places = active.places
             active.places.on_step = events.append
             compensation = make_compensation(
@@ -228,15 +247,15 @@ def produce(
 
         def note(event: Event, notes: RunHistory | None = notes) -> None:
             if notes is not None and isinstance(event, FrictionUpdated):
-                notes.note(event, placed=True)
+                notes.file(notes.estimate(event, placed=True))
 
         micro, duration = drive(table, recipe, compensation, places, 100 * seed + wafer, note)
         for event in events:
             assert isinstance(event, LevelStepped)
             assert notes is not None
-            notes.note_step(event)
+            notes.file(notes.step(event))
         if notes is not None:
-            notes.end("completed", None)
+            end(notes, str(folder / "stage.db"))
         steps = [
             [e.axis, *e.place, e.change, e.everywhere]
             for e in events if isinstance(e, LevelStepped)

@@ -122,7 +122,8 @@ class RunResult:
             was first learned; absent where it never was.
         verdicts: pass or fail per site, where the recipe has limits.
         notices: what else the operator should know.
-        unwritten: why the friction history has not all of the run, else None; a notice, too.
+        unwritten: what the friction history has not of the run, why, and how it gets it; None
+            where it has all. A notice, too.
     """
 
     summary: dict[str, Any]

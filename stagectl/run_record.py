@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,10 @@ import numpy as np
 from hil_sim.fault_rules import Injected
 from sim2real.recording import AxisSignals, Move, Recording
 from stagectl.errors import Aborted, StagectlError
+from stagectl.history.noted import note_of_estimate, note_of_run
+from stagectl.history.opening import open_history, without_password
 from stagectl.history.port import History
+from stagectl.history.records import EstimateRecord
 from stagectl.history.run_history import RunHistory, begins, run_entry
 from stagectl.history.temperature import LatestTemperature
 from stagectl.report.page import write_report
@@ -73,16 +77,19 @@ class RunRecord:
 
         Args:
             request: of the run.
-            history: open for writing, closed at the end; None for none.
+            history: open for writing, to note the run in; None for none.
             went_by: the friction map that the run goes by (`maps.snapshot`), None for none.
         """
         self._request = request
         self.temperature = LatestTemperature(None)
         self._placed = went_by is not None
-        self._history = None
-        if history is not None:
-            started = begins(history, request) if went_by is None else float(went_by["origin"])
-            self._history = RunHistory(history, run_entry(request, started))
+        started = begins(history, request) if went_by is None else float(went_by["origin"])
+        where = None if history is None else str(request.history)
+        self._history = RunHistory(
+            run_entry(request, started),
+            history,
+            None if where is None else partial(open_history, where, write=True),
+        )
         put_aside(request.folder)
         machine, resumed = request.machine, request.resumed
         self.done = 0 if resumed is None else resumed.done
@@ -106,7 +113,19 @@ class RunRecord:
             ),
         )
         self._map = None if went_by is None else int(went_by["number"])
-        self.journal.event("run", **request.as_noted(), map=self._map, map_then=went_by)
+        self.journal.event(
+            "run",
+            **request.as_noted(),
+            map=self._map,
+            map_then=went_by,
+            history=note_of_run(
+                self._history.entry, None if where is None else without_password(where)
+            ),
+        )
+
+    def start(self) -> None:
+        """The stage is about to be opened: from now on the history is written as things happen."""
+        self._history.start()
 
     def move(self, move: Move) -> None:
         """A move begins."""
@@ -121,15 +140,14 @@ class RunRecord:
         """Something happened in the run."""
         match event:
             case FrictionUpdated():
-                self._note_friction(event)
-                if self._history is not None:
-                    now = self.temperature.at(event.time)
-                    self._history.note(event, self._placed, now)
+                now = self.temperature.at(event.time)
+                record = self._history.estimate(event, self._placed, now)
+                self._note_friction(event, record)
+                self._history.file(record)
             case LevelStepped():
                 self._steps.append(asdict(event))
                 self.journal.event("level_stepped", **asdict(event))
-                if self._history is not None:
-                    self._history.note_step(event)
+                self._history.file(self._history.step(event))
             case StretchDone(number=number, site=site):
                 self.done = number
                 self.journal.event("done", number=number, site=site)
@@ -160,8 +178,7 @@ class RunRecord:
     def abandon(self) -> None:
         """An error that nobody foresaw: what there is becomes a recording."""
         self.journal.finish("fault", "internal error")
-        if self._history is not None:
-            self._history.end("fault", "internal error")
+        self._history.end("fault", "internal error")
         recover(self.journal.path, overwrite=True)
 
     def stage_says(self, notices: Sequence[str]) -> None:
@@ -183,12 +200,11 @@ class RunRecord:
         )
         fault = str(error) if outcome == "fault" else None
         self.journal.finish(outcome, fault)
-        notices, unwritten = self._notices, None
-        if self._history is not None:
-            self._history.end(outcome, fault)
-            unwritten = self._history.failure
-            if unwritten is not None:
-                notices.append(f"the friction history is not whole: {unwritten}")
+        notices = self._notices
+        self._history.end(outcome, fault)
+        unwritten = self._history.unwritten(request.folder)
+        if unwritten is not None:
+            notices.append(unwritten)
         content = recover(self.journal.path, overwrite=True).content
         recording = None if content is None else content.recording
         period = machine.bus.sync_period
@@ -209,6 +225,7 @@ class RunRecord:
             wafer=request.recipe.wafer,
             map=self._map,
             steps=tuple(self._steps),
+            unfiled=None if unwritten is None else (self._history.filed, self._history.made),
         )
         summary = build_summary(
             _empty(request) if recording is None else recording,
@@ -238,7 +255,7 @@ class RunRecord:
             summary, recording, error, dict(self._first_update), verdicts, tuple(notices), unwritten
         )
 
-    def _note_friction(self, event: FrictionUpdated) -> None:
+    def _note_friction(self, event: FrictionUpdated, record: EstimateRecord) -> None:
         estimate, friction = event.estimate, event.estimate.friction
         sigma = dict(estimate.sigma)
         rate = sigma.pop("relaxation_rate")
@@ -270,6 +287,7 @@ class RunRecord:
             reason=entry.reason,
             parameters={n: (p.value, p.sigma) for n, p in entry.parameters.items()},
             held=list(entry.held),
+            record=note_of_estimate(record),
         )
         if estimate.accepted:
             self._first_update.setdefault(event.axis, self._moves)

@@ -26,6 +26,7 @@ from stagectl.calibration.fresh import FreshPlaces
 from stagectl.compensation import AxisCompensation, Figures, Mode, make_compensation
 from stagectl.config.mapping import driver_settings, stage_settings
 from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError, UnusableInput
+from stagectl.history.filing import file_left_behind
 from stagectl.history.opening import open_history
 from stagectl.history.port import History
 from stagectl.history.records import StageKey
@@ -110,6 +111,9 @@ def execute(request: RunRequest, listener: Listener, rig: Rig | None = None) -> 
         listener.phase(left_over.describe())
     history = None if request.history is None else open_history(request.history, write=True)
     try:
+        if history is not None:
+            for line in file_left_behind(history, _stage_key(request)):
+                listener.phase(line)
         return _execute(request, listener, fiducial, thermometer, rig, history)
     finally:
         if history is not None:
@@ -141,6 +145,8 @@ def _execute(
     if request.bus is not None:
         bus = replace(bus, interface=request.bus[0], channel=request.bus[1])
     run = _Run(request, listener, compensation, fiducial, rig, history, active)
+    if history is not None:
+        history.close()  # from here on it is written in a thread, on a connection of its own
     log = BusLog(request.folder / "bus.asc", request.started)
     with _virtual_stage(request, bus, listener, rig) as (used, injected), log:
         run.drive(used, axes, log, thermometer)
@@ -155,10 +161,14 @@ def _active_map(request: RunRequest, history: History | None) -> ActiveMap | Non
     from stagectl.history.run_history import begins
     from stagectl.maps.active import load_active
 
-    stage = StageKey(request.machine.name, request.truth is not None)
     return load_active(
-        history, stage, request.machine, request.recipe.sites, begins(history, request)
-    )
+        history, _stage_key(request), request.machine, request.recipe.sites,
+        begins(history, request),
+    )  # fmt: skip
+
+
+def _stage_key(request: RunRequest) -> StageKey:
+    return StageKey(request.machine.name, request.truth is not None)
 
 
 def _noted(active: ActiveMap) -> dict[str, Any]:
@@ -252,6 +262,7 @@ class _Run:
         """Open, home, run and disable the stage; what goes wrong is kept for `finish`."""
         listener = self._listener
         try:
+            self._record.start()
             listener.stoppable(self._ask_to_stop)
             listener.phase(f"opening {bus}")
             given = None if self._rig is None else self._rig.bus

@@ -27,6 +27,7 @@ COMMANDS = {
     "effects": ("stagectl.cli.effects", "Physical effects that a machine file can switch on."),
     "identify": ("stagectl.cli.identify", "Friction figures out of recordings."),
     "map": ("stagectl.cli.map", "Friction over the table, in versions."),
+    "history": ("stagectl.cli.history", "The friction history: file what is missing."),
     "calibrate": ("stagectl.cli.calibrate", "Friction measured at fixed sites."),
     "paper": ("stagectl.cli.paper", "The source paper's tables and claims, reproduced."),
     "recover": ("stagectl.cli.recover", "Recordings out of what killed runs left."),

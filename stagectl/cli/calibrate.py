@@ -176,10 +176,7 @@ def _measure(
     if failed is None:
         try:
             if result.unwritten is not None:
-                raise StagectlError(
-                    f"{result.unwritten}; what was measured is in {request.folder} only: "
-                    "calibrate again"
-                )
+                raise StagectlError(f"{result.unwritten}, 'stagectl map build' then makes the map")
             number, built, changes = _new_map(request, stage, comment)
         except UnusableInput as error:  # too few sites, say
             console.print(f"no new map: {error}", style="yellow", markup=False, soft_wrap=True)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.parse import unquote
 
 from stagectl.history.port import History
 
@@ -13,11 +15,28 @@ if TYPE_CHECKING:
 FILE_NAME = "stage.db"
 OFF = "none"
 """Instead of a file: no history."""
+_USER = re.compile(r"(?P<user>[^@/:]*)[^@/]*@")  # as libpq reads it
+_PASSWORDS = ("password", "sslpassword")
 
 
 def is_server(where: str) -> bool:
     """Whether this names a PostgreSQL database instead of a file."""
     return where.startswith(("postgresql://", "postgres://"))
+
+
+def without_password(where: str) -> str:
+    """The same history as a recording may name it: a path from the root, a URL without a password.
+
+    Who opens it again has it where libpq looks for it: PGPASSWORD, ~/.pgpass.
+    """
+    if not is_server(where):
+        return str(Path(where).absolute())
+    scheme, _, rest = where.partition("://")
+    if given := _USER.match(rest):
+        rest = f"{given['user']}@{rest[given.end() :]}"
+    rest, _, query = rest.partition("?")
+    options = [o for o in query.split("&") if unquote(o.partition("=")[0]) not in _PASSWORDS]
+    return f"{scheme}://{rest}" + (f"?{'&'.join(options)}" if query and options else "")
 
 
 def open_history(where: str, write: bool = False) -> History:

@@ -1,19 +1,24 @@
-"""A run's estimates on their way into the history.
+"""A run's estimates as records, on their way into the history.
 
-The history is never worth a run: where it cannot be written any more (disk full, server gone,
-another program at it) that is kept in `failure`, and the run goes on without waiting again. What
-was not written is tried once more at the end; the run's own files hold the estimates all the same.
+The history is never worth a run, nor a SYNC: records go to a thread of their own
+(`history.writer`). What it can't file is in the run's recording all the same (`history.noted`), and
+is filed from there by the next run with that history, or by `stagectl history import`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import asdict
 from importlib import metadata
+from pathlib import Path
+from uuid import uuid4
 
 from estimation.belief import FIGURES, MASS
-from stagectl.errors import StagectlError
 from stagectl.history.measured import measured_level
+from stagectl.history.noted import step_record
 from stagectl.history.port import History
 from stagectl.history.records import EstimateRecord, RunEntry, StageKey, StepRecord
+from stagectl.history.writer import HistoryWriter
 from stagectl.request import RunRequest
 from stagectl.sequencer.events import FrictionUpdated, LevelStepped
 
@@ -27,34 +32,46 @@ def software() -> str:
 
 
 class RunHistory:
-    """Writes one run's estimates as they come.
+    """Makes one run's records, and hands them on where the run has a history.
 
     Args:
-        history: open for writing; closed by `end`.
-        run: that begins now.
+        entry: the run that begins now.
+        history: open for writing, to note the run in; None for none.
+        reopen: opens the same history again, for the writer's thread.
 
     Attributes:
-        failure: why the history is not whole, or None.
-        number: of the run in the history.
+        entry: of the run.
+        number: of the run in the history, 0 without one.
+        made: estimates so far.
 
     Raises:
         StagectlError: the run cannot be noted; nothing has moved yet.
     """
 
-    def __init__(self, history: History, run: RunEntry) -> None:
-        self.failure: str | None = None
-        self._estimates: list[EstimateRecord] = []
-        self._steps: list[StepRecord] = []
-        self._history, self._run = history, run
-        self.number = history.start_run(run)
+    def __init__(
+        self,
+        entry: RunEntry,
+        history: History | None = None,
+        reopen: Callable[[], History] | None = None,
+    ) -> None:
+        self.entry = entry
+        self.made = self._steps = 0
+        self._reopen = reopen
+        self._writer: HistoryWriter | None = None
+        self.number = 0 if history is None else history.start_run(entry)
 
-    def note(
+    def start(self) -> None:
+        """Begin to file, before the drives are under way."""
+        if self._reopen is not None:
+            self._writer = HistoryWriter(self._reopen)
+
+    def estimate(
         self,
         event: FrictionUpdated,
         placed: bool = False,
         temperature: float | None = None,
-    ) -> None:
-        """Add what the estimator made of a move.
+    ) -> EstimateRecord:
+        """The record of what the estimator made of a move.
 
         Args:
             event: of the run.
@@ -62,14 +79,15 @@ class RunHistory:
                 its target; else it is only where the whole move was near it.
             temperature: [deg C], where there is one.
         """
+        self.made += 1
         estimate = event.estimate
-        record = EstimateRecord(
+        return EstimateRecord(
             run=self.number,
             axis=event.axis,
             kind=event.kind,
             site=event.site,
             place=(event.place[0], event.place[1]),
-            time=self._run.started + event.time,
+            time=self.entry.started + event.time,
             distance=event.distance,
             accepted=estimate.accepted,
             reason=estimate.reason,
@@ -78,54 +96,60 @@ class RunHistory:
             level=estimate.level,
             measured=measured_level(estimate) if placed or event.reach <= LOCAL else None,
             temperature=temperature,
+            number=self.made,
         )
-        self._estimates.append(record)
-        if self.failure is None:
-            self._write()
 
-    def note_step(self, event: LevelStepped) -> None:
-        """Add a step of the level."""
-        kind = "common" if event.everywhere else "site"
-        time = self._run.started + event.time
-        self._steps.append(
-            StepRecord(self.number, event.axis, event.place, time, event.change, kind)
-        )
-        if self.failure is None:
-            self._write()
+    def step(self, event: LevelStepped) -> StepRecord:
+        """The record of a step of the level."""
+        self._steps += 1
+        return step_record(asdict(event), self.entry, self.number, self._steps)
+
+    def file(self, record: EstimateRecord | StepRecord) -> None:
+        """Hand a record to the history's thread, where there is one; never waits."""
+        if self._writer is not None:
+            self._writer.hand_over(record)
 
     def end(self, outcome: str, fault: str | None) -> None:
-        """Note how the run ended, and let go of the history; never raises."""
-        self.failure = None
-        try:
-            self._write()
-            if self.failure is None:
-                self._history.end_run(self.number, outcome, fault)
-        except StagectlError as error:
-            self.failure = str(error)
-        finally:
-            self._history.close()
+        """Note how the run ended; waits some seconds at most, never raises."""
+        writer = self._writer
+        if writer is not None:
+            writer.end(
+                lambda history: history.end_run(
+                    self.number, outcome, fault, None if writer.turned_away else self.made
+                )
+            )
 
-    def _write(self) -> None:
-        """What is not there yet."""
-        try:
-            if self._estimates:
-                self._history.add(self._estimates)
-                self._estimates = []
-            while self._steps:
-                self._history.add_step(self._steps[0])
-                del self._steps[0]
-        except StagectlError as error:
-            self.failure = str(error)
+    @property
+    def filed(self) -> int:
+        """How many of the estimates the history has."""
+        return 0 if self._writer is None else self._writer.filed
+
+    def unwritten(self, folder: Path) -> str | None:
+        """After the end: what the history lacks, why, and what to do about it; None where nothing.
+
+        Args:
+            folder: of the run's files.
+        """
+        writer = self._writer
+        if writer is None or writer.complete:
+            return None
+        lacks = f"{self.filed} of {self.made} estimates in the history"
+        if self.filed == self.made:
+            lacks = "how the run ended is not in the history"
+        why = writer.failure or (
+            "too many were waiting for it" if writer.turned_away else "it does not answer"
+        )
+        return f"{lacks} ({why}); 'stagectl history import {folder}' files the rest"
 
 
-def begins(history: History, request: RunRequest) -> float:
+def begins(history: History | None, request: RunRequest) -> float:
     """When a run begins, as its history counts [s since 1970].
 
     A virtual stage has a time of its own, which goes faster than this computer's: it goes on where
     the stage's last run ended, so that nothing that was learned then lies in this run's future.
     """
     now = request.started.timestamp()
-    if request.truth is None:
+    if request.truth is None or history is None:
         return now
     newest = history.newest(StageKey(request.machine.name, simulated=True))
     return now if newest is None else max(now, newest + 1.0)
@@ -143,7 +167,8 @@ def run_entry(request: RunRequest, started: float) -> RunEntry:
         recipe.lot,
         recipe.wafer,
         software(),
-        str(request.folder),
+        str(request.folder.absolute()),
         purpose="calibration" if recipe.excursions else "production",
         seed=request.seed if simulated else None,
+        uuid=uuid4().hex,
     )

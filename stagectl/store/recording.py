@@ -131,6 +131,7 @@ class RunNotes:
         started: ISO 8601 time with zone.
         outcome: how it ended, "" where the recording does not tell.
         events: in their order, each with its name `event` and the `sample` it came before.
+        fault: its text, None where there was none or the recording does not tell.
     """
 
     recipe: str
@@ -138,6 +139,7 @@ class RunNotes:
     started: str
     outcome: str
     events: tuple[Mapping[str, Any], ...]
+    fault: str | None = None
 
 
 def read_notes(path: Path | str) -> RunNotes:
@@ -164,6 +166,7 @@ def read_notes(path: Path | str) -> RunNotes:
             started=text_of(file, "started", default=""),
             outcome=text_of(file, "outcome", default=""),
             events=tuple(events),
+            fault=text_of(file, "fault", default="") or None,
         )
 
 
@@ -174,6 +177,7 @@ def write_recording(
     *,
     events: Sequence[Mapping[str, Any]] = (),
     outcome: str | None = None,
+    fault: str | None = None,
 ) -> None:
     """Write a recording, atomically: to `<path>.part` first, then renamed.
 
@@ -183,6 +187,7 @@ def write_recording(
         ledger: punctuality of the same K cycles, written to `/cycle`.
         events: of the run, each JSON-able, written to `/events` as one JSON text each.
         outcome: how the run ended, written as an attribute.
+        fault: its text, likewise.
 
     Raises:
         StagectlError: the file cannot be written.
@@ -199,6 +204,8 @@ def write_recording(
                 file["events"].attrs["unit"] = "1"
             if outcome is not None:
                 file.attrs["outcome"] = outcome
+            if fault is not None:
+                file.attrs["fault"] = fault
     except OSError as error:
         raise StagectlError(f"{path}: cannot write the recording: {reason(error)}") from error
     write_atomically(path, image.getbuffer(), "recording", durable=True)

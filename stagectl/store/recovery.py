@@ -31,9 +31,11 @@ from stagectl.store.journal import (
     sample_dtype,
 )
 from stagectl.store.ledger import CycleLedger
-from stagectl.store.recording import read_recording, write_recording
+from stagectl.store.recording import RunNotes, read_recording, write_recording
 
 RECORDING_NAME = "recording.h5"
+RECOVERED_NAME = "recording-recovered.h5"
+"""Of a killed run's recording, where another run is about to write its own."""
 KILLED = "killed"  # the outcome of a run whose journal does not tell
 
 _BLOCK = 8192  # records looked at at once while the end of a run of samples is sought
@@ -122,6 +124,7 @@ def recover(path: Path, *, name: str = RECORDING_NAME, overwrite: bool = False) 
                     content.ledger,
                     events=content.events,
                     outcome=content.outcome,
+                    fault=content.fault,
                 )
             path.unlink()
     except OSError as error:
@@ -139,7 +142,7 @@ def recover_left_over(folder: Path, *, aside: bool = False) -> Recovered | None:
     path = folder / FILE_NAME
     if not path.exists():
         return None
-    return recover(path, name="recording-recovered.h5" if aside else RECORDING_NAME)
+    return recover(path, name=RECOVERED_NAME if aside else RECORDING_NAME)
 
 
 def recover_folder(folder: Path) -> tuple[Recovered | None, Path | None]:
@@ -173,7 +176,40 @@ def _same_run(path: Path, recording: Recording) -> bool:
     return (other.started, len(other)) == (recording.started, len(recording))
 
 
-def _parse(data: bytes, path: Path) -> JournalContent | None:
+def read_journal_notes(path: Path) -> RunNotes | None:
+    """What a run that was killed noted beside its samples; its journal stays as it is.
+
+    Returns:
+        Its notes, or None when it was cut before the first of them.
+
+    Raises:
+        UnusableInput: it is not a journal.
+        StagectlError: the run still goes on.
+    """
+    try:
+        with path.open("rb") as file:
+            _claim(file, path)  # not while it is read: who recovers it must not find it claimed
+        data = path.read_bytes()
+    except OSError as error:
+        raise UnusableInput(f"{path}: {error.strerror}") from error
+    begun = _begin(data, path)
+    if begun is None:
+        return None
+    header, at = begun
+    events: list[Mapping[str, Any]] = []
+    outcome, fault = KILLED, None
+    for record in _records(data, at, sample_dtype(len(header.axes))):
+        if isinstance(record, np.ndarray):
+            continue
+        if "event" in record:
+            events.append(record["event"])
+        elif "outcome" in record:
+            outcome, fault = record["outcome"], record["fault"]
+    return RunNotes(header.recipe, header.machine, header.started, outcome, tuple(events), fault)
+
+
+def _begin(data: bytes, path: Path) -> tuple[JournalHeader, int] | None:
+    """The header, and where the records begin; None when it was cut before that."""
     line_end = data.find(b"\n")
     if not data.startswith(MAGIC[: len(data)]):
         other = data.startswith(MAGIC.split(b" ")[0])
@@ -181,13 +217,20 @@ def _parse(data: bytes, path: Path) -> JournalContent | None:
         raise UnusableInput(f"{path}: {problem}{'' if other else ' of ours'}")
     if line_end < 0:
         return None
-    header = _header(data[len(MAGIC) : line_end], path)
+    return _header(data[len(MAGIC) : line_end], path), line_end + 1
+
+
+def _parse(data: bytes, path: Path) -> JournalContent | None:
+    begun = _begin(data, path)
+    if begun is None:
+        return None
+    header, at = begun
     dtype = sample_dtype(len(header.axes))
     blocks: list[npt.NDArray[np.void]] = []
     moves: dict[int, Move] = {}
     events: list[Mapping[str, Any]] = []
     outcome, fault = KILLED, None
-    for record in _records(data, line_end + 1, dtype):
+    for record in _records(data, at, dtype):
         if isinstance(record, np.ndarray):
             blocks.append(record)
         elif "move" in record:

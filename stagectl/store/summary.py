@@ -93,6 +93,7 @@ class RunFacts:
         retries: stretches that were begun again.
         wafer: or None.  map: number of the friction map that it went by, None for none.
         steps: of the friction level that it has found, in the order of time.
+        unfiled: estimates in the history and estimates made, where some of the run is not there.
     """
 
     recipe: str
@@ -110,6 +111,7 @@ class RunFacts:
     wafer: str | None = None
     map: int | None = None
     steps: Sequence[Mapping[str, object]] = ()
+    unfiled: tuple[int, int] | None = None
 
 
 def build_summary(
@@ -166,6 +168,8 @@ def build_summary(
         summary["map"] = facts.map
     if facts.steps:
         summary["steps"] = [dict(step) for step in facts.steps]
+    if facts.unfiled is not None:
+        summary["history"] = dict(zip(("filed", "estimates"), facts.unfiled, strict=True))
     if facts.resumed is not None:
         summary["resumed"] = dict(facts.resumed)
     if facts.retries:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from stagectl.config.machine import Machine, load_machine, parse_machine
 from stagectl.recipe.load import load_recipe
 from stagectl.request import RunRequest, RunResult
 from stagectl.session import Listener, execute
+from tests.postgres import Server, serve
 
 ROOT = Path(__file__).parents[2]
 RECIPE = ROOT / "recipes" / "inspection-20.yaml"
@@ -78,6 +79,13 @@ def run(machine: Machine, tmp_path_factory: pytest.TempPathFactory) -> Run:
         return execute(request, listener or Listener())
 
     return go
+
+
+@pytest.fixture(scope="session")
+def server() -> Iterator[Server]:
+    """A PostgreSQL server of our own."""
+    with serve() as server:
+        yield server
 
 
 @pytest.fixture

@@ -1,21 +1,25 @@
 """A run's friction estimates in the history: all of them, once, with what they belong to."""
 
+import contextlib
 import math
 from dataclasses import replace
 from datetime import UTC, datetime
+from pathlib import Path
 
 import pytest
 
 from stagectl.compensation import Mode
 from stagectl.config.machine import parse_machine
 from stagectl.errors import StagectlError, UnusableInput
+from stagectl.history.filing import file_left_behind, runs_in
 from stagectl.history.opening import open_history
-from stagectl.history.records import RunEntry, StageKey
-from stagectl.history.run_history import RunHistory
+from stagectl.history.records import StageKey
 from stagectl.recipe.load import parse_recipe
 from stagectl.request import RunRequest
-from stagectl.sequencer.events import FrictionUpdated
+from stagectl.run_record import RunRecord
+from stagectl.sequencer.events import FrictionUpdated, LevelStepped
 from stagectl.session import Listener, execute
+from tests.sqlite_lock import locked
 from tests.system.short_recipe import short_recipe
 
 SHORT = short_recipe((0.01, 0.0), (0.02, 0.01)) + "lot: L42\nwafer: 7\n"
@@ -67,51 +71,129 @@ def test_a_history_that_cannot_be_used_is_refused_before_anything_moves(request_
     assert (tmp_path / "stage.db").read_text() == "my notes\n" * 1000
 
 
-class Full:
-    """A history whose disk is full once the run is noted, for `refused` writes."""
-
-    name = "full"
-    closed = False
-
-    def __init__(self, refused=math.inf):
-        self.refused, self.tried, self.rows, self.outcome = refused, 0, [], None
-
-    def start_run(self, run):
-        return 1
-
-    def add(self, estimates):
-        self.tried += 1
-        if self.tried <= self.refused:
-            raise StagectlError("stage.db: database or disk is full")
-        self.rows += estimates
-
-    def end_run(self, run, outcome, fault):
-        self.outcome = outcome
-
-    def close(self):
-        self.closed = True
+def rows(history):
+    """Everything that is told of a stage's estimates and steps."""
+    return [
+        [replace(e, run=0) for e in sorted(found, key=lambda e: (e.time, e.axis))]
+        for found in (history.at_date(STAGE, math.inf), history.refused(STAGE))
+    ], history.steps(STAGE)
 
 
-@pytest.mark.parametrize("refused", [1, math.inf])
-def test_a_history_that_fails_on_the_way_is_left_and_tried_again_at_the_end(request_, refused):
-    """A run does not wait for it twice; one that was only busy has all of the run in the end."""
-    full = Full(refused)
-    stage = StageKey("m", True)
-    history = RunHistory(full, RunEntry(stage, ("x",), 0.0, "r", None, None, "s", "f"))
-    noted = []
+def test_a_run_goes_on_beside_a_history_that_is_locked(request_, tmp_path, stagectl):
+    """To its end; what is missing is filed from its folder, once, the same as without a lock."""
+    made = []
+    with contextlib.ExitStack() as stack:
 
-    def note(event):
-        if isinstance(event, FrictionUpdated):
-            noted.append(event)
-            history.note(event)
+        def note(event):
+            if isinstance(event, FrictionUpdated):
+                if not made:
+                    stack.enter_context(locked(request_.history))
+                made.append(event)
 
-    execute(replace(request_, history=None), Listener(event=note))
-    assert full.tried == 1 < len(noted)
-    history.end("completed", None)
-    assert full.closed
-    if refused == 1:
-        assert (history.failure, full.outcome) == (None, "completed")
-        assert [(row.axis, row.kind) for row in full.rows] == [(e.axis, e.kind) for e in noted]
-    else:
-        assert history.failure == "stage.db: database or disk is full"
-        assert (full.rows, full.outcome) == ([], None)
+        result = execute(request_, Listener(event=note))
+        assert result.summary["outcome"] == "completed"
+        filed = result.summary["history"]["filed"]
+        assert result.summary["history"]["estimates"] == len(made) > 5
+        assert filed < len(made)
+        assert result.unwritten in result.notices
+        assert f"{filed} of {len(made)} estimates in the history" in result.unwritten
+        assert "another program is writing to it" in result.unwritten
+        command = f"history import {request_.folder}"
+        assert f"'stagectl {command}'" in result.unwritten
+        refused = stagectl(*command.split())
+        assert refused.returncode == 1
+        assert "another program" in refused.stderr
+    first, again = stagectl(*command.split()), stagectl(*command.split())
+    assert first.stdout.startswith(f"{len(made) - filed} of {len(made)} estimates filed in ")
+    assert again.stdout.startswith(f"all {len(made)} estimates are in ")
+    other = replace(request_, folder=tmp_path / "other", history=str(tmp_path / "other.db"))
+    execute(replace(other, started=request_.started), Listener())
+    imported, written = open_history(request_.history), open_history(other.history)
+    ((_, run, outcome),) = imported.runs(STAGE)
+    assert (run.folder, outcome) == (str(request_.folder), "completed")
+    assert sum(imported.counted(STAGE)) == len(made)
+    assert rows(imported) == rows(written)
+    assert imported.unfiled(STAGE) == written.unfiled(STAGE) == []
+    imported.close()
+    written.close()
+
+
+def test_a_run_beside_a_server_that_hangs_and_the_next_one_that_files_it(request_, server):
+    url = server.url
+    with contextlib.ExitStack() as stack:
+        made = []
+
+        def note(event):
+            if isinstance(event, FrictionUpdated):
+                if not made:
+                    stack.enter_context(server.hung())
+                made.append(event)
+
+        result = execute(replace(request_, history=url), Listener(event=note))
+        assert result.summary["outcome"] == "completed"
+        assert result.summary["history"]["filed"] < len(made)
+    said = []
+    execute(replace(request_, history=url, mode=Mode.NONE), Listener(phase=said.append))
+    assert any(line.endswith(f"an earlier run left in {request_.folder}") for line in said)
+    history = open_history(url)
+    assert sum(history.counted(STAGE)) == len(made)
+    assert [outcome for *_, outcome in history.runs(STAGE)] == ["completed", "completed"]
+    assert history.unfiled(STAGE) == []
+    history.close()
+
+
+def test_what_a_killed_run_left_in_its_journal_is_filed(request_, tmp_path):
+    """As far as it got; the journal stays as it is, and a run that goes on is left alone."""
+    events = []
+    execute(replace(request_, history=None), Listener(event=events.append))
+    estimates = [event for event in events if isinstance(event, FrictionUpdated)]
+    history = open_history(request_.history, write=True)
+    folders = alive, killed = tmp_path / "alive", tmp_path / "killed"
+    journals = []
+    for folder in folders:
+        folder.mkdir()
+        record = RunRecord(replace(request_, folder=folder), history)
+        for event in estimates[:5]:
+            record.event(event)
+        record.event(LevelStepped("x", (0.01, 0.02), 0.5, 0.1, everywhere=False))
+        journals.append(record.journal)
+    journals[1].close()
+    assert {folder for _, folder in history.unfiled(STAGE)} == set(map(str, folders))
+    (line,) = file_left_behind(history, STAGE)
+    assert line == f"5 estimates filed that an earlier run left in {killed}"
+    assert list(file_left_behind(history, STAGE)) == []
+    assert (sum(history.counted(STAGE)), len(history.steps(STAGE))) == (5, 1)
+    assert [folder for _, folder in history.unfiled(STAGE)] == [str(alive)]
+    assert {outcome for *_, outcome in history.runs(STAGE)} == {None}
+    with pytest.raises(StagectlError, match="still goes on"):
+        runs_in(alive)
+    journals[0].close()
+    assert journals[1].path.exists()
+    history.close()
+
+
+def test_a_run_without_a_history_can_be_imported_into_one(request_, tmp_path, stagectl):
+    summary = execute(replace(request_, history=None), Listener()).summary
+    assert "history" not in summary
+    refused = stagectl("history", "import", request_.folder)
+    assert (refused.returncode, refused.stderr.count("\n")) == (2, 1)
+    assert "name one: --history" in refused.stderr
+    where = tmp_path / "fleet.db"
+    done = stagectl("history", "import", request_.folder, "--history", where)
+    count = len(summary["friction"])
+    assert done.stdout == f"{count} of {count} estimates filed in {where}\n"
+    history = open_history(str(where))
+    assert sum(history.counted(STAGE)) == count
+    history.close()
+
+
+def test_import_says_what_it_cannot_use(stagectl, tmp_path):
+    (tmp_path / "empty").mkdir()
+    foreign = Path(__file__).parents[1] / "data" / "null-1.h5"
+    for path, reason in {
+        tmp_path / "none": "no such folder", tmp_path / "empty": "holds no recording",
+        foreign: "does not hold its estimates",
+    }.items():  # fmt: skip
+        done = stagectl("history", "import", path)
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+        assert reason in done.stderr

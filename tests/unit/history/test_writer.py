@@ -1,0 +1,186 @@
+"""The thread that writes a history: what it does while the database can't, and afterwards."""
+
+import socket
+import threading
+
+import pytest
+
+from stagectl.errors import StagectlError
+from stagectl.history.opening import open_history, without_password
+from stagectl.history.records import StageKey, StepRecord
+from stagectl.history.writer import HistoryWriter
+from tests.sqlite_lock import locked
+
+BEGIN = 1.7e9
+STAGE = StageKey("wafer-xy", True)
+ENOUGH = 60.0
+"""No test waits for so long where all is well [s]."""
+
+
+@pytest.fixture
+def begun(where, opened, a_run):
+    """Number of a run in a history, and what opens that."""
+    return opened(where).start_run(a_run(uuid="5eed")), lambda: open_history(where, write=True)
+
+
+def test_what_is_handed_over_is_filed_in_its_order(where, opened, begun, an_estimate):
+    number, reopen = begun
+    writer = HistoryWriter(reopen)
+    for n in range(1, 501):
+        writer.hand_over(an_estimate(number, number=n, time=BEGIN + n))
+        if n % 100 == 0:
+            step = StepRecord(number, "x", (0.0, 0.0), BEGIN + n, 0.1, "site", n // 100)
+            writer.hand_over(step)
+    writer.end(lambda history: history.end_run(number, "completed", None, 500), ENOUGH)
+    assert (writer.complete, writer.filed, writer.failure) == (True, 500, None)
+    history = opened(where, write=False)
+    times = history.trend(STAGE, "x", (0.01, -0.02)).time
+    assert [t - BEGIN for t in times] == list(range(1, 501))
+    assert len(history.steps(STAGE)) == 5
+    assert (history.runs(STAGE)[0][2], history.unfiled(STAGE)) == ("completed", [])
+
+
+def test_a_locked_file_keeps_nobody_but_the_writer(tmp_path, opened, a_run, an_estimate):
+    path = str(tmp_path / "stage.db")
+    number = opened(path).start_run(a_run(uuid="5eed"))
+    with locked(path):
+        writer = HistoryWriter(lambda: open_history(path, write=True))
+        for n in range(1, 301):
+            writer.hand_over(an_estimate(number, number=n))
+        assert (writer.filed, writer.turned_away) == (0, 0)  # all of them taken, none written yet
+        with pytest.raises(StagectlError, match="another program is writing"):
+            opened(path).end_run(number, "completed")
+    writer.end(lambda history: history.end_run(number, "completed", None, 300), ENOUGH)
+    assert (writer.complete, writer.filed) == (True, 300)
+    assert opened(path).filed(number) == 300
+
+
+class Absent:
+    """A history that lets nobody in until it is told to."""
+
+    def __init__(self):
+        self.there = threading.Event()
+
+    def __call__(self):
+        self.there.wait()
+        raise StagectlError("gone for good")
+
+
+def test_there_is_an_end_to_what_waits_and_to_waiting(an_estimate):
+    absent = Absent()
+    writer = HistoryWriter(absent, limit=3)
+    for n in range(1, 6):
+        writer.hand_over(an_estimate(1, number=n))
+    assert (writer.turned_away, writer.filed) == (2, 0)
+    writer.end(lambda history: pytest.fail("there is none"), patience=0.05)
+    assert not writer.complete
+    absent.there.set()
+
+
+def test_records_that_there_was_no_room_for_are_left_to_an_import(
+    where, opened, begun, an_estimate
+):
+    number, reopen = begun
+    there = threading.Event()
+
+    def late():
+        there.wait()
+        return reopen()
+
+    writer = HistoryWriter(late, limit=3)
+    for n in range(1, 6):
+        writer.hand_over(an_estimate(number, number=n))
+    there.set()
+    writer.end(lambda history: history.end_run(number, "completed", None, None), ENOUGH)
+    assert (writer.complete, writer.filed, writer.turned_away) == (False, 3, 2)
+    assert [uuid for uuid, _ in opened(where).unfiled(STAGE)] == ["5eed"]
+
+
+@pytest.fixture
+def of_server(server, opened, a_run):
+    """A run in a history on a server, and what opens that."""
+    import psycopg
+
+    with psycopg.connect(server.url, autocommit=True) as connection:
+        connection.execute("DROP SCHEMA IF EXISTS stagectl CASCADE")
+    history = opened(server.url)
+    number = history.start_run(a_run(uuid="5eed"))
+    history.close()
+    return number, lambda: open_history(server.url, write=True)
+
+
+def test_a_server_that_was_restarted_gets_what_it_missed(server, of_server, opened, an_estimate):
+    number, reopen = of_server
+    writer = HistoryWriter(reopen)
+    filed = threading.Event()
+    writer.hand_over(an_estimate(number, number=1))
+    while not writer.filed:  # it is connected
+        filed.wait(0.01)
+    server.stop()
+    for n in range(2, 300):
+        writer.hand_over(an_estimate(number, number=n))
+    while writer.failure is None:
+        filed.wait(0.01)
+    assert "\n" not in writer.failure
+    server.start()
+    writer.end(lambda history: history.end_run(number, "completed", None, 299), ENOUGH)
+    assert (writer.complete, writer.filed, writer.failure) == (True, 299, None)
+    assert opened(server.url).filed(number) == 299
+
+
+def test_a_server_that_stops_answering_is_given_up_and_come_back_to(
+    server, of_server, opened, an_estimate, capfd
+):
+    """Its own time-outs are worth nothing then: the client cuts the connection."""
+    number, reopen = of_server
+    writer = HistoryWriter(reopen)
+    seen = threading.Event()
+    writer.hand_over(an_estimate(number, number=1))
+    while not writer.filed:
+        seen.wait(0.01)
+    with server.hung():
+        for n in range(2, 300):
+            writer.hand_over(an_estimate(number, number=n))
+        while writer.failure is None:
+            seen.wait(0.01)
+        assert "no answer for 12 s" in writer.failure or "timeout" in writer.failure
+        assert writer.filed == 1
+        with pytest.raises(StagectlError, match="timeout"):  # what a run would begin with
+            opened(server.url)
+    writer.end(lambda history: history.end_run(number, "completed", None, 299), ENOUGH)
+    assert (writer.complete, writer.filed) == (True, 299)
+    assert opened(server.url).filed(number) == 299
+    assert capfd.readouterr().err == ""
+
+
+def test_a_server_that_never_answers_is_refused_in_one_line():
+    """As behind a firewall that drops everything: the connection is there, and silent."""
+    pytest.importorskip("psycopg")
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        port = silent.getsockname()[1]
+        with pytest.raises(StagectlError) as refused:
+            open_history(f"postgresql://stage:secret@127.0.0.1:{port}/fleet", write=True)
+    assert f"127.0.0.1:{port}/fleet" in str(refused.value)
+    assert "\n" not in str(refused.value)
+    assert "secret" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("where", "named"),
+    [
+        ("postgresql://u:s3cret@host:5433/db", "postgresql://u@host:5433/db"),
+        ("postgresql://u:s3?cret@h/db?sslmode=require", "postgresql://u@h/db?sslmode=require"),
+        ("postgres://h/db?user=u&password=s3cret", "postgres://h/db?user=u"),
+        ("postgresql://h/db?pass%77ord=s3cret", "postgresql://h/db"),
+        ("postgresql:///db?host=/tmp/x", "postgresql:///db?host=/tmp/x"),
+        ("postgresql://stage@/db", "postgresql://stage@/db"),
+        ("/var/stage.db", "/var/stage.db"),
+    ],
+)
+def test_a_recording_names_its_history_without_the_password(where, named):
+    assert without_password(where) == named
+
+
+def test_a_history_of_the_folder_is_named_from_the_root(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert without_password("runs/stage.db") == str(tmp_path / "runs" / "stage.db")
