@@ -186,9 +186,9 @@ def read_journal_notes(path: Path) -> RunNotes | None:
         UnusableInput: it is not a journal.
         StagectlError: the run still goes on.
     """
+    with claimed(path):  # not while it is read: who recovers it must not find it claimed
+        pass
     try:
-        with path.open("rb") as file:
-            _claim(file, path)  # not while it is read: who recovers it must not find it claimed
         data = path.read_bytes()
     except OSError as error:
         raise UnusableInput(f"{path}: {error.strerror}") from error
