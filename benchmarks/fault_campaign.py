@@ -71,6 +71,8 @@ LONGEST = 400.0
 """Bound of virtual time [s]; a homing that does not end is given 300 s by its axis' travel."""
 WALL = 100
 """Bound of wall time [s]."""
+OFTEN = 0.3
+"""Frames doubled with this probability are not doubled now and then."""
 TOLERANCE = {"coulomb": 0.08, "viscous": 0.25, "stiffness": 0.12}
 """Of accepted friction figures, relative to the truth."""
 
@@ -284,6 +286,7 @@ def run(
     outcome.ending = result.summary["outcome"]
     outcome.cause = result.summary["fault"] or ""
     outcome.violations += _check_files(result, folder)
+    outcome.violations += _check_doubled(scenario, outcome.cause)
     outcome.violations += _check_friction(result, machine)
     outcome.violations += _check_stop(scenario, watch, folder, outcome.ending)
     outcome.struck = any(entry.count for entry in getattr(watch.world, "injected", ()))
@@ -328,6 +331,15 @@ def _check_files(result: RunResult, folder: Path) -> list[str]:
     if lost != written["cycle"]["missed"]:
         problems.append(f"{lost} samples marked as lost, {written['cycle']['missed']} counted")
     return problems
+
+
+def _check_doubled(scenario: Scenario, cause: str) -> list[str]:
+    """Frames doubled now and then, late or lost are no second device, and no second SYNC."""
+    if "two devices have" not in cause and "a second SYNC" not in cause:
+        return []
+    plan = scenario.plan.faults
+    made = [x for x in plan if isinstance(x, f.Duplicate) and x.frames.probability >= OFTEN]
+    return [] if made else [f"frames were taken for doubled ones: {cause}"]
 
 
 def _check_friction(result: RunResult, machine: Machine) -> list[str]:

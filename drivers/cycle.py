@@ -30,6 +30,9 @@ from drivers.settings import BusSettings
 
 _FOLLOWING_ERROR = 0x8611
 _HOST_LOST = (0x8130, 0x8250)
+_MOST_DOUBLED = 10
+"""SYNCs in a row that may bring the same TPDO more than once: networks double frames now and then.
+Where they differ there is no sample, and `max_missed` counts."""
 _STALL_COUNTS_NS = 200_000_000
 """A fault within this time after late SYNCs may be their doing."""
 
@@ -66,7 +69,7 @@ class Cycle:
 
         Raises:
             BusError: the bus fails.
-            AxisFault: an alarm, or process data missing too often in a row.
+            AxisFault: an alarm, or process data missing or doubled too often in a row.
         """
         self.sync.run([(channel, channel.frame()) for channel in self.channels])
         self.check_alarms()
@@ -78,9 +81,7 @@ class Cycle:
     def forget(self) -> None:
         """Forgets what the axes said: they are about to be set up anew."""
         for channel in self.channels:
-            channel.seen = channel.valid = False
-            channel.controlword = channel.offset = 0
-            channel.told.clear()
+            channel.forget()
 
     def beat(self, on: bool) -> None:
         """Whether the host's heartbeat goes out; off: drives that hear nothing else stop."""
@@ -99,7 +100,7 @@ class Cycle:
         """Raises the first alarm of any node; before that, that the nodes have another host.
 
         Raises:
-            AxisFault: with what the node said, or that its process data stay away.
+            AxisFault: with what the node said, or that its process data stay away or are doubled.
             BusError: there is another host.
         """
         if self._alarmed:
@@ -111,7 +112,10 @@ class Cycle:
                         code=alarm.code,
                     )  # fmt: skip
         for channel in self.channels:
-            if channel.missed > self._max_missed:
+            starved = channel.missed > self._max_missed
+            if channel.doubled > _MOST_DOUBLED or (channel.doubled and starved):
+                raise self._doubled(channel)
+            if starved:
                 alone = len(self.channels) == 1 or any(c.valid for c in self.channels)
                 raise AxisFault(
                     f"no process data (TPDO 0x{channel.axis.tpdo_id:03X}) for {channel.missed} "
@@ -119,6 +123,19 @@ class Cycle:
                     + ("" if alone else ", nor from the other axes: bus or supply of all drives?"),
                     axis=channel.axis.name, obj=od.STATUSWORD,
                 )  # fmt: skip
+
+    def _doubled(self, channel: Channel) -> AxisFault:
+        axis = channel.axis
+        alone = len(self.channels) == 1 or not all(c.doubled for c in self.channels)
+        return AxisFault(
+            f"more than one TPDO 0x{axis.tpdo_id:03X} for each of {channel.doubled} SYNCs in a row"
+            + (
+                f": do two devices have node id {axis.node.id}?"
+                if alone
+                else ", and from the other axes: a second SYNC, or a bus that doubles all frames?"
+            ),
+            axis=axis.name, obj=od.STATUSWORD,
+        )  # fmt: skip
 
     def stream(
         self,
@@ -194,7 +211,11 @@ class Cycle:
                 )  # fmt: skip
                 if not valid:
                     complete = False
-                if status & ENABLED_MASK != ENABLED_VALUE or channel.missed > max_missed:
+                if (
+                    status & ENABLED_MASK != ENABLED_VALUE
+                    or channel.missed > max_missed
+                    or channel.doubled > _MOST_DOUBLED
+                ):
                     healthy = False
             outlet.take(values, complete)
             if not healthy:

@@ -43,7 +43,7 @@ class Exchange:
         sent: place on the grid of the last SYNC [ns].
         offset, doubt: when it left after that place, as well as it is known, and by how much later
             than that it may have reached the drives [ns]; doubt -1: not known.
-        missed, late, skipped, stale: TPDOs missed, SYNCs late, whole periods passed over, TPDOs
+        missed, late, skipped, stale: samples missed, SYNCs late, whole periods passed over, TPDOs
             that came besides (outside their window, or doubled); since the start.
         notices: what about SYNC and time stamps is not as asked for.
     """
@@ -188,8 +188,7 @@ class Exchange:
         if self._arrived is not None:
             now = now_ns()
         for channel in self.channels:
-            channel.before = channel.extra
-            channel.extra = 0
+            channel.turn()
         self._send_sync(send, now)
         off = now - due
         self.offset = off if off < _MOST_NS else _MOST_NS
@@ -223,6 +222,8 @@ class Exchange:
         passed = max(0, self._sync_at - self._due) // self._period + 1
         self._due += passed * self._period
         self._send_sync(send, self._sync_at)
+        for channel in self.channels:
+            channel.owe(1)
         return int(not fresh)
 
     def _follow(self, bus: can.BusABC, frames: Frames) -> int:
@@ -237,6 +238,8 @@ class Exchange:
                 self._between(received)
             begun, _ = self._await_sync(recv, frozenset())
             self._due += begun * self._period
+            for channel in self.channels:
+                channel.owe(begun)
             now = network.clock.now_ns()
         self._send_setpoints(bus.send, frames, now)
         if now >= network.service_due:
@@ -306,13 +309,12 @@ class Exchange:
         deadline = sent + self._window
         left = len(channels)
         self._sync_at = sent
+        for asked in channels:
+            asked.expect()
         if arrived is None:
-            for asked in channels:
-                asked.valid = False
             now = sent
         else:
             for asked in channels:
-                asked.valid = False
                 asked.previous, asked.tardy = asked.tardy, None
             now = now_ns()
         while True:
@@ -334,20 +336,15 @@ class Exchange:
                 tap(now, message.arbitration_id, bytes(data))
             arrival = (now if arrived is None else arrived(message.timestamp, now)) - sent
             if channel.valid or not 0 <= arrival <= latest:
-                self._besides(channel)
+                self._besides(channel, data)
                 continue
-            channel.statusword, channel.position, channel.force = channel.unpack(data)
-            channel.arrival = arrival
-            channel.valid = channel.seen = True
-            channel.missed = 0
+            channel.take(data, arrival)
             left -= 1
             if not left:
-                return
-        self.missed += left
-        for channel in channels:
-            if not channel.valid:
-                channel.arrival = -1
-                channel.missed += 1
+                break
+        for asked in channels:
+            if not asked.conclude():
+                self.missed += 1
 
     def _between(self, message: can.Message) -> None:
         """A frame that is no TPDO of this cycle: the kernel's SYNC, one too many, or another's."""
@@ -362,13 +359,13 @@ class Exchange:
         channel = self._by_id.get(can_id)
         if channel is not None and len(message.data) == channel.size:
             if not self._take_tardy(channel, message):
-                self._besides(channel)
+                self._besides(channel, message.data)
         self._network.received(message)
 
     def _take_tardy(self, channel: Channel, message: can.Message) -> bool:
         """We went on without it, but it is this SYNC's: the next one has not been yet."""
         arrived = self._arrived
-        if arrived is None or self._strict or self._begun or channel.valid or channel.tardy:
+        if arrived is None or self._strict or self._begun or channel.answered or channel.tardy:
             return False
         arrival = arrived(message.timestamp, self._network.clock.now_ns()) - self._sync_at
         if not (channel.missed and 0 <= arrival < self._period):
@@ -401,10 +398,9 @@ class Exchange:
         except (can.CanError, OSError, ValueError) as why:
             raise network.failure("cannot receive", why) from why
 
-    def _besides(self, channel: Channel) -> None:
+    def _besides(self, channel: Channel, data: bytearray) -> None:
         self.stale += 1
-        if channel.extra < 255:
-            channel.extra += 1
+        channel.besides(data)
 
     def _note_echo(self, message: can.Message) -> None:
         """Our own SYNC came back, on buses where that happens, stamped as it was for all."""
@@ -426,7 +422,7 @@ class Exchange:
         self._synced = at
         for channel in self.channels:
             if first:
-                channel.before = channel.extra
+                channel.turn()
             channel.extra = 0
         if self._network.tap is not None:
             self._network.tap(at, SYNC_ID, bytes(message.data))

@@ -19,6 +19,8 @@ from drivers.faults import error_text, register_text
 from drivers.remote_objects import RemoteObjects
 from drivers.settings import AxisSettings
 
+SECOND_ANSWER = 0.005
+"""A second device with the same node id answers within this time after the first [s]."""
 REBOOTED = "the drive rebooted (boot-up message): its set-up is lost"
 HEARTBEAT_PRODUCER_MS = 100
 HEARTBEAT_DEADLINE_NS = 350_000_000
@@ -54,7 +56,7 @@ class Node(RemoteObjects):
         self._boot_timeout, self._revision = settings.boot_timeout, settings.revision
         self.alarm: Alarm | None = None
         self.watched = False
-        self.booted = 0
+        self.booted = self._booted_before = 0
         self.emergencies: deque[int] = deque(maxlen=8)
         self.state: int | None = None
         self._heard_ns = network.clock.now_ns()
@@ -122,7 +124,8 @@ class Node(RemoteObjects):
             NodeError: no boot-up in time, or another device than the EDS describes.
         """
         self.watched = False
-        before = self.booted
+        self._network.pump(0.0)  # a boot-up message of before is no answer to our reset
+        before = self._booted_before = self.booted
         # communication only: the application keeps its power stage off and its encoder reference
         self._network.send_message(0, (130, self.id))
         if not self._network.pump_until(lambda: self.booted > before, self._boot_timeout):
@@ -133,6 +136,44 @@ class Node(RemoteObjects):
             )
         self.clear_alarms()
         self._check_identity()
+
+    def twin(self) -> NodeError | None:
+        """What speaks for two devices with this node id since `boot`; None: nothing does.
+
+        A bus may double a frame now and then, and a drive may restart while it is set up: two
+        devices do it each time.
+
+        Raises:
+            NodeError: no answer.
+        """
+        answers = self._answers()
+        booted = self.booted - self._booted_before
+        if booted > 1:
+            what = f"{booted} boot-up messages after one reset"
+        elif answers > 1:
+            what = f"{answers} answers to one SDO request"
+        else:
+            return None
+        return NodeError(
+            f"{what}: do two devices have node id {self.id}? (stagectl scan)", axis=self.name
+        )
+
+    def _answers(self) -> int:
+        """How many answers one SDO request gets."""
+        count = 0
+        asked = struct.pack("<HB", od.DEVICE_TYPE.index, od.DEVICE_TYPE.sub)
+
+        def answer(can_id: int, data: bytearray, timestamp: float) -> None:
+            nonlocal count
+            count += bytes(data[1:4]) == asked
+
+        self._network.subscribe(0x580 + self.id, answer)
+        try:
+            self.read(od.DEVICE_TYPE)
+            self._network.pump(SECOND_ANSWER)
+        finally:
+            self._network.unsubscribe(0x580 + self.id, answer)
+        return count
 
     def _check_identity(self) -> None:
         info = self._dictionary.device_information

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 Sample = tuple[int, ...]
 """One SYNC for the sink: (time_ns, late, sync_ns, doubt_ns, then per axis: target_counts,
 offset_permille, position_counts, force_permille, statusword, valid, arrival_ns, extra); arrival -1
-when missed, doubt -1 when not known. `extra` belongs to the SYNC before: its TPDOs that came
-besides until this SYNC, at most 255."""
+when there is no sample, doubt -1 when not known. `extra` belongs to the SYNC before: its TPDOs that
+came besides until this SYNC, at most 255."""
 
 HEAD, FIELDS, VALID = 4, 8, 5
 """Values in a `Sample` before those of the axes; values per axis; place of `valid` among them."""
@@ -39,7 +39,8 @@ class Samples:
         position: float64[K, n], 0x6064 sampled at the SYNC [m].
         force: float64[K, n], 0x6077 sampled at the SYNC [N].
         statusword: uint16[K, n].
-        valid: bool[K, n], False where the TPDO stayed away and the last values stand.
+        valid: bool[K, n], False where the TPDO stayed away, or another one contradicts it, and the
+            last values stand.
         arrival: float64[K, n], of the TPDO after the SYNC [s], nan where missed.
         sync: float64[K], when the SYNC left after its place on the grid [s].
         doubt: float64[K], by how much later than that it may have reached the drives [s], inf where

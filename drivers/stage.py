@@ -32,6 +32,9 @@ from drivers.settings import AxisSettings, BusSettings
 from drivers.stage_parts import StageParts
 from drivers.stage_state import StageState
 
+_TRIES = 3
+"""Of the set-up, where something speaks for two devices with one node id."""
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -132,7 +135,7 @@ class Stage(StageState):
         """Resets, identifies and configures all nodes and makes them OPERATIONAL.
 
         Raises:
-            NodeError: a node is missing, refuses an access, or is another device.
+            NodeError: a node is missing, refuses an access, is another device, or two of them.
             ConfigurationError: a drive cannot be set up as needed.
             BusError: the bus fails, or there is another host on it.
         """
@@ -154,6 +157,17 @@ class Stage(StageState):
         self._cycle.clear_alarms()
 
     def _set_up(self) -> None:
+        for _ in range(_TRIES):
+            self._configure()
+            twins = [twin for axis in self.axes if (twin := axis.node.twin()) is not None]
+            if not twins:
+                break
+        else:
+            raise twins[0]
+        for axis in self.axes:
+            axis.node.start()
+
+    def _configure(self) -> None:
         for axis in self.axes:
             axis.node.boot()
         for axis in self.axes:
@@ -161,8 +175,6 @@ class Stage(StageState):
         for channel in self._cycle.channels:
             channel.adapt()
         self._network.service(self._network.clock.now_ns())
-        for axis in self.axes:
-            axis.node.start()
 
     def _listen_first(self) -> None:
         """In real time: for another host, before the first frame of ours."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import struct
 from typing import Any
 
@@ -158,14 +159,29 @@ def test_a_duplicate_of_an_old_tpdo_is_not_taken_for_the_new_one(
 ) -> None:
     """Of the axis that answers last: its old frame would end the cycle before its new one."""
     stage.enable()
-    stage.sink = lambda sample: scripted.deliver(
-        0x182, struct.pack("<Hih", 0x227, sample[11] - 5, 0)
-    )
+    count = itertools.count()
+
+    def sink(sample: tuple[int, ...]) -> None:
+        if next(count) == 2:
+            scripted.deliver(0x182, struct.pack("<Hih", 0x227, sample[11] - 5, 0))
+
+    stage.sink = sink
     position, offset = rest(stage, 6)
     position[:, Y] += np.arange(6) * 1e-7
     samples = stage.stream(position, offset)
-    np.testing.assert_allclose(samples.position[1:, Y], samples.position_demand[:-1, Y])
-    assert samples.valid.all()
+    expected = np.r_[samples.position[0, Y], samples.position_demand[:-1, Y]]
+    expected[3] = expected[2]  # two that differ for SYNC 2: the next sample is not trusted
+    np.testing.assert_allclose(samples.position[:, Y], expected)
+    assert list(np.flatnonzero(~samples.valid[:, Y])) == [3]
+    assert samples.valid[:, X].all()
+
+
+def test_old_tpdos_beside_every_new_one_stop_the_stage(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+    stage.sink = lambda sample: scripted.deliver(0x182, struct.pack("<Hih", 0x227, 5, 0))
+    with pytest.raises(AxisFault, match=r"^axis y: .*more than one TPDO 0x182 .* node id 2\?"):
+        stage.stream(*rest(stage, 20))
+    assert not stage.enabled
 
 
 def test_the_host_beats_every_100_ms_while_streaming(stage: Stage, scripted: Any) -> None:

@@ -1,0 +1,175 @@
+"""Two drives with one node id on one bus: refused before power, stopped where it shows later.
+
+The second stage hears all that the first one hears. What it says may be kept from the host: that is
+how its boot-up, its SDO answers and its TPDOs are looked at one by one.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drivers.errors import AxisFault, NodeError
+from drivers.stage import Stage
+from hil_sim import faults as f
+from hil_sim.fault_world import FaultyWorld
+from hil_sim.stage import VirtualStage
+from hil_sim.state_machine import State
+from hil_sim.world import World
+from stagectl.config.machine import Machine
+from stagectl.config.mapping import driver_settings, stage_settings
+
+_names = (f"two-devices-{n}" for n in itertools.count())
+
+BOOT_UP, SDO, TPDO = 0x701, 0x581, 0x181
+
+
+class Muffled:
+    """A drive's connection on which only frames with these ids get out."""
+
+    def __init__(self, world: World, *ids: int) -> None:
+        self._world, self.ids = world, set(ids)
+
+    @property
+    def now_ns(self) -> int:
+        return self._world.now_ns
+
+    def emit(self, can_id: int, data: bytes) -> None:
+        if can_id in self.ids and not (can_id == BOOT_UP and data != b"\0"):
+            self.say(can_id, data)
+
+    def say(self, can_id: int, data: bytes) -> None:
+        self._world.emit(can_id, data)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._world, name)
+
+
+@contextmanager
+def twins(machine: Machine, *heard: int) -> Iterator[tuple[Stage, VirtualStage, Muffled]]:
+    """A stage, and a second one of which frames with the ids `heard` are heard."""
+    bus, axes = driver_settings(machine)
+    world = World(next(_names))
+    drives, others = (VirtualStage(stage_settings(machine), seed=seed) for seed in (1, 2))
+    drives.attach(world)
+    muffled = Muffled(world, *heard)
+    others.attach(muffled)  # type: ignore[arg-type]
+    bus = dataclasses.replace(bus, interface="lockstep", channel=world.name)
+    axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
+    with Stage.open(bus, axes) as stage:
+        yield stage, drives, muffled
+
+
+@contextmanager
+def faulty(machine: Machine, *faults: f.Fault) -> Iterator[Stage]:
+    """A stage on a bus with these faults."""
+    bus, axes = driver_settings(machine)
+    world = FaultyWorld(next(_names), f.FaultPlan(faults))
+    world.power_on(VirtualStage(stage_settings(machine), seed=1))
+    bus = dataclasses.replace(bus, interface="lockstep", channel=world.name)
+    axes = tuple(dataclasses.replace(a, homing_method=37) for a in axes)
+    with Stage.open(bus, axes) as stage:
+        yield stage
+
+
+@pytest.mark.parametrize(
+    ("heard", "said"),
+    [
+        ([BOOT_UP], "2 boot-up messages after one reset"),
+        ([SDO], "2 answers to one SDO request"),
+        ([BOOT_UP, SDO, TPDO], "2 boot-up messages after one reset"),
+    ],
+)
+def test_two_are_refused_before_power(stage_machine: Machine, heard: list[int], said: str) -> None:
+    with twins(stage_machine, *heard) as (stage, drives, _):
+        with pytest.raises(NodeError, match=f"^axis x: {said}.* node id 1"):
+            stage.boot()
+        assert {d.motion.state for d in drives.drives} == {State.SWITCH_ON_DISABLED}
+
+
+def test_boot_ups_of_a_slower_twin_are_refused(stage_machine: Machine) -> None:
+    """They come while the first drive is set up, 23 ms after its own."""
+    with twins(stage_machine) as (stage, drives, muffled):
+        own = itertools.cycle([True, False])
+
+        def follow(data: bytes) -> None:
+            if data == b"\0" and next(own):
+                muffled.at(muffled.now_ns + 23_000_000, partial(muffled.say, BOOT_UP, data))
+
+        muffled.subscribe(BOOT_UP, follow)
+        with pytest.raises(NodeError, match=r"^axis x: 2 boot-up messages after one reset"):
+            stage.boot()
+        assert {d.motion.state for d in drives.drives} == {State.SWITCH_ON_DISABLED}
+
+
+def test_tpdos_of_two_are_refused_before_power(stage_machine: Machine) -> None:
+    with twins(stage_machine, TPDO) as (stage, drives, _):
+        stage.boot()
+        with pytest.raises(AxisFault, match=r"^axis x: .*more than one TPDO 0x181 .* node id 1\?"):
+            stage.enable()
+        assert {d.motion.state for d in drives.drives} == {State.SWITCH_ON_DISABLED}
+
+
+def test_tpdos_of_two_stop_the_axes_and_are_not_trusted(stage_machine: Machine) -> None:
+    with twins(stage_machine) as (stage, drives, muffled):
+        stage.boot()
+        stage.home()
+        stage.enable()
+        samples: list[tuple[int, ...]] = []
+        stage.sink = samples.append
+        rows = np.tile(stage.targets, (100, 1))
+        count = itertools.count()
+
+        def until(_: tuple[float, ...]) -> bool:
+            if next(count) == 20:
+                muffled.ids.add(TPDO)
+            return False
+
+        with pytest.raises(AxisFault, match=r"^axis x: .*more than one TPDO 0x181 .* node id 1\?"):
+            stage.stream(rows, np.zeros_like(rows), until)
+        valid = np.array([s[9] for s in samples], dtype=bool)
+        position = np.array([s[6] for s in samples])
+        assert not any(d.motion.state is State.ENABLED for d in drives.drives)
+    assert len(samples) <= 30
+    assert valid[:21].all()
+    assert not valid[21:].any()
+    assert (position[21:] == position[20]).all()
+
+
+def test_a_frame_doubled_now_and_then_stops_nothing(stage_machine: Machine) -> None:
+    every = f.Duplicate(f.Frames(probability=0.05), copies=2)
+    with faulty(stage_machine, every) as stage:
+        stage.boot()
+        stage.home()
+        stage.enable()
+        samples = stage.hold(1.0)
+    assert samples.extra.sum() > 50
+    assert samples.valid.all()
+
+
+@pytest.mark.parametrize("least", [0.2e-3, 1.2e-3])
+def test_late_tpdos_are_not_doubled_ones(stage_machine: Machine, least: float) -> None:
+    """Some come for a SYNC after theirs: two for that one, and none for their own."""
+    late = f.Delay(
+        f.Frames(frozenset({0x181, 0x182}), "drives", after=1.5, probability=0.3), least, 2.4e-3
+    )
+    with faulty(stage_machine, late) as stage:
+        stage.boot()
+        stage.home()
+        stage.enable()
+        stage.hold(3.0)
+        assert stage.enabled
+
+
+def test_a_second_sync_doubles_those_of_all(stage_machine: Machine) -> None:
+    with faulty(stage_machine, f.Duplicate(f.Frames(frozenset({0x80}), "host"))) as stage:
+        stage.boot()
+        with pytest.raises(AxisFault, match="from the other axes: a second SYNC"):
+            stage.home()
