@@ -19,7 +19,7 @@ if TYPE_CHECKING:
         LimitError,
         NodeError,
     )
-    from drivers.samples import Sample, Samples
+    from drivers.samples import Sample
     from drivers.settings import AxisSettings, BusSettings
     from drivers.stage import Stage
 
@@ -36,13 +36,12 @@ __all__ = [
     "MonotonicClock",
     "NodeError",
     "Sample",
-    "Samples",
     "Stage",
 ]
 
 _HOMES = {
     **dict.fromkeys(("Clock", "MonotonicClock"), "clock"),
-    **dict.fromkeys(("Sample", "Samples"), "samples"),
+    "Sample": "samples",
     **dict.fromkeys(("AxisSettings", "BusSettings"), "settings"),
     "Stage": "stage",
 }

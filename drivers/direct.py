@@ -20,7 +20,8 @@ from drivers.channel import Channel
 from drivers.clock import Clock
 from drivers.cycle import Cycle, Until
 from drivers.errors import AxisFault
-from drivers.samples import Samples
+from drivers.samples import decode_rows
+from stagedata import Samples
 
 _SPEED_OVER = 5
 """SYNCs over which the speed of an axis is taken."""
@@ -109,7 +110,7 @@ def stream(
         braking = np.rint(left * shape).astype(np.int64)
         cycle.stream(braking, np.zeros_like(braking), rows, None, None)
     forces = channels[0].axis.target == od.TARGET_FORCE
-    return Samples.from_rows(
+    return decode_rows(
         rows,
         [c.axis.scale for c in channels],
         [c.axis.scale.force if forces else c.axis.settings.velocity_unit_si for c in channels],

@@ -28,8 +28,9 @@ from drivers.limits import (
 from drivers.power import HOLDING_TIMEOUT, RINGING_TIMEOUT, state_of
 from drivers.profile_moves import ProfileMoves
 from drivers.safe_stop import SafeStop
-from drivers.samples import Samples
+from drivers.samples import decode_rows
 from drivers.stage_parts import StageParts
+from stagedata import Samples
 
 F64 = NDArray[np.float64]
 
@@ -100,7 +101,7 @@ class Motion:
         rows = array("q")
         with self._stopping.on_failure(), self._real_time.in_motion():
             self._cycle.stream(targets, offsets, rows, sink, until)
-        return Samples.from_rows(rows, [c.axis.scale for c in channels])
+        return decode_rows(rows, [c.axis.scale for c in channels])
 
     def stream_velocity(self, velocity: F64, offset: F64 | None, until: Until | None) -> Samples:
         """Velocities in csv."""

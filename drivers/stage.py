@@ -27,10 +27,10 @@ from drivers.motion import Motion
 from drivers.other_host import LISTENING
 from drivers.profile_moves import ProfileMoves
 from drivers.safe_stop import SafeStop
-from drivers.samples import Samples
 from drivers.settings import AxisSettings, BusSettings
 from drivers.stage_parts import StageParts
 from drivers.stage_state import StageState
+from stagedata import Samples
 
 _TRIES = 3
 """Of the set-up, where something speaks for two devices with one node id."""

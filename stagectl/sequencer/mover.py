@@ -19,9 +19,18 @@ from estimation.trajectory import Limits, Trajectory, plan, plan_stop
 from sim2real.recording import Move
 from stagectl.compensation import AxisCompensation, Learned
 from stagectl.errors import RunFault
-from stagectl.sequencer import jolts
+from stagectl.sequencer import late_setpoint_mask
 from stagectl.sequencer.places import Places
-from stagectl.sequencer.samples import Block, MoveSamples
+from stagectl.sequencer.sample_validity import (
+    bridged_positions,
+    filled_to_grid,
+    mean_force,
+    resampled_to_grid,
+    without_late,
+    without_stale,
+    without_unpunctual,
+)
+from stagedata import Samples
 
 F64 = NDArray[np.float64]
 Until = Callable[[tuple[float, ...]], bool]
@@ -46,7 +55,7 @@ class StagePort(Protocol):
     def targets(self) -> tuple[float, ...]:
         """Target positions sent last [m]."""
 
-    def stream(self, position: F64, offset: F64, until: Until | None = None) -> Block:
+    def stream(self, position: F64, offset: F64, until: Until | None = None) -> Samples:
         """One setpoint pair per SYNC, [m] and [N], shape (K, n); ends early where `until` says."""
 
 
@@ -110,8 +119,8 @@ class Mover:
         count = len(self._axes)
         self.target: F64 = np.array(self._stage.targets, dtype=np.float64)
         self._offset: F64 = np.zeros(count)
-        self._blocks: list[Block] = []
-        self._tail = MoveSamples.none(count)
+        self._blocks: list[Samples] = []
+        self._tail = Samples.missing(0, count)
         self._before = self._tail
         self._rest_force: F64 = np.zeros(count)
 
@@ -164,7 +173,7 @@ class Mover:
         rows = math.ceil(max(m.duration for m in motion) / self._period) + 1
         # The force at rest is only known where there was one: else the last one stands.
         if len(self._tail):
-            self._rest_force = self._tail.mean_force()
+            self._rest_force = mean_force(self._tail)
         demand = _demand(motion, rows, self._period)
         self._relief = self._depart(target if place is None else place, demand)
         longest = max(m.duration for m in motion)
@@ -188,7 +197,7 @@ class Mover:
             site,
         )
         announce(self.move)
-        self._before = self._tail.last(BEFORE_MOVE)
+        self._before = self._tail.tail(BEFORE_MOVE)
         self._blocks = []
         done = self._stream_and_revise(motion, demand, offset)
         self._offset = offset[done - 1]
@@ -222,12 +231,13 @@ class Mover:
 
     def _move_data(self) -> list[MoveData]:
         """What has come back of the move so far, axis by axis."""
-        parts = [self._before, *map(MoveSamples.of, self._blocks)]
-        data = MoveSamples.joined(parts).punctual(self._period).fresh()
-        upset = jolts.upset(data, self._period)
-        data = data.on_grid(self._period).placed(self._period)
-        upset |= jolts.kicked(data, self._period)
-        upset |= jolts.aside(data, self._period, [axis.mass for axis in self._axes])
+        period = self._period
+        data = Samples.concatenate([self._before, *self._blocks])
+        data = without_stale(without_unpunctual(data, period))
+        upset = late_setpoint_mask.late_setpoints(data, period)
+        data = resampled_to_grid(filled_to_grid(data, period), period)
+        upset |= late_setpoint_mask.missed_syncs(data, period)
+        upset |= late_setpoint_mask.outliers(data, period, [axis.mass for axis in self._axes])
         moves = [
             MoveData(
                 np.ascontiguousarray(data.position[:, a]),
@@ -240,7 +250,7 @@ class Mover:
             for a in range(len(self._axes))
         ]
         if self._relief is not None and self._places is not None:
-            path = data.bridged()
+            path = bridged_positions(data)
             self._behind = [self._places.relief(a, path) for a in range(len(self._axes))]
         return moves
 
@@ -347,16 +357,17 @@ class Mover:
                 return until(position) or stop()
 
         block = self._stage.stream(demand, offset, check)
-        self._blocks.append(block)
-        self.samples += len(block.position)
-        samples = MoveSamples.of(block)
+        samples = without_late(block)
+        self._blocks.append(samples)
+        self.samples += len(samples)
         self._check_following(samples, demand)
-        if len(samples) < REST_SAMPLES:
-            samples = MoveSamples.joined([self._tail, samples])
-        self._tail = samples.last(REST_SAMPLES)
-        return len(block.position)
+        done = len(samples)
+        if done < REST_SAMPLES:
+            samples = Samples.concatenate([self._tail, samples])
+        self._tail = samples.tail(REST_SAMPLES)
+        return done
 
-    def _check_following(self, samples: MoveSamples, demand: F64) -> None:
+    def _check_following(self, samples: Samples, demand: F64) -> None:
         """Position k against demand k - 1, which the drive was at when it was sampled.
 
         Raises:

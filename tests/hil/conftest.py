@@ -33,11 +33,11 @@ import pytest
 
 from drivers.bus import Tap
 from drivers.realtime import RealTime
-from drivers.samples import Samples
 from drivers.settings import AxisSettings, BusSettings, RealTimeSettings
 from drivers.stage import Stage
 from stagectl.config.machine import Machine
 from stagectl.config.mapping import driver_settings, stage_settings
+from stagedata import Samples
 from tests.multicast import require_multicast
 
 START = (-5e-4, -4e-4)

@@ -13,8 +13,8 @@ import pytest
 
 from drivers.errors import AxisFault, BusError, LimitError, NodeError
 from drivers.objects import ObjectRef
-from drivers.samples import Samples
 from drivers.stage import Stage
+from stagedata import Samples
 
 
 def wait(stage: Stage, rig: Any, duration: float) -> None:

@@ -1,6 +1,6 @@
 """The engine on a plant without a bus: order of things, settling, stops, lost marks."""
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -30,23 +30,11 @@ from stagectl.sequencer.events import (
     Stopping,
 )
 from stagectl.sequencer.mover import MovingAxis
+from stagedata import Samples
 
 TS = 1e-3
 MACRO, MICRO = Profile(0.5, 3.0, 200.0), Profile(0.01, 0.2, 20.0)
 SETTLE = SettleStep(5e-8, 0.005, 0.15, "continue")
-
-
-@dataclass
-class Samples:
-    position: np.ndarray
-    force: np.ndarray
-    valid: np.ndarray
-    time: np.ndarray
-    late: np.ndarray
-    arrival: np.ndarray
-    sync: np.ndarray
-    doubt: np.ndarray
-    extra: np.ndarray
 
 
 class BareStage:
@@ -83,16 +71,14 @@ class BareStage:
             if until is not None and until(tuple(seen[-1])):
                 break
         count = len(seen)
-        return Samples(
-            np.array(seen),
-            np.array(force),
-            np.ones((count, 2), dtype=bool),
-            np.arange(self.count - count, self.count) * TS,
-            np.zeros(count, dtype=bool),
-            np.zeros((count, 2)),
-            np.zeros(count),
-            np.full(count, np.inf),
-            np.zeros((count, 2), dtype=np.uint8),
+        return replace(
+            Samples.missing(count, 2),
+            position=np.array(seen),
+            force=np.array(force),
+            valid=np.ones((count, 2), dtype=bool),
+            time=np.arange(self.count - count, self.count) * TS,
+            arrival=np.zeros((count, 2)),
+            doubt=np.full(count, np.inf),
         )
 
 

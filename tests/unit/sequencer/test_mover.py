@@ -1,7 +1,7 @@
 """How samples reach the estimator when the bus was not punctual."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,35 +10,24 @@ import pytest
 from estimation.trajectory import Limits
 from stagectl.errors import RunFault
 from stagectl.sequencer.mover import Mover, MovingAxis
-from stagectl.sequencer.samples import MoveSamples
+from stagectl.sequencer.sample_validity import without_late
+from stagedata import Samples
 
 TS = 1e-3
 
 
-@dataclass
-class Samples:
-    position: np.ndarray
-    force: np.ndarray
-    valid: np.ndarray
-    time: np.ndarray
-    late: np.ndarray
-    arrival: np.ndarray
-    sync: np.ndarray
-    doubt: np.ndarray
-    extra: np.ndarray
-
-
 def test_behind_a_hole_the_first_of_two_answers_is_that_of_a_sync_before():
     count = 10
-    block = Samples(
-        np.zeros((count, 1)), np.zeros((count, 1)), np.ones((count, 1), dtype=bool),
-        TS * np.arange(count), np.zeros(count, dtype=bool), np.full((count, 1), 2e-4),
-        np.zeros(count), np.zeros(count), np.zeros((count, 1), np.uint8),
-    )  # fmt: skip
+    block = replace(
+        Samples.missing(count, 1),
+        valid=np.ones((count, 1), dtype=bool),
+        time=TS * np.arange(count),
+        arrival=np.full((count, 1), 2e-4),
+    )
     block.extra[3] = 1  # one that was sent twice is as good as any
     block.valid[5:7] = False
     block.extra[8] = 1
-    assert np.flatnonzero(~MoveSamples.of(block).valid[:, 0]).tolist() == [5, 6, 7]
+    assert np.flatnonzero(~without_late(block).valid[:, 0]).tolist() == [5, 6, 7]
 
 
 class Echo:
@@ -69,11 +58,17 @@ class Echo:
                 break
         count = len(rows)
         self.offsets.append(offset[:count])
-        return Samples(
-            np.array(rows), np.full((count, 1), 1.5), np.ones((count, 1), dtype=bool),
-            np.array(time), np.array(late), np.array(arrival),
-            np.zeros(count), np.full(count, np.inf), np.zeros((count, 1), np.uint8),
-        )  # fmt: skip
+        axes = len(self.targets)
+        return replace(
+            Samples.missing(count, axes),
+            position=np.array(rows),
+            force=np.full((count, axes), 1.5),
+            valid=np.ones((count, axes), dtype=bool),
+            time=np.array(time),
+            late=np.array(late),
+            arrival=np.repeat(arrival, axes, axis=1),
+            doubt=np.full(count, np.inf),
+        )
 
 
 class Notes:
@@ -210,13 +205,6 @@ class Learning(Notes):
 
 class EchoOfTwo(Echo):
     targets = (0.0, 0.01)
-
-    def stream(self, position, offset, until=None):
-        made = super().stream(position, offset, until)
-        shape = made.position.shape
-        made.force, made.valid = np.full(shape, 1.5), np.ones(shape, dtype=bool)
-        made.arrival = np.repeat(made.arrival, 2, axis=1)
-        return made
 
 
 def test_an_axis_that_soon_rested_has_shown_nothing_of_the_place_it_was_taken_to():
