@@ -22,7 +22,8 @@ from drivers.axis import Axis
 from drivers.bus import Network
 from drivers.channel import Channel
 from drivers.cia402 import ENABLED_MASK, ENABLED_VALUE, decode
-from drivers.errors import AxisFault, BusError
+from drivers.clock import Clock
+from drivers.errors import AxisFault, BusError, ConfigurationError
 from drivers.exchange import Exchange
 from drivers.node import Node
 from drivers.samples import FIELDS, HEAD, VALID, Sample
@@ -59,6 +60,37 @@ class Cycle:
         for axis in axes:
             axis.node.on_alarm = self._alarmed.append
         network.other_host.on_found = lambda: self._alarmed.append(network)
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """Of all channels, in order."""
+        return tuple(c.axis for c in self.channels)
+
+    @property
+    def period(self) -> float:
+        """Ts [s]."""
+        return self._period * 1e-9
+
+    @property
+    def clock(self) -> Clock:
+        """The time that the bus runs in."""
+        return self._network.clock
+
+    def pump(self, duration: float) -> None:
+        """Waits for `duration` [s] without SYNC, keeping heartbeats up both ways."""
+        self._network.pump(duration)
+
+    def channel(self, axis: str) -> Channel:
+        """The channel of the axis of this name.
+
+        Raises:
+            ConfigurationError: there is none.
+        """
+        for channel in self.channels:
+            if channel.axis.name == axis:
+                return channel
+        names = ", ".join(a.name for a in self.axes)
+        raise ConfigurationError(f"no such axis (there are {names})", axis=axis)
 
     def resume(self) -> None:
         """Takes up the SYNC grid after a time without SYNCs; that time is not lateness."""

@@ -12,11 +12,12 @@ from enum import Enum, auto
 
 from drivers import objects as od
 from drivers.channel import Channel
-from drivers.cia402 import Command, Control, State, Status
+from drivers.cia402 import Command, Control, Mode, State, Status
 from drivers.cycle import Cycle
 from drivers.errors import HomingError
 from drivers.faults import error_text
-from drivers.power import Cycles, state_of
+from drivers.power import HOLDING_TIMEOUT, Cycles, Power, state_of
+from drivers.safe_stop import SafeStop
 from drivers.settings import AxisSettings
 
 START_TIMEOUT = 0.5
@@ -63,6 +64,28 @@ def judge(statusword: int, before: Progress, elapsed: float) -> Progress:
     if not reached:
         return Progress.RUNNING
     return Progress.INTERRUPTED if before is Progress.RUNNING else Progress.WAITING
+
+
+class Homing:
+    """Homing of the stage's axes; arguments and errors are those of `Stage`."""
+
+    mode = Mode.HOMING
+
+    def __init__(self, cycle: Cycle, power: Power, stopping: SafeStop) -> None:
+        self._cycle, self._power, self._stopping = cycle, power, stopping
+
+    def home(self, force: bool) -> None:
+        """All axes that are not homed yet, or with `force` all."""
+        chosen = [c for c in self._cycle.channels if force or not c.axis.homed]
+        if not chosen:
+            return
+        with self._stopping.on_failure():
+            self._power.enter(self.mode, chosen)
+            home(self._cycle, chosen, self._cycle.period)
+            # the drive is done when its demand is; the following error that is left would become a
+            # step of the target when csp takes over from the actual position
+            self._power.wait_for_rest(HOLDING_TIMEOUT)
+            self._cycle.check_alarms()
 
 
 def home(cycle: Cycle, channels: Sequence[Channel], period: float) -> None:

@@ -101,6 +101,31 @@ class Power:
                 channel.adapt()
                 channel.rest()
 
+    def require_enabled(self) -> None:
+        """Raises an `AxisFault` that names the first axis that is not in OPERATION ENABLED."""
+        for channel in self.channels:
+            if not channel.seen or state_of(channel) is not State.OPERATION_ENABLED:
+                raise AxisFault("the stage is not enabled", axis=channel.axis.name)
+
+    def enter(self, mode: Mode, channels: Sequence[Channel] | None = None) -> None:
+        """Enables axes (all by default) in a mode of operation.
+
+        Enabled ones change over under power, or presliding would throw them back by some 10 um;
+        where a drive refuses that, all go through SWITCH ON DISABLED.
+
+        Raises:
+            AxisFault: an axis faults, or does not become enabled.
+        """
+        chosen = self.channels if channels is None else channels
+        self._cycle.pump(0.0)
+        self._cycle.clear_alarms()
+        if self.change_over(mode, chosen):
+            return
+        self.switch_off()
+        self.wait_for_rest(RINGING_TIMEOUT)
+        self.set_mode(mode)
+        self.go(State.OPERATION_ENABLED, chosen)
+
     def change_over(self, mode: Mode, channels: Sequence[Channel]) -> bool:
         """Changes the mode of operation under power, without a jump, where that is possible.
 

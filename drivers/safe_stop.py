@@ -7,9 +7,10 @@ from contextlib import contextmanager
 
 from drivers import objects as od
 from drivers.cia402 import Command
+from drivers.cycle import Cycle
 from drivers.diagnosis import Evidence, explained
 from drivers.errors import AxisFault, BusError
-from drivers.stage_parts import StageParts
+from drivers.power import Power
 
 PERSISTENCE, PAUSE = 0.6, 0.01
 """A bus that refuses frames may come back, as from bus-off: tried so long, so often [s]. After that
@@ -25,10 +26,10 @@ class SafeStop:
         begun: a stop or the closing has begun, and nothing may break it off; until the next boot.
     """
 
-    def __init__(self, parts: StageParts) -> None:
+    def __init__(self, cycle: Cycle, power: Power) -> None:
         self.begun = False
-        self._clock, self._axes = parts.network.clock, parts.axes
-        self._cycle, self._power = parts.cycle, parts.power
+        self._clock, self._axes = cycle.clock, cycle.axes
+        self._cycle, self._power = cycle, power
 
     @property
     def braking_time(self) -> float:

@@ -19,17 +19,21 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.axis import Axis
 from drivers.bus import Network, Tap, open_bus
-from drivers.clock import MonotonicClock
-from drivers.cycle import Sink, Until
+from drivers.clock import Clock, MonotonicClock
+from drivers.csp import CyclicPosition
+from drivers.csv_cst import CyclicForce, CyclicVelocity
+from drivers.cycle import Cycle, Sink, Until
 from drivers.errors import BusError, ConfigurationError, DriverError, NodeError
-from drivers.motion import Motion
+from drivers.homing import Homing
 from drivers.other_host import LISTENING
+from drivers.power import HOLDING_TIMEOUT, Power
+from drivers.pp import ProfilePosition
 from drivers.profile_moves import ProfileMoves
+from drivers.realtime import RealTime
 from drivers.safe_stop import SafeStop
 from drivers.settings import AxisSettings, BusSettings
-from drivers.stage_parts import StageParts
-from drivers.stage_state import StageState
 from stagedata import Samples
 
 _TRIES = 3
@@ -52,7 +56,7 @@ def _exclusive(
     return held
 
 
-class Stage(StageState):
+class Stage:
     """All axes on one bus; a context manager that stops, disables and closes on the way out.
 
     Attributes:
@@ -73,10 +77,17 @@ class Stage(StageState):
         self._owned: can.BusABC | None = None
         self._open, self._listened = True, False
         _check_unique(axes)
-        parts = StageParts.on(Network(bus_object, str(bus), tap), bus, tuple(axes))
-        super().__init__(parts)
-        self._stopping = SafeStop(parts)
-        self._motion = Motion(parts, self._stopping)
+        self._network = Network(bus_object, str(bus), tap)
+        self.axes = tuple(Axis(self._network, axis) for axis in axes)
+        self._cycle = cycle = Cycle(self._network, self.axes, bus)
+        self._power = power = Power(cycle, bus.sync_period)
+        self._real_time = real_time = RealTime(bus.realtime)
+        self._stopping = stopping = SafeStop(cycle, power)
+        self._homing = Homing(cycle, power, stopping)
+        self._csp = CyclicPosition(cycle, power, stopping, real_time)
+        self._csv = CyclicVelocity(cycle, power, stopping, real_time)
+        self._cst = CyclicForce(cycle, power, stopping, real_time)
+        self._pp = ProfilePosition(cycle, power, stopping, self._csp.enter)
 
     @property
     def ending(self) -> bool:
@@ -127,6 +138,63 @@ class Stage(StageState):
         if kind is not None and self._open:
             self.safe_stop()
         self.close()
+
+    # -- what can be asked at any time; nothing is sent for it --------------------------------
+
+    @property
+    def enabled(self) -> bool:
+        """Whether all axes were in OPERATION ENABLED when last heard."""
+        return self._power.enabled
+
+    @property
+    def homed(self) -> bool:
+        """Whether all axes were homed since their last boot-up."""
+        return all(axis.homed for axis in self.axes)
+
+    @property
+    def clock(self) -> Clock:
+        """The time that everything here runs in: virtual on the lock-step bus."""
+        return self._network.clock
+
+    @property
+    def positions(self) -> tuple[float, ...]:
+        """Actual positions when last heard [m]."""
+        return tuple(c.position * c.axis.scale.increment for c in self._cycle.channels)
+
+    @property
+    def forces(self) -> tuple[float, ...]:
+        """Actual forces when last heard [N]."""
+        return tuple(c.force * c.axis.scale.force for c in self._cycle.channels)
+
+    @property
+    def targets(self) -> tuple[float, ...]:
+        """Target positions sent last [m]: where the next stream has to start."""
+        return tuple(c.target * c.axis.scale.increment for c in self._cycle.channels)
+
+    @property
+    def offsets(self) -> tuple[float, ...]:
+        """Force offsets sent last [N]."""
+        return tuple(c.offset * c.axis.scale.force for c in self._cycle.channels)
+
+    @property
+    def limitations(self) -> tuple[str, ...]:
+        """What the drives do without and what follows, known after `boot`; empty: nothing."""
+        return tuple(f"axis {a.name}: {clause}" for a in self.axes for clause in a.limitations)
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """What of SYNC and real time is not as asked for, one clause each; known when moving."""
+        return (*self._real_time.refused, *self._cycle.sync.notices)
+
+    @property
+    def missed(self) -> int:
+        """Process data frames that stayed away, since opening."""
+        return self._cycle.sync.missed
+
+    @property
+    def late(self) -> int:
+        """SYNCs that left more than half a period late, since opening."""
+        return self._cycle.sync.late
 
     # -- life cycle -------------------------------------------------------------------------
 
@@ -198,7 +266,7 @@ class Stage(StageState):
             HomingError: names the axis, its method and what the drive says.
             AxisFault: any other fault on the way.
         """
-        self._motion.home(force)
+        self._homing.home(force)
 
     @_exclusive
     def enable(self) -> None:
@@ -207,7 +275,7 @@ class Stage(StageState):
         Raises:
             AxisFault: an axis is in fault, or does not get there.
         """
-        self._motion.enable()
+        self._csp.enter()
 
     @_exclusive
     def disable(self) -> None:
@@ -235,7 +303,9 @@ class Stage(StageState):
         Raises:
             AxisFault: the stage is not enabled, or an axis does not come to rest; all are stopped.
         """
-        self._motion.halt()
+        self._power.require_enabled()
+        with self._stopping.on_failure():
+            self._power.halt(10 * self._stopping.braking_time + HOLDING_TIMEOUT)
 
     @_exclusive
     def reset_faults(self) -> None:
@@ -315,7 +385,7 @@ class Stage(StageState):
             AxisFault: an axis faulted, or fell silent; all axes are stopped.
             BusError: the bus failed; the drives stop when they miss the host's heartbeat.
         """
-        return self._motion.stream(position, offset, until, self.sink)
+        return self._csp.stream(position, offset, until, self.sink)
 
     @_exclusive
     def stream_velocity(
@@ -338,7 +408,7 @@ class Stage(StageState):
             ConfigurationError: a drive without csv.
             AxisFault, BusError: as `stream`.
         """
-        return self._motion.stream_velocity(velocity, offset, until)
+        return self._csv.stream(velocity, offset, until)
 
     @_exclusive
     def stream_force(self, force: NDArray[np.float64], until: Until | None = None) -> Samples:
@@ -356,7 +426,7 @@ class Stage(StageState):
             AxisFault: besides, an axis got too fast, or near the end of its travel.
             BusError: as `stream`.
         """
-        return self._motion.stream_force(force, until)
+        return self._cst.stream(force, until)
 
     def hold(self, duration: float) -> Samples:
         """Streams the present targets and offsets for `duration` [s]; raises as `stream`."""
@@ -388,7 +458,7 @@ class Stage(StageState):
             LimitError: outside the axis' limits; nothing was sent.
             AxisFault: the axis faulted or did not arrive; all axes are stopped.
         """
-        self._motion.move_to(axis, position, velocity, acceleration, relative)
+        self._pp.move_to(axis, position, velocity, acceleration, relative)
 
     @contextmanager
     def profile_moves(self, velocity: float, acceleration: float) -> Iterator[ProfileMoves]:
@@ -405,7 +475,7 @@ class Stage(StageState):
             AxisFault: the stage is not enabled, an axis faults or does not arrive.
             ConfigurationError: a drive without pp.
         """
-        with self._network.lock, self._motion.profile_moves(velocity, acceleration) as moves:
+        with self._network.lock, self._pp.moves(velocity, acceleration) as moves:
             yield moves
 
 
