@@ -23,7 +23,7 @@ class Samples:
         position: float64[K, n], 0x6064 sampled at the SYNC [m].
         force: float64[K, n], 0x6077 sampled at the SYNC [N].
         statusword: uint16[K, n].
-        valid: bool[K, n], False where no TPDO came for this SYNC, or another one contradicts it; the
+        valid: bool[K, n], False where no TPDO came for this SYNC or another contradicts it; the
             last values stand.
         arrival: float64[K, n], delay of the TPDO after the SYNC [s], nan where missed.
         sync: float64[K], when the SYNC left after its place on the grid [s].
