@@ -28,12 +28,12 @@ import canopen
 import numpy as np
 from machine_facts import machine_facts
 
-from drivers import objects as od
+from drivers.canopen import objects as od
 from drivers.stage import Stage
-from hil_sim.dictionary import EDS_PATH
-from hil_sim.server import serve
+from hil_sim.bus.server import serve
+from hil_sim.bus.world import World
+from hil_sim.cia301.dictionary import EDS_PATH
 from hil_sim.stage import VirtualStage
-from hil_sim.world import World
 from stagectl.config.machine import load_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 

@@ -3,7 +3,7 @@
     python benchmarks/cycle_rate.py [--rounds 7]
 
 One cycle: two RPDOs, SYNC, one step of the two-axis plant, two TPDOs, decoded. The yardstick is
-`hil_sim.simulate`, the same plant without CAN, measured in the same rounds: the ratios hold
+`hil_sim.plant.simulate`, the same plant without CAN, measured in the same rounds: the ratios hold
 on a busy machine, the microseconds don't.
 """
 
@@ -23,9 +23,9 @@ from machine_facts import machine_facts
 from numpy.typing import NDArray
 
 from drivers.stage import Stage
-from hil_sim.simulate import simulate
+from hil_sim.bus.world import World
+from hil_sim.plant.simulate import simulate
 from hil_sim.stage import VirtualStage
-from hil_sim.world import World
 from stagectl.config.machine import Machine, load_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 from stagectl.store.bus_log import BusLog

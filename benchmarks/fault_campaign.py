@@ -3,7 +3,7 @@
     python benchmarks/fault_campaign.py [--runs 2000] [--first 1] [--friction-scale 1.0]
         [--retries 0]
 
-Every scenario is made from its number alone: one to three faults (hil_sim/faults.py) somewhere
+Every scenario is made from its number alone: one to three faults (hil_sim/bus/faults.py) somewhere
 between power-on and the end of the run. Asked of each one:
 
 - it ends, as completed, aborted or fault, within bounds of virtual and of wall time;
@@ -38,16 +38,16 @@ from types import FrameType
 
 import numpy as np
 
-from hil_sim import faults as f
+from hil_sim.bus import faults as f
+from hil_sim.bus.world import World
+from hil_sim.cia402.state_machine import State
 from hil_sim.stage import VirtualStage
-from hil_sim.state_machine import State
-from hil_sim.world import World
-from stagectl.compensation import Mode, make_compensation
 from stagectl.config.machine import Machine, load_machine
 from stagectl.recipe.load import parse_recipe
 from stagectl.recipe.model import Recipe
-from stagectl.request import RunRequest, RunResult
-from stagectl.session import Listener, execute
+from stagectl.run.request import RunRequest, RunResult
+from stagectl.run.session import Listener, execute
+from stagectl.sequencer.compensation import Mode, make_compensation
 from stagectl.store.recording import read_recording
 
 RECIPE = """\

@@ -39,13 +39,13 @@ import can
 import numpy as np
 from fuzz_input import AT_DRIVER, AT_DRIVES, Frame, calm, edited, random_edits, random_frames
 
+from drivers.canopen.remote_objects import load_dictionary
 from drivers.errors import DriverError
-from drivers.remote_objects import load_dictionary
 from drivers.stage import Stage
-from hil_sim.dictionary import EDS_PATH
+from hil_sim.bus.world import World
+from hil_sim.cia301.dictionary import EDS_PATH
+from hil_sim.cia402.state_machine import State
 from hil_sim.stage import VirtualStage
-from hil_sim.state_machine import State
-from hil_sim.world import World
 from sim2real.recording import AxisSignals, Move, Recording
 from stagectl.config.fault_plan import parse_faults
 from stagectl.config.machine import Machine, load_machine, parse_machine

@@ -26,11 +26,11 @@ from estimation.offline.identify import Identification
 from estimation.offline.records import Samples
 from estimation.trajectory import Limits, plan
 from hil_sim.effects.library import own_effects
+from hil_sim.plant.simulate import simulate
 from hil_sim.settings import SUBSTEPS, AxisSettings
-from hil_sim.simulate import simulate
+from stagectl.calibration.identify import identify_pieces
 from stagectl.config import load_machine, stage_settings
-from stagectl.host_model import friction_model
-from stagectl.identify import identify_pieces
+from stagectl.config.host_model import friction_model
 
 F64 = NDArray[np.float64]
 BELIEVED_MASS = 8.0

@@ -2,8 +2,8 @@
 
     python benchmarks/run_figures.py [--seeds 5]
 
-Every row is a set of whole runs through `stagectl.session.execute`: CAN frames, two axes, journal,
-bus log and report included. Peak error and settling are those of `summary.json`
+Every row is a set of whole runs through `stagectl.run.session.execute`: CAN frames, two axes,
+journal, bus log and report included. Peak error and settling are those of `summary.json`
 (docs/formats/run.md), both axes together. Settling, peak error and friction depend on recipe and
 seed alone; the last column depends on the machine.
 """
@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 from machine_facts import machine_facts
 
-from stagectl.compensation import Mode
 from stagectl.config.machine import Machine, load_machine
 from stagectl.recipe.load import load_recipe
 from stagectl.recipe.model import Recipe
-from stagectl.request import RunRequest
-from stagectl.session import Listener, execute
+from stagectl.run.request import RunRequest
+from stagectl.run.session import Listener, execute
+from stagectl.sequencer.compensation import Mode
 
 RECIPE = Path(__file__).parents[1] / "recipes" / "inspection-20.yaml"
 WINDOWS = ("5e-08", "2e-07")

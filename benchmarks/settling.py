@@ -2,7 +2,7 @@
 
     python benchmarks/settling.py [--seeds 12] [--truth file|drawn|both]
 
-Whole runs of the recipe inspection-20 on the virtual stage, through `stagectl.session.execute`,
+Whole runs of the recipe inspection-20 on the virtual stage, through `stagectl.run.session.execute`,
 every seed once with estimated friction, started at half of the machine file's figures, and once
 as `oracle`, which knows the true figures (but not the wander of the Coulomb force). From the
 fourth site on, both axes together. The true stage is the machine file's (`file`), or one whose
@@ -18,9 +18,9 @@ import numpy as np
 from machine_facts import machine_facts
 from run_figures import RECIPE, Case, run
 
-from stagectl.compensation import Mode
 from stagectl.config.machine import Machine, load_machine
 from stagectl.recipe.load import load_recipe
+from stagectl.sequencer.compensation import Mode
 
 FIRST_SITE = 4
 LEAST, MOST = 0.6, 1.6

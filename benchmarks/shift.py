@@ -40,17 +40,14 @@ from shift_table import Table
 
 from drivers import Stage
 from estimation.trajectory import Limits
+from hil_sim.bus.world import World
 from hil_sim.stage import VirtualStage
-from hil_sim.world import World
 from sim2real.recording import AxisSignals, Move, Recording
-from stagectl.calibration.fresh import FreshPlaces
 from stagectl.calibration.sites import load_calibration
-from stagectl.compensation import AxisCompensation, Mode, make_compensation
 from stagectl.config.machine import load_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 from stagectl.history.opening import open_history
 from stagectl.history.records import RunEntry, StageKey
-from stagectl.history.run_history import RunHistory, software
 from stagectl.maps.active import load_active
 from stagectl.maps.build import build_map
 from stagectl.maps.model import to_json
@@ -58,8 +55,11 @@ from stagectl.recipe.fiducial import make_fiducial
 from stagectl.recipe.load import load_recipe
 from stagectl.recipe.model import Recipe
 from stagectl.recipe.plan import plan
+from stagectl.run.run_history import RunHistory, software
+from stagectl.sequencer.compensation import AxisCompensation, Mode, make_compensation
 from stagectl.sequencer.engine import Engine
 from stagectl.sequencer.events import Event, FrictionUpdated, LevelStepped
+from stagectl.sequencer.fresh_places import FreshPlaces
 from stagectl.sequencer.mover import MovingAxis
 from stagectl.sequencer.places import Places
 from stagectl.sequencer.settling import summarise_moves

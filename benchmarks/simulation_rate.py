@@ -20,8 +20,8 @@ from machine_facts import machine_facts
 
 from hil_sim.effects import AppliedEffect
 from hil_sim.effects.library import own_effects
+from hil_sim.plant.simulate import simulate
 from hil_sim.settings import StageSettings
-from hil_sim.simulate import simulate
 from stagectl.config import load_machine, stage_settings
 from stagectl.store.recording import read_recording
 

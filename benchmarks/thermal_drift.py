@@ -22,13 +22,13 @@ import numpy as np
 from machine_facts import machine_facts
 
 from hil_sim.stage import VirtualStage
-from stagectl.compensation import Mode
+from stagectl.config.host_model import friction_model
 from stagectl.config.machine import Machine, load_machine, parse_machine
-from stagectl.host_model import friction_model
 from stagectl.recipe.load import parse_recipe
-from stagectl.request import RunRequest
+from stagectl.run.request import RunRequest
+from stagectl.run.session import Listener, execute
+from stagectl.sequencer.compensation import Mode
 from stagectl.sequencer.events import Event, FrictionUpdated
-from stagectl.session import Listener, execute
 
 FIRST_SITE = 5
 MOST_RMS, MOST = 0.015, 0.05

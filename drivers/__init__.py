@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from drivers.clock import Clock, MonotonicClock
+    from drivers.canopen.clock import Clock, MonotonicClock
+    from drivers.cyclic.samples import Sample
     from drivers.errors import (
         AxisFault,
         BusError,
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
         LimitError,
         NodeError,
     )
-    from drivers.samples import Sample
     from drivers.settings import AxisSettings, BusSettings
     from drivers.stage import Stage
 
@@ -40,8 +40,8 @@ __all__ = [
 ]
 
 _HOMES = {
-    **dict.fromkeys(("Clock", "MonotonicClock"), "clock"),
-    "Sample": "samples",
+    **dict.fromkeys(("Clock", "MonotonicClock"), "canopen.clock"),
+    "Sample": "cyclic.samples",
     **dict.fromkeys(("AxisSettings", "BusSettings"), "settings"),
     "Stage": "stage",
 }

@@ -15,10 +15,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from drivers.objects import ObjectRef
+from drivers.canopen.objects import ObjectRef
 
 if TYPE_CHECKING:
-    from drivers.diagnosis import FaultReport
+    from drivers.motion.fault_report import FaultReport
 
 
 def shown(value: object) -> str:

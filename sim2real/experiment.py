@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.plant.simulate import simulate
 from hil_sim.settings import StageSettings
-from hil_sim.simulate import simulate
 from sim2real.axis_model import AxisModel, composed
 from sim2real.gap import Measured
 from sim2real.report import NextExperiment

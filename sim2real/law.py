@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from hil_sim.port_arrays import opened
+from hil_sim.plant.port_arrays import opened
 from hil_sim.settings import ControlSettings, StageSettings
 from sim2real.recording import BoolArray, FloatArray
 from sim2real.replay import Replay

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.plant.simulate import Response, needs_all_axes, simulate
 from hil_sim.settings import AxisSettings, StageSettings
-from hil_sim.simulate import Response, needs_all_axes, simulate
 from sim2real.recording import AxisSignals, BoolArray, FloatArray, Recording
 from sim2real.report import SIGNALS
 

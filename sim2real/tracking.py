@@ -22,9 +22,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.arrays import Arrays
 from hil_sim.effects.ports import EffectPorts
-from hil_sim.mechanics import advance, command
+from hil_sim.plant.arrays import Arrays
+from hil_sim.plant.mechanics import advance, command
 from hil_sim.settings import SUBSTEPS, AxisSettings, StageSettings
 from sim2real.error_states import STATES, Gains, catch, exponential, propagate, rates
 from sim2real.recording import BoolArray

@@ -56,8 +56,8 @@ def stage_bus(virtual_drives: VirtualStage) -> Iterator[can.BusABC]:
 
     `bus.clock.now_ns()` is its time; only waiting (`recv`, `clock.sleep_until_ns`) moves it.
     """
-    from hil_sim.lockstep import LockstepBus
-    from hil_sim.world import World
+    from hil_sim.bus.lockstep import LockstepBus
+    from hil_sim.bus.world import World
 
     world = World(f"pytest-{next(_channels)}")
     virtual_drives.attach(world)

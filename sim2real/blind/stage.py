@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from hil_sim.plant.simulate import simulate
 from hil_sim.settings import StageSettings
-from hil_sim.simulate import simulate
 from sim2real.blind.moves import Demands
 from sim2real.recording import AxisSignals, Recording
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from hil_sim.effects.effect import Effect
+from hil_sim.plant.simulate import simulate
 from hil_sim.settings import StageSettings
-from hil_sim.simulate import simulate
 from sim2real.blind.draw import Drawn, Key, draw_key, stage_of
 from sim2real.blind.moves import Demands, draw_demands
 from sim2real.blind.seal import Sealed, seal

@@ -11,10 +11,10 @@ from stagectl.calibration.sites import DAY, Calibration, DueSection
 from stagectl.history.opening import is_server, open_history
 from stagectl.history.port import History
 from stagectl.history.records import Pair, StageKey, StepRecord, Wear
-from stagectl.history.run_history import begins
 from stagectl.maps.active import load_active
 from stagectl.maps.places import NEAR, TrackedPlaces
-from stagectl.request import RunRequest
+from stagectl.run.request import RunRequest
+from stagectl.run.run_history import begins
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,7 @@ class Interrupted:
 
 
 def load_interrupted_calibration(folder: Path) -> Interrupted:
-    """Read it; `stagectl.resume.load_interrupted` has said before that it can be gone on with.
+    """Read it; `stagectl.run.resume.load_interrupted` has said before that it can be gone on with.
 
     Raises:
         UnusableInput: it was no calibration, or an older version's.

@@ -18,10 +18,10 @@ import numpy as np
 from estimation.gms import FrictionState, follow
 from estimation.split_horizon import MoveData, SplitHorizonEstimator
 from estimation.trajectory import Limits, plan
-from stagectl.compensation import AxisCompensation, Mode
+from stagectl.config.host_model import friction_model
 from stagectl.config.machine import Axis, Machine
-from stagectl.host_model import friction_model
 from stagectl.recipe.model import Excursion, Profile
+from stagectl.sequencer.compensation import AxisCompensation, Mode
 
 GOALS = {"coulomb": 0.01, "viscous": 0.03, "stiffness": 0.01, "relaxation_rate": 0.035}
 """Relative standard deviations that a calibration is to reach."""

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from stagectl.maps.compare import AxisChange
     from stagectl.maps.model import FrictionMap
     from stagectl.recipe.model import Recipe
-    from stagectl.request import Resumed, RunRequest
+    from stagectl.run.request import Resumed, RunRequest
 
 _STYLES = {"good": "green", "watch": "yellow", "act": "red", "failed": "red"}
 
@@ -85,8 +85,8 @@ def command(
             click.echo(f"  {line}")
         if not calibration.sequence.reaches():
             click.echo("  not as well as it should: a larger 'reach' may help")
-    from stagectl.compensation import Mode
-    from stagectl.request import RunRequest
+    from stagectl.run.request import RunRequest
+    from stagectl.sequencer.compensation import Mode
 
     request = RunRequest(
         calibration.recipe, believed, truth, bus, Mode.ESTIMATED, 1.0, seed, folder, started,
@@ -123,7 +123,7 @@ def _gone_on_with(
 ) -> tuple[Recipe, Resumed, list[dict[str, Any]]]:
     """The sites of an interrupted calibration, whatever is due now, and what it has found."""
     from stagectl.calibration.interrupted import load_interrupted_calibration
-    from stagectl.resume import load_interrupted
+    from stagectl.run.resume import load_interrupted
 
     resumed = load_interrupted(folder, calibration.recipe)
     interrupted = load_interrupted_calibration(folder)
@@ -162,7 +162,7 @@ def _measure(
     from stagectl.cli.progress import RunProgress
     from stagectl.errors import StagectlError, UnusableInput
     from stagectl.history.records import StageKey
-    from stagectl.session import Listener, execute
+    from stagectl.run.session import Listener, execute
 
     console = Console(stderr=quiet)
     machine = request.machine

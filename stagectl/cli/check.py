@@ -11,7 +11,7 @@ from stagectl.cli.bus_access import Bench, bus_options, interruptible
 from stagectl.cli.options import JSON_FILE, quietly, write_json
 
 if TYPE_CHECKING:
-    from drivers.conformance import Finding
+    from drivers.bench.conformance import Finding
 
 
 @click.command(short_help="Does a drive behave as CiA 402 says?")
@@ -33,8 +33,8 @@ def command(
     clear all the same. Values that are changed are put back, the drive ends disabled. Refused
     while another host is on the bus. Exit code 0 when nothing failed, else 1.
     """
-    from drivers.conformance import Verdict, run
-    from drivers.other_host import LISTENING
+    from drivers.bench.conformance import Verdict, run
+    from drivers.canopen.other_host import LISTENING
     from stagectl.errors import StagectlError
 
     bench = Bench(machine, bus, simulate, seed)
@@ -70,7 +70,7 @@ def _entry(finding: Finding) -> dict[str, Any]:
 def _table(findings: list[Finding], node: int, label: str) -> Any:
     from rich.table import Table
 
-    from drivers.conformance import Verdict
+    from drivers.bench.conformance import Verdict
 
     colours = {Verdict.FAIL: "bold red", Verdict.DIFFERS: "yellow", Verdict.PASS: "green"}
     table = Table(title=f"CiA 301 and CiA 402: node {node} on {label}", title_justify="left")

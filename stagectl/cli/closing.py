@@ -14,7 +14,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from stagectl.request import RunResult
+from stagectl.run.request import RunResult
 from stagectl.sequencer.verdict import SiteVerdict
 from stagectl.store.bus_log import SPOOL_NAME
 

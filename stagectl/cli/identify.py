@@ -44,9 +44,9 @@ def command(
     """
     from rich.console import Console
 
+    from stagectl.calibration.identify import identify_axis
     from stagectl.config.machine import load_machine, parse_machine
     from stagectl.errors import UnusableInput
-    from stagectl.identify import identify_axis
     from stagectl.store.recording import read_recording
 
     read = [read_recording(path) for path in recordings]

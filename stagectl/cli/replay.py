@@ -10,7 +10,7 @@ import click
 from stagectl.cli.options import JSON_FILE, quietly, write_json
 
 if TYPE_CHECKING:
-    from stagectl.replay.rerun import Replayed
+    from stagectl.run.replay.rerun import Replayed
     from stagectl.store.log_reader import LoggedFrame
 
 
@@ -30,9 +30,9 @@ def command(run: Path, json_out: Path | None) -> None:
     """
     from rich.console import Console
 
-    from stagectl.replay.rerun import replay
+    from stagectl.run.replay.rerun import replay
+    from stagectl.run.session import Listener
     from stagectl.sequencer.events import Event, MoveStarted
-    from stagectl.session import Listener
 
     with Console(stderr=True).status("reading") as status:
 
@@ -69,7 +69,7 @@ def _lines(result: Replayed, run: Path) -> list[str]:
 
 
 def _frame(frame: LoggedFrame | None, result: Replayed, nothing: str) -> str:
-    from stagectl.replay.meaning import meaning
+    from stagectl.run.replay.meaning import meaning
 
     if frame is None:
         return nothing
@@ -79,7 +79,7 @@ def _frame(frame: LoggedFrame | None, result: Replayed, nothing: str) -> str:
 
 
 def _as_dict(result: Replayed) -> dict[str, Any]:
-    from stagectl.replay.meaning import meaning
+    from stagectl.run.replay.meaning import meaning
 
     def frame(one: LoggedFrame | None) -> dict[str, Any] | None:
         if one is None:

@@ -12,10 +12,10 @@ from stagectl.cli.motion import machines_of, simulated_or_real, stop_on_signal
 from stagectl.cli.options import FILE, JSON_FILE, NumberRange, quietly, write_json
 
 if TYPE_CHECKING:
-    from hil_sim.faults import FaultPlan
+    from hil_sim.bus.faults import FaultPlan
     from stagectl.config.machine import Machine
     from stagectl.recipe.model import Recipe
-    from stagectl.request import RunRequest
+    from stagectl.run.request import RunRequest
 
 USUAL_BUDGET = 5.0
 """Time for sites slipped into a run, where neither option nor file says [s]."""
@@ -142,10 +142,10 @@ def command(
     started = datetime.now(UTC).astimezone()
     folder = out or Path("runs") / f"{loaded.name}-{started:%Y%m%d-%H%M%S}"
     _check_apart(folder, resume)
-    from stagectl.compensation import Mode
     from stagectl.history.opening import default_history
-    from stagectl.request import RunRequest
-    from stagectl.resume import load_interrupted
+    from stagectl.run.request import RunRequest
+    from stagectl.run.resume import load_interrupted
+    from stagectl.sequencer.compensation import Mode
 
     request = RunRequest(
         loaded,
@@ -226,7 +226,7 @@ def _run(request: RunRequest, json_out: Path | None) -> None:
 
     from stagectl.cli.closing import closing
     from stagectl.cli.progress import RunProgress
-    from stagectl.session import Listener, execute
+    from stagectl.run.session import Listener, execute
 
     quiet = quietly(json_out)
     console = Console(stderr=quiet)

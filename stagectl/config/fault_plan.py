@@ -41,7 +41,7 @@ from stagectl.config.yaml_nodes import Document, load_document, parse_document
 from stagectl.errors import ConfigError
 
 if TYPE_CHECKING:
-    from hil_sim import faults as sim
+    from hil_sim.bus import faults as sim
 
 
 def load_faults(path: Path, machine: Machine, seed: int) -> sim.FaultPlan:
@@ -68,7 +68,7 @@ def parse_faults(text: str, name: str, machine: Machine, seed: int) -> sim.Fault
 
 
 def _plan(document: Document, machine: Machine, seed: int) -> sim.FaultPlan:
-    from hil_sim import faults as sim
+    from hil_sim.bus import faults as sim
 
     file = validate(document, FaultsFile)
     mapping = _Mapping(document, machine)
@@ -90,7 +90,7 @@ class _Mapping:
 
     def fault(self, section: FaultSection, index: int) -> sim.Fault | None:
         """One fault, or None where there was a problem."""
-        from hil_sim import faults as sim
+        from hil_sim.bus import faults as sim
 
         self._index = index
         before = len(self.problems)
@@ -126,7 +126,7 @@ class _Mapping:
         return made if len(self.problems) == before else None
 
     def _on_frames(self, section: OnFrames) -> sim.Fault:
-        from hil_sim import faults as sim
+        from hil_sim.bus import faults as sim
 
         frames = self._frames(section, section.frame, section.axis)
         match section:
@@ -145,7 +145,7 @@ class _Mapping:
         return sim.Drop(frames)
 
     def _drive(self, section: DriveFault) -> sim.Fault | None:
-        from hil_sim import faults as sim
+        from hil_sim.bus import faults as sim
 
         if (section.at is None) == (section.position is None):
             self._refuse("at", "needs either at or position")
@@ -159,7 +159,7 @@ class _Mapping:
         )
 
     def _frames(self, section: Window, frame: str, axis: str | None) -> sim.Frames:
-        from hil_sim import faults as sim
+        from hil_sim.bus import faults as sim
 
         nodes = list(self._nodes.values()) if axis is None else [self._node(axis)]
         node = None if axis is None else nodes[0]

@@ -31,7 +31,7 @@ PATIENCE = 10.0
 class HistoryWriter:
     """Files the records of a run in the order in which they are handed over.
 
-    Make it before the drives are under way: the thread inherits what `drivers.realtime` sets.
+    Make it before motion begins: the thread inherits its scheduling (`drivers.cyclic.realtime`).
 
     Args:
         reopen: opens the history for writing; called in the thread, also after a failure.

@@ -1,6 +1,6 @@
 """The move of section IV: one mass with Maxwell-slip friction under a sampled PID.
 
-The friction is the simulator's (`hil_sim.friction`), never the estimator's. The controller runs at
+The friction is the simulator's (`hil_sim.plant`), never the estimator's. The controller runs at
 the sample rate and holds its force; the mass is integrated at 200 kHz, velocity Verlet: its
 accelerations belong to the instants of the positions. (Semi-implicit Euler would shift them by half
 a step, 2.5 us, and sigma_v by 0.2 %.) No quantisation; encoder noise on request, inside the loop.
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from estimation.trajectory import Limits, plan
-from hil_sim.friction import element_shares, slip_step, stribeck
+from hil_sim.plant.friction import element_shares, slip_step, stribeck
 from stagectl.paper import published
 
 F64 = NDArray[np.float64]

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from estimation.split_horizon import MoveData
 from estimation.trajectory import Limits, Trajectory, plan, plan_stop
 from sim2real.recording import Move
-from stagectl.compensation import AxisCompensation, Learned
 from stagectl.errors import RunFault
 from stagectl.sequencer import late_setpoint_mask
+from stagectl.sequencer.compensation import AxisCompensation, Learned
 from stagectl.sequencer.places import Places
 from stagectl.sequencer.sample_validity import (
     bridged_positions,

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drivers.canopen.objects import ObjectRef
 from drivers.errors import AxisFault, ConfigurationError
-from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings, OptionCodes
 from drivers.stage import Stage
+from hil_sim.bus.world import World
 from hil_sim.stage import VirtualStage
-from hil_sim.world import World
 from stagectl.config.machine import Machine, parse_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 

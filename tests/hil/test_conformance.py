@@ -11,13 +11,13 @@ from typing import Any
 import can
 import pytest
 
-from drivers.bus import Network
-from drivers.conformance import Finding, Verdict, run
+from drivers.bench.conformance import Finding, Verdict, run
+from drivers.bench.scan import scan
+from drivers.canopen.bus import Network
 from drivers.errors import NodeError
-from drivers.scan import scan
-from hil_sim.dictionary import key
+from hil_sim.bus.world import World
+from hil_sim.cia301.dictionary import key
 from hil_sim.stage import VirtualStage
-from hil_sim.world import World
 from stagectl.config.machine import Machine, load_machine
 from stagectl.config.mapping import stage_settings
 

@@ -10,11 +10,11 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
+from drivers.canopen.objects import SYNC_WINDOW
 from drivers.errors import BusError, ConfigurationError
-from drivers.objects import SYNC_WINDOW
 from drivers.stage import Stage
-from hil_sim import faults as f
-from hil_sim.fault_world import FaultyWorld
+from hil_sim.bus import faults as f
+from hil_sim.bus.fault_world import FaultyWorld
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.mapping import driver_settings, stage_settings

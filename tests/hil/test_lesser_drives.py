@@ -14,9 +14,9 @@ import pytest
 
 from drivers.errors import AxisFault
 from drivers.stage import Stage
-from hil_sim.dictionary import key
+from hil_sim.bus.world import World
+from hil_sim.cia301.dictionary import key
 from hil_sim.stage import VirtualStage
-from hil_sim.world import World
 from stagectl.config.machine import load_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 

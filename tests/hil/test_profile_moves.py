@@ -13,8 +13,8 @@ import pytest
 
 from drivers.errors import AxisFault, ConfigurationError, LimitError
 from drivers.stage import Stage
+from hil_sim.bus.world import World
 from hil_sim.stage import VirtualStage
-from hil_sim.world import World
 from stagectl.config.machine import Machine
 from stagectl.config.mapping import driver_settings, stage_settings
 

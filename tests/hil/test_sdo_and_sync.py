@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from canopen import SdoAbortedError
 
-from drivers.bus import Network
+from drivers.canopen.bus import Network
+from drivers.canopen.sdo_channel import SdoChannel
 from drivers.errors import ConfigurationError
-from drivers.sdo_channel import SdoChannel
 from drivers.settings import BusSettings
 from drivers.stage import Stage
+from hil_sim.bus.world import World
 from hil_sim.stage import VirtualStage
-from hil_sim.world import World
 from stagectl.config.machine import Machine, load_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 

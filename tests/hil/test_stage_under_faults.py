@@ -7,14 +7,14 @@ import can
 import numpy as np
 import pytest
 
+from drivers.bench.status import status_of
 from drivers.errors import AxisFault, BusError
 from drivers.stage import Stage
-from drivers.status import status_of
-from hil_sim import faults as f
-from hil_sim.fault_world import FaultyWorld
+from hil_sim.bus import faults as f
+from hil_sim.bus.fault_world import FaultyWorld
+from hil_sim.bus.world import World
+from hil_sim.cia402.state_machine import State
 from hil_sim.stage import VirtualStage
-from hil_sim.state_machine import State
-from hil_sim.world import World
 from stagectl.config.mapping import driver_settings, stage_settings
 
 _names = (f"under-faults-{n}" for n in itertools.count())

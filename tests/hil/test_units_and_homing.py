@@ -10,8 +10,8 @@ import pytest
 
 from drivers.errors import AxisFault, ConfigurationError, HomingError
 from drivers.stage import Stage
-from hil_sim import faults as f
-from hil_sim.fault_world import FaultyWorld
+from hil_sim.bus import faults as f
+from hil_sim.bus.fault_world import FaultyWorld
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine, parse_machine
 from stagectl.config.mapping import driver_settings, stage_settings

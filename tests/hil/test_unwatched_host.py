@@ -14,10 +14,10 @@ from canopen import SdoAbortedError
 from drivers.errors import ConfigurationError
 from drivers.settings import AxisSettings
 from drivers.stage import Stage
-from hil_sim.dictionary import Dictionary, key
+from hil_sim.bus.world import World
+from hil_sim.cia301.dictionary import Dictionary, key
+from hil_sim.cia402.state_machine import State
 from hil_sim.stage import VirtualStage
-from hil_sim.state_machine import State
-from hil_sim.world import World
 from stagectl.config.machine import Machine, parse_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 

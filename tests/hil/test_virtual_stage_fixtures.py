@@ -10,9 +10,9 @@ import canopen
 import numpy as np
 
 from drivers.stage import Stage
-from hil_sim.lockstep import LockstepBus
+from hil_sim.bus.lockstep import LockstepBus
+from hil_sim.bus.world import World
 from hil_sim.stage import VirtualStage
-from hil_sim.world import World
 from stagectl.config.mapping import driver_settings, stage_settings
 
 

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.compensation import Mode
 from stagectl.config.machine import Machine, load_machine, parse_machine
 from stagectl.recipe.load import load_recipe
-from stagectl.request import RunRequest, RunResult
-from stagectl.session import Listener, execute
+from stagectl.run.request import RunRequest, RunResult
+from stagectl.run.session import Listener, execute
+from stagectl.sequencer.compensation import Mode
 from tests.postgres import Server, serve
 
 ROOT = Path(__file__).parents[2]

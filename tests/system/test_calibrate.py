@@ -14,15 +14,15 @@ from click.testing import CliRunner
 
 from stagectl.calibration.sites import load_calibration
 from stagectl.cli import cli
-from stagectl.compensation import Mode
 from stagectl.config.machine import load_machine
 from stagectl.errors import StagectlError
 from stagectl.history.opening import open_history
 from stagectl.history.records import StageKey
 from stagectl.maps.active import map_versions
-from stagectl.request import RunRequest
+from stagectl.run.request import RunRequest
+from stagectl.run.session import Listener, execute
+from stagectl.sequencer.compensation import Mode
 from stagectl.sequencer.events import StretchDone
-from stagectl.session import Listener, execute
 from stagectl.store.recording import read_notes
 from tests.system.short_recipe import short_recipe
 

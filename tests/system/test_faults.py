@@ -10,13 +10,13 @@ import h5py
 import numpy as np
 import pytest
 
-from hil_sim import faults as f
-from hil_sim.state_machine import State
-from stagectl.compensation import Mode
+from hil_sim.bus import faults as f
+from hil_sim.cia402.state_machine import State
 from stagectl.recipe.load import parse_recipe
-from stagectl.request import RunRequest
+from stagectl.run.request import RunRequest
+from stagectl.run.session import Listener, execute
+from stagectl.sequencer.compensation import Mode
 from stagectl.sequencer.events import FrictionUpdated
-from stagectl.session import Listener, execute
 from stagectl.store.recording import read_recording
 
 ROOT = Path(__file__).parents[2]

@@ -8,17 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.compensation import Mode
 from stagectl.config.machine import parse_machine
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.history.filing import file_left_behind, runs_in
 from stagectl.history.opening import open_history
 from stagectl.history.records import StageKey
 from stagectl.recipe.load import parse_recipe
-from stagectl.request import RunRequest
-from stagectl.run_record import RunRecord
+from stagectl.run.record import RunRecord
+from stagectl.run.request import RunRequest
+from stagectl.run.session import Listener, execute
+from stagectl.sequencer.compensation import Mode
 from stagectl.sequencer.events import FrictionUpdated, LevelStepped
-from stagectl.session import Listener, execute
 from tests.sqlite_lock import locked
 from tests.system.short_recipe import short_recipe
 

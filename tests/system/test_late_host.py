@@ -7,15 +7,15 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from hil_sim.lockstep import LockstepBus
+from hil_sim.bus.lockstep import LockstepBus
+from hil_sim.bus.world import World
 from hil_sim.stage import VirtualStage
-from hil_sim.world import World
-from stagectl.compensation import Mode
 from stagectl.config.mapping import stage_settings
 from stagectl.recipe.fiducial import make_fiducial
 from stagectl.recipe.load import parse_recipe
-from stagectl.request import RunRequest
-from stagectl.session import Listener, Rig, execute
+from stagectl.run.request import RunRequest
+from stagectl.run.session import Listener, Rig, execute
+from stagectl.sequencer.compensation import Mode
 
 RECIPE = """\
 recipe: slow

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from hil_sim import faults as f
-from hil_sim.state_machine import State
+from hil_sim.bus import faults as f
+from hil_sim.cia402.state_machine import State
 from stagectl.cli import cli
-from stagectl.compensation import Mode
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.recipe.load import parse_recipe
-from stagectl.replay.rerun import replay
-from stagectl.request import RunRequest
-from stagectl.resume import load_interrupted
+from stagectl.run.replay.rerun import replay
+from stagectl.run.request import RunRequest
+from stagectl.run.resume import load_interrupted
+from stagectl.run.session import Listener, execute
+from stagectl.sequencer.compensation import Mode
 from stagectl.sequencer.events import Exposed, MoveStarted
-from stagectl.session import Listener, execute
 from stagectl.store.bus_log import recover_log
 from stagectl.store.log_reader import read_log
 from stagectl.store.recording import read_notes, read_recording

@@ -3,7 +3,7 @@
 import pytest
 from click.testing import CliRunner
 
-from hil_sim.dictionary import EDS_PATH
+from hil_sim.cia301.dictionary import EDS_PATH
 from stagectl.cli import cli
 from stagectl.config.machine import load_machine
 from stagectl.errors import RunFault

@@ -7,9 +7,9 @@ from estimation.refinement import refine_move
 from estimation.split_horizon import MoveData
 from estimation.trajectory import Limits, plan
 from estimation.update import update_move
-from stagectl.compensation import Mode, make_compensation
 from stagectl.config import load_machine, parse_machine
-from stagectl.host_model import friction_model
+from stagectl.config.host_model import friction_model
+from stagectl.sequencer.compensation import Mode, make_compensation
 
 TS = 1e-3
 MOVE = plan(0.0, 25e-3, Limits(0.5, 3.0, 200.0))

@@ -11,18 +11,18 @@ from click.testing import CliRunner
 
 from estimation.offline.records import Samples
 from estimation.trajectory import Limits, plan
+from hil_sim.plant.simulate import simulate
 from hil_sim.settings import SUBSTEPS
-from hil_sim.simulate import simulate
+from stagectl.calibration.identify import identify_axis, identify_pieces
 from stagectl.cli.identify import command
-from stagectl.compensation import Mode
 from stagectl.config import stage_settings
+from stagectl.config.host_model import friction_model
 from stagectl.config.machine import load_machine
 from stagectl.errors import UnusableInput
-from stagectl.host_model import friction_model
-from stagectl.identify import identify_axis, identify_pieces
 from stagectl.recipe.load import load_recipe
-from stagectl.request import RunRequest
-from stagectl.session import Listener, execute
+from stagectl.run.request import RunRequest
+from stagectl.run.session import Listener, execute
+from stagectl.sequencer.compensation import Mode
 from stagectl.store.recording import read_recording, write_recording
 
 DATA = Path(__file__).parents[1] / "data"

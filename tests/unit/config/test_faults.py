@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_sim import faults as f
+from hil_sim.bus import faults as f
 from stagectl.config.fault_plan import load_faults, parse_faults
 from stagectl.config.faults import FRAME_NAMES
 from stagectl.config.machine import load_machine

@@ -16,7 +16,7 @@ import can
 import numpy as np
 import pytest
 
-from drivers.cia402 import AUTOMATIC, TRANSITIONS, Command, State
+from drivers.drive.cia402 import AUTOMATIC, TRANSITIONS, Command, State
 from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
 

@@ -10,10 +10,10 @@ from typing import Any
 import can
 import pytest
 
-from drivers.bus import Network, open_bus
-from drivers.clock import Clock, MonotonicClock, clock_of
+from drivers.canopen.bus import Network, open_bus
+from drivers.canopen.clock import Clock, MonotonicClock, clock_of
+from drivers.canopen.remote_objects import load_dictionary
 from drivers.errors import BusError, ConfigurationError
-from drivers.remote_objects import load_dictionary
 from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
 from tests.multicast import require_multicast

@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from drivers.cia402 import (
+from drivers.drive.cia402 import (
     AUTOMATIC,
     HOLD,
     TRANSITIONS,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from drivers.homing import Progress, judge, timeout_for
+from drivers.motion.homing import Progress, judge, timeout_for
 from drivers.settings import AxisSettings
 
 # statusword bits 13, 12, 10 of CiA 402-2, homing mode

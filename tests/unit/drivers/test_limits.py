@@ -11,8 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import LimitError
-from drivers.limits import checked_counts, checked_forces, checked_profile, checked_velocities
-from drivers.profile_position import Setpoint
+from drivers.motion.limits import (
+    checked_counts,
+    checked_forces,
+    checked_profile,
+    checked_velocities,
+)
+from drivers.motion.profile_position import Setpoint
 from drivers.settings import AxisSettings
 
 TS = 1e-3

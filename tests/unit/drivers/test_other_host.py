@@ -5,8 +5,8 @@ from __future__ import annotations
 import can
 import pytest
 
+from drivers.canopen.other_host import OtherHost, may_echo
 from drivers.errors import BusError
-from drivers.other_host import OtherHost, may_echo
 from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
 

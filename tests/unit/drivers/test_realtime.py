@@ -11,9 +11,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from drivers.clock import MonotonicClock, stamps_of
+from drivers.canopen.clock import MonotonicClock, stamps_of
+from drivers.cyclic.realtime import SWITCH_INTERVAL, RealTime
 from drivers.errors import ConfigurationError
-from drivers.realtime import SWITCH_INTERVAL, RealTime
 from drivers.settings import BusSettings, RealTimeSettings
 
 

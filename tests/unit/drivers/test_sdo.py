@@ -15,11 +15,11 @@ from canopen import SdoAbortedError, SdoCommunicationError
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers import sdo
-from drivers.bus import Network
+from drivers.canopen import sdo
+from drivers.canopen.bus import Network
+from drivers.canopen.objects import ObjectRef
+from drivers.canopen.sdo_channel import SdoChannel
 from drivers.errors import DriverError
-from drivers.objects import ObjectRef
-from drivers.sdo_channel import SdoChannel
 from drivers.stage import Stage
 
 

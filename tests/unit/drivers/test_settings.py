@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from drivers.axis import interpolation_period
+from drivers.drive.axis import interpolation_period
 from drivers.errors import ConfigurationError
 from drivers.settings import AxisSettings, BusSettings
 

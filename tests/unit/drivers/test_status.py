@@ -2,7 +2,7 @@
 
 import pytest
 
-from drivers.status import Surroundings, in_words
+from drivers.bench.status import Surroundings, in_words
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from drivers.drive.units import check_units
 from drivers.errors import ConfigurationError
 from drivers.settings import AxisSettings
-from drivers.units import check_units
 
 PITCH = 0.032
 

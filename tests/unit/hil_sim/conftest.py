@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import can
 import pytest
 
-from hil_sim.lockstep import World
+from hil_sim.bus.lockstep import World
 from hil_sim.settings import AxisSettings, ControlSettings, FrictionSettings, StageSettings
 from hil_sim.stage import VirtualStage
 

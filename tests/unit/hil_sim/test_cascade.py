@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hil_sim.plant.simulate import simulate
 from hil_sim.settings import CascadeSettings
-from hil_sim.simulate import simulate
 from sim2real.law import law_of
 from sim2real.recording import AxisSignals, Recording
 from sim2real.replay import prepare

@@ -8,7 +8,7 @@ import can
 import pytest
 from can.interfaces.virtual import VirtualBus
 
-from hil_sim.connection import RETRY_NS, Connection
+from hil_sim.bus.connection import RETRY_NS, Connection
 
 _names = itertools.count()
 FRAME = can.Message(arbitration_id=0x123, data=b"\1\2", is_extended_id=False)

@@ -8,7 +8,7 @@ import struct
 import can
 import pytest
 
-from hil_sim.lockstep import World
+from hil_sim.bus.lockstep import World
 from hil_sim.stage import VirtualStage
 
 HEARTBEAT = 0x701

@@ -9,7 +9,7 @@ import can
 import canopen
 import pytest
 
-from hil_sim.lockstep import World
+from hil_sim.bus.lockstep import World
 
 _names = (f"lockstep-{n}" for n in itertools.count())
 

@@ -7,9 +7,9 @@ import h5py
 import numpy as np
 import pytest
 
-from hil_sim.plant import Plant
+from hil_sim.plant.simulate import simulate
+from hil_sim.plant.stepped import Plant
 from hil_sim.settings import StageSettings
-from hil_sim.simulate import simulate
 from stagectl.config import load_machine, stage_settings
 
 DATA = Path(__file__).parents[2] / "data"

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_sim.profile import ProfileGenerator, trapezoid
+from hil_sim.cia402.profile_generator import ProfileGenerator, trapezoid
 
 positions = st.floats(-0.1, 0.1)
 rates = st.floats(0.1, 20.0)

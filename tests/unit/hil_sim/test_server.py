@@ -8,7 +8,7 @@ import struct
 import can
 import pytest
 
-from hil_sim.server import RealTimeSegment
+from hil_sim.bus.server import RealTimeSegment
 from hil_sim.stage import VirtualStage
 
 MS = 1_000_000

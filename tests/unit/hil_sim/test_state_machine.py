@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hil_sim.state_machine import Command, State, commanded, decode
+from hil_sim.cia402.state_machine import Command, State, commanded, decode
 
 # CiA 402 "command coding": bits 7, 3, 2, 1, 0; x is either.
 CODING = {

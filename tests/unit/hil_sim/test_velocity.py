@@ -6,7 +6,7 @@ import struct
 
 import pytest
 
-from hil_sim.modes import INTERNAL_LIMIT, MODE_BIT_12, TARGET_REACHED
+from hil_sim.cia402.modes import INTERNAL_LIMIT, MODE_BIT_12, TARGET_REACHED
 
 
 class Moving:

@@ -5,7 +5,7 @@ import struct
 import pytest
 
 from stagectl.config.machine import load_machine
-from stagectl.replay.meaning import meaning
+from stagectl.run.replay.meaning import meaning
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from estimation.trajectory import Limits
-from hil_sim.plant import Plant
+from hil_sim.plant.stepped import Plant
 from sim2real.recording import Move
-from stagectl.compensation import Mode, make_compensation
 from stagectl.config import load_machine, stage_settings
 from stagectl.errors import Aborted, RunFault
 from stagectl.recipe.model import Profile
@@ -19,6 +18,7 @@ from stagectl.recipe.plan import (
     MoveStep,
     SettleStep,
 )
+from stagectl.sequencer.compensation import Mode, make_compensation
 from stagectl.sequencer.engine import Engine
 from stagectl.sequencer.events import (
     Exposed,

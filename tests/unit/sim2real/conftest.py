@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from hil_sim.effects.library import library
+from hil_sim.plant.simulate import simulate
 from hil_sim.settings import StageSettings
-from hil_sim.simulate import simulate
 from sim2real.axis_model import NUISANCES, AxisModel, Term
 from sim2real.blind.departing import KIN
 from sim2real.recording import Recording

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from hil_sim.simulate import simulate
+from hil_sim.plant.simulate import simulate
 from sim2real.channels import audit
 from sim2real.gap import combined, measure
 from stagectl.config import load_machine, stage_settings

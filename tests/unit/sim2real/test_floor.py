@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil_sim.simulate import simulate
+from hil_sim.plant.simulate import simulate
 from sim2real.floor import check_repeats, floor
 from sim2real.gap import closed, combined, pooled
 from sim2real.recording import AxisSignals, Recording

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hil_sim.effects.library import library
-from hil_sim.simulate import simulate
+from hil_sim.plant.simulate import simulate
 from sim2real.gap import closed, measure
 from sim2real.recording import AxisSignals, Recording
 from sim2real.replay import prepare

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hil_sim.effects.library import own_effects
-from hil_sim.simulate import simulate_variants
+from hil_sim.plant.simulate import simulate_variants
 from sim2real.strangers import KIN, STRANGERS
 from stagectl.config import load_machine, stage_settings
 from stagectl.store.recording import read_recording

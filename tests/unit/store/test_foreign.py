@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from hil_sim.simulate import simulate
+from hil_sim.plant.simulate import simulate
 from sim2real.gap import measure
 from stagectl.config import stage_settings
 from stagectl.config.import_map import load_map

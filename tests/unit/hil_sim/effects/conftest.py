@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from hil_sim.effects import AppliedEffect, Effect
 from hil_sim.effects.library import own_effects
+from hil_sim.plant.simulate import simulate
 from hil_sim.settings import StageSettings
-from hil_sim.simulate import simulate
 from stagectl.config import load_machine, stage_settings
 
 F64 = NDArray[np.float64]

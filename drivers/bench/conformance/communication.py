@@ -1,0 +1,253 @@
+"""CiA 301: identity, abort codes, NMT, heartbeat, PDO mapping and SYNC."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+
+from drivers.bench.conformance.probe import (
+    ABSENT_OBJECT,
+    ABSENT_SUB,
+    Check,
+    Finding,
+    Probe,
+    Verdict,
+)
+from drivers.drive.cia402 import Command, State
+
+_READ_ONLY, _UNSUPPORTED = 0x06010002, 0x06010000
+_LENGTH = (0x06070010, 0x06070012)
+_NOT_MAPPABLE, _TOO_LONG = 0x06040041, 0x06040042
+_INVALID, _NO_RTR = 1 << 31, 1 << 30
+_BEAT_MS = 50
+_OTHER_HOST = 126
+_MAPPED_STATUSWORD, _MAPPED_POSITION, _MAPPED_CONTROLWORD = 0x60410010, 0x60640020, 0x60400010
+
+
+def identity(probe: Probe) -> Iterator[Finding]:
+    """Mandatory objects and what they say."""
+    kind = probe.read(0x1000)
+    yield probe.expect("0x1000 names profile 402", kind & 0xFFFF == 402, f"is 0x{kind:08X}")
+    code = probe.abort_code(lambda: probe.read(0x1001))
+    yield probe.expect("0x1001 can be read", code is None, f"abort 0x{code or 0:08X}")
+    vendor = probe.read(0x1018, 1)
+    yield probe.expect("0x1018:01 holds a vendor", vendor != 0, "is 0")
+    for index, name in ((0x6040, "controlword"), (0x6041, "statusword"), (0x6060, "mode")):
+        code = probe.abort_code(lambda i=index: probe.read(i))  # type: ignore[misc]
+        yield probe.expect(f"0x{index:04X} {name} is there", code is None, f"abort 0x{code or 0:X}")
+    for index, name in (
+        (0x6007, "abort connection option"), (0x603F, "error code"), (0x6061, "mode display"),
+        (0x6077, "torque actual value"), (0x608F, "factor group"), (0x60B2, "torque offset"),
+        (0x60C2, "interpolation period"), (0x60F4, "following error"), (0x6502, "modes offered"),
+    ):  # fmt: skip
+        sub = 1 if index in (0x608F, 0x60C2) else 0
+        label = f"0x{index:04X} {name} is there"
+        if probe.offers(index, sub):
+            yield Finding(probe.group, label, Verdict.PASS)
+        else:
+            yield probe.absent(label, "")
+
+
+def abort_codes(probe: Probe) -> Iterator[Finding]:
+    """Accesses that have to be refused, and with what."""
+    yield probe.refusal("read of an absent object", lambda: probe.raw(0x1FFF), ABSENT_OBJECT)
+    yield probe.refusal(
+        "write of an absent object", lambda: probe.write_raw(0x1FFF, 0, b"\0"), ABSENT_OBJECT
+    )
+    yield probe.refusal("read of an absent sub-index", lambda: probe.raw(0x1018, 200), ABSENT_SUB)
+    yield probe.refusal(
+        "write of the statusword", lambda: probe.write_raw(0x6041, 0, b"\0\0"), _READ_ONLY
+    )
+    yield probe.refusal(
+        "write of the device type", lambda: probe.write_raw(0x1000, 0, bytes(4)), _READ_ONLY
+    )
+    yield probe.refusal(
+        "controlword of four bytes", lambda: probe.write_raw(0x6040, 0, bytes(4)), *_LENGTH
+    )
+    if probe.offers(0x1008):
+        plain, block = probe.raw(0x1008), probe.raw(0x1008, block=True)
+        yield probe.expect("block and plain upload agree", plain == block, f"{plain!r}, {block!r}")
+
+
+def network_management(probe: Probe) -> Iterator[Finding]:
+    """NMT states as the heartbeat shows them, boot-up, heartbeat produced and consumed."""
+    probe.change(0x1017, 0, _BEAT_MS)
+    for command, state, name in (
+        (1, 5, "OPERATIONAL"),
+        (2, 4, "STOPPED"),
+        (128, 127, "PRE-OPERATIONAL"),
+    ):
+        probe.nmt(command)
+        probe.beats.clear()
+        probe.network.pump(3.5 * _BEAT_MS * 1e-3)
+        shown = {s for _, s in probe.beats}
+        yield probe.expect(f"heartbeat shows {name}", shown == {state}, f"shows {sorted(shown)}")
+    probe.beats.clear()
+    probe.network.pump(20.5 * _BEAT_MS * 1e-3)
+    count = len(probe.beats)
+    yield probe.expect(
+        f"20 heartbeats of {_BEAT_MS} ms a second", 17 <= count <= 22, f"{count} a second"
+    )
+    yield from _heartbeat_consumer(probe)
+    probe.beats.clear()
+    probe.nmt(130)
+    booted = probe.wait(lambda: any(s == 0 for _, s in probe.beats), 2.0)
+    yield probe.expect("boot-up message after reset communication", booted, "none within 2 s")
+
+
+def _heartbeat_consumer(probe: Probe) -> Iterator[Finding]:
+    name = "EMCY 0x8130 when a watched heartbeat stays away"
+    if not probe.offers(0x1016, 1):
+        yield probe.absent(name, "0x1016")
+        return
+    probe.emergencies.clear()
+    probe.change(0x1016, 1, _OTHER_HOST << 16 | 100)
+    probe.network.send_message(0x700 + _OTHER_HOST, b"\x05")
+    heard = probe.wait(lambda: 0x8130 in probe.emergencies, 1.0)
+    yield probe.expect(name, heard, probe.fault_text())
+    probe.network.send_message(0x700 + _OTHER_HOST, b"\x05")
+    probe.write(0x1016, 1, 0)
+
+
+def mapping(probe: Probe) -> Iterator[Finding]:
+    """Mapping by the book of CiA 301, 7.5.2.36, and what has to be refused on the way."""
+    cob = probe.read(0x1800, 1)
+    base = (0x180 + probe.node) | (cob & _NO_RTR)
+    _invalidate(probe, 0x1800)
+    _remember(probe, 0x1800, 0x1A00)
+    yield probe.refusal(
+        "entry while there is a count", lambda: _entry_under_count(probe), _UNSUPPORTED
+    )
+    probe.write(0x1A00, 0, 0)
+    yield probe.refusal(
+        "mapping of an absent object",
+        lambda: _map(probe, 0x1A00, 0x1FFF0008),
+        ABSENT_OBJECT, _NOT_MAPPABLE,
+    )  # fmt: skip
+    probe.write(0x1A00, 0, 0)
+    yield probe.refusal(
+        "mapping of 0x1018:01", lambda: _map(probe, 0x1A00, 0x10180120), _NOT_MAPPABLE
+    )
+    probe.write(0x1A00, 0, 0)
+    yield probe.refusal(
+        "mapping of the statusword as an RPDO",
+        lambda: _map_rpdo(probe, _MAPPED_STATUSWORD), _NOT_MAPPABLE,
+    )  # fmt: skip
+    yield probe.refusal(
+        "more than 64 bits",
+        lambda: _map(probe, 0x1A00, *[_MAPPED_POSITION] * 3), _TOO_LONG,
+    )  # fmt: skip
+    probe.write(0x1A00, 0, 0)
+    _map(probe, 0x1A00, _MAPPED_STATUSWORD, _MAPPED_POSITION)
+    probe.write(0x1800, 2, 1)
+    probe.write(0x1800, 1, base)
+    held = [probe.read(0x1A00, s) for s in range(3)]
+    yield probe.expect(
+        "the mapping reads back",
+        held == [2, _MAPPED_STATUSWORD, _MAPPED_POSITION], " ".join(f"{v:X}" for v in held),
+    )  # fmt: skip
+    yield probe.refusal(
+        "mapping while the PDO is valid", lambda: probe.write(0x1A00, 0, 0), _UNSUPPORTED
+    )
+    yield from _synchronous(probe)
+    yield from _latch(probe)
+
+
+def _entry_under_count(probe: Probe) -> None:
+    probe.write(0x1A00, 0, 0)
+    _map(probe, 0x1A00, _MAPPED_STATUSWORD)
+    probe.write(0x1A00, 1, _MAPPED_POSITION)
+
+
+def _map_rpdo(probe: Probe, entry: int) -> None:
+    _invalidate(probe, 0x1400)
+    _remember(probe, 0x1400, 0x1600)
+    probe.write(0x1600, 0, 0)
+    _map(probe, 0x1600, entry)
+
+
+def _invalidate(probe: Probe, communication: int) -> None:
+    cob = probe.read(communication, 1)
+    if not cob & _INVALID:
+        probe.change(communication, 1, cob | _INVALID)
+
+
+def _remember(probe: Probe, communication: int, mapping: int) -> None:
+    """Notes a mapping so that `restore`, which goes backwards, writes it in the right order."""
+    count = probe.read(mapping, 0)
+    probe.change(communication, 2, probe.read(communication, 2))
+    probe.change(mapping, 0, 0)  # put back last: the count
+    for sub in range(1, count + 1):
+        probe.change(mapping, sub, probe.read(mapping, sub))
+    probe.note(mapping, 0, 0)  # put back before the entries
+    probe.note(communication, 1, probe.read(communication, 1) | _INVALID)
+
+
+def _map(probe: Probe, index: int, *entries: int) -> None:
+    for sub, entry in enumerate(entries, start=1):
+        probe.write(index, sub, entry)
+    probe.write(index, 0, len(entries))
+
+
+def _sync(probe: Probe, count: int) -> list[bytes]:
+    """TPDOs that a number of SYNCs, 5 ms apart, brings."""
+    probe.tpdos.clear()
+    for _ in range(count):
+        probe.network.send_message(0x80, b"")
+        probe.network.pump(0.005)
+    probe.network.pump(0.02)
+    return [data for can_id, data in probe.tpdos if can_id == 0x180 + probe.node]
+
+
+def _synchronous(probe: Probe) -> Iterator[Finding]:
+    frames = _sync(probe, 3)
+    yield probe.expect("no TPDO while PRE-OPERATIONAL", not frames, f"{len(frames)} came")
+    probe.nmt(1)
+    frames = _sync(probe, 6)
+    good = len(frames) == 6 and all(len(f) == 6 for f in frames)
+    yield probe.expect(
+        "type 1: a TPDO of six bytes for every SYNC", good, f"6 SYNCs: {len(frames)} frames"
+    )
+    if good:
+        word, position = struct.unpack("<Hi", frames[-1])
+        same = word == probe.statusword() and abs(position - probe.read(0x6064)) < 10_000
+        yield probe.expect("the TPDO holds what SDO reads", same, f"0x{word:04X}, {position}")
+    cob = probe.read(0x1800, 1)
+    probe.write(0x1800, 1, cob | _INVALID)
+    probe.write(0x1800, 2, 3)
+    probe.write(0x1800, 1, cob)
+    frames = _sync(probe, 6)
+    yield probe.expect(
+        "type 3: a TPDO for every third SYNC", len(frames) == 2, f"6 SYNCs: {len(frames)} frames"
+    )
+
+
+def _latch(probe: Probe) -> Iterator[Finding]:
+    """A synchronous RPDO acts at the SYNC, not before."""
+    probe.nmt(128)
+    cob = probe.read(0x1400, 1)
+    if not cob & _INVALID:
+        probe.write(0x1400, 1, cob | _INVALID)
+    probe.write(0x1600, 0, 0)
+    _map(probe, 0x1600, _MAPPED_CONTROLWORD)
+    probe.write(0x1400, 2, 1)
+    probe.write(0x1400, 1, (0x200 + probe.node) | (cob & _NO_RTR))
+    probe.off()
+    probe.nmt(1)
+    probe.network.send_message(0x200 + probe.node, struct.pack("<H", Command.SHUTDOWN))
+    probe.network.pump(0.05)
+    yield probe.expect(
+        "a synchronous RPDO waits for the SYNC",
+        probe.state() is State.SWITCH_ON_DISABLED, probe.shown(),
+    )  # fmt: skip
+    _sync(probe, 2)
+    yield probe.expect("and acts at it", probe.reaches(State.READY_TO_SWITCH_ON), probe.shown())
+    probe.nmt(128)
+
+
+GROUPS: list[tuple[str, Check]] = [
+    ("identity", identity),
+    ("abort codes", abort_codes),
+    ("NMT", network_management),
+    ("PDO", mapping),
+]

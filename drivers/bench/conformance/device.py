@@ -1,0 +1,171 @@
+"""CiA 402 device control: states, transitions, commands that change nothing, fault, modes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from drivers.bench.conformance.probe import Check, Finding, Probe
+from drivers.drive.cia402 import TRANSITIONS, Command, State, Status, next_command
+
+_OTHER_HOST = 126
+_FAULT_OPTION = 1
+"""0x6007: losing the host is a fault."""
+_QUIET = 0.05
+_MODES = {1: "pp", 3: "pv", 4: "tq", 6: "hm", 7: "ip", 8: "csp", 9: "csv", 10: "cst"}
+_RANGE = (0x06090030, 0x06090031)
+
+
+def _transitions(probe: Probe, with_power: bool) -> Iterator[Finding]:
+    """Every transition that a command makes, each from a state reached by commands."""
+    for (origin, command), (number, after) in TRANSITIONS.items():
+        powered = State.OPERATION_ENABLED in (origin, after) or origin is State.QUICK_STOP_ACTIVE
+        if powered is not with_power or origin is State.FAULT:
+            continue
+        name = f"transition {number}: {origin} to {after} ({command.name.lower()})"
+        if not _lead(probe, origin):
+            if origin is State.QUICK_STOP_ACTIVE and probe.state() is State.SWITCH_ON_DISABLED:
+                # options 0..4 leave by themselves: that is transition 12, too
+                yield probe.expect(name, True, "")
+            else:
+                yield probe.expect(name, False, f"{origin} not reached: {probe.shown()}")
+            continue
+        probe.control(command)
+        if after is State.QUICK_STOP_ACTIVE:
+            after_words = (State.QUICK_STOP_ACTIVE, State.SWITCH_ON_DISABLED)
+            reached = probe.wait(lambda a=after_words: probe.state() in a, 1.0)  # type: ignore[misc]
+        else:
+            reached = probe.reaches(after)
+        yield probe.expect(name, reached, probe.shown())
+
+
+def _lead(probe: Probe, state: State) -> bool:
+    """Takes the drive to a state, one transition at a time."""
+    probe.off()
+    for _ in range(5):
+        present = probe.state()
+        if present is state:
+            return True
+        command = next_command(present, state)
+        if command is None:
+            return False
+        probe.control(command)
+        expected = TRANSITIONS[present, command][1]
+        if not probe.reaches(expected):
+            return probe.state() is state
+    return probe.state() is state
+
+
+def states(probe: Probe) -> Iterator[Finding]:
+    """Transitions without force, commands that must change nothing, statusword bits."""
+    probe.off()
+    word = probe.statusword()
+    yield probe.expect("bit 9 (remote) is set", bool(word & Status.REMOTE), probe.shown())
+    yield probe.expect(
+        "SWITCH ON DISABLED after disable voltage",
+        probe.state() is State.SWITCH_ON_DISABLED, probe.shown(),
+    )  # fmt: skip
+    for command in (Command.SWITCH_ON, Command.ENABLE_OPERATION):
+        probe.control(command)
+        probe.network.pump(_QUIET)
+        yield probe.expect(
+            f"{command.name.lower()} is passed over in SWITCH ON DISABLED",
+            probe.state() is State.SWITCH_ON_DISABLED, probe.shown(),
+        )  # fmt: skip
+        probe.off()
+    yield from _transitions(probe, with_power=False)
+
+
+def modes(probe: Probe) -> Iterator[Finding]:
+    """Mode changes, confirmed by 0x6061."""
+    if not probe.offers(0x6061):
+        yield probe.absent("0x6061 confirms mode changes", "0x6061")
+        return
+    probe.change(0x6060, 0, probe.read(0x6060))
+    offered = [m for m in _MODES if probe.supports(m)]
+    for mode in offered:
+        probe.write(0x6060, 0, mode)
+        shown = probe.wait(lambda m=mode: probe.read(0x6061) == m, 1.0)  # type: ignore[misc]
+        yield probe.expect(
+            f"0x6061 shows {_MODES[mode]} ({mode})", shown, f"shows {probe.read(0x6061)}"
+        )
+    last = probe.read(0x6061)
+    for mode in (m for m in _MODES if m not in offered):
+        code = probe.abort_code(lambda m=mode: probe.write(0x6060, 0, m))  # type: ignore[misc]
+        probe.network.pump(_QUIET)
+        held = probe.read(0x6061) != mode
+        name = f"{_MODES[mode]} ({mode}), not in 0x6502, is not entered"
+        yield probe.expect(name, held, f"0x6061 shows {mode}, was {last}, abort {code}")
+    yield probe.refusal("mode 99 is refused", lambda: probe.write(0x6060, 0, 99), *_RANGE)
+
+
+def powered_states(probe: Probe) -> Iterator[Finding]:
+    """Transitions to and from OPERATION ENABLED, at rest."""
+    if not _choose_mode(probe):
+        yield probe.absent("transitions under force", "no mode known here in 0x6502")
+        return
+    yield from _transitions(probe, with_power=True)
+
+
+def _choose_mode(probe: Probe) -> bool:
+    """A mode in which an enabled axis keeps its place."""
+    for mode in (1, 6, 8, 3):
+        if probe.supports(mode):
+            probe.change(0x6060, 0, mode)
+            probe.abort_code(lambda: probe.write(0x607A, 0, probe.read(0x6064)))
+            return True
+    return False
+
+
+def fault(probe: Probe) -> Iterator[Finding]:
+    """A fault that any drive can have at rest: the host's heartbeat lost with 0x6007 = 1."""
+    if not (probe.offers(0x6007) and probe.offers(0x1016, 1)):
+        yield probe.absent("fault and its reset", "0x6007 or 0x1016")
+        return
+    mode = next((m for m in (1, 6, 8) if probe.supports(m)), 1)
+    probe.change(0x6007, 0, _FAULT_OPTION)
+    if not probe.enable(mode):
+        yield probe.expect("OPERATION ENABLED", False, probe.shown())
+        return
+    # bit 7 stands from before the fault: its level must not acknowledge anything
+    probe.control(Command.ENABLE_OPERATION | Command.FAULT_RESET)
+    yield probe.expect(
+        "bit 7 with enable operation changes nothing",
+        probe.state() is State.OPERATION_ENABLED, probe.shown(),
+    )  # fmt: skip
+    probe.emergencies.clear()
+    probe.change(0x1016, 1, _OTHER_HOST << 16 | 100)
+    probe.network.send_message(0x700 + _OTHER_HOST, b"\x05")
+    faulted = probe.reaches(State.FAULT, 3.0)
+    yield probe.expect("heartbeat lost while enabled: FAULT", faulted, probe.shown())
+    probe.write(0x1016, 1, 0)
+    if not faulted:
+        return
+    yield probe.expect(
+        "an emergency says so", bool([e for e in probe.emergencies if e]), probe.fault_text()
+    )
+    yield probe.expect("0x1001 shows an error", bool(probe.read(0x1001) & 1), "generic bit is 0")
+    if probe.offers(0x603F):
+        yield probe.expect("0x603F holds a code", probe.read(0x603F) != 0, "is 0")
+    if probe.offers(0x1003):
+        newest = probe.read(0x1003, 1) & 0xFFFF if probe.read(0x1003) else 0
+        same = newest in probe.emergencies
+        yield probe.expect("0x1003:01 is the newest emergency", same, f"is 0x{newest:04X}")
+    for word, name in (
+        (Command.ENABLE_OPERATION | Command.FAULT_RESET, "the level of bit 7 resets nothing"),
+        (Command.DISABLE_VOLTAGE, "nor does its falling edge"),
+        (Command.ENABLE_OPERATION, "nor do other commands"),
+    ):
+        probe.control(word)
+        probe.network.pump(_QUIET)
+        yield probe.expect(name, probe.state() is State.FAULT, probe.shown())
+    probe.control(Command.DISABLE_VOLTAGE)
+    probe.control(Command.FAULT_RESET)
+    yield probe.expect(
+        "the rising edge of bit 7 does (transition 15)",
+        probe.reaches(State.SWITCH_ON_DISABLED), probe.shown(),
+    )  # fmt: skip
+    yield probe.expect("0x1001 is clear again", not probe.read(0x1001) & 1, "generic bit is 1")
+
+
+GROUPS: list[tuple[str, Check]] = [("states", states), ("modes", modes)]
+POWER_GROUPS: list[tuple[str, Check]] = [("states, enabled", powered_states), ("fault", fault)]

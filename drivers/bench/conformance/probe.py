@@ -1,0 +1,272 @@
+"""The node under probe: object access with sizes by CiA 402, waiting, and what was found.
+
+A check is a generator of findings; groups of checks run one after the other, each from a drive
+that is disabled, PRE-OPERATIONAL and has its own values.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from enum import Enum
+
+from canopen import SdoAbortedError
+
+from drivers.canopen.bus import Network
+from drivers.canopen.emcy import error_text
+from drivers.canopen.sdo_channel import SdoChannel
+from drivers.drive.cia402 import Command, State, decode
+
+Check = Callable[["Probe"], Iterator["Finding"]]
+
+ABSENT_OBJECT, ABSENT_SUB = 0x06020000, 0x06090011
+_SIGNED_8 = {0x6060, 0x6061, 0x6098}
+_SIGNED_16 = {0x6007, 0x605A, 0x605B, 0x605C, 0x605D, 0x605E, 0x6077, 0x60B2}
+_SIGNED_32 = {0x6064, 0x607A, 0x607D, 0x60FF}
+_UNSIGNED_8 = {0x1001, 0x1029}
+_UNSIGNED_16 = {0x1017, 0x603F, 0x6040, 0x6041, 0x6066, 0x6068, 0x6072}
+_STATE_TIMEOUT = 1.0
+
+
+class Verdict(Enum):
+    """What a check found."""
+
+    PASS = "pass"  # noqa: S105  no password
+    FAIL = "FAIL"
+    DIFFERS = "differs"
+    ABSENT = "not offered"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One row of the table.
+
+    Attributes:
+        group: of the check.  name: what was asked for.  verdict: see there.
+        detail: what the drive did, empty where it did as asked.
+    """
+
+    group: str
+    name: str
+    verdict: Verdict
+    detail: str = ""
+
+
+def code_of(index: int, sub: int) -> str:
+    """`struct` code of an object, from CiA 301 and 402; UNSIGNED32 where neither is smaller."""
+    if index in _SIGNED_8 or (index == 0x60C2 and sub == 2):
+        return "b"
+    if index in _SIGNED_16:
+        return "h"
+    if index in _SIGNED_32 and (index != 0x607D or sub):
+        return "i"
+    pdo = index & 0xF000 == 0x1000 and index >> 8 & 0xF in (4, 6, 8, 0xA)
+    small = sub == 0 and (pdo or index in (0x1003, 0x1016, 0x1018, 0x607D))
+    if index in _UNSIGNED_8 or small or (index == 0x60C2 and sub == 1):
+        return "B"
+    if pdo and sub == 2 and index >> 8 & 0xF in (4, 8):
+        return "B"
+    return "H" if index in _UNSIGNED_16 else "I"
+
+
+class Probe:
+    """A node that is being checked.
+
+    Args:
+        network: whose bus nobody else reads; must not be another host's for the time.
+        node: 1..126.
+
+    Attributes:
+        group: name of the group under way, for `finding`.
+        emergencies: EMCY codes heard.  beats: (time [ns], NMT state) of every heartbeat.
+        tpdos: (CAN-ID, data) of every frame heard on 0x180..0x57F of this node.
+    """
+
+    def __init__(self, network: Network, node: int) -> None:
+        self.network = network
+        self.node = node
+        self.group = ""
+        self.emergencies: list[int] = []
+        self.beats: list[tuple[int, int]] = []
+        self.tpdos: list[tuple[int, bytes]] = []
+        self._channel = SdoChannel(network, node)
+        self._before: list[tuple[int, int, int]] = []
+        self._subscriptions: list[tuple[int, Callable[[int, bytearray, float], None]]] = [
+            (0x80 + node, self._on_emergency),
+            (0x700 + node, self._on_heartbeat),
+        ]
+        self._subscriptions += [(0x180 + 0x100 * n + node, self._on_tpdo) for n in range(4)]
+        for can_id, callback in self._subscriptions:
+            network.subscribe(can_id, callback)
+
+    def close(self) -> None:
+        """Stops listening."""
+        for can_id, callback in self._subscriptions:
+            self.network.unsubscribe(can_id, callback)
+        self._channel.detach()
+
+    def _on_emergency(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        if len(data) == 8:
+            self.emergencies.append(struct.unpack_from("<H", data)[0])
+
+    def _on_heartbeat(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        if len(data) == 1:
+            self.beats.append((self.network.clock.now_ns(), data[0] & 0x7F))
+
+    def _on_tpdo(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        self.tpdos.append((can_id, bytes(data)))
+
+    # -- objects ----------------------------------------------------------------------------
+
+    def read(self, index: int, sub: int = 0) -> int:
+        """An object's value.
+
+        Raises:
+            SdoAbortedError: refused.
+            SdoCommunicationError: no answer.
+        """
+        data = self._channel.upload(index, sub)
+        code = code_of(index, sub)
+        return int.from_bytes(data[: struct.calcsize(code)], "little", signed=code.islower())
+
+    def raw(self, index: int, sub: int = 0, block: bool = False) -> bytes:
+        """An object's bytes, by block transfer where asked for; raises as `read`."""
+        channel = self._channel
+        return channel.block_upload(index, sub) if block else channel.upload(index, sub)
+
+    def write(self, index: int, sub: int, value: int) -> None:
+        """Writes an object; raises as `read`."""
+        self.write_raw(index, sub, struct.pack("<" + code_of(index, sub), value))
+
+    def write_raw(self, index: int, sub: int, data: bytes) -> None:
+        """Writes bytes; raises as `read`."""
+        self._channel.download(index, sub, data)
+
+    def change(self, index: int, sub: int, value: int) -> None:
+        """Writes an object whose value of before `restore` puts back; raises as `read`."""
+        self._before.append((index, sub, self.read(index, sub)))
+        self.write(index, sub, value)
+
+    def note(self, index: int, sub: int, value: int) -> None:
+        """Has `restore` write this value on its way back."""
+        self._before.append((index, sub, value))
+
+    def offers(self, index: int, sub: int = 0) -> bool:
+        """Whether the object can be read."""
+        try:
+            self._channel.upload(index, sub)
+        except SdoAbortedError:
+            return False
+        return True
+
+    def abort_code(self, action: Callable[[], object]) -> int | None:
+        """What an access is refused with, None when it is not."""
+        try:
+            action()
+        except SdoAbortedError as refused:
+            return refused.code
+        return None
+
+    def restore(self) -> None:
+        """Puts the values of before back, as far as the drive takes them."""
+        while self._before:
+            index, sub, value = self._before.pop()
+            self.abort_code(lambda i=index, s=sub, v=value: self.write(i, s, v))  # type: ignore[misc]
+
+    # -- states -----------------------------------------------------------------------------
+
+    def wait(self, condition: Callable[[], bool], timeout: float) -> bool:
+        """Pumps until `condition` holds, at most `timeout` [s]; looks every 5 ms."""
+        deadline = self.network.clock.now_ns() + round(timeout * 1e9)
+        while not condition():
+            if self.network.clock.now_ns() >= deadline:
+                return False
+            self.network.pump(0.005)
+        return True
+
+    def statusword(self) -> int:
+        """0x6041."""
+        return self.read(0x6041)
+
+    def state(self) -> State:
+        """The power state."""
+        return decode(self.statusword())
+
+    def control(self, word: int) -> None:
+        """Writes 0x6040."""
+        self.write(0x6040, 0, word)
+
+    def reaches(self, state: State, timeout: float = _STATE_TIMEOUT) -> bool:
+        """Whether the drive shows `state` within `timeout` [s]."""
+        return self.wait(lambda: self.state() is state, timeout)
+
+    def nmt(self, command: int) -> None:
+        """Sends an NMT command to this node."""
+        self.network.send_message(0, bytes((command, self.node)))
+        self.network.pump(0.02)
+
+    def off(self) -> None:
+        """SWITCH ON DISABLED, out of whatever state, with a fault acknowledged."""
+        if self.state() in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+            self.reaches(State.FAULT)
+            self.control(Command.DISABLE_VOLTAGE)
+            self.control(Command.FAULT_RESET)
+        self.control(Command.DISABLE_VOLTAGE)
+        self.reaches(State.SWITCH_ON_DISABLED)
+
+    def enable(self, mode: int) -> bool:
+        """OPERATION ENABLED in a mode, at the actual position; whether that worked."""
+        self.off()
+        self.change(0x6060, 0, mode)
+        if not self.wait(lambda: self.read(0x6061) == mode, _STATE_TIMEOUT):
+            return False
+        self.abort_code(lambda: self.write(0x607A, 0, self.read(0x6064)))
+        for word, state in (
+            (Command.SHUTDOWN, State.READY_TO_SWITCH_ON),
+            (Command.SWITCH_ON, State.SWITCHED_ON),
+            (Command.ENABLE_OPERATION, State.OPERATION_ENABLED),
+        ):
+            self.control(word)
+            if not self.reaches(state):
+                return False
+        return True
+
+    def supports(self, mode: int) -> bool:
+        """Whether 0x6502 lists a mode (1..10)."""
+        return self.offers(0x6502) and bool(self.read(0x6502) >> (mode - 1) & 1)
+
+    # -- findings ---------------------------------------------------------------------------
+
+    def expect(self, name: str, held: bool, found: str) -> Finding:
+        """Pass, or fail with what was found."""
+        verdict = Verdict.PASS if held else Verdict.FAIL
+        return Finding(self.group, name, verdict, "" if held else found)
+
+    def absent(self, name: str, why: str) -> Finding:
+        """Not offered."""
+        return Finding(self.group, name, Verdict.ABSENT, why)
+
+    def refusal(self, name: str, action: Callable[[], object], *codes: int) -> Finding:
+        """Pass when refused with one of the codes, differs with another, fail when accepted."""
+        code = self.abort_code(action)
+        if code in codes:
+            return Finding(self.group, name, Verdict.PASS)
+        expected = " or ".join(f"0x{c:08X}" for c in codes)
+        if code is None:
+            return Finding(self.group, name, Verdict.FAIL, f"accepted, not aborted ({expected})")
+        text = SdoAbortedError.CODES.get(code, "no abort code of CiA 301")
+        return Finding(
+            self.group, name, Verdict.DIFFERS, f"abort 0x{code:08X} ({text}), not {expected}"
+        )
+
+    def shown(self) -> str:
+        """Statusword and state, for details."""
+        word = self.statusword()
+        return f"statusword 0x{word:04X} ({decode(word)})"
+
+    def fault_text(self) -> str:
+        """The last emergency, for details."""
+        if not self.emergencies:
+            return "no emergency"
+        return f"emergency {error_text(self.emergencies[-1])}"

@@ -1,0 +1,152 @@
+"""Who is on the bus: listens, then asks every node id for its device type, all at once.
+
+Needs no EDS and no machine file; sends SDO reads only, so no drive moves or changes its state. A
+master that talks to the same nodes by SDO at this moment may see answers that it did not ask for.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from canopen import SdoAbortedError, SdoCommunicationError
+
+from drivers.canopen.bus import Network
+from drivers.canopen.sdo_channel import SdoChannel
+from drivers.drive.cia402 import decode
+
+LISTEN = 0.25
+"""How long to listen for heartbeats before and after asking [s]: two of our own periods."""
+_PACE = 0.0005
+_READ_TIMEOUT = 0.2
+_NMT = {0: "boot-up", 4: "stopped", 5: "operational", 127: "pre-operational"}
+
+
+@dataclass(slots=True)
+class Found:
+    """A node, as far as it told.
+
+    Attributes:
+        node: 1..127.
+        heard: how it was heard, of "boot-up", "heartbeat", "SDO".
+        nmt: NMT state from its heartbeat, None without one.
+        device_type: 0x1000.  vendor, product, revision, serial: 0x1018.  name: 0x1008.
+        statusword: 0x6041 of a CiA 402 drive.  error_register: 0x1001.
+        error_code: 0x603F of a CiA 402 drive.
+        doubled: two devices answer on this node id.
+    """
+
+    node: int
+    heard: list[str] = field(default_factory=list)
+    nmt: str | None = None
+    device_type: int | None = None
+    vendor: int | None = None
+    product: int | None = None
+    revision: int | None = None
+    serial: int | None = None
+    name: str | None = None
+    statusword: int | None = None
+    error_register: int | None = None
+    error_code: int | None = None
+    doubled: bool = False
+
+    @property
+    def profile(self) -> int | None:
+        """Device profile number, low half of 0x1000."""
+        return None if self.device_type is None else self.device_type & 0xFFFF
+
+    @property
+    def state(self) -> str | None:
+        """CiA 402 power state, None for other devices."""
+        return None if self.statusword is None else str(decode(self.statusword))
+
+    def hear(self, how: str) -> None:
+        """Note a way in which it was heard."""
+        if how not in self.heard:
+            self.heard.append(how)
+
+
+def scan(network: Network, ask: bool = True, listen: float = LISTEN) -> list[Found]:
+    """All nodes that are heard within `listen` [s] or answer an SDO, by node id.
+
+    Args:
+        network: whose bus nobody else reads.
+        ask: also by SDO; False only listens.
+        listen: how long [s], twice when asking.
+
+    Raises:
+        BusError: the bus fails.
+    """
+    nodes: dict[int, Found] = {}
+    answers: dict[int, int] = {}
+
+    def heartbeat(node: int) -> Callable[[int, bytearray, float], None]:
+        def on_frame(can_id: int, data: bytearray, timestamp: float) -> None:
+            if len(data) != 1:
+                return
+            state = data[0] & 0x7F
+            found = nodes.setdefault(node, Found(node))
+            found.hear("heartbeat" if state else "boot-up")
+            found.nmt = _NMT.get(state or 127, f"unknown ({state})")
+
+        return on_frame
+
+    def answer(node: int) -> Callable[[int, bytearray, float], None]:
+        def on_frame(can_id: int, data: bytearray, timestamp: float) -> None:
+            if len(data) != 8 or struct.unpack_from("<HB", data, 1) != (0x1000, 0):
+                return
+            nodes.setdefault(node, Found(node)).hear("SDO")
+            answers[node] = answers.get(node, 0) + 1
+
+        return on_frame
+
+    callbacks = [(0x700 + n, heartbeat(n)) for n in range(1, 128)]
+    if ask:
+        callbacks += [(0x580 + n, answer(n)) for n in range(1, 128)]
+    for can_id, callback in callbacks:
+        network.subscribe(can_id, callback)
+    try:
+        network.pump(listen)
+        if ask:
+            for node in range(1, 128):
+                network.send_message(0x600 + node, struct.pack("<BHB4x", 0x40, 0x1000, 0))
+                network.pump(_PACE)  # a CAN controller's queue holds few frames
+            network.pump(listen)
+    finally:
+        for can_id, callback in callbacks:
+            network.unsubscribe(can_id, callback)
+    found = [nodes[n] for n in sorted(nodes)]
+    for one in found:
+        one.doubled = answers.get(one.node, 0) > 1
+        if one.node in answers:
+            _identify(network, one)
+    return found
+
+
+def _identify(network: Network, found: Found) -> None:
+    """Reads what the node says of itself; what it lacks stays None."""
+    channel = SdoChannel(network, found.node, _READ_TIMEOUT)
+
+    def number(index: int, sub: int) -> int | None:
+        try:
+            return int.from_bytes(channel.upload(index, sub), "little")
+        except (SdoAbortedError, SdoCommunicationError):
+            return None
+
+    try:
+        found.device_type = number(0x1000, 0)
+        found.error_register = number(0x1001, 0)
+        found.vendor, found.product, found.revision, found.serial = (
+            number(0x1018, sub) for sub in (1, 2, 3, 4)
+        )
+        try:
+            text = channel.upload(0x1008, 0).rstrip(b"\0").decode("latin-1")
+            found.name = "".join(c if c.isprintable() else "?" for c in text)
+        except (SdoAbortedError, SdoCommunicationError):
+            found.name = None
+        if found.profile == 402:
+            found.statusword = number(0x6041, 0)
+            found.error_code = number(0x603F, 0)
+    finally:
+        channel.detach()

@@ -1,0 +1,175 @@
+"""What an axis is doing, read by SDO and said in plain words; nothing is changed or moved.
+
+A drive that does not report something leaves it out: an absent object is no error here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drivers.canopen import objects as od
+from drivers.canopen.emcy import error_text, register_text
+from drivers.canopen.objects import ObjectRef
+from drivers.drive.axis import Axis
+from drivers.drive.cia402 import State, Status, decode
+from drivers.errors import ConfigurationError, NodeError
+
+HISTORY_LENGTH = 4
+"""Entries of 0x1003 that are worth a look."""
+
+STANDS = 1e-3
+"""Slower than this, an axis under force is said to hold [m/s]."""
+_INPUTS = (
+    (0, "at the negative limit switch"), (1, "at the positive limit switch"),
+    (3, "interlock active (STO or enable input)"),
+)  # fmt: skip
+_MODES = {
+    0: "no mode", 1: "profile position", 3: "profile velocity", 4: "profile torque", 6: "homing",
+    7: "interpolated position", 8: "cyclic synchronous position",
+    9: "cyclic synchronous velocity", 10: "cyclic synchronous torque",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class AxisStatus:
+    """One axis at one moment; None for what its drive does not report.
+
+    Attributes:
+        axis: name.  node: id.  nmt: NMT state, from heartbeats.
+        statusword: 0x6041.  state: what it shows.  words: the same in plain words.
+        mode: 0x6061.  position: [m].  force: [N].
+        error_code: 0x603F.  error_register: 0x1001.
+        history: newest error codes of 0x1003, newest first.
+        sto: 0x60FD bit 3: safe torque off, or the enable input is open.
+        brake: 0x60FE:01 bit 0: the holding brake is set.
+    """
+
+    axis: str
+    node: int
+    nmt: str | None
+    statusword: int
+    state: State
+    words: str
+    mode: int | None
+    position: float | None
+    force: float | None
+    error_code: int | None
+    error_register: int | None
+    history: tuple[int, ...]
+    sto: bool | None = None
+    brake: bool | None = None
+
+    @property
+    def mode_text(self) -> str:
+        """The mode in words."""
+        return "-" if self.mode is None else _MODES.get(self.mode, f"mode {self.mode}")
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What a drive may report of the axis besides its statusword; None where it does not.
+
+    Attributes:
+        velocity: 0x606C [m/s].
+        inputs: 0x60FD: bits 0 and 1 limit switches, 3 interlock.
+        outputs: 0x60FE:01: bit 0 sets the brake.
+    """
+
+    velocity: float | None = None
+    inputs: int | None = None
+    outputs: int | None = None
+
+    def in_words(self) -> list[str]:
+        """What of it somebody beside the stage wants to know."""
+        inputs = self.inputs or 0
+        words = [text for bit, text in _INPUTS if inputs >> bit & 1]
+        if self.outputs is not None:
+            words.append("brake set" if self.outputs & 1 else "brake released")
+        return words
+
+
+def in_words(
+    statusword: int, error_code: int | None = None, around: Surroundings = Surroundings()
+) -> str:
+    """What a statusword means for somebody who stands beside the stage."""
+    state = decode(statusword)
+    words = {
+        State.NOT_READY_TO_SWITCH_ON: "starting up, no force",
+        State.SWITCH_ON_DISABLED: "off, no force",
+        State.READY_TO_SWITCH_ON: "off, no force, ready",
+        State.SWITCHED_ON: "on, no force yet",
+        State.OPERATION_ENABLED: "enabled, under force",
+        State.QUICK_STOP_ACTIVE: "stopped by quick stop, under force",
+        State.FAULT_REACTION_ACTIVE: "fault, stopping",
+        State.FAULT: "fault, no force",
+    }[state]
+    if state is State.OPERATION_ENABLED and around.velocity is not None:
+        words = "enabled, " + ("holding" if abs(around.velocity) < STANDS else "moving")
+    if state in (State.FAULT, State.FAULT_REACTION_ACTIVE) and error_code:
+        words += f": {error_text(error_code)}"
+    if not statusword & Status.VOLTAGE_ENABLED and state is not State.FAULT:
+        told = (around.inputs or 0) & od.INTERLOCK
+        words += "; no supply voltage" + ("" if told else " (STO, contactor or mains)")
+    if statusword & Status.WARNING:
+        words += "; warning"
+    if statusword & Status.INTERNAL_LIMIT:
+        words += "; an internal limit acts"
+    if not statusword & Status.REMOTE:
+        words += "; does not obey the bus (local control)"
+    return "; ".join([words, *around.in_words()])
+
+
+def status_of(axis: Axis) -> AxisStatus:
+    """Reads the axis' status.
+
+    Raises:
+        NodeError: the node does not answer, or has no statusword.
+    """
+    node = axis.node
+    statusword = node.read(od.STATUSWORD)
+
+    def optional(ref: ObjectRef) -> int | None:
+        try:
+            return node.read(ref) if node.offers(ref) else None
+        except NodeError as refused:
+            if refused.abort_code is None:
+                raise
+            return None
+        except ConfigurationError:
+            return None
+
+    position, force = optional(od.POSITION_ACTUAL), optional(od.FORCE_ACTUAL)
+    code, speed = optional(od.ERROR_CODE), optional(od.VELOCITY_ACTUAL)
+    around = Surroundings(
+        None if speed is None else speed * axis.settings.velocity_unit_si,
+        optional(od.DIGITAL_INPUTS),
+        optional(od.DIGITAL_OUTPUTS),
+    )
+    return AxisStatus(
+        axis=axis.name,
+        node=node.id,
+        nmt=node.nmt_state,
+        statusword=statusword,
+        state=decode(statusword),
+        words=in_words(statusword, code, around),
+        mode=optional(od.MODE_DISPLAY),
+        position=None if position is None else position * axis.scale.increment,
+        force=None if force is None else force * axis.scale.force,
+        error_code=code,
+        error_register=optional(od.ERROR_REGISTER),
+        history=axis.node.error_history(HISTORY_LENGTH),
+        sto=None if around.inputs is None else bool(around.inputs & od.INTERLOCK),
+        brake=None if around.outputs is None else bool(around.outputs & 1),
+    )
+
+
+def error_line(status: AxisStatus) -> str:
+    """Error code, register and history in one line, "none" where there is nothing."""
+    parts = []
+    if status.error_code:
+        parts.append(error_text(status.error_code))
+    if status.error_register:
+        parts.append(f"register: {register_text(status.error_register)}")
+    if status.history:
+        parts.append("last: " + ", ".join(f"0x{code:04X}" for code in status.history))
+    return "; ".join(parts) or "none"

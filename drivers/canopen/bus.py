@@ -1,0 +1,277 @@
+"""The host's end of the bus: one owner, no thread, no callback on the wall clock.
+
+`Network` is canopen's network without its Notifier: whoever waits pumps. It is the only reader of
+the bus, feeds the services (SDO, heartbeat, EMCY) through `notify`, sends the host's heartbeat when
+due, and shows every frame to the `tap`. The cyclic path (`cycle.py`) reads the same bus in its own
+loop and hands over what is not process data. One thread at a time: `lock` is held by who pumps.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import socket
+import struct
+import sys
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import can
+import canopen
+
+from drivers.canopen.clock import Clock, clock_of
+from drivers.canopen.other_host import HEARTBEAT_ID, OtherHost, may_echo
+from drivers.errors import BusError
+from drivers.settings import BusSettings
+
+Tap = Callable[[int, int, bytes], object]
+"""Sees every frame sent or received: (time [ns], CAN-ID, data); id `BUS_FAILED` where that failed.
+"""
+BUS_FAILED = 0x2000_0000
+"""SocketCAN's flag of an error frame."""
+
+_IP_MULTICAST_ALL, _IPV6_MULTICAST_ALL = 49, 29
+"""Of linux/in.h and linux/in6.h; Python's socket module doesn't have them."""
+HEARTBEAT_NS = 100_000_000
+SERVICE_NS = 25_000_000
+_JUST_OPENED_NS = 1_000_000_000
+_HOST_OPERATIONAL = b"\x05"
+
+# These log what we raise as exceptions anyway; without a handler Python prints it to stderr.
+for _library in ("can", "canopen"):
+    logging.getLogger(_library).addHandler(logging.NullHandler())
+
+
+_new = object.__new__
+
+
+class OwnFrame(can.Message):
+    """A data frame of the host's: python-can's `virtual` bus copies it field by field otherwise."""
+
+    __slots__ = ()
+
+    def __deepcopy__(self, memo: dict[int, Any] | None) -> can.Message:
+        copied: can.Message = _new(can.Message)  # the constructor takes twice as long
+        copied.timestamp, copied.channel, copied.is_rx = self.timestamp, None, True
+        copied.arbitration_id, copied.dlc, copied.data = self.arbitration_id, self.dlc, self.data[:]
+        copied.is_extended_id = copied.is_remote_frame = copied.is_error_frame = False
+        copied.is_fd = copied.bitrate_switch = copied.error_state_indicator = False
+        return copied
+
+
+def open_bus(settings: BusSettings) -> can.BusABC:
+    """Opens the python-can bus of the settings.
+
+    Raises:
+        BusError: unknown interface, missing driver, no such channel.
+    """
+    try:
+        bus = can.Bus(
+            interface=settings.interface, channel=settings.channel, bitrate=settings.bitrate
+        )
+    except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, TypeError) as why:
+        raise BusError(f"bus {settings}: cannot open: {_line(why)}") from why
+    if ".udp_multicast" in type(bus).__module__ and sys.platform == "linux":
+        _hear_own_group_only(bus)
+    return bus
+
+
+def _hear_own_group_only(bus: can.BusABC) -> None:
+    """A socket hears the groups of all programs on this computer otherwise: other stages."""
+    with socket.socket(fileno=os.dup(bus.fileno())) as shared, suppress(OSError):
+        if shared.family == socket.AF_INET6:
+            shared.setsockopt(socket.IPPROTO_IPV6, _IPV6_MULTICAST_ALL, 0)
+        else:
+            shared.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
+
+
+def _line(problem: BaseException) -> str:
+    """An exception's text on one line, its class where it has none."""
+    return " ".join(str(problem).split()) or type(problem).__name__
+
+
+class Network(canopen.Network):
+    """A canopen network that its owner pumps.
+
+    Attributes:
+        clock: the time everything here runs in.
+        tap: sees every frame, or None.
+        beats: whether the host's heartbeat goes out; not from an onlooker, for whom drives
+            would go on when their real host is gone.
+        own_ids: CAN-IDs that the host sends. Seen again, they are its own echo (udp_multicast
+            loops frames back), since an id has one sender.
+        other_host: whether somebody else sends what only a host does.
+        watchers: called about every 25 ms of clock time with the time [ns] (heartbeat deadlines).
+        service_due: when `service` has to be called next [ns].
+        lock: held by the thread that sends and receives.
+        dispatching: inside the callbacks of a received frame, which must not wait for another.
+    """
+
+    def __init__(
+        self, bus: can.BusABC, label: str, tap: Tap | None = None, beats: bool = True
+    ) -> None:
+        super().__init__(bus)
+        self.label = label
+        self.beats = beats
+        self.clock: Clock = clock_of(bus)
+        self.tap = tap
+        self.own_ids: set[int] = set()
+        self.other_host = OtherHost(may_echo(bus))
+        self.watchers: list[Callable[[int], None]] = []
+        self.lock = threading.RLock()
+        self.dispatching = False
+        self._beat_due = self.service_due = self._opened = self.clock.now_ns()
+
+    def connect(self, *args: Any, **kwargs: Any) -> Network:
+        """Nothing to do: the bus is open, and there is no Notifier."""
+        return self
+
+    def disconnect(self) -> None:
+        """Takes the nodes off; the bus is closed by who opened it."""
+        for node_id in list(self.nodes):
+            del self[node_id]
+        self.bus = None
+
+    def send_message(self, can_id: int, data: Any, remote: bool = False) -> None:
+        """Sends one frame.
+
+        Raises:
+            BusError: the bus does not take it.
+        """
+        payload = bytes(data)
+        self.own_ids.add(can_id)
+        if self.bus is None:
+            raise BusError(f"bus {self.label}: is closed")
+        if self.tap is not None:
+            self.tap(self.clock.now_ns(), can_id, payload)
+        message = (can.Message if remote else OwnFrame)(
+            arbitration_id=can_id, is_extended_id=False, is_remote_frame=remote, data=payload
+        )
+        if self.other_host.echoes:
+            self.other_host.sent(can_id, payload, self.clock.now_ns())
+        try:
+            self.bus.send(message)
+        except (can.CanError, OSError, ValueError) as why:
+            raise self.failure(f"cannot send frame 0x{can_id:03X}", why) from why
+
+    def failure(self, what: str, why: BaseException) -> BusError:
+        """A `BusError` that names this bus; the tap sees that the bus failed."""
+        if self.tap is not None:
+            self.tap(self.clock.now_ns(), BUS_FAILED, b"")
+        return BusError(f"bus {self.label}: {what}: {_line(why)}")
+
+    def received(self, message: can.Message) -> None:
+        """Shows one received frame to the tap and feeds it to canopen's services."""
+        if message.is_error_frame or message.is_remote_frame or message.is_extended_id:
+            return
+        others = message.arbitration_id in self.other_host.ids and self.other_host.sends(
+            message, self.clock.now_ns()
+        )
+        if message.arbitration_id in self.own_ids and not others:
+            return
+        if self.tap is not None:
+            self.tap(self.clock.now_ns(), message.arbitration_id, bytes(message.data))
+        self.dispatching = True
+        try:
+            self.notify(message.arbitration_id, message.data, message.timestamp)
+        except struct.error:
+            pass  # an emergency or heartbeat of the wrong length: no such service
+        finally:
+            self.dispatching = False
+
+    def service(self, now: int) -> None:
+        """Sends the host's heartbeat when due, and lets the watchers look at their deadlines."""
+        self.service_due = now + SERVICE_NS
+        if self.beats and now >= self._beat_due:
+            # not `+= period`: after a long computation one beat, not a burst
+            self._beat_due = max(self._beat_due + HEARTBEAT_NS, now + HEARTBEAT_NS // 2)
+            self.send_message(HEARTBEAT_ID, _HOST_OPERATIONAL)
+        for watcher in self.watchers:
+            watcher(now)
+
+    def check_alone(self) -> None:
+        """Whether this is the only host.
+
+        Raises:
+            BusError: another one was heard.
+        """
+        if self.other_host.found is not None:
+            raise BusError(
+                f"bus {self.label}: another host is on it: {self.other_host.found} that this one "
+                "did not send"
+            )
+
+    def listen(self, duration: float) -> None:
+        """Receives for `duration` [s], or until another host is heard; sends nothing.
+
+        Where the bus has just been opened, the time since then counts: its queue has it all.
+
+        Raises:
+            BusError: the bus cannot be read, or there is another host.
+        """
+        with self.lock:
+            begin = self.clock.now_ns()
+            if begin - self._opened <= _JUST_OPENED_NS:
+                begin = self._opened
+            else:
+                while (old := self._receive(0.0)) is not None:
+                    self.received(old)
+                self.other_host.forget()
+            deadline = begin + round(duration * 1e9)
+            while True:
+                left = deadline - self.clock.now_ns()
+                message = self._receive(max(0.0, left * 1e-9))
+                if message is not None:
+                    self.received(message)
+                    self.check_alone()
+                if left <= 0 and (message is None or left <= -_JUST_OPENED_NS):
+                    return  # a queue that never gets empty says nothing new
+
+    def pump(self, duration: float) -> None:
+        """Receives and dispatches for `duration` [s]; 0 takes what is there.
+
+        Raises:
+            BusError: the bus cannot be read.
+        """
+        self.pump_until(lambda: False, duration)
+
+    def pump_until(self, condition: Callable[[], bool], timeout: float) -> bool:
+        """Receives and dispatches until `condition` holds.
+
+        Returns:
+            Whether it holds, False after `timeout` [s of the clock].
+
+        Raises:
+            BusError: the bus cannot be read.
+        """
+        with self.lock:
+            return self._pump_until(condition, timeout)
+
+    def _pump_until(self, condition: Callable[[], bool], timeout: float) -> bool:
+        deadline = self.clock.now_ns() + round(timeout * 1e9)
+        while not condition():
+            now = self.clock.now_ns()
+            if now >= self.service_due:
+                # what has come in first: a heartbeat that waits to be read is no lost heartbeat
+                while (waiting := self._receive(0.0)) is not None:
+                    self.received(waiting)
+                    if condition():
+                        return True
+                self.service(now)
+            wait = max(0, min(deadline, self.service_due) - now) if now < deadline else 0
+            message = self._receive(wait * 1e-9)
+            if message is not None:
+                self.received(message)
+            elif now >= deadline:
+                return condition()
+        return True
+
+    def _receive(self, timeout: float) -> can.Message | None:
+        if self.bus is None:
+            raise BusError(f"bus {self.label}: is closed")
+        try:
+            return self.bus.recv(timeout)
+        except (can.CanError, OSError, ValueError) as why:
+            raise self.failure("cannot receive", why) from why

@@ -1,0 +1,245 @@
+"""One CANopen node: NMT, boot-up, identity, heartbeat and EMCY watch.
+
+Alarms are kept for the cyclic path to look at: callbacks never raise and never talk. Its objects:
+`remote_objects.py`.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+
+from drivers.canopen import objects as od
+from drivers.canopen.bus import Network
+from drivers.canopen.emcy import error_text, register_text
+from drivers.canopen.remote_objects import RemoteObjects
+from drivers.errors import NodeError
+from drivers.settings import AxisSettings
+
+SECOND_ANSWER = 0.005
+"""A second device with the same node id answers within this time after the first [s]."""
+REBOOTED = "the drive rebooted (boot-up message): its set-up is lost"
+HEARTBEAT_PRODUCER_MS = 100
+HEARTBEAT_DEADLINE_NS = 350_000_000
+
+_OPERATIONAL, _PRE_OPERATIONAL = 5, 127
+_NMT_STATES = {4: "STOPPED", 5: "OPERATIONAL", 127: "PRE-OPERATIONAL"}
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """Something a node said, or did not say, that must stop the axes.
+
+    Attributes:
+        cause: one clause.  code: EMCY error code, None for other alarms.
+    """
+
+    cause: str
+    code: int | None = None
+
+
+class Node(RemoteObjects):
+    """A remote node.
+
+    Attributes:
+        alarm: the first alarm since `clear_alarms`, None when there was none.
+        watched: whether silence, a reboot or leaving OPERATIONAL is an alarm.
+        booted: number of boot-up messages seen.
+        emergencies: EMCY error codes since `clear_alarms`, oldest first.
+    """
+
+    def __init__(self, network: Network, settings: AxisSettings) -> None:
+        super().__init__(network, settings)
+        self._boot_timeout, self._revision = settings.boot_timeout, settings.revision
+        self.alarm: Alarm | None = None
+        self.watched = False
+        self.booted = self._booted_before = 0
+        self.emergencies: deque[int] = deque(maxlen=8)
+        self.state: int | None = None
+        self._heard_ns = network.clock.now_ns()
+        self._network = network
+        network.subscribe(0x700 + self.id, self._on_heartbeat)
+        network.subscribe(0x80 + self.id, self._on_emergency)
+        network.watchers.append(self._watch)
+        self.on_alarm: Callable[[Node], None] | None = None
+
+    # -- what the node says -----------------------------------------------------------------
+
+    def _on_heartbeat(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        if len(data) != 1:
+            return
+        self._heard_ns = self._network.clock.now_ns()
+        self.silent = False
+        state = data[0] & 0x7F
+        self.state = _PRE_OPERATIONAL if state == 0 else state
+        if state == 0:
+            self.booted += 1
+            if self.watched:
+                self._raise(Alarm(REBOOTED))
+        elif self.watched and state != _OPERATIONAL:
+            self._raise(Alarm(f"NMT state is {_NMT_STATES.get(state, state)}, not OPERATIONAL"))
+
+    def _on_emergency(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        if len(data) < 3:
+            return
+        self.silent = False
+        code, register = struct.unpack_from("<HB", data)
+        if code & 0xFF00:
+            self.emergencies.append(code)
+            text = f"emergency: {error_text(code)}, error register: {register_text(register)}"
+            self._raise(Alarm(text, code))
+
+    def _watch(self, now: int) -> None:
+        if self.watched and now - self._heard_ns > HEARTBEAT_DEADLINE_NS:
+            silent = (now - self._heard_ns) / 1e9
+            self._raise(Alarm(f"heartbeat lost: node {self.id} silent for {silent:.2f} s"))
+
+    def _raise(self, alarm: Alarm) -> None:
+        # the first one is the cause; later ones are its consequences
+        if self.alarm is None:
+            self.alarm = alarm
+            if self.on_alarm is not None:
+                self.on_alarm(self)
+
+    def clear_alarms(self) -> None:
+        """Forgets what was said so far; the heartbeat deadline starts anew."""
+        self.alarm = None
+        self.emergencies.clear()
+        self._heard_ns = self._network.clock.now_ns()
+
+    @property
+    def nmt_state(self) -> str | None:
+        """NMT state from the last heartbeat, None before the first."""
+        return None if self.state is None else _NMT_STATES.get(self.state, str(self.state))
+
+    # -- NMT --------------------------------------------------------------------------------
+
+    def boot(self) -> None:
+        """Resets the node's communication, waits for its boot-up, checks who it is.
+
+        Raises:
+            NodeError: no boot-up in time, or another device than the EDS describes.
+        """
+        self.watched = False
+        self._network.pump(0.0)  # a boot-up message of before is no answer to our reset
+        before = self._booted_before = self.booted
+        # communication only: the application keeps its power stage off and its encoder reference
+        self._network.send_message(0, (130, self.id))
+        if not self._network.pump_until(lambda: self.booted > before, self._boot_timeout):
+            raise NodeError(
+                f"no boot-up message from node {self.id} within {self._boot_timeout:g} s: "
+                "is the drive on, on this bus and at this bit rate?",
+                axis=self.name,
+            )
+        self.clear_alarms()
+        self._check_identity()
+
+    def twin(self) -> NodeError | None:
+        """What speaks for two devices with this node id since `boot`; None: nothing does.
+
+        A bus may double a frame now and then, and a drive may restart while it is set up: two
+        devices do it each time.
+
+        Raises:
+            NodeError: no answer.
+        """
+        answers = self._answers()
+        booted = self.booted - self._booted_before
+        if booted > 1:
+            what = f"{booted} boot-up messages after one reset"
+        elif answers > 1:
+            what = f"{answers} answers to one SDO request"
+        else:
+            return None
+        return NodeError(
+            f"{what}: do two devices have node id {self.id}? (stagectl scan)", axis=self.name
+        )
+
+    def _answers(self) -> int:
+        """How many answers one SDO request gets."""
+        count = 0
+        asked = struct.pack("<HB", od.DEVICE_TYPE.index, od.DEVICE_TYPE.sub)
+
+        def answer(can_id: int, data: bytearray, timestamp: float) -> None:
+            nonlocal count
+            count += bytes(data[1:4]) == asked
+
+        self._network.subscribe(0x580 + self.id, answer)
+        try:
+            self.read(od.DEVICE_TYPE)
+            self._network.pump(SECOND_ANSWER)
+        finally:
+            self._network.unsubscribe(0x580 + self.id, answer)
+        return count
+
+    def _check_identity(self) -> None:
+        info = self._dictionary.device_information
+        for ref, from_info in (
+            (od.VENDOR_ID, info.vendor_number),
+            (od.PRODUCT_CODE, info.product_number),
+        ):
+            variable = self._dictionary.get_variable(ref.index, ref.sub)
+            expected = variable.default if variable is not None else None
+            expected = from_info if expected is None else expected
+            if expected is None:
+                continue
+            found = self.read(ref)
+            if found != expected:
+                raise NodeError(
+                    f"is 0x{found:08X}, the EDS describes 0x{expected:08X}: another device",
+                    axis=self.name, obj=ref,
+                )  # fmt: skip
+        revision = self._dictionary.get_variable(0x1018, od.REVISION.sub)
+        # the major number stands for the CANopen behaviour, the minor one for the firmware
+        wanted, source = self._revision, "the settings want"
+        if wanted is None and revision is not None and revision.default is not None:
+            wanted, source = revision.default >> 16, "the EDS describes"
+        if wanted is not None and (found := self.read(od.REVISION) >> 16) != wanted:
+            raise NodeError(
+                f"major revision is {found}, {source} {wanted}", axis=self.name, obj=od.REVISION
+            )
+        kind = self.read(od.DEVICE_TYPE) & 0xFFFF
+        if kind != 402:
+            raise NodeError(
+                f"is profile {kind}, not a CiA 402 drive", axis=self.name, obj=od.DEVICE_TYPE
+            )
+
+    def set_heartbeat(self) -> None:
+        """Sets the node's heartbeat; that it watches the host's: `host_watch.py`."""
+        self.write_checked(od.HEARTBEAT_PRODUCER, HEARTBEAT_PRODUCER_MS)
+
+    def start(self) -> None:
+        """NMT start, and wait for a heartbeat that confirms OPERATIONAL.
+
+        Raises:
+            NodeError: the node does not become OPERATIONAL.
+        """
+        self.state = None
+        self._network.send_message(0, (1, self.id))
+        wait = 5 * HEARTBEAT_PRODUCER_MS * 1e-3
+        if not self._network.pump_until(lambda: self.state == _OPERATIONAL, wait):
+            raise NodeError(
+                f"node {self.id} did not become OPERATIONAL within {wait:g} s "
+                f"(heartbeat says {_NMT_STATES.get(self.state or 0, 'nothing')})",
+                axis=self.name,
+            )
+        self.clear_alarms()
+        self.watched = True
+
+    def release(self) -> None:
+        """Puts the node back to PRE-OPERATIONAL without heartbeat watch over the host."""
+        self.watched = False
+        if self.offers(od.HEARTBEAT_CONSUMER):
+            with suppress(NodeError):  # a drive may refuse to watch a host at all
+                self.write(od.HEARTBEAT_CONSUMER, 0)
+        self._network.send_message(0, (128, self.id))
+
+    def detach(self) -> None:
+        """Stops listening to the node."""
+        self.watched = False
+        if self._watch in self._network.watchers:
+            self._network.watchers.remove(self._watch)
+        self._sdo.detach()

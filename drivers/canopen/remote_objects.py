@@ -1,0 +1,277 @@
+"""The objects of one node by SDO, as its EDS describes them.
+
+The dictionary comes from canopen; what is added here is errors that name axis and object, one
+retry of a lost SDO, and read-back: an object that holds its value already is not written.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from typing import TypeVar
+
+import canopen
+
+from drivers.canopen import objects as od
+from drivers.canopen.bus import Network
+from drivers.canopen.objects import ObjectRef
+from drivers.canopen.sdo_channel import SdoChannel
+from drivers.errors import ConfigurationError, NodeError, shown
+from drivers.settings import AxisSettings
+
+T = TypeVar("T")
+Value = int | float | str | bytes | bytearray
+"""Of an object, by its data type."""
+
+SDO_TIMEOUT = 0.4
+SDO_ATTEMPTS = 2
+_NOT_OFFERED = (0x06020000, 0x06090011)
+
+
+def load_dictionary(settings: AxisSettings) -> canopen.ObjectDictionary:
+    """The object dictionary in the axis' EDS.
+
+    Raises:
+        ConfigurationError: the file is missing or cannot be read as an EDS.
+    """
+    if not settings.eds.is_file():
+        raise ConfigurationError(f"EDS file {settings.eds}: no such file", axis=settings.name)
+    try:
+        dictionary = canopen.import_od(str(settings.eds), settings.node)
+    except Exception as why:  # its parser raises whatever int() and configparser do
+        reason = " ".join(str(why).split()) or type(why).__name__
+        raise ConfigurationError(f"EDS file {settings.eds}: {reason}", axis=settings.name) from why
+    if 0x1018 not in dictionary:
+        raise ConfigurationError(
+            f"EDS file {settings.eds}: has no identity object 0x1018", axis=settings.name
+        )
+    return dictionary
+
+
+class RemoteObjects:
+    """What a node lets be read and written.
+
+    Attributes:
+        name: of its axis.  id: node id.
+        silent: it did not answer an SDO, and nothing was heard of it since.
+    """
+
+    def __init__(self, network: Network, settings: AxisSettings) -> None:
+        self.name = settings.name
+        self.id = settings.node
+        self.silent = False
+        self._dictionary = load_dictionary(settings)
+        self._sdo = SdoChannel(network, settings.node, SDO_TIMEOUT)
+
+    def offers(self, obj: ObjectRef) -> bool:
+        """Whether the EDS lists the object."""
+        return self._variable(obj) is not None
+
+    def has(self, obj: ObjectRef) -> bool:
+        """Whether the EDS lists the object and the node lets it be read.
+
+        Raises:
+            NodeError: no answer.
+        """
+        if not self.offers(obj):
+            return False
+        try:
+            self.read(obj)
+        except NodeError as refused:
+            if refused.abort_code not in _NOT_OFFERED:
+                raise
+            return False
+        return True
+
+    def data_type(self, obj: ObjectRef) -> int:
+        """CiA 301 data type number of the object, from the EDS.
+
+        Raises:
+            ConfigurationError: the EDS does not list it.
+        """
+        variable = self._variable(obj)
+        if variable is None or variable.data_type is None:
+            raise ConfigurationError("the EDS does not list it", axis=self.name, obj=obj)
+        return int(variable.data_type)
+
+    def read(self, obj: ObjectRef) -> int:
+        """Reads an integer object by SDO.
+
+        Raises:
+            NodeError: no answer, or the node aborts the access.
+        """
+        data = self._attempt("read", obj, lambda: self._sdo.upload(obj.index, obj.sub))
+        variable = self._variable(obj)
+        if variable is not None and len(data) * 8 > len(variable) >= 8:
+            data = data[: len(variable) // 8]  # some drives send four bytes for any number
+        if variable is None or len(data) * 8 != len(variable):
+            return int.from_bytes(data, "little")
+        return int(variable.decode_raw(data))
+
+    def error_history(self, length: int) -> tuple[int, ...]:
+        """The newest error codes of 0x1003, newest first; empty where the node keeps none.
+
+        Raises:
+            NodeError: no answer.
+        """
+        codes = []
+        try:
+            count = self.read(od.ERROR_COUNT) if self.offers(od.ERROR_COUNT) else 0
+            for sub in range(1, min(count, length) + 1):
+                codes.append(self.read(ObjectRef(0x1003, sub, "error history")) & 0xFFFF)
+        except NodeError as refused:
+            if refused.abort_code is None:
+                raise
+        return tuple(codes)
+
+    def read_value(self, obj: ObjectRef) -> Value:
+        """Reads an object of any type by SDO, bytes where the EDS says nothing of its type.
+
+        Raises:
+            NodeError: as `read`, or the answer is not of the object's type.
+        """
+        data = self._attempt("read", obj, lambda: self._sdo.upload(obj.index, obj.sub))
+        variable = self._variable(obj)
+        try:
+            return data if variable is None else variable.decode_raw(data)
+        except canopen.ObjectDictionaryError as why:
+            raise NodeError(
+                f"read: {len(data)} bytes are not of its type", axis=self.name, obj=obj
+            ) from why
+
+    def write(self, obj: ObjectRef, value: Value) -> None:
+        """Writes an object by SDO.
+
+        Raises:
+            ConfigurationError: the EDS does not list the object, or the value does not fit it.
+            NodeError: no answer, or the node aborts the access.
+        """
+        data = self._encoded(obj, value)
+        self._attempt(
+            f"write of {shown(value)}",
+            obj,
+            lambda: self._sdo.download(obj.index, obj.sub, data),
+        )
+
+    def tell(self, obj: ObjectRef, value: int) -> None:
+        """Sends a write and waits for no answer: for a stop, to who doesn't answer but may listen.
+
+        Raises:
+            ConfigurationError: as `write`.
+            BusError: the bus does not take it.
+        """
+        self._sdo.tell(obj.index, obj.sub, self._encoded(obj, value))
+
+    def write_checked(self, obj: ObjectRef, value: int) -> None:
+        """Has an object hold a value.
+
+        Raises:
+            ConfigurationError: the drive holds another value in the end.
+            NodeError: as `read` and `write`.
+        """
+        held, refusal = self._keep(obj, value)
+        if held != value:
+            raise self.not_kept(obj, value, held, refusal)
+
+    def write_optional(self, obj: ObjectRef, value: int) -> bool:
+        """Has an object that a drive may do without hold a value.
+
+        Returns:
+            False where neither EDS nor node offer it.
+
+        Raises:
+            ConfigurationError, NodeError: as `write_checked`, where it is offered.
+        """
+        kept = self.keep(obj, value)
+        if kept is None:
+            return False
+        held, refusal = kept
+        if held != value:
+            raise self.not_kept(obj, value, held, refusal)
+        return True
+
+    def keep(self, obj: ObjectRef, value: int) -> tuple[int, NodeError | None] | None:
+        """Has an object hold a value where the drive lets it; the caller judges what it holds.
+
+        Returns:
+            What it holds in the end, and the drive's refusal of the write if there was one; None
+            where neither EDS nor node offer it.
+
+        Raises:
+            ConfigurationError: the value does not fit the object.
+            NodeError: no answer, or it cannot be read.
+        """
+        if not self.offers(obj):
+            return None
+        try:
+            return self._keep(obj, value)
+        except NodeError as refused:
+            if refused.abort_code in _NOT_OFFERED:
+                return None
+            raise
+
+    def _keep(self, obj: ObjectRef, value: int) -> tuple[int, NodeError | None]:
+        held = self.read(obj)
+        if held == value:
+            return held, None
+        try:
+            self.write(obj, value)
+        except NodeError as refused:
+            if refused.abort_code is None or refused.abort_code in _NOT_OFFERED:
+                raise
+            return held, refused
+        return self.read(obj), None
+
+    def not_kept(
+        self, obj: ObjectRef, value: int, held: int, refusal: NodeError | None
+    ) -> ConfigurationError | NodeError:
+        """The error of a value that the drive does not hold, refused or not."""
+        if refusal is None:
+            return ConfigurationError(
+                f"wrote {value}, the drive holds {held}", axis=self.name, obj=obj
+            )
+        return NodeError(
+            f"{refusal.cause}; the drive holds {held}", axis=self.name, obj=obj,
+            abort_code=refusal.abort_code,
+        )  # fmt: skip
+
+    @property
+    def dictionary(self) -> canopen.ObjectDictionary:
+        """What the EDS says."""
+        return self._dictionary
+
+    def _variable(self, obj: ObjectRef) -> canopen.objectdictionary.ODVariable | None:
+        return self._dictionary.get_variable(obj.index, obj.sub)
+
+    def _encoded(self, obj: ObjectRef, value: Value) -> bytes:
+        variable = self._variable(obj)
+        if variable is None:
+            raise ConfigurationError("the EDS does not list it", axis=self.name, obj=obj)
+        try:
+            return bytes(variable.encode_raw(value))
+        except (struct.error, ValueError, OverflowError, TypeError) as why:
+            raise ConfigurationError(
+                f"{shown(value)} does not fit the object: {why}", axis=self.name, obj=obj
+            ) from why
+
+    def _attempt(self, what: str, obj: ObjectRef, access: Callable[[], T]) -> T:
+        for left in reversed(range(SDO_ATTEMPTS)):
+            try:
+                result = access()
+                self.silent = False
+                return result
+            except canopen.SdoAbortedError as abort:
+                self.silent = False
+                text = abort.CODES.get(abort.code, "no such abort code in CiA 301")
+                raise NodeError(
+                    f"{what} refused: {text} (abort 0x{abort.code:08X})",
+                    axis=self.name, obj=obj, abort_code=abort.code,
+                ) from abort  # fmt: skip
+            except canopen.SdoCommunicationError as silence:
+                if not left:
+                    self.silent = True
+                    raise NodeError(
+                        f"{what}: node {self.id} does not answer ({silence})",
+                        axis=self.name, obj=obj,
+                    ) from silence  # fmt: skip
+        raise AssertionError("unreachable")

@@ -1,0 +1,258 @@
+"""One node's SDO server as the host uses it: one transfer at a time, from any thread.
+
+Whoever has the bus drives the transfers: the caller itself where nobody else pumps, else the thread
+that does, which takes them up with the network's regular services (so also between the SYNCs of a
+stream, without waiting there). After a timeout the channel is in doubt: an answer may still come.
+Before the next transfer, a mandatory object that was not just asked for is read; the server answers
+in order, so whatever was late has gone by when that answer comes.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+
+from canopen import SdoAbortedError, SdoCommunicationError
+
+from drivers.canopen.bus import Network
+from drivers.canopen.sdo import (
+    BLOCK_UPLOAD_END,
+    TIMED_OUT,
+    UNKNOWN_COMMAND,
+    Transfer,
+    abort_frame,
+    block_download,
+    block_upload,
+    download,
+    upload,
+)
+from drivers.errors import BusError, DriverError
+
+TIMEOUT = 0.4
+"""For each answer [s]."""
+_FENCES = ((0x1000, 0), (0x1001, 0), (0x1018, 0), (0x1018, 1))
+_LOOK = 0.005
+"""How often a thread that waits for another one's pumping looks whether it still does [s]."""
+
+
+class _Job:
+    """A transfer and how it ended."""
+
+    __slots__ = ("begin", "closing", "done", "error", "object", "result")
+
+    def __init__(
+        self, obj: tuple[int, int], begin: Callable[[], Transfer], closing: bytes | None
+    ) -> None:
+        self.object = obj
+        self.begin = begin
+        self.closing = closing
+        self.done = False
+        self.result = b""
+        self.error: Exception | None = None
+
+    def end(self, result: bytes = b"", error: Exception | None = None) -> None:
+        self.result, self.error = result, error
+        self.done = True  # last: another thread looks at this one
+
+    def ended(self) -> bool:
+        return self.done
+
+
+class SdoChannel:
+    """Reads and writes the objects of one node.
+
+    Args:
+        network: to send on; its `watchers` and subscription of 0x580 + node are used.
+        node_id: 1..127.
+        timeout: for each answer [s of the network's clock].
+    """
+
+    def __init__(self, network: Network, node_id: int, timeout: float = TIMEOUT) -> None:
+        self.node_id = node_id
+        self.timeout = timeout
+        self._network = network
+        self._lock = threading.Lock()
+        self._waiting: deque[_Job] = deque()
+        self._job: _Job | None = None
+        self._transfer: Transfer | None = None
+        self._fence: tuple[int, int] | None = None
+        self._owed: list[tuple[int, int]] = []  # asked for in vain since the last fence
+        self._deadline = 0
+        network.subscribe(0x580 + node_id, self._on_answer)
+        network.watchers.append(self._service)
+
+    def detach(self) -> None:
+        """Stops listening; what waits fails."""
+        self._network.unsubscribe(0x580 + self.node_id, self._on_answer)
+        if self._service in self._network.watchers:
+            self._network.watchers.remove(self._service)
+        for job in (self._job, *self._waiting):
+            if job is not None and not job.done:
+                job.end(error=SdoCommunicationError("the node was let go of"))
+        self._job = self._transfer = None
+        self._waiting.clear()
+
+    def upload(self, index: int, sub: int) -> bytes:
+        """The bytes of an object.
+
+        Raises:
+            SdoAbortedError: the node refuses.
+            SdoCommunicationError: it does not answer.
+            BusError: the bus fails.
+        """
+        return self._run(_Job((index, sub), lambda: upload(index, sub), None))
+
+    def download(self, index: int, sub: int, data: bytes) -> None:
+        """Writes an object; raises as `upload`."""
+        self._run(_Job((index, sub), lambda: download(index, sub, data), None))
+
+    def tell(self, index: int, sub: int, data: bytes) -> None:
+        """Writes an object of up to four bytes and waits for no answer; what is under way fails.
+
+        Raises:
+            BusError: the bus fails.
+        """
+        with self._network.lock:
+            if self._job is not None:
+                self._drop(self._job, SdoCommunicationError("given up for something urgent"))
+            self._owed.append((index, sub))
+            for frame in next(download(index, sub, data)) or ():
+                self._send(frame)
+
+    def block_upload(self, index: int, sub: int) -> bytes:
+        """As `upload`, in blocks where the node offers them."""
+        try:
+            return self._run(_Job((index, sub), lambda: block_upload(index, sub), BLOCK_UPLOAD_END))
+        except SdoAbortedError as refused:
+            if refused.code != UNKNOWN_COMMAND:
+                raise
+            return self.upload(index, sub)
+
+    def block_download(self, index: int, sub: int, data: bytes) -> None:
+        """As `download`, in blocks where the node offers them."""
+        try:
+            self._run(_Job((index, sub), lambda: block_download(index, sub, data), None))
+        except SdoAbortedError as refused:
+            if refused.code != UNKNOWN_COMMAND:
+                raise
+            self.download(index, sub, data)
+
+    # -- who drives -------------------------------------------------------------------------
+
+    def _run(self, job: _Job) -> bytes:
+        network = self._network
+        if network.dispatching:
+            raise DriverError(
+                f"node {self.node_id}: SDO access inside a callback of the receive path"
+            )
+        with self._lock:
+            self._waiting.append(job)
+        while not job.done:
+            # somebody else pumps: it takes the job up, or lets go of the bus
+            if not network.lock.acquire(timeout=_LOOK):
+                continue
+            try:
+                self._drive(job)
+            except BusError as failed:
+                self._drop(job, failed)
+            finally:
+                network.lock.release()
+        if job.error is not None:
+            raise job.error
+        return job.result
+
+    def _drive(self, job: _Job) -> None:
+        network = self._network
+        while not job.done:
+            self._next()
+            left = max(0, self._deadline - network.clock.now_ns()) * 1e-9
+            if not network.pump_until(job.ended, left):
+                self._service(network.clock.now_ns())
+
+    def _drop(self, job: _Job, failed: Exception) -> None:
+        if job is self._job:
+            self._owed.append(self._fence or job.object)
+            self._job = self._transfer = self._fence = None
+        with self._lock:
+            if job in self._waiting:
+                self._waiting.remove(job)
+        job.end(error=failed)
+
+    # -- the transfer under way, in the thread that has the bus -------------------------------
+
+    def _service(self, now: int) -> None:
+        """Ends what has waited too long, begins what is next."""
+        job = self._job
+        if job is not None and now >= self._deadline:
+            if self._transfer is not None:
+                self._transfer.close()
+            self._job = self._transfer = None
+            at, self._fence = self._fence or job.object, None
+            self._owed.append(at)
+            try:
+                self._send(abort_frame(*at, TIMED_OUT))
+            finally:
+                job.end(error=SdoCommunicationError("no SDO answer"))
+        self._next()
+
+    def _next(self) -> None:
+        if self._job is not None or not self._waiting:
+            return
+        with self._lock:
+            if not self._waiting:
+                return
+            job = self._job = self._waiting.popleft()
+        if not self._owed:
+            self._begin(job.begin())
+            return
+        del self._owed[: -len(_FENCES) + 1]  # the oldest ones have had several timeouts to come
+        self._fence = next(f for f in _FENCES if f not in self._owed)
+        self._begin(upload(*self._fence))
+
+    def _begin(self, transfer: Transfer) -> None:
+        self._transfer = transfer
+        self._submit(next(transfer))
+
+    def _submit(self, frames: tuple[bytes, ...] | None) -> None:
+        for frame in frames or ():
+            self._send(frame)
+        # after sending: in virtual time the answer may be in the queue already
+        self._deadline = self._network.clock.now_ns() + round(self.timeout * 1e9)
+
+    def _send(self, frame: bytes) -> None:
+        self._network.send_message(0x600 + self.node_id, frame)
+
+    def _on_answer(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        transfer, job = self._transfer, self._job
+        if transfer is None or job is None or len(data) != 8:
+            return
+        try:
+            frames = transfer.send(bytes(data))
+        except StopIteration as end:
+            if self._fence is not None:
+                self._fence_passed(job)
+                return
+            if job.closing is not None:
+                self._send(job.closing)
+            self._finish(job, end.value, None)
+        except SdoAbortedError as refused:
+            if self._fence is not None:  # refused is answered
+                self._fence_passed(job)
+                return
+            if data[0] != 0x80:  # our own decision, which the server has to hear of
+                self._send(abort_frame(*job.object, refused.code))
+            self._finish(job, b"", refused)
+        else:
+            if frames:
+                self._submit(frames)
+
+    def _fence_passed(self, job: _Job) -> None:
+        self._fence = None
+        self._owed.clear()
+        self._begin(job.begin())
+
+    def _finish(self, job: _Job, result: bytes, error: Exception | None) -> None:
+        self._job = self._transfer = None
+        job.end(result, error)
+        self._next()

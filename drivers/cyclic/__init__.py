@@ -1,0 +1,1 @@
+"""The cyclic path: setpoints out, SYNC, process data in; no SDO in here."""

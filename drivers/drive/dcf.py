@@ -1,0 +1,125 @@
+"""Values that a DCF brings along: held by the drive after every boot, differences told together.
+
+A DCF is an EDS with a `ParameterValue` where a drive is to hold something else than its default.
+What the driver sets by itself (communication, PDOs, words, modes, set-points) is not taken from it.
+Speeds and accelerations may be rounded by the drive, all else has to be what the file says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import canopen
+
+from drivers.canopen.node import Node
+from drivers.canopen.objects import ObjectRef
+from drivers.canopen.remote_objects import Value
+from drivers.drive.parameters import Parameter, Rule
+from drivers.errors import ConfigurationError, NodeError, shown
+
+LISTED = 5
+"""Differences that are told; of more, only the number."""
+_OURS = {
+    0x1005, 0x1006, 0x1007, 0x1014, 0x1016, 0x1017, 0x1019, 0x1010, 0x1011,
+    0x6040, 0x6060, 0x607A, 0x60FF, 0x6071, 0x60B2, 0x60C2,
+}  # fmt: skip
+_PDOS = range(0x1400, 0x1C00)
+_ROUNDED = {0x607F, 0x6081, 0x6082, 0x6083, 0x6084, 0x6085, 0x6099, 0x609A, 0x60C5, 0x60C6}
+"""Speeds and accelerations."""
+
+
+def configured(dictionary: canopen.ObjectDictionary) -> list[tuple[ObjectRef, Value]]:
+    """The objects that the file gives a value of its own, in the order of their indices."""
+    values: list[tuple[ObjectRef, Value]] = []
+    for variable in _variables(dictionary):
+        value = variable.value
+        if (
+            value is not None
+            and variable.writable
+            and variable.index not in _OURS
+            and variable.index not in _PDOS
+        ):
+            values.append((ObjectRef(variable.index, variable.subindex, variable.name), value))
+    return values
+
+
+def _variables(
+    dictionary: canopen.ObjectDictionary,
+) -> Iterator[canopen.objectdictionary.ODVariable]:
+    for index in sorted(dictionary):
+        entry = dictionary[index]
+        if isinstance(entry, canopen.objectdictionary.ODVariable):
+            yield entry
+        else:
+            yield from entry.values()
+
+
+def apply(node: Node, values: list[tuple[ObjectRef, Value]]) -> list[str]:
+    """Writes the values that the drive does not hold already, reads all of them back.
+
+    Returns:
+        What the drive has rounded, one clause each.
+
+    Raises:
+        ConfigurationError: names every object that was refused or holds something else.
+        NodeError: the node does not answer.
+    """
+    differences, rounded = [], []
+    for ref, value in values:
+        try:
+            if not _holds(node, ref, value):
+                node.write(ref, value)
+        except NodeError as refused:
+            if refused.abort_code is None:
+                raise
+            differences.append(f"{ref} {refused.cause}")
+        except ConfigurationError as unfit:
+            differences.append(f"{ref} {unfit.cause}")
+    told = {text.split(" ", 1)[0] for text in differences}
+    for ref, value in values:
+        if f"0x{ref.index:04X}:{ref.sub:02X}" in told:
+            continue
+        held = _held(node, ref, value)
+        if held == _as_held(node, ref, value):
+            continue
+        if _is_rounded(ref, value, held):
+            rounded.append(
+                f"{ref} is {shown(held)}, not {shown(value)} as in the DCF: the drive rounds it"
+            )
+        else:
+            differences.append(f"{ref} wrote {shown(value)}, the drive holds {shown(held)}")
+    if differences:
+        more = len(differences) - LISTED
+        text = "; ".join(differences[:LISTED]) + (f"; and {more} more" if more > 0 else "")
+        raise ConfigurationError(
+            f"DCF: {len(differences)} of {len(values)} objects differ: {text}", axis=node.name
+        )
+    return rounded
+
+
+def _held(node: Node, ref: ObjectRef, value: Value) -> Value:
+    return node.read(ref) if isinstance(value, int) else node.read_value(ref)
+
+
+def _holds(node: Node, ref: ObjectRef, value: Value) -> bool:
+    """Whether there is nothing to write, as in an object that is fixed at that value."""
+    try:
+        return _held(node, ref, value) == _as_held(node, ref, value)
+    except NodeError as refused:
+        if refused.abort_code is None:
+            raise
+        return False  # the write will say why
+
+
+def _is_rounded(ref: ObjectRef, value: Value, held: Value) -> bool:
+    if ref.index not in _ROUNDED or not (isinstance(value, int) and isinstance(held, int)):
+        return False
+    return Parameter(ref, value, Rule.ROUNDED).rounded(held)
+
+
+def _as_held(node: Node, ref: ObjectRef, value: Value) -> Value:
+    """A number in the object's own precision."""
+    variable = node.dictionary.get_variable(ref.index, ref.sub)
+    if variable is None or not isinstance(value, float):
+        return value
+    return float(variable.decode_raw(variable.encode_raw(value)))

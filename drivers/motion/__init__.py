@@ -1,0 +1,1 @@
+"""What moves the axes, one module per mode of operation, and what stops them."""

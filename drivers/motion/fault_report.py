@@ -1,0 +1,175 @@
+"""A fault and all that is known of it, as one exception: what the drive says and what it was told.
+
+Merges emergency messages, error code (0x603F), error register (0x1001), error history (0x1003) and
+statusword with the last commands. What is kept by the host is taken at once (`Evidence.of`), what
+has to be asked for is read when nothing moves any more (`explained`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from drivers.canopen import objects as od
+from drivers.canopen.emcy import error_text, register_text
+from drivers.canopen.node import REBOOTED
+from drivers.drive.cia402 import Command, Control, State, Status, decode
+from drivers.errors import AxisFault, ConfigurationError, DriverError, NodeError
+
+if TYPE_CHECKING:
+    from drivers.cyclic.channel import Channel
+
+HISTORY_LENGTH = 4
+_COMMAND_BITS = 0x8F
+_BITS = (
+    (Control.NEW_SETPOINT, "bit 4"),
+    (Control.CHANGE_IMMEDIATELY, "bit 5"),
+    (Control.RELATIVE, "bit 6"),
+    (Control.HALT, "halt"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What the host knows of an axis at the moment of a fault.
+
+    Attributes:
+        statusword: last one, None before the first.
+        emergencies: codes since alarms were last cleared, oldest first.
+        controlwords: last ones, each once, oldest first.
+        mode: of operation, None before the first.
+        target: last set-point in words, with its unit.  offset: last force offset [N].
+        boots: boot-up messages of its drive so far.
+    """
+
+    statusword: int | None
+    emergencies: tuple[int, ...]
+    controlwords: tuple[int, ...]
+    mode: int | None
+    target: str
+    offset: float
+    boots: int
+
+    @classmethod
+    def of(cls, channel: Channel) -> Evidence:
+        """As things are now; sends nothing."""
+        axis = channel.axis
+        return cls(
+            channel.statusword if channel.seen else None,
+            tuple(axis.node.emergencies),
+            tuple(channel.told),
+            None if axis.mode is None else int(axis.mode),
+            _target_text(channel),
+            channel.offset * axis.scale.force,
+            axis.node.booted,
+        )
+
+    @property
+    def state(self) -> State | None:
+        """Power state that the statusword shows."""
+        return None if self.statusword is None else decode(self.statusword)
+
+    def commands(self) -> str:
+        """The last commands in words."""
+        words = " > ".join(command_text(w) for w in self.controlwords) or "none"
+        mode = "" if self.mode is None else f", mode {self.mode}"
+        return f"{words}{mode}, target {self.target}, force offset {self.offset:.4g} N"
+
+
+@dataclass(frozen=True, slots=True)
+class FaultReport:
+    """All that is known of a fault.
+
+    Attributes:
+        evidence: taken when it was noticed.
+        error_code: 0x603F.  error_register: 0x1001.  None where the drive does not tell.
+        history: newest codes of 0x1003, newest first.
+    """
+
+    evidence: Evidence
+    error_code: int | None
+    error_register: int | None
+    history: tuple[int, ...]
+
+    @property
+    def code(self) -> int | None:
+        """The code that names the cause: the first emergency, else 0x603F, else the history's."""
+        first = next((e for e in self.evidence.emergencies if e & 0xFF00), None)
+        return first or self.error_code or next(iter(self.history), None)
+
+
+def _target_text(channel: Channel) -> str:
+    axis = channel.axis
+    if axis.target == od.TARGET_FORCE:
+        return f"{channel.target * axis.scale.force:.4g} N"
+    if axis.target == od.TARGET_VELOCITY:
+        return f"{channel.target * axis.settings.velocity_unit_si:.6g} m/s"
+    return f"{channel.target * axis.scale.increment:.9g} m"
+
+
+def command_text(controlword: int) -> str:
+    """A controlword in words."""
+    if controlword & Command.FAULT_RESET:
+        text = "fault reset"
+    else:
+        command = controlword & _COMMAND_BITS
+        known = [c for c in Command if int(c) == command]
+        text = known[0].name.replace("_", " ").lower() if known else f"0x{controlword:04X}"
+    extra = [name for bit, name in _BITS if controlword & bit]
+    return text + "".join(f" + {name}" for name in extra)
+
+
+def explained(problem: AxisFault, channel: Channel, evidence: Evidence) -> AxisFault:
+    """The same fault with everything known of it; reads by SDO, never raises for that.
+
+    Args:
+        problem: what was noticed.
+        channel: of its axis, at rest or lost by now.
+        evidence: from when it was noticed.
+    """
+    if problem.report is not None:
+        return problem
+    node = channel.axis.node
+
+    def optional(ref: od.ObjectRef) -> int | None:
+        try:
+            return node.read(ref) if node.offers(ref) and not node.silent else None
+        except (NodeError, ConfigurationError):
+            return None
+
+    code, register = optional(od.ERROR_CODE), None
+    history: tuple[int, ...] = ()
+    if code is not None:  # a node that does not answer costs one timeout, not three
+        register = optional(od.ERROR_REGISTER)
+        try:
+            history = node.error_history(HISTORY_LENGTH)
+        except DriverError:
+            pass
+    report = FaultReport(evidence, code, register, history)
+    parts = [problem.cause]
+    if node.booted > evidence.boots:  # it was silent for as long as that took
+        parts.append(REBOOTED)
+    for other in evidence.emergencies:
+        if f"0x{other:04X}" not in "".join(parts):
+            parts.append(f"emergency: {error_text(other)}")
+    if code and f"0x{code:04X}" not in "".join(parts):
+        parts.append(f"0x603F:00 error code: {error_text(code)}")
+    if register and "error register" not in problem.cause:
+        parts.append(f"error register: {register_text(register)}")
+    if evidence.statusword is not None and not evidence.statusword & Status.VOLTAGE_ENABLED:
+        parts.append("no supply voltage (STO, contactor or mains)")
+        inputs = optional(od.DIGITAL_INPUTS)
+        if inputs and inputs & od.INTERLOCK:
+            parts.append("0x60FD:00 digital inputs: interlock active (STO or enable input)")
+    told = "".join(parts)
+    older = [error_text(h) for h in dict.fromkeys(history) if f"0x{h:04X}" not in told]
+    if older:
+        parts.append("earlier errors: " + ", ".join(older))
+    if evidence.statusword is not None and "statusword 0x" not in problem.cause:
+        bits = ", warning" if evidence.statusword & Status.WARNING else ""
+        parts.append(f"statusword 0x{evidence.statusword:04X} ({evidence.state}{bits})")
+    parts.append(f"last commands: {evidence.commands()}")
+    return type(problem)(
+        "; ".join(parts), axis=problem.axis, obj=problem.object,
+        code=problem.code or report.code, report=report,
+    )  # fmt: skip

@@ -1,0 +1,215 @@
+"""A CAN segment in virtual time: clock, timers, nodes, and hosts' receive queues, in one thread.
+
+An integer-nanosecond clock, a heap of timers, the nodes' handlers by CAN id and a queue of frames
+that is drained before `transmit` returns: a SYNC sent by a host has been answered by every node
+then, and nothing else has happened. Time moves only in `step` and `sleep_until_ns`.
+
+Not modelled: bit times and arbitration (frames keep the order they were sent in), bus errors,
+remote frames and extended ids towards the nodes (they reach the other hosts only).
+"""
+
+from __future__ import annotations
+
+import heapq
+import weakref
+from collections import deque
+from collections.abc import Callable
+from threading import get_ident
+
+import can
+
+from hil_sim.bus.subscriptions import Handler, PendingAction, Subscriptions
+
+Frame = tuple[int, int, bytes, tuple[bool, bool, bool], object]
+"""Time [ns], id, data, (extended id, remote, error), sender: None for the nodes."""
+
+DATA_FRAME = (False, False, False)  # extended id, remote, error: what nodes listen to
+
+_NOBODY: tuple[Handler, ...] = ()
+_worlds: weakref.WeakValueDictionary[str, World] = weakref.WeakValueDictionary()
+
+
+class World:
+    """One CAN segment in virtual time.
+
+    It belongs to the thread that made it. Registered under `name` for as long as somebody holds
+    it (a bus or a node does), so that `can.Bus(interface="lockstep", channel=name)` finds it; a
+    new world takes the name over from an older one.
+
+    Attributes:
+        name: the channel.
+        now_ns: virtual time [ns], from 0.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.now_ns = 0
+        self._thread = get_ident()
+        self._timers: list[tuple[int, int, PendingAction]] = []
+        self._timer_count = 0
+        self._handlers = Subscriptions()
+        self._frames: deque[Frame] = deque()
+        self._queues: tuple[tuple[object, deque[Frame]], ...] = ()
+        self._hosts: tuple[Callable[[Frame], None], ...] = ()  # what a node sends goes to
+        self._others: dict[object, tuple[Callable[[Frame], None], ...]] = {}
+        self._delivering = False
+        _worlds[name] = self
+
+    @classmethod
+    def get(cls, channel: object) -> World:
+        """The world of this channel, a new and empty one if there is none."""
+        name = str(channel)  # can.Bus turns the channel "0" into an int
+        world = _worlds.get(name)
+        return cls(name) if world is None else world
+
+    # Nodes -----------------------------------------------------------------------------------
+
+    def subscribe(self, can_id: int, handler: Handler) -> None:
+        """Call `handler` with the payload of every data frame with this 11-bit id."""
+        self._handlers.subscribe(can_id, handler)
+
+    def unsubscribe(self, can_id: int, handler: Handler) -> None:
+        """Undo `subscribe`."""
+        self._handlers.unsubscribe(can_id, handler)
+
+    def emit(self, can_id: int, data: bytes) -> None:
+        """Send a data frame from a node. A node that listens to its own id hears itself."""
+        if not self._delivering:
+            World.transmit(self, None, can_id, data)
+            return
+        frame = (self.now_ns, can_id, data, DATA_FRAME, None)
+        if self._frames or can_id in self._handlers:
+            self._frames.append(frame)
+        else:  # only hosts want it, and nothing is ahead of it
+            for hand_to in self._hosts:
+                hand_to(frame)
+
+    def at(self, time_ns: int, action: Callable[[], None]) -> PendingAction:
+        """Call `action` when virtual time reaches `time_ns` (at the next wait if it has)."""
+        timer = PendingAction(action)
+        self._timer_count += 1  # equal times run in the order they were asked for
+        heapq.heappush(self._timers, (max(time_ns, self.now_ns), self._timer_count, timer))
+        return timer
+
+    # Hosts -----------------------------------------------------------------------------------
+
+    def check_thread(self) -> None:
+        """Raise unless called by the thread that owns this world's time.
+
+        Raises:
+            can.CanOperationError: for any other thread, such as a `can.Notifier`'s.
+        """
+        if get_ident() != self._thread:
+            raise can.CanOperationError(
+                f"lockstep bus {self.name!r}: used by another thread than the one that made it "
+                "(no can.Notifier here: its waiting would run virtual time away)"
+            )
+
+    def connect(self, owner: object, queue: deque[Frame]) -> None:
+        """Append every frame from now on to `queue`; `owner` is told its own frames apart by."""
+        self._arrange((*self._queues, (owner, queue)))
+
+    def disconnect(self, queue: deque[Frame]) -> None:
+        """Undo `connect`."""
+        self._arrange(tuple(entry for entry in self._queues if entry[1] is not queue))
+
+    def _arrange(self, queues: tuple[tuple[object, deque[Frame]], ...]) -> None:
+        self._queues = queues
+        self._hosts = tuple(queue.append for _, queue in queues)
+        self._others = {
+            owner: tuple(queue.append for other, queue in queues if other is not owner)
+            for owner, _ in queues
+        }
+
+    def transmit(
+        self,
+        owner: object,
+        can_id: int,
+        data: bytes,
+        flags: tuple[bool, bool, bool] = DATA_FRAME,
+    ) -> None:
+        """Send a host's frame and deliver it with everything that follows from it."""
+        frames, handlers_of = self._frames, self._handlers.get
+        if self._delivering:
+            frames.append((self.now_ns, can_id, data, flags, owner))
+            return
+        self._delivering = True
+        try:
+            while True:  # this frame, and all that its receivers send at once, in order
+                for hand_to in self._others.get(owner, self._hosts):
+                    hand_to((self.now_ns, can_id, data, flags, owner))
+                if flags is DATA_FRAME:
+                    for handler in handlers_of(can_id, _NOBODY):
+                        handler(data)
+                if not frames:
+                    return
+                _, can_id, data, flags, owner = frames.popleft()
+        finally:
+            self._delivering = False
+
+    def step(self, deadline_ns: int | None) -> bool:
+        """Move time to the next timer and run all timers of that instant.
+
+        Args:
+            deadline_ns: not beyond this time [ns]; None: as far as it takes.
+
+        Returns:
+            False when no timer was due until the deadline, which is then the present.
+
+        Raises:
+            can.CanOperationError: no deadline and no timer: nothing could ever happen.
+        """
+        timers = self._timers
+        while timers and timers[0][2].action is None:
+            heapq.heappop(timers)
+        if not timers:
+            if deadline_ns is None:
+                raise can.CanOperationError(
+                    f"lockstep bus {self.name!r}: waiting for ever with no timer pending"
+                )
+        elif deadline_ns is None or timers[0][0] <= deadline_ns:
+            instant = timers[0][0]
+            self.now_ns = max(self.now_ns, instant)
+            while timers and timers[0][0] <= instant:
+                timer = heapq.heappop(timers)[2]
+                action, timer.action = timer.action, None
+                if action is not None:
+                    action()
+            return True
+        if deadline_ns is not None and deadline_ns > self.now_ns:
+            self.now_ns = deadline_ns
+        return False
+
+    def quiet(self) -> bool:
+        """Whether no timer is due now."""
+        timers = self._timers
+        return not timers or timers[0][0] > self.now_ns
+
+    def sleep_until_ns(self, time_ns: int) -> None:
+        """Let virtual time pass until `time_ns`, running every timer on the way."""
+        if get_ident() != self._thread:
+            self.check_thread()
+        timers = self._timers
+        if not timers or timers[0][0] > time_ns:
+            if time_ns > self.now_ns:
+                self.now_ns = time_ns
+            return
+        while self.step(time_ns):
+            pass
+
+
+class LockstepClock:
+    """Virtual time of a world, in place of the monotonic clock."""
+
+    __slots__ = ("_world",)
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+
+    def now_ns(self) -> int:
+        """Virtual time [ns]."""
+        return self._world.now_ns
+
+    def sleep_until_ns(self, time_ns: int) -> None:
+        """Let virtual time pass until `time_ns` [ns]."""
+        self._world.sleep_until_ns(time_ns)

@@ -1,0 +1,167 @@
+"""The drive's object dictionary: objects and defaults from the EDS, values as one process image.
+
+Values are kept decoded, in a plain dict by `key(index, subindex)`, which the modes read and the
+PDO engine packs and unpacks straight away. Access by SDO goes through `get_data` and `set_data`,
+which check access type, length and range and answer with the abort codes of CiA 301; an object
+can be `live` (its value is computed when read), a `check` (may refuse a value) and an
+`on_write` (acts on it).
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from canopen import ObjectDictionary, SdoAbortedError, import_od
+from canopen.objectdictionary import NUMBER_TYPES, ODVariable
+from canopen.sdo import constants as abort
+
+Value = int | float | str | bytes
+
+EDS_PATH = Path(__file__).parents[1] / "eds" / "stagectl-linear-drive.eds"
+
+COMMUNICATION_AREA = range(0x1000 << 8, 0x2000 << 8)  # what NMT "reset communication" resets
+
+
+def key(index: int, subindex: int = 0) -> int:
+    """An object's key in the process image."""
+    return index << 8 | subindex
+
+
+def name(key_: int) -> str:
+    """The object as people write it, `0x6099:01`."""
+    return f"0x{key_ >> 8:04X}:{key_ & 0xFF:02X}"
+
+
+@functools.cache
+def load_eds(path: Path, node_id: int) -> ObjectDictionary:
+    """The EDS with `$NODEID` resolved; only read from, so shared."""
+    return import_od(str(path), node_id=node_id)
+
+
+class Dictionary:
+    """Objects of one node.
+
+    Args:
+        node_id: 1..127, resolves `$NODEID` in the EDS.
+        parameters: values that this unit has in place of the EDS' defaults (limits, gains,
+            rated force), by key.
+
+    Attributes:
+        values: the process image: decoded values by key.
+        live: by key, a function that gives the value of the moment; it goes before `values`.
+        check: by key, called with the new value before it is stored; raises `SdoAbortedError`.
+        on_write: by key, called after a value was stored, also for values from an RPDO.
+    """
+
+    def __init__(
+        self, node_id: int, parameters: dict[int, Value] | None = None, path: Path = EDS_PATH
+    ) -> None:
+        self.objects = load_eds(path, node_id)
+        self.variables: dict[int, ODVariable] = {}
+        for entry in self.objects.values():
+            members = [entry] if isinstance(entry, ODVariable) else entry.values()
+            for variable in members:
+                self.variables[key(variable.index, variable.subindex)] = variable
+        self._defaults: dict[int, Value] = {
+            k: variable.default if variable.default is not None else 0
+            for k, variable in self.variables.items()
+        }
+        unknown = (parameters or {}).keys() - self.variables.keys()
+        if unknown:
+            raise ValueError(f"{name(min(unknown))}: not an object of {path.name}")
+        self._defaults.update(parameters or {})
+        self.values: dict[int, Value] = {}
+        self.live: dict[int, Callable[[], int]] = {}
+        self.check: dict[int, Callable[[int], None]] = {}
+        self.on_write: dict[int, Callable[[int], None]] = {}
+        self.reset_all()
+
+    # What canopen's SdoServer asks of its node.
+    @property
+    def object_dictionary(self) -> ObjectDictionary:
+        """The EDS as loaded."""
+        return self.objects
+
+    def reset_all(self) -> None:
+        """Every value as after power-on."""
+        self.values.update(self._defaults)
+
+    def reset_communication(self) -> None:
+        """Objects 0x1000 to 0x1FFF as after power-on."""
+        self.values.update({k: v for k, v in self._defaults.items() if k in COMMUNICATION_AREA})
+
+    def integer(self, key_: int) -> int:
+        """The value of an integer object."""
+        return self.values[key_]  # type: ignore[return-value]
+
+    def get_data(self, index: int, subindex: int, check_readable: bool = False) -> bytes:
+        """The encoded value.
+
+        Raises:
+            SdoAbortedError: absent, write-only, or refused by the object itself.
+        """
+        variable = self._find(index, subindex)
+        if check_readable and not variable.readable:
+            raise SdoAbortedError(abort.ABORT_READ_WRITEONLY)
+        k = key(index, subindex)
+        read = self.live.get(k)
+        return bytes(variable.encode_raw(self.values[k] if read is None else read()))
+
+    def set_data(
+        self, index: int, subindex: int, data: bytes, check_writable: bool = False
+    ) -> None:
+        """Decode, check, store, act.
+
+        Raises:
+            SdoAbortedError: absent, read-only, wrong length, out of range, or refused.
+        """
+        variable = self._find(index, subindex)
+        if check_writable:
+            self.check_writable(index, subindex)
+        if variable.data_type in NUMBER_TYPES:
+            excess = 8 * len(data) - len(variable)
+            if excess:
+                raise SdoAbortedError(
+                    abort.ABORT_LENGTH_TOO_HIGH if excess > 0 else abort.ABORT_LENGTH_TOO_LOW
+                )
+        value: Any = variable.decode_raw(bytes(data))
+        if variable.max is not None and value > variable.max:
+            raise SdoAbortedError(abort.ABORT_VALUE_TOO_HIGH)
+        if variable.min is not None and value < variable.min:
+            raise SdoAbortedError(abort.ABORT_VALUE_TOO_LOW)
+        k = key(index, subindex)
+        check = self.check.get(k)
+        if check is not None:
+            check(value)
+        self.values[k] = value
+        on_write = self.on_write.get(k)
+        if on_write is not None:
+            on_write(value)
+
+    def check_writable(self, index: int, subindex: int) -> None:
+        """Raise `SdoAbortedError` unless a client may write the object."""
+        if not self._find(index, subindex).writable:
+            raise SdoAbortedError(abort.ABORT_WRITE_READONLY)
+
+    def mappable(self, index: int, subindex: int, bits: int, receive: bool) -> ODVariable:
+        """The object of a PDO mapping entry.
+
+        Raises:
+            SdoAbortedError: absent (0x06020000, 0x06090011), or not for this PDO (0x06040041).
+        """
+        variable = self._find(index, subindex)
+        direction = variable.writable if receive else variable.readable
+        if not (variable.pdo_mappable and direction and bits == len(variable)):
+            raise SdoAbortedError(abort.ABORT_PDO_CANNOT_MAP)
+        return variable
+
+    def _find(self, index: int, subindex: int) -> ODVariable:
+        variable = self.variables.get(key(index, subindex))
+        if variable is None:
+            raise SdoAbortedError(
+                abort.ABORT_NO_SUBINDEX if index in self.objects else abort.ABORT_NOT_IN_OD
+            )
+        return variable

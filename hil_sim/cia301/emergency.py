@@ -1,0 +1,132 @@
+"""Errors of the virtual drive: EMCY messages, error register, error history, error code.
+
+0x1001 and 0x603F follow the errors that stand, 0x1003 keeps the newest eight, newest first.
+EMCY inhibit time (0x1015) is not offered.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+
+from canopen import SdoAbortedError
+from canopen.sdo import constants as abort
+
+from hil_sim.cia301.dictionary import Dictionary, key
+from hil_sim.ports import CanSegment
+
+CONNECTION_ABORTED = 0x8100  # NMT stopped or reset while enabled
+HEARTBEAT_LOST = 0x8130
+FOLLOWING_ERROR = 0x8611
+SYNC_LENGTH = 0x8240
+RPDO_TIMEOUT = 0x8250  # setpoints stayed away
+OVER_CURRENT = 0x2310  # of the drive's output
+OVER_VOLTAGE = 0x3210  # of the DC link, as by braking into it
+UNDER_VOLTAGE = 0x3220  # of the DC link
+OVER_TEMPERATURE = 0x4310  # of the drive
+HARDWARE = 0x5000  # of the device
+ENCODER_LOST = 0x7305
+OVER_TRAVEL = 0x8612  # beyond the reference limits
+
+WITHOUT_CONTROL = frozenset({OVER_CURRENT, OVER_VOLTAGE, UNDER_VOLTAGE, HARDWARE, ENCODER_LOST})
+"""Faults that leave the drive nothing to brake with: the force goes off at once."""
+
+_REGISTER, _COB_ID, _ERROR_CODE = key(0x1001), key(0x1014), key(0x603F)
+_HISTORY = key(0x1003)
+_HISTORY_LENGTH = 8
+_EMCY = struct.Struct("<HB5x")
+_GENERIC, _COMMUNICATION, _PROFILE = 1 << 0, 1 << 4, 1 << 5
+
+
+_CLASS_BITS = {0x2: 1 << 1, 0x3: 1 << 2, 0x4: 1 << 3}  # current, voltage, temperature
+
+
+def register_bits(code: int) -> int:
+    """Error register bits of an error code: generic, and that of its class."""
+    if code >> 8 in (0x81, 0x82):
+        return _GENERIC | _COMMUNICATION
+    return _GENERIC | _CLASS_BITS.get(code >> 12, _PROFILE)
+
+
+class Emergency:
+    """Keeps and announces errors.
+
+    Args:
+        can_send: whether the NMT state allows an EMCY now.
+    """
+
+    def __init__(
+        self, dictionary: Dictionary, segment: CanSegment, can_send: Callable[[], bool]
+    ) -> None:
+        self._dictionary = dictionary
+        self._segment = segment
+        self._can_send = can_send
+        self._standing: list[int] = []
+        dictionary.check[_HISTORY] = self._check_clear
+        dictionary.on_write[_HISTORY] = lambda _: self.clear_history()
+        dictionary.check[_COB_ID] = self._check_cob
+        for n in range(1, _HISTORY_LENGTH + 1):
+            dictionary.live[_HISTORY + n] = lambda n=n: self._entry(n)  # type: ignore[misc]
+
+    def announce(self, code: int) -> None:
+        """An error that passes by itself: EMCY and history."""
+        self._remember(code)
+        self._send(code, self._dictionary.integer(_REGISTER) | register_bits(code))
+
+    def raise_(self, code: int) -> None:
+        """An error that stands until `clear`."""
+        if code not in self._standing:
+            self._standing.append(code)
+        self._remember(code)
+        self._publish()
+        self._send(code, self._dictionary.integer(_REGISTER))
+
+    def clear(self, code: int | None = None) -> None:
+        """The error is gone (None: all are); EMCY 0x0000 says so."""
+        before = len(self._standing)
+        self._standing = [c for c in self._standing if code is not None and c != code]
+        if len(self._standing) != before:
+            self._publish()
+            self._send(0x0000, self._dictionary.integer(_REGISTER))
+
+    def reset(self) -> None:
+        """As after power-on, without a word."""
+        self._standing = []
+        self._publish()
+
+    def clear_history(self) -> None:
+        """Empty 0x1003."""
+        for n in range(_HISTORY_LENGTH + 1):
+            self._dictionary.values[_HISTORY + n] = 0
+
+    def _publish(self) -> None:
+        register = 0
+        for code in self._standing:
+            register |= register_bits(code)
+        self._dictionary.values[_REGISTER] = register
+        self._dictionary.values[_ERROR_CODE] = self._standing[-1] if self._standing else 0
+
+    def _remember(self, code: int) -> None:
+        values = self._dictionary.values
+        for n in range(_HISTORY_LENGTH, 1, -1):
+            values[_HISTORY + n] = values[_HISTORY + n - 1]
+        values[_HISTORY + 1] = code
+        values[_HISTORY] = min(self._dictionary.integer(_HISTORY) + 1, _HISTORY_LENGTH)
+
+    def _send(self, code: int, register: int) -> None:
+        cob = self._dictionary.integer(_COB_ID)
+        if self._can_send() and not cob >> 31:
+            self._segment.emit(cob & 0x7FF, _EMCY.pack(code, register))
+
+    def _check_clear(self, value: int) -> None:
+        if value:
+            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
+
+    def _entry(self, number: int) -> int:
+        if number > self._dictionary.integer(_HISTORY):
+            raise SdoAbortedError(abort.ABORT_NO_DATA_AVAILABLE)
+        return self._dictionary.integer(_HISTORY + number)
+
+    def _check_cob(self, value: int) -> None:
+        if value & 0x7FFFF800 or (not value >> 31 and not 0x081 <= value <= 0x57F):
+            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)

@@ -1,0 +1,138 @@
+"""Homing (hm): index pulse of the encoder, or the present position (methods 33, 34, 35, 37).
+
+33 and 34 search for the index mark in negative and positive direction with 0x6099:01, turn round
+once beyond the range switches (0x2004:01 either side of the mark), brake with 0x609A after the
+mark, and go back to it with 0x6099:02. The counter is latched by the pulse itself, so the home
+position is exact. Zero is the home position plus 0x607C. Statusword bits 13, 12, 10:
+000 under way, 001 not started or interrupted, 010 attained and moving, 011 done, 100 and 101
+error. Homing starts with the rising edge of controlword bit 4 and is interrupted when it falls.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from hil_sim.cia402 import objects as o
+from hil_sim.cia402.modes import MODE_BIT_12, MODE_BIT_13, TARGET_REACHED, Context, Mode
+
+START = 1 << 4
+ATTAINED, ERROR = MODE_BIT_12, MODE_BIT_13
+
+_DIRECTION = {33: -1, 34: 1}
+_PRESENT_POSITION = (35, 37)
+_FAR = 4.0  # [m], further than the search ever gets
+
+
+class _Phase(Enum):
+    IDLE = "idle"
+    SEARCH = "search"
+    BRAKE = "brake"
+    RETURN = "return"
+    FAIL = "fail"
+
+
+class Homing(Mode):
+    """hm (6)."""
+
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        self._phase = _Phase.IDLE
+        self._direction = 1
+        self._turned = False
+        self._counter = 0
+
+    def start(self) -> None:
+        """Wait for bit 4."""
+        self._phase = _Phase.IDLE
+        self.set_bits(TARGET_REACHED if self.context.generator.done else 0)
+
+    def on_controlword(self, word: int, before: int) -> None:
+        """Start and interrupt."""
+        if word & START and not before & START:
+            self._begin()
+        elif before & START and not word & START and self._phase is not _Phase.IDLE:
+            self._phase = _Phase.IDLE
+            self.context.generator.stop(self._deceleration())
+            self.set_bits(0)
+
+    def tick(self) -> None:
+        """Watch the index and the range switches."""
+        super().tick()
+        if self.halted:
+            return
+        counter = self.context.motor.counter()
+        passed = (self._counter < 0 <= counter) or (counter <= 0 < self._counter)
+        self._counter = counter
+        done = self.context.generator.done
+        if self._phase is _Phase.SEARCH:
+            if passed:
+                self._phase = _Phase.BRAKE
+                self.context.generator.stop(self._deceleration())
+            else:
+                self._look_for_switch(counter)
+        elif self._phase is _Phase.BRAKE and done:
+            self._phase = _Phase.RETURN
+            self._go(0.0, o.HOMING_SPEED_INDEX)
+        elif self._phase is _Phase.RETURN and done:
+            self._set_home(0)
+        elif self._phase in (_Phase.IDLE, _Phase.FAIL) and done:
+            self._phase = _Phase.IDLE
+            self.set_bits(self.bits | TARGET_REACHED)
+
+    def resume(self) -> None:
+        """Go on searching."""
+        super().resume()
+        if self._phase is _Phase.SEARCH:
+            self._search()
+        elif self._phase is _Phase.RETURN:
+            self._go(0.0, o.HOMING_SPEED_INDEX)
+
+    def _begin(self) -> None:
+        method = self.integer(o.HOMING_METHOD)
+        self._counter = self.context.motor.counter()
+        if method in _PRESENT_POSITION:
+            self._set_home(self._counter)
+        elif method in _DIRECTION:
+            self._direction = _DIRECTION[method]
+            self._turned = False
+            self._phase = _Phase.SEARCH
+            self.set_bits(0)
+            if not self.halted:
+                self._search()
+        else:
+            self._fail()
+
+    def _look_for_switch(self, counter: int) -> None:
+        beyond = self._direction * counter * self.context.motor.settings.increment
+        if beyond <= self.integer(o.INDEX_SEARCH_RANGE) * 1e-9:
+            return
+        if self._turned:
+            self._fail()
+        else:
+            self._turned = True
+            self._direction = -self._direction
+            self._search()
+
+    def _search(self) -> None:
+        here = self.context.generator.position
+        self._go(here + self._direction * _FAR, o.HOMING_SPEED_SEARCH)
+
+    def _go(self, target: float, speed_key: int) -> None:
+        speed = max(1, self.integer(speed_key)) * self.context.motor.speed_unit
+        rate = self._deceleration()
+        self.context.generator.move(target, speed, rate, rate)
+
+    def _set_home(self, counter: int) -> None:
+        motor = self.context.motor
+        offset = self.integer(o.HOME_OFFSET)
+        motor.origin = counter + round(offset * motor.unit / motor.settings.increment)
+        self._phase = _Phase.IDLE
+        self.set_bits(ATTAINED | (TARGET_REACHED if self.context.generator.done else 0))
+
+    def _fail(self) -> None:
+        self._phase = _Phase.FAIL
+        self.context.generator.stop(self._deceleration())
+        self.set_bits(ERROR)
+
+    def _deceleration(self) -> float:
+        return max(1, self.integer(o.HOMING_ACCELERATION)) * self.context.motor.rate_unit

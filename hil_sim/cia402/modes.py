@@ -1,0 +1,189 @@
+"""Modes of operation: what they share, and cyclic synchronous position (csp).
+
+A mode acts only while the drive is in OPERATION ENABLED. In csp the target (0x607A) and the force
+offset (0x60B2) are taken over at each SYNC and interpolated linearly over 0x60C2, which has to be
+the SYNC period; without SYNC nothing moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+
+from hil_sim.cia301.dictionary import Dictionary
+from hil_sim.cia402 import objects as o
+from hil_sim.cia402.profile_generator import ProfileGenerator
+from hil_sim.plant.motor import Motor
+from hil_sim.ports import CanSegment
+
+TICK_NS = 1_000_000  # period of the profile generator and of supervision outside csp
+
+# Statusword bits that belong to the mode.
+TARGET_REACHED = 1 << 10
+INTERNAL_LIMIT = 1 << 11
+MODE_BIT_12 = 1 << 12
+MODE_BIT_13 = 1 << 13
+
+
+class ModeCode(IntEnum):
+    """Values of 0x6060 that this drive offers; 0 holds the position."""
+
+    NONE = 0
+    PROFILE_POSITION = 1
+    PROFILE_VELOCITY = 3
+    HOMING = 6
+    CYCLIC_POSITION = 8
+    CYCLIC_VELOCITY = 9
+    CYCLIC_TORQUE = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What a mode works on.
+
+    Attributes:
+        publish: to be called after a change of `Mode.bits`.
+    """
+
+    dictionary: Dictionary
+    motor: Motor
+    segment: CanSegment
+    generator: ProfileGenerator
+    publish: Callable[[], None]
+
+
+class Mode:
+    """Base, and the mode that holds the position (0).
+
+    Attributes:
+        bits: the mode's share of the statusword.
+        halted: controlword bit 8 stands.
+    """
+
+    ticking = True  # whether `tick` is to be called every TICK_NS
+
+    def __init__(self, context: Context) -> None:
+        self.context = context
+        self.bits = 0
+        self.halted = False
+
+    def configure(self) -> None:
+        """Parameters in the dictionary have changed."""
+
+    def start(self) -> None:
+        """Begin at the demand where the generator rests or comes to rest."""
+        self.set_bits(0)
+
+    def velocity(self) -> float:
+        """Velocity of the demand [m/s], for a stop that follows."""
+        return self.context.generator.velocity
+
+    def on_controlword(self, word: int, before: int) -> None:
+        """The controlword has changed."""
+
+    def on_sync(self) -> None:
+        """A SYNC, after the RPDOs were latched."""
+
+    def tick(self) -> None:
+        """Every TICK_NS, after the generator's step was commanded."""
+        if self.halted and self.context.generator.done:
+            self.set_bits(self.bits | TARGET_REACHED)  # with halt: velocity is 0
+
+    def halt(self, deceleration: float) -> None:
+        """Brake [m/s^2] and wait; the work is kept."""
+        self.halted = True
+        self.set_bits(self.bits & ~TARGET_REACHED)
+        self.context.generator.stop(deceleration)
+
+    def resume(self) -> None:
+        """Go on after a halt."""
+        self.halted = False
+        self.set_bits(self.bits & ~TARGET_REACHED)
+
+    def set_bits(self, bits: int) -> None:
+        """Change the mode's share of the statusword."""
+        if bits != self.bits:
+            self.bits = bits
+            self.context.publish()
+
+    def integer(self, key: int) -> int:
+        """An object's value."""
+        return self.context.dictionary.integer(key)
+
+    def soft_limits(self) -> tuple[int, int]:
+        """Lowest and highest target [nm]; 0x607D counts from the machine's home position."""
+        low, high = self.integer(o.SOFT_LIMIT_LOW), self.integer(o.SOFT_LIMIT_HIGH)
+        if low >= high:
+            return -(1 << 31), (1 << 31) - 1
+        offset = self.integer(o.HOME_OFFSET)
+        return low - offset, high - offset
+
+
+_TARGET, _OFFSET = o.TARGET_POSITION, o.TORQUE_OFFSET
+
+
+class CyclicPosition(Mode):
+    """csp (8): bit 12 says that the drive follows the command value."""
+
+    ticking = False
+
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        self._command = context.motor.command
+        self._values = context.dictionary.values
+        self._last = self._before = 0
+        self.configure()
+
+    def configure(self) -> None:
+        """Take limits and interpolation time from the dictionary."""
+        self._low, self._high = self.soft_limits()
+        self._force_limit = self.integer(o.MAX_TORQUE)
+        seconds = self.integer(o.INTERPOLATION_VALUE) * 10.0 ** self.integer(o.INTERPOLATION_INDEX)
+        self._ticks = max(1, round(seconds * 1e9 / self.context.motor.tick_ns))
+
+    def start(self) -> None:
+        """Follow from the next SYNC on."""
+        self.configure()
+        motor = self.context.motor
+        self._last = self._before = motor.to_drive(motor.demand())
+        self.set_bits(0)
+
+    def velocity(self) -> float:
+        """Velocity of the demand [m/s]."""
+        if self.halted:
+            return super().velocity()
+        period = self._ticks * self.context.motor.tick_ns * 1e-9
+        return (self._last - self._before) * self.context.motor.unit / period
+
+    def halt(self, deceleration: float) -> None:
+        """Brake; setpoints are passed over meanwhile."""
+        generator = self.context.generator
+        generator.take_over(self.context.motor.demand(), self.velocity())
+        super().halt(deceleration)
+        self.set_bits(self.bits & ~(MODE_BIT_12 | INTERNAL_LIMIT))
+
+    def resume(self) -> None:
+        """Follow again, from where the demand rests."""
+        super().resume()
+        self.start()
+
+    def on_sync(self) -> None:
+        """Take over the pair of this SYNC."""
+        if self.halted:
+            return
+        values, limit = self._values, self._force_limit
+        target: int = values[_TARGET]  # type: ignore[assignment]
+        force: int = values[_OFFSET]  # type: ignore[assignment]
+        if self._low <= target <= self._high:
+            bits = MODE_BIT_12
+        else:
+            target = min(max(target, self._low), self._high)
+            bits = INTERNAL_LIMIT
+        if not -limit <= force <= limit:
+            force = limit if force > 0 else -limit
+        self._before = self._last
+        self._last = target
+        self._command(target, force, self._ticks)
+        if bits != self.bits:
+            self.set_bits(bits)

@@ -1,0 +1,1 @@
+"""The simulated mechanics with motor, friction, encoder and control loops, compiled."""

@@ -1,0 +1,200 @@
+"""A stage as the arrays that the compiled mechanics work on, at rest at the start."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim.plant.control import CONTROL_DTYPE, CONTROL_STATE_DTYPE, HELD_AT_POSITION
+from hil_sim.plant.friction import element_shares
+from hil_sim.plant.port_arrays import (
+    PORT_FIELDS,
+    PORT_STATE_FIELDS,
+    Arena,
+    couple,
+    fill,
+    fill_coarse,
+    opened,
+)
+from hil_sim.settings import SUBSTEPS, AxisSettings, CascadeSettings, ControlSettings, StageSettings
+
+F64 = NDArray[np.float64]
+
+_PLANT = np.dtype(
+    [
+        ("mass", "f8"),
+        ("viscous", "f8"),
+        ("coulomb", "f8"),
+        ("static_ratio", "f8"),
+        ("stribeck_velocity", "f8"),
+        ("stribeck_shape", "f8"),
+        ("stribeck_end", "f8"),
+        ("element_stiffness", "f8"),
+        ("relaxation_rate", "f8"),
+        ("elements", "i8"),
+        ("first_element", "i8"),
+        ("increment", "f8"),
+        ("noise", "f8"),
+        ("wander", "f8"),
+        ("wander_keep", "f8"),
+        ("current_gain", "f8"),
+        *PORT_FIELDS,
+    ],
+    align=True,
+)
+_STATE = np.dtype(
+    [
+        ("position", "f8"),
+        ("velocity", "f8"),
+        ("motor_force", "f8"),
+        ("friction", "f8"),
+        ("direction", "f8"),
+        ("wander", "f8"),
+        ("encoder", "f8"),
+        ("speed", "f8"),
+        ("worst_error", "f8"),
+        *PORT_STATE_FIELDS,
+    ]
+)
+
+
+def _plant_record(axis: AxisSettings) -> dict[str, float]:
+    friction = axis.friction
+    period = axis.control.period
+    keep = math.exp(-period / friction.correlation_time)
+    return {
+        "stribeck_velocity": friction.stribeck_velocity,
+        "stribeck_shape": friction.stribeck_shape,
+        "stribeck_end": friction.stribeck_velocity
+        * 36.0 ** min(1.0 / friction.stribeck_shape, 99.0),
+        "relaxation_rate": friction.attraction / friction.coulomb,
+        "elements": friction.elements,
+        "increment": axis.increment,
+        "noise": axis.noise,
+        "wander": friction.wander * math.sqrt(1.0 - keep**2),
+        "wander_keep": keep,
+    }
+
+
+def _control_record(control: ControlSettings) -> tuple[float | bool, ...]:
+    cascade = control.cascade or CascadeSettings(1.0, 1.0)
+    return (
+        control.kp,
+        control.ki,
+        control.kd,
+        control.derivative_time,
+        control.peak_force,
+        control.cascade is not None,
+        cascade.position_gain,
+        cascade.velocity_integral,
+        cascade.feedforward,
+        cascade.span,
+    )
+
+
+class Arrays:
+    """The kernel's arguments for a stage at rest at the given positions.
+
+    Args:
+        settings: of the stage, effects included.
+        start: true position of each axis [m].
+        duration: of the simulation [s]; None: without end.
+        substeps: plant steps per control tick: 5 is the reference, more is finer, 1 coarse
+            (`hil_sim.plant.coarse`).
+        level: factor on Fc at each SYNC of the duration, shape (K, axes); None: 1.
+        fine: plant steps that a coarse one stands for, at least 5; of all axes or of each.
+
+    Raises:
+        ValueError: effects that cannot be, naming axis and effect; substeps of 2..4.
+    """
+
+    def __init__(
+        self,
+        settings: StageSettings,
+        start: Sequence[float],
+        duration: float | None = None,
+        substeps: int = SUBSTEPS,
+        level: F64 | None = None,
+        fine: float | Sequence[float] = SUBSTEPS,
+    ) -> None:
+        if substeps != 1 and substeps < SUBSTEPS:
+            raise ValueError(f"substeps must be 1 or at least {SUBSTEPS}, is {substeps}")
+        axes = settings.axes
+        self.ports = opened(settings, duration, substeps)
+        for a, ports in enumerate(() if level is None else self.ports):
+            ports.scale_time_coulomb(np.append(level[:, a], level[-1, a]))  # type: ignore[index]
+        self.plant = np.zeros(len(axes), dtype=_PLANT)
+        arena = Arena()
+        first = 0
+        fines = np.broadcast_to(fine, len(axes))
+        for a, (record, axis, ports) in enumerate(zip(self.plant, axes, self.ports, strict=True)):
+            for name, value in _plant_record(axis).items():
+                record[name] = value
+            record["first_element"] = first
+            first += axis.friction.elements
+            fill(record, ports, arena, settings, substeps)
+            if substeps < SUBSTEPS:
+                fill_coarse(record, ports, settings.control_period, float(fines[a]))
+        couple(self.plant, self.ports, arena)
+        self.arena = arena.array()
+        self.control = np.array(
+            [_control_record(a.control) for a in axes],
+            dtype=CONTROL_DTYPE,
+        )
+        self.state = np.zeros(len(axes), dtype=_STATE)
+        self.loop = np.zeros(len(axes), dtype=CONTROL_STATE_DTYPE)
+        count = sum(a.friction.elements for a in axes)
+        self.forces = np.zeros(count)
+        self.slipping = np.zeros(count, dtype=np.bool_)
+        self.shares = np.zeros(count)
+        for a, axis in enumerate(axes):
+            self.shares[self._elements(a)] = element_shares(axis.friction.elements)
+            reading = round(start[a] / axis.increment) * axis.increment
+            self.state[a]["position"] = start[a] - self.ports[a].misread(start[a])
+            self.state[a]["encoder"] = reading
+            for name in HELD_AT_POSITION:
+                self.loop[a][name] = reading
+
+    def balance(self, a: int, force: float, axis: AxisSettings) -> None:
+        """Let motor, friction and disturbances of one axis hold each other.
+
+        Args:
+            a: number of the axis.
+            force: of the motor as measured [N]; less where friction cannot hold it.
+            axis: settings of the axis.
+        """
+        friction = axis.friction
+        ports, record = self.ports[a], self.plant[a]
+        limits = self.shares[self._elements(a)] * float(record["coulomb"])
+        limits = limits * (1.0 + ports.static_ratio)
+        pull = ports.standing_force(float(self.state[a]["position"]))
+        asked = ports.force_constant * force - pull
+        elements = np.zeros(friction.elements)
+        for _ in range(friction.elements):
+            free = np.abs(elements) < limits
+            missing = asked - float(elements.sum())
+            if abs(missing) < 1e-12 or not free.any():
+                break
+            elements[free] += missing / free.sum()
+            np.clip(elements, -limits, limits, out=elements)
+        held = float(elements.sum())
+        motor = (held + pull) / ports.force_constant
+        self.forces[self._elements(a)] = elements
+        self.state[a]["friction"] = held
+        self.state[a]["motor_force"] = motor
+        self.loop[a]["integral"] = motor - self.loop[a]["offset"]
+        if record["history"] >= 0:
+            begin = int(record["history"])
+            self.arena[begin : begin + int(record["history_depth"])] = motor
+
+    def _elements(self, a: int) -> slice:
+        """Where the friction elements of axis a are in the arrays of all axes."""
+        first = int(self.plant[a]["first_element"])
+        return slice(first, first + int(self.plant[a]["elements"]))
+
+    def restart_clock(self) -> None:
+        """Make now t = 0 for everything that depends on time."""
+        self.state["clock"] = 0

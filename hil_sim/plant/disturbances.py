@@ -1,0 +1,259 @@
+"""What the ports of an axis do to its plant, compiled.
+
+Per control tick `refresh` evaluates tables and everything over time as straight lines around the
+tick's middle; per substep `drive` gives the force on the carriage, `swing` and `drag` advance
+what has a state of its own. Layout of records and arena: `hil_sim.plant.port_arrays`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _table(arena, offset, low, inverse, count, x):  # type: ignore[no-untyped-def]
+    """Value and slope at x by cubic interpolation (Catmull-Rom); held at the ends."""
+    u = (x - low) * inverse
+    if u >= count - 1.0:
+        return arena[offset + count], 0.0
+    if not u > 0.0:  # a number that is none comes out here, too
+        return arena[offset + 1], 0.0
+    cell = int(u)
+    t = u - cell
+    p0 = arena[offset + cell]
+    p1 = arena[offset + cell + 1]
+    p2 = arena[offset + cell + 2]
+    p3 = arena[offset + cell + 3]
+    a = 0.5 * (p3 - p0) + 1.5 * (p1 - p2)
+    b = p0 - 2.5 * p1 + 2.0 * p2 - 0.5 * p3
+    c = 0.5 * (p2 - p0)
+    return ((a * t + b) * t + c) * t + p1, ((3.0 * a * t + 2.0 * b) * t + c) * inverse
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _over_time(arena, offset, inverse, count, t):  # type: ignore[no-untyped-def]
+    """Value and rate of a table over time by straight lines; held at the ends."""
+    u = t * inverse
+    if u >= count - 1.0:
+        return arena[offset + count - 1], 0.0
+    if not u > 0.0:
+        return arena[offset], 0.0
+    cell = int(u)
+    first = arena[offset + cell]
+    change = arena[offset + cell + 1] - first
+    return first + change * (u - cell), change * inverse
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _field(arena, offset, x, y):  # type: ignore[no-untyped-def]
+    """Factor over two positions, bilinear, held at the edges; and where the next field begins."""
+    rows = int(arena[offset])
+    columns = int(arena[offset + 3])
+    u = (x - arena[offset + 1]) * arena[offset + 2]
+    u = min(u, rows - 1.0) if u > 0.0 else 0.0
+    w = (y - arena[offset + 4]) * arena[offset + 5]
+    w = min(w, columns - 1.0) if w > 0.0 else 0.0
+    i = min(int(u), rows - 2)
+    j = min(int(w), columns - 2)
+    at = offset + 6 + i * columns + j
+    u -= i
+    w -= j
+    value = (1.0 - u) * ((1.0 - w) * arena[at] + w * arena[at + 1]) + u * (
+        (1.0 - w) * arena[at + columns] + w * arena[at + columns + 1]
+    )
+    return value, offset + 6 + rows * columns
+
+
+@numba.njit(cache=True, error_model="numpy")
+def refresh(p, s, across, arena, output, period):  # type: ignore[no-untyped-def]
+    """Prepare one control tick of an axis: straight lines over position and time, dead time.
+
+    `across` is the position of the other axis [m], `output` the controller's of this tick [N],
+    `period` Tc [s].
+    """
+    if p.history >= 0:
+        depth = p.history_depth
+        s.ring = (s.ring + 1) % depth
+        arena[p.history + s.ring] = output
+        s.late = arena[p.history + (s.ring - p.delay_ticks + depth) % depth]
+        s.later = arena[p.history + (s.ring - p.delay_ticks - 1 + depth) % depth]
+    else:
+        s.late = output
+        s.later = output
+    middle = s.position + 0.5 * period * s.velocity
+    s.place = middle
+    t = s.clock * period
+    s.clock += 1
+    half = 0.5 * period
+    coulomb = 1.0
+    slope = 0.0
+    if p.position_coulomb >= 0:
+        coulomb, slope = _table(
+            arena, p.position_coulomb, p.table_low, p.table_inverse, p.table_count, middle
+        )
+    factor = 1.0
+    for i in range(p.decay_count):
+        at = p.decays + 2 * i
+        factor *= 1.0 + arena[at] * math.exp(-(t + half) * arena[at + 1])
+    if p.time_coulomb >= 0:
+        value, _ = _over_time(arena, p.time_coulomb, p.time_inverse, p.time_count, t + half)
+        factor *= value
+    if p.field_count > 0:
+        offset = p.fields
+        for _ in range(p.field_count):
+            value, offset = _field(arena, offset, middle, across)
+            factor *= value
+    s.coulomb = coulomb * factor
+    s.coulomb_slope = slope * factor
+    if p.position_gain >= 0:
+        s.gain, s.gain_slope = _table(
+            arena, p.position_gain, p.table_low, p.table_inverse, p.table_count, middle
+        )
+    if p.misreading >= 0:
+        s.misread, s.misread_slope = _table(
+            arena, p.misreading, p.table_low, p.table_inverse, p.table_count, middle
+        )
+    s.pull = p.force + p.spring * middle
+    s.pull_slope = p.spring
+    if p.position_force >= 0:
+        value, slope = _table(
+            arena, p.position_force, p.table_low, p.table_inverse, p.table_count, middle
+        )
+        s.pull += value
+        s.pull_slope += slope
+    push = 0.0
+    rate = 0.0
+    for i in range(p.harmonic_count):
+        at = p.harmonics + 3 * i
+        angle = arena[at + 1] * (t + half) + arena[at + 2]
+        push += arena[at] * math.sin(angle)
+        rate += arena[at] * arena[at + 1] * math.cos(angle)
+    if p.time_force >= 0:
+        value, slope = _over_time(arena, p.time_force, p.time_inverse, p.time_count, t + half)
+        push += value
+        rate += slope
+    s.push = push - rate * half
+    s.push_rate = rate
+
+
+@numba.njit(cache=True, error_model="numpy")
+def delayed(p, s, arena, substep):  # type: ignore[no-untyped-def]
+    """The current loop's input in this substep [N]."""
+    if p.history < 0:
+        return s.late
+    share = arena[p.delay_share + substep]
+    return share * s.later + (1.0 - share) * s.late
+
+
+@numba.njit(cache=True, error_model="numpy")
+def coulomb_factor(p, s, direction):  # type: ignore[no-untyped-def]
+    """What scales Fc at the present position, time and direction."""
+    value = s.coulomb + s.coulomb_slope * (s.position - s.place)
+    return max(value, 0.0) * (p.coulomb_forward if direction > 0.0 else p.coulomb_backward)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def drive(p, s, arena, since, motor_force, resistance):  # type: ignore[no-untyped-def]
+    """Force on the carriage and the acceleration it makes, but for coupling.
+
+    Sets `net`, `sprung`, `springs`, `response` and `rise`; returns the acceleration relative to
+    the base [m/s^2].
+
+    Args: `since` the tick's start [s], measured motor force [N], friction [N].
+    """
+    away = s.position - s.place
+    force = motor_force
+    response = 1.0
+    s.rise = 0.0
+    if p.position_gain >= 0 or p.saturation > 0.0 or p.gain != 1.0:
+        force *= p.gain
+        response = p.gain
+        if p.saturation > 0.0:
+            bent = math.tanh(force / p.saturation)
+            force = p.saturation * bent
+            response *= 1.0 - bent * bent
+        if p.position_gain >= 0:
+            gain = s.gain + s.gain_slope * away
+            s.rise = force * s.gain_slope
+            force *= gain
+            response *= gain
+    s.response = response
+    against = s.pull + s.pull_slope * away + s.push + s.push_rate * since
+    if p.velocity_force >= 0:
+        against += over_velocity(arena, p, s.velocity)
+    for i in range(p.hysteresis_count):
+        against += arena[p.hysteresis + 3 * i + 2]
+    s.net = force - resistance - against
+    sprung = 0.0
+    for i in range(p.hanging_count):
+        at = p.hanging + 5 * i
+        sprung += arena[at] * arena[at + 3] + arena[at + 1] * arena[at + 4]
+    s.sprung = sprung
+    acceleration = (s.net + sprung) / p.mass
+    for i in range(p.base_count):
+        at = p.bases + 5 * i
+        acceleration += (arena[at] * arena[at + 3] + arena[at + 1] * arena[at + 4] + s.net) / arena[
+            at + 2
+        ]
+    return acceleration
+
+
+@numba.njit(cache=True, error_model="numpy")
+def over_velocity(arena, p, v):  # type: ignore[no-untyped-def]
+    """Force at this velocity; nodes lie at ± (i / scale)^2."""
+    half = p.velocity_nodes
+    u = math.sqrt(abs(v)) * p.velocity_scale
+    if not u < half:
+        return arena[p.velocity_force + (2 * half if v > 0.0 else 0)]
+    cell = int(u)
+    low = (cell / p.velocity_scale) ** 2
+    high = ((cell + 1) / p.velocity_scale) ** 2
+    side = 1 if v > 0.0 else -1
+    first = arena[p.velocity_force + half + side * cell]
+    last = arena[p.velocity_force + half + side * (cell + 1)]
+    return first + (last - first) * (abs(v) - low) / (high - low)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def solve_jointly(plant, state, arena, dt):  # type: ignore[no-untyped-def]
+    """Replace the kicks by those with coupling; takes the coupling forces out of `net`."""
+    count = plant.shape[0]
+    at = plant[0].coupling
+    first = state[0].kick
+    second = state[1].kick
+    for a in range(count):
+        state[a].kick = arena[at + 2 * a] * first + arena[at + 2 * a + 1] * second
+    for a in range(count):
+        state[a].net -= arena[at + 4 + 2 * a + 1 - a] * state[1 - a].kick / dt
+
+
+@numba.njit(cache=True, error_model="numpy")
+def swing(p, s, arena, dt):  # type: ignore[no-untyped-def]
+    """Advance what hangs from the carriage and the bases, after the kick."""
+    if p.hanging_count > 0:
+        acceleration = (s.net + s.sprung) / p.mass  # of the carriage, absolute
+        for i in range(p.hanging_count):
+            at = p.hanging + 5 * i
+            pull = arena[at] * arena[at + 3] + arena[at + 1] * arena[at + 4]
+            arena[at + 4] -= dt * (pull / arena[at + 2] + acceleration)
+            arena[at + 3] += dt * arena[at + 4]
+    for i in range(p.base_count):
+        at = p.bases + 5 * i
+        pull = arena[at] * arena[at + 3] + arena[at + 1] * arena[at + 4]
+        arena[at + 4] -= dt * (pull + s.net) / arena[at + 2]
+        arena[at + 3] += dt * arena[at + 4]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def drag(p, arena, dx):  # type: ignore[no-untyped-def]
+    """Advance the hysteretic elements by a displacement [m]; the change of their force [N]."""
+    change = 0.0
+    for i in range(p.hysteresis_count):
+        at = p.hysteresis + 3 * i
+        limit = arena[at + 1]
+        force = min(max(arena[at + 2] + arena[at] * dx, -limit), limit)
+        change += force - arena[at + 2]
+        arena[at + 2] = force
+    return change

@@ -1,0 +1,181 @@
+"""The stage's mechanics with its drive loops, all axes jointly, compiled.
+
+One kernel for every stage: what the plain model does not have enters through ports
+(`hil_sim.plant.disturbances`), and an axis without any takes the plain path, to the bit.
+
+Order of one control tick at time t, as docs/reference-stage.md states it: the encoder reading taken
+at t feeds the position loop, whose output drives the current loop and the plant until t + Tc, where
+the encoder is read again. The plant is integrated in steps of Tc/5, semi-implicit Euler.
+
+Not modelled: power electronics, commutation; cables, the machine's base and much else are effects
+(`hil_sim.effects`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+
+from hil_sim.plant.coarse import advance_coarsely
+from hil_sim.plant.control import advance_demand, position_loop
+from hil_sim.plant.disturbances import (
+    coulomb_factor,
+    delayed,
+    drag,
+    drive,
+    refresh,
+    solve_jointly,
+    swing,
+)
+from hil_sim.plant.encoder import read_encoder
+from hil_sim.plant.friction import slip_step, stribeck
+from hil_sim.settings import SUBSTEPS
+
+
+@numba.njit(cache=True, error_model="numpy")
+def command(loop, position, force, ticks):  # type: ignore[no-untyped-def]
+    """Ramp demand and force offset from the last commanded pair to this one within `ticks`."""
+    loop.from_position = loop.demand
+    loop.from_force = loop.offset
+    loop.to_position = position
+    loop.to_force = force
+    loop.ramp_ticks = ticks
+    loop.ramp_done = 0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def step(  # type: ignore[no-untyped-def]
+    plant, control, state, loop, forces, slipping, shares, arena, period, normals, first, ticks,
+    orders, report,
+):  # fmt: skip
+    """Take over the orders, advance, report: what `Plant` needs of one call."""
+    for a in range(plant.shape[0]):
+        if orders[a, 0] != 0.0:
+            command(loop[a], orders[a, 1], orders[a, 2], int(orders[a, 3]))
+            orders[a, 0] = 0.0
+        if orders[a, 4] != 0.0:
+            state[a].worst_error = 0.0
+            orders[a, 4] = 0.0
+    advance(
+        plant, control, state, loop, forces, slipping, shares, arena, period, SUBSTEPS, normals,
+        first, ticks,
+    )  # fmt: skip
+    for a in range(plant.shape[0]):
+        report[a, 0] = round(state[a].encoder / plant[a].increment)
+        report[a, 1] = state[a].motor_force
+        report[a, 2] = loop[a].demand
+        report[a, 3] = state[a].speed
+        report[a, 4] = state[a].worst_error
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _kick(p, s, arena, substep, dt):  # type: ignore[no-untyped-def]
+    """Change of velocity of an axis with ports in this substep, but for coupling."""
+    s.motor_force += p.current_gain * (delayed(p, s, arena, substep) - s.motor_force)
+    resistance = s.friction + p.viscous * s.velocity
+    s.kick = dt * drive(p, s, arena, substep * dt, s.motor_force, resistance)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def advance(  # type: ignore[no-untyped-def]
+    plant, control, state, loop, forces, slipping, shares, arena, period, substeps, normals, first,
+    ticks,
+):  # fmt: skip
+    """Advance every axis by `ticks` control ticks; their noise starts at `normals[..., first]`."""
+    if substeps < SUBSTEPS:
+        advance_coarsely(
+            plant, control, state, loop, forces, slipping, shares, arena, period, normals, first,
+            ticks,
+        )  # fmt: skip
+        return
+    axes = plant.shape[0]
+    dt = period / substeps
+    noisy = normals.shape[2] > 0
+    coupled = plant[0].coupled
+    for tick in range(first, first + ticks):
+        for a in range(axes):
+            advance_demand(loop[a])
+            if loop[a].powered:
+                error = position_loop(control[a], loop[a], state[a].encoder, period)
+                state[a].worst_error = max(state[a].worst_error, abs(error))
+        for a in range(axes):
+            if plant[a].ported:
+                refresh(
+                    plant[a], state[a], state[axes - 1 - a].position, arena, loop[a].output, period
+                )
+        for substep in range(substeps):
+            if coupled:
+                for a in range(axes):
+                    _kick(plant[a], state[a], arena, substep, dt)
+                solve_jointly(plant, state, arena, dt)
+            for a in range(axes):
+                p = plant[a]
+                s = state[a]
+                if p.ported:
+                    if not coupled:
+                        _kick(p, s, arena, substep, dt)
+                    v = s.velocity + s.kick
+                else:
+                    s.motor_force += p.current_gain * (loop[a].output - s.motor_force)
+                    v = s.velocity + dt / p.mass * (
+                        s.motor_force - s.friction - p.viscous * s.velocity
+                    )
+                dx = v * dt
+                s.velocity = v
+                s.position += dx
+                level = p.coulomb
+                if p.ported:
+                    swing(p, s, arena, dt)
+                    drag(p, arena, dx)
+                    level *= coulomb_factor(p, s, v)
+                if v != 0.0:
+                    direction = math.copysign(1.0, v)
+                    if direction != s.direction:
+                        s.direction = direction
+                        for i in range(p.first_element, p.first_element + p.elements):
+                            slipping[i] = False
+                    curve = stribeck(v, p.static_ratio, p.stribeck_velocity, p.stribeck_shape)
+                    s.friction = slip_step(
+                        forces,
+                        slipping,
+                        shares,
+                        p.elements,
+                        direction,
+                        dx,
+                        p.element_stiffness,
+                        level * curve * (1.0 + s.wander),
+                        math.exp(-p.relaxation_rate * dt / curve),
+                        p.first_element,
+                    )
+        for a in range(axes):
+            p = plant[a]
+            s = state[a]
+            if noisy:
+                s.wander = p.wander_keep * s.wander + p.wander * normals[a, 1, tick]
+                read_encoder(p, s, period, normals[a, 0, tick])
+            else:
+                s.wander = p.wander_keep * s.wander
+                read_encoder(p, s, period, 0.0)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def run_demands(  # type: ignore[no-untyped-def]
+    plant, control, state, loop, forces, slipping, shares, arena, period, substeps, ticks, normals,
+    demand, offset, unit, position_out, force_out,
+):  # fmt: skip
+    """Run whole demands: row k of every array is SYNC k.
+
+    `normals` of no ticks means no noise; a `unit` of 0 leaves the force as it is.
+    """
+    axes = plant.shape[0]
+    for k in range(demand.shape[0]):
+        for a in range(axes):
+            position_out[k, a] = state[a].encoder
+            force = state[a].motor_force
+            force_out[k, a] = round(force / unit[a]) * unit[a] if unit[a] > 0.0 else force
+            command(loop[a], demand[k, a], offset[k, a], ticks)
+        advance(
+            plant, control, state, loop, forces, slipping, shares, arena, period, substeps, normals,
+            k * ticks, ticks,
+        )  # fmt: skip

@@ -1,0 +1,166 @@
+"""Friction figures of an axis out of recordings: joins machine file and `estimation.offline`.
+
+Off the critical path: nothing here is used while a stage moves.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from estimation.gms import F64, Friction, FrictionState
+from estimation.noise import encoder_noise, quantisation
+from estimation.offline.identify import Identification, OfflineSettings, identify
+from estimation.offline.records import Samples
+from estimation.sampled_force import kink_share, with_mean_force
+from estimation.settings import MoveData
+from sim2real.recording import Recording
+from stagectl.config.host_model import friction_model, kink_tip
+from stagectl.config.machine import Axis, Machine
+from stagectl.errors import UnusableInput
+
+ANOTHER = 0.05
+"""Friction that is off by more than this share changes its mean around a SYNC noticeably."""
+
+
+def settings_of(axis: Axis, period: float) -> OfflineSettings:
+    """What the machine file says of an axis' sensors and mass; `period` is Ts [s]."""
+    wander = axis.plant.friction.repeatability
+    return OfflineSettings(
+        mass=axis.plant.mass,
+        period=period,
+        position_noise=encoder_noise(axis.encoder.noise, axis.encoder.increment),
+        force_noise=quantisation(axis.drive.force_unit),
+        peak_force=axis.drive.peak_force,
+        wander=wander.coulomb,
+        correlation_time=wander.correlation_time,
+    )
+
+
+def identify_axis(
+    recordings: Sequence[Recording], machine: Machine, name: str, elements: int | None = None
+) -> Identification:
+    """Estimate all friction figures of one axis from recordings.
+
+    Args:
+        recordings: of one stage, in any order.
+        machine: what is believed of it before.
+        name: of the axis.
+        elements: Maxwell-slip elements of the answer; default the machine file's.
+
+    Raises:
+        UnusableInput: a recording without that axis, of another SYNC period, or without samples.
+    """
+    axis, period = machine.axes[name], machine.bus.sync_period
+    friction = friction_model(axis)
+    if elements is not None:
+        friction = replace(friction, elements=elements)
+    pieces: list[tuple[Samples, F64]] = []
+    offset = 0.0
+    for recording in recordings:
+        where = f"{recording.source}: axis {name}"
+        if name not in recording.axes:
+            raise UnusableInput(f"{where}: the recording has no such axis")
+        try:
+            new = _pieces(recording, name, period, offset)
+        except ValueError as error:
+            raise UnusableInput(f"{where}: {error}") from error
+        pieces += new
+        offset = new[-1][0].time + 2.0 * period * len(new[-1][1])  # never joined
+    return identify_pieces(pieces, axis, friction, period)
+
+
+def identify_pieces(
+    pieces: Sequence[tuple[Samples, F64]], axis: Axis, friction: Friction, period: float
+) -> Identification:
+    """As `identify_axis`, from samples and the force offsets sent for them [N].
+
+    Twice where the friction turns out to be another: what it is in the mean around a SYNC depends a
+    little on what it is.
+    """
+    settings = settings_of(axis, period)
+    level = [around_syncs(piece, sent, axis, friction, period) for piece, sent in pieces]
+    answer = identify(level, friction, settings)
+    if answer.reason is not None or not _another(friction, answer):
+        return answer
+    found = _found(friction, answer)
+    level = [around_syncs(piece, sent, axis, found, period) for piece, sent in pieces]
+    again = identify(level, friction, settings)
+    return answer if again.reason is not None else again
+
+
+def _another(friction: Friction, answer: Identification) -> bool:
+    """Whether the figures that the elements' forces are made of are others than was believed."""
+    return any(
+        abs(answer[name].value / float(getattr(friction, name)) - 1.0) > ANOTHER
+        for name in ("coulomb", "stiffness")
+    )
+
+
+def _found(friction: Friction, answer: Identification) -> Friction:
+    """The model with the figures of an answer; the shape of its hysteresis as it was."""
+    return replace(
+        friction,
+        coulomb=answer["coulomb"].value,
+        viscous=answer["viscous"].value,
+        stiffness=answer["stiffness"].value,
+        relaxation_rate=answer["relaxation_rate"].value,
+        static_ratio=answer["static_ratio"].value,
+        stribeck_velocity=answer["stribeck_velocity"].value,
+        stribeck_shape=answer["stribeck_shape"].value,
+    )
+
+
+def around_syncs(
+    piece: Samples, sent: F64, axis: Axis, friction: Friction, period: float
+) -> Samples:
+    """With mean forces around the SYNCs, not those at them: see `estimation.sampled_force`.
+
+    Args:
+        piece: as sampled.
+        sent: force offset sent for each sample [N], shape (K,); in force one SYNC later.
+        axis: of the machine file.
+        friction: what is believed of it.
+        period: Ts [s].
+    """
+    move = MoveData(piece.position, piece.force, piece.valid, piece.time, 0.0)
+    state = FrictionState.relaxed(friction.elements, float(piece.position[0]))
+    share = kink_share(period, kink_tip(axis.drive))
+    commanded = np.nan_to_num(np.concatenate([sent[:1], sent[:-1]]))
+    level = with_mean_force(move, share, friction, state, period, axis.drive.peak_force, commanded)
+    return replace(piece, force=level.force)
+
+
+def _pieces(
+    recording: Recording, name: str, period: float, offset: float
+) -> list[tuple[Samples, F64]]:
+    """Samples and force offsets of one axis, cut where the host passed SYNC periods over.
+
+    Raises:
+        ValueError: SYNCs that are not a period apart, or too few samples.
+    """
+    steps = np.diff(recording.time) / period
+    if len(steps) and abs(float(np.median(steps)) - 1.0) > 0.01:
+        found = float(np.median(steps)) * period
+        raise ValueError(f"SYNC period is {found:.6g} s, the machine file's {period:g} s")
+    signals = recording.axes[name]
+    edges = [0, *(np.flatnonzero(steps > 1.5) + 1).tolist(), len(recording)]
+    pieces = []
+    for begin, end in itertools.pairwise(edges):
+        if end - begin < 3 or signals.valid[begin:end].sum() < 3:
+            continue
+        part = slice(begin, end)
+        samples = Samples(
+            signals.position_actual[part],
+            signals.force_actual[part],
+            signals.valid[part],
+            offset + float(recording.time[begin]),
+            signals.position_demand[part],
+        )
+        pieces.append((samples, signals.force_offset[part]))
+    if not pieces:
+        raise ValueError("fewer than three valid samples in a row")
+    return pieces

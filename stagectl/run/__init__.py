@@ -1,0 +1,1 @@
+"""One run, from a recipe to its files: session, record, resume, retries, replay."""

@@ -1,0 +1,320 @@
+"""What a run leaves: its journal while it goes on; recording, summary and report at its end.
+
+Takes the run's moves and events, notes those that a reader of the recording, a resumed run or a
+replay needs, and knows at each moment how much of the recipe is done.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hil_sim.bus.fault_rules import Injected
+from sim2real.recording import AxisSignals, Move, Recording
+from stagectl.errors import Aborted, StagectlError
+from stagectl.history.noted import note_of_estimate, note_of_run
+from stagectl.history.opening import open_history, without_password
+from stagectl.history.port import History
+from stagectl.history.records import EstimateRecord
+from stagectl.history.temperature import LatestTemperature
+from stagectl.report.page import write_report
+from stagectl.run.request import RunRequest, RunResult
+from stagectl.run.run_history import RunHistory, begins, run_entry
+from stagectl.sequencer.events import (
+    Event,
+    FrictionUpdated,
+    LevelStepped,
+    MarkFound,
+    Retrying,
+    StopNoticed,
+    StretchDone,
+)
+from stagectl.sequencer.verdict import judge
+from stagectl.store.journal import AxisScaling, Journal, JournalHeader
+from stagectl.store.recovery import recover
+from stagectl.store.summary import (
+    FrictionEntry,
+    ParameterEstimate,
+    Retry,
+    RunFacts,
+    build_summary,
+    write_summary,
+)
+
+OUTPUTS = ("recording.h5", "summary.json", "report.html", "bus.asc")
+"""Files that a run writes."""
+UNITS = {"coulomb": "N", "viscous": "N s/m", "stiffness": "N/m", "attraction": "N/s"}
+"""Friction figures of a summary and their units."""
+_LEARNT = {"attraction": "relaxation_rate"}
+"""What the estimator has in the place of a figure, where that is another."""
+
+
+class RunRecord:
+    """The record of one run; creates the journal, and notes the run in its history.
+
+    Attributes:
+        temperature: of the stage, to be set by who has opened it.
+        journal: of the run.
+        done: stretches of the recipe that are over, those of the runs before included.
+        wall_time: of the moves [s], to be set by who runs them.
+
+    Raises:
+        StagectlError: the journal or the history cannot be written.
+    """
+
+    def __init__(
+        self,
+        request: RunRequest,
+        history: History | None = None,
+        went_by: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Begin a record.
+
+        Args:
+            request: of the run.
+            history: open for writing, to note the run in; None for none.
+            went_by: the friction map that the run goes by (`maps.snapshot`), None for none.
+        """
+        self._request = request
+        self.temperature = LatestTemperature(None)
+        self._placed = went_by is not None
+        started = begins(history, request) if went_by is None else float(went_by["origin"])
+        where = None if history is None else str(request.history)
+        self._history = RunHistory(
+            run_entry(request, started),
+            history,
+            None if where is None else partial(open_history, where, write=True),
+        )
+        put_aside(request.folder)
+        machine, resumed = request.machine, request.resumed
+        self.done = 0 if resumed is None else resumed.done
+        self.wall_time = 0.0
+        self._friction: list[FrictionEntry] = []
+        self._notices: list[str] = []
+        self._retries: list[Retry] = []
+        self._steps: list[dict[str, Any]] = []
+        self._first_update: dict[str, int] = {}
+        self._moves = 0
+        self.journal = Journal(
+            request.folder,
+            JournalHeader(
+                machine.text,
+                request.recipe.text,
+                request.started.isoformat(),
+                tuple(
+                    AxisScaling(name, axis.drive.position_unit, axis.drive.force_unit)
+                    for name, axis in machine.axes.items()
+                ),
+            ),
+        )
+        self._map = None if went_by is None else int(went_by["number"])
+        self.journal.event(
+            "run",
+            **request.as_noted(),
+            map=self._map,
+            map_then=went_by,
+            history=note_of_run(
+                self._history.entry, None if where is None else without_password(where)
+            ),
+        )
+
+    def start(self) -> None:
+        """The stage is about to be opened: from now on the history is written as things happen."""
+        self._history.start()
+
+    def move(self, move: Move) -> None:
+        """A move begins."""
+        self._moves += 1
+        self.journal.move(move)
+
+    def broken_off(self, move: Move) -> None:
+        """The last move ended sooner than it was meant to."""
+        self.journal.move(move)
+
+    def event(self, event: Event) -> None:
+        """Something happened in the run."""
+        match event:
+            case FrictionUpdated():
+                now = self.temperature.at(event.time)
+                record = self._history.estimate(event, self._placed, now)
+                self._note_friction(event, record)
+                self._history.file(record)
+            case LevelStepped():
+                self._steps.append(asdict(event))
+                self.journal.event("level_stepped", **asdict(event))
+                self._history.file(self._history.step(event))
+            case StretchDone(number=number, site=site):
+                self.done = number
+                self.journal.event("done", number=number, site=site)
+            case Retrying(stretch=stretch, attempt=attempt, fault=fault):
+                site = stretch if self._request.recipe.sites else None
+                self._retries.append(Retry(site, attempt, fault))
+                self.journal.event("retry", site=site, attempt=attempt, fault=fault)
+            case MarkFound(site=site, offset=offset):
+                self.journal.event("mark", site=site, offset=offset)
+            case StopNoticed(reason=reason):
+                self.journal.event("stop", reason=reason)
+
+    def note(self, injected: Sequence[Injected]) -> None:
+        """Who reads the recording is to know that these faults were made."""
+        for entry in injected:
+            self.journal.event(
+                "injected_fault",
+                fault=repr(entry.fault),
+                count=entry.count,
+                first=entry.first_ns * 1e-9 if entry.count else None,
+            )
+
+    def note_log(self, digest: str | None) -> None:
+        """The bus log is written: the recording knows which one is its own."""
+        if digest is not None:
+            self.journal.event("bus_log", digest=digest)
+
+    def abandon(self) -> None:
+        """An error that nobody foresaw: what there is becomes a recording."""
+        self.journal.finish("fault", "internal error")
+        self._history.end("fault", "internal error")
+        recover(self.journal.path, overwrite=True)
+
+    def stage_says(self, notices: Sequence[str]) -> None:
+        """What drives and computer do without, for the operator and the recording."""
+        for notice in notices:
+            if notice not in self._notices:
+                self._notices.append(notice)
+                self.journal.event("limitation", text=notice)
+
+    def finish(self, error: StagectlError | None) -> RunResult:
+        """Journal to recording, summary and report.
+
+        Args:
+            error: what ended the run early.
+        """
+        request, machine = self._request, self._request.machine
+        outcome = (
+            "completed" if error is None else "aborted" if isinstance(error, Aborted) else "fault"
+        )
+        fault = str(error) if outcome == "fault" else None
+        self.journal.finish(outcome, fault)
+        notices = self._notices
+        self._history.end(outcome, fault)
+        unwritten = self._history.unwritten(request.folder)
+        if unwritten is not None:
+            notices.append(unwritten)
+        content = recover(self.journal.path, overwrite=True).content
+        recording = None if content is None else content.recording
+        period = machine.bus.sync_period
+        control_period = next(iter(machine.axes.values())).drive.control_period
+        facts = RunFacts(
+            recipe=request.recipe.name,
+            machine=machine.name,
+            compensation=request.mode.value,
+            seed=request.seed,
+            simulated=request.truth is not None,
+            lot=request.recipe.lot,
+            duration=0.0 if recording is None else round(len(recording) * period, 9),
+            wall_time=self.wall_time,
+            outcome=outcome,
+            fault=fault,
+            resumed=None if request.resumed is None else request.resumed.link(),
+            retries=tuple(self._retries),
+            wafer=request.recipe.wafer,
+            map=self._map,
+            steps=tuple(self._steps),
+            unfiled=None if unwritten is None else (self._history.filed, self._history.made),
+        )
+        summary = build_summary(
+            _empty(request) if recording is None else recording,
+            facts,
+            self._friction,
+            control_period=control_period,
+            sync_period=period,
+            ledger=None if content is None else content.ledger,
+        )
+        write_summary(summary, request.folder / "summary.json")
+        if recording is not None:
+            write_report(
+                request.folder / "report.html", recording, summary, control_period=control_period
+            )
+        verdicts = (
+            ()
+            if recording is None
+            else judge(
+                recording,
+                request.recipe.limits,
+                request.recipe.settle.window,
+                control_period,
+                period,
+            )
+        )
+        return RunResult(
+            summary, recording, error, dict(self._first_update), verdicts, tuple(notices), unwritten
+        )
+
+    def _note_friction(self, event: FrictionUpdated, record: EstimateRecord) -> None:
+        estimate, friction = event.estimate, event.estimate.friction
+        sigma = dict(estimate.sigma)
+        rate = sigma.pop("relaxation_rate")
+        # C = rate Fc: relative variances add.
+        sigma["attraction"] = (
+            friction.attraction
+            * ((rate / friction.relaxation_rate) ** 2 + (sigma["coulomb"] / friction.coulomb) ** 2)
+            ** 0.5
+        )
+        entry = FrictionEntry(
+            site=event.site,
+            axis=event.axis,
+            accepted=estimate.accepted,
+            reason=estimate.reason,
+            compute_time=event.compute_time,
+            parameters={
+                name: ParameterEstimate(float(getattr(friction, name)), sigma[name], unit)
+                for name, unit in UNITS.items()
+            },
+            gain={name: estimate.gain[_LEARNT.get(name, name)] for name in UNITS},
+            held=[name for name in UNITS if _LEARNT.get(name, name) in estimate.held],
+        )
+        self._friction.append(entry)
+        self.journal.event(
+            "friction",
+            site=entry.site,
+            axis=entry.axis,
+            accepted=entry.accepted,
+            reason=entry.reason,
+            parameters={n: (p.value, p.sigma) for n, p in entry.parameters.items()},
+            held=list(entry.held),
+            record=note_of_estimate(record),
+        )
+        if estimate.accepted:
+            self._first_update.setdefault(event.axis, self._moves)
+
+
+def put_aside(folder: Path) -> None:
+    """Files of an earlier run go to `previous/`, so that they are not taken for this one's."""
+    old = [folder / name for name in OUTPUTS if (folder / name).exists()]
+    if old:
+        aside = folder / "previous"
+        aside.mkdir(exist_ok=True)
+        for path in old:
+            path.replace(aside / path.name)
+
+
+def _empty(request: RunRequest) -> Recording:
+    """A recording without samples, for the summary of a run that never moved."""
+    none = np.zeros(0)
+    return Recording(
+        request.machine.text,
+        request.recipe.text,
+        request.started.isoformat(),
+        none,
+        {
+            name: AxisSignals(none, none, none, none, None, np.zeros(0, dtype=np.bool_))
+            for name in request.machine.axes
+        },
+        (),
+        "",
+    )

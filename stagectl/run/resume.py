@@ -1,0 +1,84 @@
+"""Where an interrupted run is gone on with: read from what it left in its folder.
+
+A run that faulted, was stopped or was killed notes each site (or each entry of a list of moves)
+that is over, and every friction estimate. Another run of the same recipe begins behind the last
+one, with the figures accepted last, in a folder of its own; its recording and its summary name
+the run before.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from stagectl.errors import UnusableInput
+from stagectl.recipe.model import Recipe
+from stagectl.run.request import Resumed
+from stagectl.sequencer.compensation import Figures
+from stagectl.store.recording import RunNotes, read_notes
+from stagectl.store.recovery import RECORDING_NAME, recover_folder
+
+
+def load_interrupted(folder: Path, recipe: Recipe) -> Resumed:
+    """What is left of a run to be gone on with; a killed run's journal is recovered first.
+
+    Args:
+        folder: of the interrupted run.
+        recipe: to go on with: that of the interrupted run.
+
+    Raises:
+        UnusableInput: nothing recorded there, the run is complete, was made with another recipe,
+            or by a version that did not note how far it got.
+        StagectlError: the run still goes on.
+    """
+    if not folder.is_dir():
+        raise UnusableInput(f"{folder}: no such folder")
+    recover_folder(folder)
+    path = folder / RECORDING_NAME
+    if not path.exists():
+        raise UnusableInput(
+            f"{folder}: holds no recording: no sample was taken, run the recipe from its start"
+        )
+    notes = read_notes(path)
+    if notes.outcome == "completed":
+        raise UnusableInput(f"{path}: that run is complete, nothing is left to go on with")
+    if notes.recipe != recipe.text:
+        raise UnusableInput(f"{path}: was made with another recipe than {recipe.source}")
+    run = next((e for e in notes.events if e.get("event") == "run"), None)
+    if run is None:
+        raise UnusableInput(f"{path}: does not tell how far the run got (made by an older version)")
+    try:
+        return _resumed(folder, notes, run)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise UnusableInput(f"{path}: /events: damaged ({type(error).__name__}: {error})") from None
+
+
+def _resumed(folder: Path, notes: RunNotes, run: Mapping[str, Any]) -> Resumed:
+    before = None if run["resumed"] is None else Resumed.noted(run["resumed"])
+    done = [int(e["number"]) for e in notes.events if e["event"] == "done"]
+    friction = {} if before is None else dict(before.friction)
+    for event in notes.events:
+        if event["event"] == "friction" and event["accepted"]:
+            friction[str(event["axis"])] = _figures(event["parameters"])
+    done.append(0 if before is None else before.done)
+    return Resumed(str(folder), notes.started, max(done), friction)
+
+
+def _figures(parameters: Mapping[str, Sequence[float]]) -> Figures:
+    """Figures of a `friction` event; the rate of relaxation is C / Fc, relative variances add."""
+    known = {name: _pair(pair) for name, pair in parameters.items()}
+    attraction, sigma = known.pop("attraction")
+    coulomb, coulomb_sigma = known["coulomb"]
+    rate = attraction / coulomb
+    variance = (sigma / attraction) ** 2 - (coulomb_sigma / coulomb) ** 2
+    known["relaxation_rate"] = (rate, rate * math.sqrt(max(variance, 1e-6)))
+    return known
+
+
+def _pair(pair: Sequence[float]) -> tuple[float, float]:
+    value, sigma = float(pair[0]), float(pair[1])
+    if not (math.isfinite(value) and math.isfinite(sigma) and value > 0 and sigma > 0):
+        raise ValueError(f"friction figure {value!r} with sigma {sigma!r}")
+    return value, sigma
