@@ -15,7 +15,7 @@ import numpy as np
 
 from estimation.trajectory import Limits, plan
 from hil_sim.plant.simulate import simulate
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import stage_settings
 
 SLIDING = 0.02

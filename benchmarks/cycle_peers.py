@@ -28,13 +28,13 @@ import canopen
 import numpy as np
 from machine_facts import machine_facts
 
-from drivers.canopen import objects as od
+from drivers import objects as od
 from drivers.stage import Stage
 from hil_sim.bus.server import serve
 from hil_sim.bus.world import World
 from hil_sim.cia301.dictionary import EDS_PATH
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 
 LOCKSTEP_CYCLES, VIRTUAL_CYCLES, READS = 10_000, 2_000, 2_000

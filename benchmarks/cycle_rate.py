@@ -26,7 +26,8 @@ from drivers.stage import Stage
 from hil_sim.bus.world import World
 from hil_sim.plant.simulate import simulate
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import Machine, load_machine
+from stagectl.config.machine import Machine
+from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 from stagectl.store.bus_log import BusLog
 from stagectl.store.journal import AxisScaling, Journal, JournalHeader

@@ -35,7 +35,7 @@ from sim2real.diagnosis import diagnose
 from sim2real.examine import Examination, examine
 from sim2real.gap import Measured
 from sim2real.recording import Recording
-from stagectl.config.machine import load_machine, parse_machine
+from stagectl.config.machine_file import load_machine, parse_machine
 from stagectl.config.mapping import stage_settings
 from stagectl.store.recording import read_recording
 

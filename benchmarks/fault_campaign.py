@@ -42,7 +42,8 @@ from hil_sim.bus import faults as f
 from hil_sim.bus.world import World
 from hil_sim.cia402.state_machine import State
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import Machine, load_machine
+from stagectl.config.machine import Machine
+from stagectl.config.machine_file import load_machine
 from stagectl.recipe.load import parse_recipe
 from stagectl.recipe.model import Recipe
 from stagectl.run.request import RunRequest, RunResult

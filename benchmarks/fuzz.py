@@ -48,7 +48,8 @@ from hil_sim.cia402.state_machine import State
 from hil_sim.stage import VirtualStage
 from sim2real.recording import AxisSignals, Move, Recording
 from stagectl.config.fault_plan import parse_faults
-from stagectl.config.machine import Machine, load_machine, parse_machine
+from stagectl.config.machine import Machine
+from stagectl.config.machine_file import load_machine, parse_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 from stagectl.errors import ConfigError, StagectlError
 from stagectl.recipe.load import parse_recipe

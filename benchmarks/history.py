@@ -31,7 +31,7 @@ from machine_facts import machine_facts
 
 from stagectl.calibration.due import due_sites
 from stagectl.calibration.sites import DueSection
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 from stagectl.history.opening import open_history
 from stagectl.history.port import History
 from stagectl.history.records import EstimateRecord, RunEntry, StageKey

@@ -29,7 +29,7 @@ from typing import Any
 import yaml
 
 from hil_sim.effects.library import library
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import stage_settings
 from stagectl.config.plausible import RANGES
 from stagectl.store.recording import read_recording

@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 from machine_facts import machine_facts
 
-from stagectl.config.machine import Machine, load_machine
+from stagectl.config.machine import Machine
+from stagectl.config.machine_file import load_machine
 from stagectl.recipe.load import load_recipe
 from stagectl.recipe.model import Recipe
 from stagectl.run.request import RunRequest

@@ -18,7 +18,8 @@ import numpy as np
 from machine_facts import machine_facts
 from run_figures import RECIPE, Case, run
 
-from stagectl.config.machine import Machine, load_machine
+from stagectl.config.machine import Machine
+from stagectl.config.machine_file import load_machine
 from stagectl.recipe.load import load_recipe
 from stagectl.sequencer.compensation import Mode
 

@@ -44,7 +44,7 @@ from hil_sim.bus.world import World
 from hil_sim.stage import VirtualStage
 from sim2real.recording import AxisSignals, Move, Recording
 from stagectl.calibration.sites import load_calibration
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 from stagectl.history.opening import open_history
 from stagectl.history.records import RunEntry, StageKey

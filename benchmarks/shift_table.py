@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 
 from hil_sim.effects.friction_map import field_factor
-from stagectl.config.machine import Machine, parse_machine
+from stagectl.config.machine import Machine
+from stagectl.config.machine_file import parse_machine
 from stagectl.sequencer.places import Expectation
 
 F64 = NDArray[np.float64]

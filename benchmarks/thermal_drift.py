@@ -23,7 +23,8 @@ from machine_facts import machine_facts
 
 from hil_sim.stage import VirtualStage
 from stagectl.config.host_model import friction_model
-from stagectl.config.machine import Machine, load_machine, parse_machine
+from stagectl.config.machine import Machine
+from stagectl.config.machine_file import load_machine, parse_machine
 from stagectl.recipe.load import parse_recipe
 from stagectl.run.request import RunRequest
 from stagectl.run.session import Listener, execute

@@ -13,12 +13,9 @@ The text is one line, `axis x: 0x6065:00 following error window: cause`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
-from drivers.canopen.objects import ObjectRef
-
-if TYPE_CHECKING:
-    from drivers.motion.fault_report import FaultReport
+from drivers.objects import ObjectRef
 
 
 def shown(value: object) -> str:
@@ -37,6 +34,50 @@ def shown(value: object) -> str:
         case tuple() | list():
             return ", ".join(map(shown, value)) or "nothing"
     return str(value)
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What the host knows of an axis at the moment of a fault.
+
+    Attributes:
+        statusword: last one, None before the first.
+        emergencies: codes since alarms were last cleared, oldest first.
+        controlwords: last ones, each once, oldest first.
+        mode: of operation, None before the first.
+        target: last set-point in words, with its unit.  offset: last force offset [N].
+        boots: boot-up messages of its drive so far.
+    """
+
+    statusword: int | None
+    emergencies: tuple[int, ...]
+    controlwords: tuple[int, ...]
+    mode: int | None
+    target: str
+    offset: float
+    boots: int
+
+
+@dataclass(frozen=True, slots=True)
+class FaultReport:
+    """All that is known of a fault.
+
+    Attributes:
+        evidence: taken when it was noticed.
+        error_code: 0x603F.  error_register: 0x1001.  None where the drive does not have them.
+        history: newest codes of 0x1003, newest first.
+    """
+
+    evidence: Evidence
+    error_code: int | None
+    error_register: int | None
+    history: tuple[int, ...]
+
+    @property
+    def code(self) -> int | None:
+        """The code that names the cause: the first emergency, else 0x603F, else the history's."""
+        first = next((e for e in self.evidence.emergencies if e & 0xFF00), None)
+        return first or self.error_code or next(iter(self.history), None)
 
 
 class DriverError(Exception):
@@ -96,7 +137,7 @@ class AxisFault(DriverError):  # noqa: N818
 
     Attributes:
         code: error code (EMCY or 0x603F), None where the drive told none.
-        report: all that is known (`diagnosis.FaultReport`), None where nobody looked yet.
+        report: all that is known of it, None before anybody looked.
     """
 
     def __init__(

@@ -7,10 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from hil_sim.effects.effect import AppliedEffect
+from typing import Any, Protocol
 
 SUBSTEPS = 5
 """Plant steps per control tick of the reference (docs/reference-stage.md)."""
@@ -33,6 +30,13 @@ def _not_negative(settings: object, *names: str) -> None:
     for name in names:
         value = getattr(settings, name)
         _require(math.isfinite(value) and value >= 0, name, f"must be >= 0, is {value!r}")
+
+
+class SwitchedOn(Protocol):
+    """A physical effect with its figures: `hil_sim.effects.AppliedEffect`."""
+
+    def apply(self, ports: Any) -> None:
+        """Write it into the ports of its axis (`hil_sim.effects.EffectPorts`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +159,7 @@ class AxisSettings:
     acceleration: float
     jerk: float
     following_error: float
-    effects: tuple[AppliedEffect, ...] = ()
+    effects: tuple[SwitchedOn, ...] = ()
     unit: float = 1e-9
     velocity_unit: float = 1e-9
     acceleration_unit: float = 1e-6

@@ -30,7 +30,7 @@ _channels = itertools.count(1)
 @pytest.fixture(scope="session")
 def stage_machine() -> Machine:
     """The machine that the virtual stage is: the packaged `wafer-xy`. Override to use another."""
-    from stagectl.config.machine import load_machine
+    from stagectl.config.machine_file import load_machine
 
     return load_machine(None)
 

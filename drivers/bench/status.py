@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from drivers.canopen import objects as od
+from drivers import objects as od
 from drivers.canopen.emcy import error_text, register_text
-from drivers.canopen.objects import ObjectRef
 from drivers.drive.axis import Axis
 from drivers.drive.cia402 import State, Status, decode
 from drivers.errors import ConfigurationError, NodeError
+from drivers.objects import ObjectRef
 
 HISTORY_LENGTH = 4
 """Entries of 0x1003 that are worth a look."""

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 
-from drivers.canopen import objects as od
+from drivers import objects as od
 from drivers.canopen.bus import Network
 from drivers.canopen.emcy import error_text, register_text
 from drivers.canopen.remote_objects import RemoteObjects

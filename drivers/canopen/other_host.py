@@ -17,9 +17,10 @@ from collections.abc import Callable
 import can
 
 from drivers.canopen.clock import Clock
+from drivers.objects import SYNC_ID
 from drivers.settings import HOST_NODE
 
-NMT_ID, SYNC_ID, HEARTBEAT_ID = 0x000, 0x080, 0x700 + HOST_NODE
+NMT_ID, HEARTBEAT_ID = 0x000, 0x700 + HOST_NODE
 LISTENING = 0.12
 """A host that runs sends SYNC or a heartbeat in this time [s]."""
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from struct import Struct
 from typing import Protocol
 
-from drivers.canopen.objects import ObjectRef
 from drivers.errors import ConfigurationError
+from drivers.objects import ObjectRef
 
 INVALID = 1 << 31
 """COB-ID bit 31: the PDO does not exist."""

@@ -12,11 +12,11 @@ from typing import TypeVar
 
 import canopen
 
-from drivers.canopen import objects as od
+from drivers import objects as od
 from drivers.canopen.bus import Network
-from drivers.canopen.objects import ObjectRef
 from drivers.canopen.sdo_channel import SdoChannel
 from drivers.errors import ConfigurationError, NodeError, shown
+from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings
 
 T = TypeVar("T")

@@ -9,8 +9,8 @@ from collections import deque
 from collections.abc import Callable
 
 from drivers.canopen.bus import OwnFrame
-from drivers.canopen.objects import TARGET_POSITION
 from drivers.drive.axis import Axis
+from drivers.objects import TARGET_POSITION
 
 _MOST_EXTRA = 255
 _MOST_OWED = 20

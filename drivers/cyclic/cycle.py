@@ -17,7 +17,7 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.canopen import objects as od
+from drivers import objects as od
 from drivers.canopen.bus import Network
 from drivers.canopen.clock import Clock
 from drivers.canopen.node import Node

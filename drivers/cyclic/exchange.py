@@ -13,9 +13,10 @@ import can
 from drivers.canopen.bus import Network, OwnFrame
 from drivers.canopen.clock import MonotonicClock, delivers_at_once, stamps_of
 from drivers.cyclic.channel import Channel
-from drivers.cyclic.sync import SYNC_ID, KernelSync, hear_own_frames
+from drivers.cyclic.sync import KernelSync, hear_own_frames
 from drivers.drive.axis import Axis
 from drivers.errors import ConfigurationError
+from drivers.objects import SYNC_ID
 from drivers.settings import BusSettings
 
 _SILENT_PERIODS, _SILENT_NS = 10, 100_000_000

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.drive.units import Scale
 from stagedata import Samples
 
 Sample = tuple[int, ...]
@@ -18,14 +18,6 @@ came besides until this SYNC, at most 255."""
 
 HEAD, FIELDS, VALID = 4, 8, 5
 """Values in a `Sample` before those of the axes; values per axis; place of `valid` among them."""
-
-
-@dataclass(frozen=True, slots=True)
-class Scale:
-    """SI values of one unit of the CAN integers: `increment` [m], `force` [N] (rated / 1000)."""
-
-    increment: float
-    force: float
 
 
 def decode_rows(

@@ -13,7 +13,7 @@ from typing import Any
 
 import can
 
-SYNC_ID = 0x080
+from drivers.objects import SYNC_ID
 
 _SOL_CAN_RAW, _RECV_OWN_MSGS = 101, 4
 _RECEIVE_BUFFER = 1 << 22

@@ -8,18 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from drivers.canopen import objects as od
+from drivers import objects as od
 from drivers.canopen.bus import Network
 from drivers.canopen.node import Node
-from drivers.canopen.objects import ObjectRef
 from drivers.canopen.pdo import MappedObject, PdoMapping, PdoRecord
-from drivers.cyclic.samples import Scale
-from drivers.cyclic.sync import SYNC_ID
 from drivers.drive import dcf, parameters
 from drivers.drive.cia402 import Mode
 from drivers.drive.host_watch import unwatched
-from drivers.drive.units import check_units
+from drivers.drive.units import Scale, check_units
 from drivers.errors import AxisFault, ConfigurationError, NodeError
+from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings, BusSettings
 
 TARGETS = {
@@ -187,9 +185,9 @@ class Axis:
     def _listen_to_sync(self) -> None:
         """0x1005: our SYNC, and none of the drive's own."""
         node = self.node
-        if node.offers(od.SYNC_COB_ID) and node.read(od.SYNC_COB_ID) & 0x4000_07FF != SYNC_ID:
+        if node.offers(od.SYNC_COB_ID) and node.read(od.SYNC_COB_ID) & 0x4000_07FF != od.SYNC_ID:
             node.write_optional(od.CYCLE_PERIOD, 0)
-            node.write_checked(od.SYNC_COB_ID, SYNC_ID)
+            node.write_checked(od.SYNC_COB_ID, od.SYNC_ID)
 
     def _set_sync_counter(self, overflow: int) -> None:
         """0x1019, which may change only while 0x1006 is 0."""

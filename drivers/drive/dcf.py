@@ -12,10 +12,10 @@ from collections.abc import Iterator
 import canopen
 
 from drivers.canopen.node import Node
-from drivers.canopen.objects import ObjectRef
 from drivers.canopen.remote_objects import Value
 from drivers.drive.parameters import Parameter, Rule
 from drivers.errors import ConfigurationError, NodeError, shown
+from drivers.objects import ObjectRef
 
 LISTED = 5
 """Differences that are told; of more, only the number."""

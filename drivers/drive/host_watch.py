@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from drivers.canopen import objects as od
+from drivers import objects as od
 from drivers.canopen.node import Node
-from drivers.canopen.objects import ObjectRef
 from drivers.errors import NodeError
+from drivers.objects import ObjectRef
 from drivers.settings import HOST_NODE
 
 PERIOD_MS = 500

@@ -12,10 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import Enum, auto
 
-from drivers.canopen import objects as od
-from drivers.canopen.objects import ObjectRef
+from drivers import objects as od
 from drivers.canopen.remote_objects import RemoteObjects
 from drivers.errors import ConfigurationError, NodeError
+from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings
 
 ROUNDING = 0.01

@@ -11,12 +11,13 @@ A drive may lack all of it: then the settings are trusted, and that is said.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from fractions import Fraction
 
-from drivers.canopen import objects as od
+from drivers import objects as od
 from drivers.canopen.node import Node
-from drivers.canopen.objects import ObjectRef
 from drivers.errors import ConfigurationError
+from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings
 
 TOLERANCE = 1e-6
@@ -25,6 +26,14 @@ _METRE, _SECOND, _SECOND_SQUARED = 0x01, 0x03, 0x57
 """Notations of CiA 303-2 in 0x60A9 and 0x60AA."""
 _TURNED = 0xC0
 """Bits 7 (position) and 6 (velocity) of 0x607E."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """SI values of one unit of the CAN integers: `increment` [m], `force` [N] (rated / 1000)."""
+
+    increment: float
+    force: float
 
 
 def check_units(node: Node, settings: AxisSettings) -> list[str]:

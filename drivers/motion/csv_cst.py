@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.canopen import objects as od
+from drivers import objects as od
 from drivers.canopen.clock import Clock
 from drivers.cyclic.channel import Channel
 from drivers.cyclic.cycle import Cycle, Until

@@ -1,23 +1,25 @@
 """A fault and all that is known of it, as one exception: what the drive says and what it was told.
 
 Merges emergency messages, error code (0x603F), error register (0x1001), error history (0x1003) and
-statusword with the last commands. What is kept by the host is taken at once (`Evidence.of`), what
+statusword with the last commands. What is kept by the host is taken at once (`gather`), what
 has to be asked for is read when nothing moves any more (`explained`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-from drivers.canopen import objects as od
+from drivers import objects as od
 from drivers.canopen.emcy import error_text, register_text
 from drivers.canopen.node import REBOOTED
-from drivers.drive.cia402 import Command, Control, State, Status, decode
-from drivers.errors import AxisFault, ConfigurationError, DriverError, NodeError
-
-if TYPE_CHECKING:
-    from drivers.cyclic.channel import Channel
+from drivers.cyclic.channel import Channel
+from drivers.drive.cia402 import Command, Control, Status, decode
+from drivers.errors import (
+    AxisFault,
+    ConfigurationError,
+    DriverError,
+    Evidence,
+    FaultReport,
+    NodeError,
+)
 
 HISTORY_LENGTH = 4
 _COMMAND_BITS = 0x8F
@@ -29,73 +31,18 @@ _BITS = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Evidence:
-    """What the host knows of an axis at the moment of a fault.
-
-    Attributes:
-        statusword: last one, None before the first.
-        emergencies: codes since alarms were last cleared, oldest first.
-        controlwords: last ones, each once, oldest first.
-        mode: of operation, None before the first.
-        target: last set-point in words, with its unit.  offset: last force offset [N].
-        boots: boot-up messages of its drive so far.
-    """
-
-    statusword: int | None
-    emergencies: tuple[int, ...]
-    controlwords: tuple[int, ...]
-    mode: int | None
-    target: str
-    offset: float
-    boots: int
-
-    @classmethod
-    def of(cls, channel: Channel) -> Evidence:
-        """As things are now; sends nothing."""
-        axis = channel.axis
-        return cls(
-            channel.statusword if channel.seen else None,
-            tuple(axis.node.emergencies),
-            tuple(channel.told),
-            None if axis.mode is None else int(axis.mode),
-            _target_text(channel),
-            channel.offset * axis.scale.force,
-            axis.node.booted,
-        )
-
-    @property
-    def state(self) -> State | None:
-        """Power state that the statusword shows."""
-        return None if self.statusword is None else decode(self.statusword)
-
-    def commands(self) -> str:
-        """The last commands in words."""
-        words = " > ".join(command_text(w) for w in self.controlwords) or "none"
-        mode = "" if self.mode is None else f", mode {self.mode}"
-        return f"{words}{mode}, target {self.target}, force offset {self.offset:.4g} N"
-
-
-@dataclass(frozen=True, slots=True)
-class FaultReport:
-    """All that is known of a fault.
-
-    Attributes:
-        evidence: taken when it was noticed.
-        error_code: 0x603F.  error_register: 0x1001.  None where the drive does not tell.
-        history: newest codes of 0x1003, newest first.
-    """
-
-    evidence: Evidence
-    error_code: int | None
-    error_register: int | None
-    history: tuple[int, ...]
-
-    @property
-    def code(self) -> int | None:
-        """The code that names the cause: the first emergency, else 0x603F, else the history's."""
-        first = next((e for e in self.evidence.emergencies if e & 0xFF00), None)
-        return first or self.error_code or next(iter(self.history), None)
+def gather(channel: Channel) -> Evidence:
+    """What the host knows of an axis as things are now; sends nothing."""
+    axis = channel.axis
+    return Evidence(
+        statusword=channel.statusword if channel.seen else None,
+        emergencies=tuple(axis.node.emergencies),
+        controlwords=tuple(channel.told),
+        mode=None if axis.mode is None else int(axis.mode),
+        target=_target_text(channel),
+        offset=channel.offset * axis.scale.force,
+        boots=axis.node.booted,
+    )
 
 
 def _target_text(channel: Channel) -> str:
@@ -117,6 +64,13 @@ def command_text(controlword: int) -> str:
         text = known[0].name.replace("_", " ").lower() if known else f"0x{controlword:04X}"
     extra = [name for bit, name in _BITS if controlword & bit]
     return text + "".join(f" + {name}" for name in extra)
+
+
+def commands_text(evidence: Evidence) -> str:
+    """The last commands in words."""
+    words = " > ".join(command_text(w) for w in evidence.controlwords) or "none"
+    mode = "" if evidence.mode is None else f", mode {evidence.mode}"
+    return f"{words}{mode}, target {evidence.target}, force offset {evidence.offset:.4g} N"
 
 
 def explained(problem: AxisFault, channel: Channel, evidence: Evidence) -> AxisFault:
@@ -167,8 +121,10 @@ def explained(problem: AxisFault, channel: Channel, evidence: Evidence) -> AxisF
         parts.append("earlier errors: " + ", ".join(older))
     if evidence.statusword is not None and "statusword 0x" not in problem.cause:
         bits = ", warning" if evidence.statusword & Status.WARNING else ""
-        parts.append(f"statusword 0x{evidence.statusword:04X} ({evidence.state}{bits})")
-    parts.append(f"last commands: {evidence.commands()}")
+        parts.append(
+            f"statusword 0x{evidence.statusword:04X} ({decode(evidence.statusword)}{bits})"
+        )
+    parts.append(f"last commands: {commands_text(evidence)}")
     return type(problem)(
         "; ".join(parts), axis=problem.axis, obj=problem.object,
         code=problem.code or report.code, report=report,

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import Enum, auto
 
-from drivers.canopen import objects as od
+from drivers import objects as od
 from drivers.canopen.emcy import error_text
 from drivers.cyclic.channel import Channel
 from drivers.cyclic.cycle import Cycle

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.canopen import objects as od
+from drivers import objects as od
 from drivers.errors import LimitError, shown
 from drivers.motion.profile_position import Setpoint
 from drivers.settings import AxisSettings

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 
-from drivers.canopen import objects as od
+from drivers import objects as od
 from drivers.cyclic.channel import Channel
 from drivers.cyclic.cycle import Cycle
 from drivers.drive.cia402 import Command, Control, Mode, State, decode, next_controlword

@@ -8,7 +8,7 @@ and that each axis ends where it was told to is checked.
 
 from __future__ import annotations
 
-from drivers.canopen import objects as od
+from drivers import objects as od
 from drivers.cyclic.channel import Channel
 from drivers.cyclic.cycle import Cycle
 from drivers.drive.cia402 import Control, State, Status

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from drivers.canopen import objects as od
+from drivers import objects as od
 from drivers.cyclic.channel import Channel
 from drivers.cyclic.cycle import Cycle
 from drivers.drive.cia402 import Command, Control, State, Status

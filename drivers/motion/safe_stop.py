@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from drivers.canopen import objects as od
+from drivers import objects as od
 from drivers.cyclic.cycle import Cycle
 from drivers.drive.cia402 import Command
 from drivers.errors import AxisFault, BusError
-from drivers.motion.fault_report import Evidence, explained
+from drivers.motion.fault_report import explained, gather
 from drivers.motion.power import Power
 
 PERSISTENCE, PAUSE = 0.6, 0.01
@@ -109,7 +109,7 @@ class SafeStop:
             if channel is None:
                 self.stop()
                 raise
-            evidence = Evidence.of(channel)  # before the stop adds commands of its own
+            evidence = gather(channel)  # before the stop adds commands of its own
             self.stop()
             raise explained(problem, channel, evidence) from problem
         except BaseException:

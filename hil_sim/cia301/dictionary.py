@@ -54,6 +54,8 @@ class Dictionary:
         live: by key, a function that gives the value of the moment; it goes before `values`.
         check: by key, called with the new value before it is stored; raises `SdoAbortedError`.
         on_write: by key, called after a value was stored, also for values from an RPDO.
+        act_last: keys whose `on_write` runs after that of all other objects of a SYNC or frame, in
+            this order.
     """
 
     def __init__(
@@ -77,6 +79,7 @@ class Dictionary:
         self.live: dict[int, Callable[[], int]] = {}
         self.check: dict[int, Callable[[int], None]] = {}
         self.on_write: dict[int, Callable[[int], None]] = {}
+        self.act_last: tuple[int, ...] = ()
         self.reset_all()
 
     # What canopen's SdoServer asks of its node.

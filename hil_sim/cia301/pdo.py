@@ -23,7 +23,6 @@ from canopen.objectdictionary import datatypes
 from canopen.sdo import constants as abort
 
 from hil_sim.cia301.dictionary import Dictionary, Value, key
-from hil_sim.cia402.objects import LATER_HOOKS
 from hil_sim.ports import CanSegment, Timer
 
 _ENTRIES = range(1, 9)
@@ -46,10 +45,10 @@ Hooks = tuple[tuple[int, Callable[[int], None]], ...]
 """What acts on a write, with the key of the object whose value it takes."""
 
 
-def in_order(hooks: Hooks) -> Hooks:
-    """Mode and controlword after all others, each object once."""
+def in_order(hooks: Hooks, last: tuple[int, ...]) -> Hooks:
+    """Each object once, those of `last` after all others and in its order."""
     by_key = dict(hooks)
-    late = tuple((k, by_key.pop(k)) for k in LATER_HOOKS if k in by_key)
+    late = tuple((k, by_key.pop(k)) for k in last if k in by_key)
     return (*by_key.items(), *late)
 
 
@@ -190,7 +189,8 @@ class Rpdo(_Pdo):
         self._reported = False
         d = self.dictionary
         self._deadline_ns = d.integer(self.deadline_key) * 1_000_000
-        self._hooks = in_order(tuple((k, d.on_write[k]) for k in self.keys if k in d.on_write))
+        hooks = tuple((k, d.on_write[k]) for k in self.keys if k in d.on_write)
+        self._hooks = in_order(hooks, d.act_last)
         guarded = any(
             k in d.check or d.variables[k].min is not None or d.variables[k].max is not None
             for k in self.keys

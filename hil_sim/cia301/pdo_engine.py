@@ -104,7 +104,7 @@ class PdoEngine:
                 rpdo.pending = None
                 hooks += rpdo.store(data)
         values = self._dictionary.values
-        for k, hook in in_order(hooks) if len(hooks) > 1 else hooks:
+        for k, hook in in_order(hooks, self._dictionary.act_last) if len(hooks) > 1 else hooks:
             hook(values[k])  # type: ignore[arg-type]
 
     def emergency(self, code: int) -> None:

@@ -118,6 +118,7 @@ class MotionControl:
         }
         self._mode = self._modes[ModeCode.NONE]
         self._brake_output = Brake(dictionary, lambda: self.state in _POWERED)
+        dictionary.act_last = o.ACT_LAST
         dictionary.on_write[o.CONTROLWORD] = self._on_controlword
         dictionary.on_write[o.MODE] = self._on_mode
         dictionary.check[o.MODE] = self._check_mode

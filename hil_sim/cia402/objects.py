@@ -63,7 +63,7 @@ DIGITAL_INPUTS = key(0x60FD)
 OUTPUTS, OUTPUT_MASK = key(0x60FE, 1), key(0x60FE, 2)
 TARGET_VELOCITY = key(0x60FF)
 
-LATER_HOOKS = (MODE, CONTROLWORD)
+ACT_LAST = (MODE, CONTROLWORD)
 """What acts after all other objects of the same SYNC or frame, in this order: a mode finds its
 parameters, a command the mode and the set-points that came with it."""
 

@@ -13,11 +13,10 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
-if TYPE_CHECKING:
-    from hil_sim.effects.ports import EffectPorts
-    from hil_sim.settings import AxisSettings
+from hil_sim.effects.ports import EffectPorts
+from hil_sim.settings import AxisSettings
 
 Group = Literal["mass", "motor", "friction", "force", "dynamics"]
 GROUPS: tuple[Group, ...] = ("mass", "motor", "friction", "force", "dynamics")

@@ -59,7 +59,7 @@ class Bench:
     def __init__(
         self, machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int
     ) -> None:
-        from stagectl.config.machine import load_machine
+        from stagectl.config.machine_file import load_machine
         from stagectl.config.mapping import driver_settings
 
         if simulate and bus is not None:

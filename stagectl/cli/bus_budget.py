@@ -32,7 +32,7 @@ def command(
     Exit code 0 when the worst cycle fits, 1 when it does not. Arithmetic: no bus is opened.
     """
     from drivers.bench.bus_budget import stage_budget
-    from stagectl.config.machine import load_machine
+    from stagectl.config.machine_file import load_machine
     from stagectl.errors import StagectlError
 
     stage = load_machine(machine)

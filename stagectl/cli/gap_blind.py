@@ -105,7 +105,7 @@ def blind(
 def _machine(path: Path | None) -> Machine:
     from importlib import resources
 
-    from stagectl.config.machine import load_machine
+    from stagectl.config.machine_file import load_machine
 
     if path is not None:
         return load_machine(path)

@@ -63,7 +63,7 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
     """
     from sim2real.gap import closed, pooled
     from sim2real.report import FORMAT, VERSION, GapFigures, gap_json
-    from stagectl.config.machine import load_machine
+    from stagectl.config.machine_file import load_machine
     from stagectl.config.mapping import stage_settings
     from stagectl.store.recording import read_recording
 
@@ -130,7 +130,7 @@ def machine_of(machine: Path | None, *recorded: Recording) -> Machine:
         UnusableInput: recordings that were made with different machine files.
         ConfigError: the machine file cannot be used.
     """
-    from stagectl.config.machine import load_machine, parse_machine
+    from stagectl.config.machine_file import load_machine, parse_machine
     from stagectl.errors import UnusableInput
 
     if machine is not None:

@@ -75,7 +75,7 @@ def open_for(
 
 def machine_of(path: Path | None) -> Machine:
     """The machine file of an option; None is the packaged one."""
-    from stagectl.config.machine import load_machine
+    from stagectl.config.machine_file import load_machine
 
     return load_machine(path)
 

@@ -45,7 +45,7 @@ def command(
     from rich.console import Console
 
     from stagectl.calibration.identify import identify_axis
-    from stagectl.config.machine import load_machine, parse_machine
+    from stagectl.config.machine_file import load_machine, parse_machine
     from stagectl.errors import UnusableInput
     from stagectl.store.recording import read_recording
 

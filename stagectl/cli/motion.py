@@ -71,7 +71,7 @@ def stop_on_signal(stop: Callable[[str], None]) -> None:
 
 
 def _load(path: Path | None) -> Machine:
-    from stagectl.config.machine import load_machine
+    from stagectl.config.machine_file import load_machine
 
     packaged = path is None or (str(path) == _PACKAGED and not path.exists())
     return load_machine(None if packaged else path)

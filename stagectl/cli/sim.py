@@ -41,7 +41,7 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
     from hil_sim.bus.server import serve
     from hil_sim.plant.stepped import warm_up
     from hil_sim.stage import VirtualStage
-    from stagectl.config.machine import load_machine
+    from stagectl.config.machine_file import load_machine
     from stagectl.config.mapping import driver_settings, eds_path, stage_settings
     from stagectl.errors import RunFault
 

@@ -9,7 +9,8 @@ from typing import Annotated
 from pydantic import Field, StrictBool, StrictInt
 
 from stagectl.config.diagnose import Section, validate
-from stagectl.config.machine import AxisName, Machine, Name, load_machine
+from stagectl.config.machine import AxisName, Machine, Name
+from stagectl.config.machine_file import load_machine
 from stagectl.config.units import NotNegativeTime, Number
 from stagectl.config.yaml_nodes import load_document
 from stagectl.errors import ConfigError

@@ -8,8 +8,6 @@ machine or a `ConfigError` with every problem. What the values together do not a
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import resources
-from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
 from pydantic import (
@@ -22,8 +20,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from stagectl.config.diagnose import Section, in_order, validate
-from stagectl.config.machine_checks import impossible
+from stagectl.config.diagnose import Section
 from stagectl.config.units import (
     Length,
     NotNegativeDamping,
@@ -46,11 +43,8 @@ from stagectl.config.units import (
 )
 from stagectl.config.yaml_nodes import (
     Document,
-    load_document,
-    parse_document,
     shown,
 )
-from stagectl.errors import ConfigError
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 ObjectName = Annotated[str, StringConstraints(pattern=r"^0x[0-9A-Fa-f]{1,4}:[0-9A-Fa-f]{1,2}$")]
@@ -334,6 +328,10 @@ class Machine(Section):
 
     _document: Document = PrivateAttr()
 
+    def attach(self, document: Document) -> None:
+        """Keep the file that this was read from."""
+        self._document = document
+
     @property
     def text(self) -> str:
         """The file's text as read: what goes into a recording."""
@@ -348,33 +346,3 @@ class Machine(Section):
     def document(self) -> Document:
         """The parsed file, to place further problems in it."""
         return self._document
-
-
-def load_machine(path: Path | None = None) -> Machine:
-    """The machine of a file; None means the packaged `wafer-xy`.
-
-    Raises:
-        ConfigError: the file cannot be used; one line per problem.
-    """
-    if path is not None:
-        return _machine(load_document(path))
-    packaged = resources.files("stagectl") / "data" / "machines" / "wafer-xy.yaml"
-    return parse_machine(packaged.read_text(encoding="utf-8"), "wafer-xy.yaml (packaged)")
-
-
-def parse_machine(text: str, name: str) -> Machine:
-    """The machine of a text, as found inside a recording; `name` is what problems call it.
-
-    Raises:
-        ConfigError: the text cannot be used; one line per problem.
-    """
-    return _machine(parse_document(text, name))
-
-
-def _machine(document: Document) -> Machine:
-    machine = validate(document, Machine)
-    problems = impossible(machine, document)
-    if problems:
-        raise ConfigError(in_order(problems))
-    machine._document = document  # noqa: SLF001 - set once, by its own module
-    return machine

@@ -8,7 +8,8 @@ from typing import Any
 
 import yaml
 
-from stagectl.config.machine import Machine, parse_machine
+from stagectl.config.machine import Machine
+from stagectl.config.machine_file import parse_machine
 from stagectl.errors import StagectlError
 
 

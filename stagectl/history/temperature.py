@@ -113,7 +113,7 @@ def stage_temperature(
         stage: opened.
         plugin: as of `plugin_thermometer`.
     """
-    from drivers.canopen.objects import ObjectRef
+    from drivers.objects import ObjectRef
 
     source = machine.temperature
     if source is None or source.plugin is not None:

@@ -17,7 +17,7 @@ from drivers.cyclic.realtime import RealTime
 from drivers.settings import RealTimeSettings
 from hil_sim.bus.server import serve
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import stage_settings
 
 

@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.canopen.objects import ObjectRef
 from drivers.errors import AxisFault, ConfigurationError
+from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings, OptionCodes
 from drivers.stage import Stage
 from hil_sim.bus.world import World
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import Machine, parse_machine
+from stagectl.config.machine import Machine
+from stagectl.config.machine_file import parse_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 
 _names = itertools.count()

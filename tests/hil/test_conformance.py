@@ -18,7 +18,8 @@ from drivers.errors import NodeError
 from hil_sim.bus.world import World
 from hil_sim.cia301.dictionary import key
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import Machine, load_machine
+from stagectl.config.machine import Machine
+from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import stage_settings
 
 _names = itertools.count()

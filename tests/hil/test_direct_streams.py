@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from drivers.canopen.objects import MODE_DISPLAY
 from drivers.drive.cia402 import Mode
 from drivers.errors import AxisFault, ConfigurationError, LimitError
+from drivers.objects import MODE_DISPLAY
 from drivers.stage import Stage
 from hil_sim.bus.world import World
 from hil_sim.cia301.dictionary import key

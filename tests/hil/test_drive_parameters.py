@@ -20,7 +20,8 @@ from hil_sim.cia301.dictionary import key
 from hil_sim.cia402.state_machine import State
 from hil_sim.drive import Drive
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import Machine, parse_machine
+from stagectl.config.machine import Machine
+from stagectl.config.machine_file import parse_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 from tests.hil.test_configuration import dcf, held, open_stage
 

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from drivers.canopen.objects import SYNC_WINDOW
 from drivers.errors import BusError, ConfigurationError
+from drivers.objects import SYNC_WINDOW
 from drivers.stage import Stage
 from hil_sim.bus import faults as f
 from hil_sim.bus.fault_world import FaultyWorld

@@ -17,7 +17,7 @@ from drivers.stage import Stage
 from hil_sim.bus.world import World
 from hil_sim.cia301.dictionary import key
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 
 _names = itertools.count()

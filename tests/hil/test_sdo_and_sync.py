@@ -17,7 +17,8 @@ from drivers.settings import BusSettings
 from drivers.stage import Stage
 from hil_sim.bus.world import World
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import Machine, load_machine
+from stagectl.config.machine import Machine
+from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 
 _names = itertools.count()

@@ -11,8 +11,8 @@ import can
 import numpy as np
 import pytest
 
-from drivers.canopen.objects import ObjectRef
 from drivers.errors import AxisFault, BusError, LimitError, NodeError
+from drivers.objects import ObjectRef
 from drivers.stage import Stage
 from stagedata import Samples
 

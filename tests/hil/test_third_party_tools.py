@@ -23,7 +23,7 @@ from canopen.sdo import SdoClient
 from hil_sim.bus.server import serve
 from hil_sim.cia301.dictionary import EDS_PATH
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import stage_settings
 
 SCRIPTS = Path(sysconfig.get_path("scripts"))

@@ -13,7 +13,8 @@ from drivers.stage import Stage
 from hil_sim.bus import faults as f
 from hil_sim.bus.fault_world import FaultyWorld
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import Machine, parse_machine
+from stagectl.config.machine import Machine
+from stagectl.config.machine_file import parse_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 
 _names = (f"units-{n}" for n in itertools.count())

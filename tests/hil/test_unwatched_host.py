@@ -18,7 +18,8 @@ from hil_sim.bus.world import World
 from hil_sim.cia301.dictionary import Dictionary, key
 from hil_sim.cia402.state_machine import State
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine import Machine, parse_machine
+from stagectl.config.machine import Machine
+from stagectl.config.machine_file import parse_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 
 _names = (f"unwatched-{n}" for n in itertools.count())

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.config.machine import Machine, load_machine, parse_machine
+from stagectl.config.machine import Machine
+from stagectl.config.machine_file import load_machine, parse_machine
 from stagectl.recipe.load import load_recipe
 from stagectl.run.request import RunRequest, RunResult
 from stagectl.run.session import Listener, execute

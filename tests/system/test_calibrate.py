@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 from stagectl.calibration.sites import load_calibration
 from stagectl.cli import cli
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 from stagectl.errors import StagectlError
 from stagectl.history.opening import open_history
 from stagectl.history.records import StageKey

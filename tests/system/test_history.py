@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.config.machine import parse_machine
+from stagectl.config.machine_file import parse_machine
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.history.filing import file_left_behind, runs_in
 from stagectl.history.opening import open_history

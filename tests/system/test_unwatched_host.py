@@ -5,7 +5,7 @@ from click.testing import CliRunner
 
 from hil_sim.cia301.dictionary import EDS_PATH
 from stagectl.cli import cli
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 from stagectl.errors import RunFault
 from stagectl.store.recording import read_notes
 from tests.system.short_recipe import short_recipe

@@ -17,7 +17,7 @@ from stagectl.calibration.identify import identify_axis, identify_pieces
 from stagectl.cli.identify import command
 from stagectl.config import stage_settings
 from stagectl.config.host_model import friction_model
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 from stagectl.errors import UnusableInput
 from stagectl.recipe.load import load_recipe
 from stagectl.run.request import RunRequest

@@ -12,7 +12,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from stagectl.config.machine import Machine, parse_machine
+from stagectl.config.machine import Machine
+from stagectl.config.machine_file import parse_machine
 from stagectl.errors import UnusableInput
 from stagectl.maps.snapshot import noted
 from stagectl.recipe.load import parse_recipe

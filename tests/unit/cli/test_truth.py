@@ -6,7 +6,7 @@ import click
 from click.testing import CliRunner
 
 from stagectl.cli.motion import machines_of, simulated_or_real
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 
 
 def test_without_a_file_it_is_what_the_host_believes(tmp_path: Path):

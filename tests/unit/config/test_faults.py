@@ -8,7 +8,7 @@ import pytest
 from hil_sim.bus import faults as f
 from stagectl.config.fault_plan import load_faults, parse_faults
 from stagectl.config.faults import FRAME_NAMES
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 from stagectl.errors import ConfigError
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "faults.yaml"

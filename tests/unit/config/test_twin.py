@@ -3,7 +3,7 @@
 import pytest
 
 from stagectl.config import load_machine, stage_settings
-from stagectl.config.machine import parse_machine
+from stagectl.config.machine_file import parse_machine
 from stagectl.config.twin import twin_text
 from stagectl.errors import ConfigError, StagectlError
 

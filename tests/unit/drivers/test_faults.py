@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from drivers.canopen.emcy import ERROR_TEXTS, error_text, register_text
-from drivers.canopen.objects import ObjectRef
 from drivers.errors import AxisFault, BusError, DriverError, HomingError, NodeError
+from drivers.objects import ObjectRef
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.canopen.objects import ObjectRef
 from drivers.canopen.pdo import MappedObject, PdoMapping, PdoRecord
 from drivers.errors import ConfigurationError
+from drivers.objects import ObjectRef
 
 # CiA 301 data type -> bits and range, written down apart from the code under test
 INTEGERS = {

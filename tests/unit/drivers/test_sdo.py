@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 
 from drivers.canopen import sdo
 from drivers.canopen.bus import Network
-from drivers.canopen.objects import ObjectRef
 from drivers.canopen.sdo_channel import SdoChannel
 from drivers.errors import DriverError
+from drivers.objects import ObjectRef
 from drivers.stage import Stage
 
 

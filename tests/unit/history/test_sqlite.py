@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from stagectl.config.machine import load_machine, parse_machine
+from stagectl.config.machine_file import load_machine, parse_machine
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.history import database
 from stagectl.history.opening import default_history, open_history

@@ -11,7 +11,7 @@ from stagectl.calibration.outcome import outcomes, visited
 from stagectl.calibration.sequence import GOALS, START, SiteSequence
 from stagectl.calibration.sites import DAY, Calibration, DueSection, load_calibration
 from stagectl.calibration.slip_in import slip_in
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 from stagectl.errors import ConfigError
 from stagectl.history.opening import open_history
 from stagectl.history.records import EstimateRecord, RunEntry, StageKey, StepRecord

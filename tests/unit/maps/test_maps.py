@@ -11,7 +11,7 @@ import pytest
 
 from stagectl.calibration.due import due_sites
 from stagectl.calibration.sites import DueSection
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 from stagectl.errors import UnusableInput
 from stagectl.history.measured import doubt, measured_level
 from stagectl.history.opening import open_history

@@ -15,7 +15,7 @@ from sim2real.axis_model import NUISANCES, AxisModel, Term
 from sim2real.blind.departing import KIN
 from sim2real.recording import Recording
 from sim2real.replay import prepare
-from stagectl.config.machine import parse_machine
+from stagectl.config.machine_file import parse_machine
 from stagectl.config.mapping import stage_settings
 from stagectl.store.recording import read_recording
 

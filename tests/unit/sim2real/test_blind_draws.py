@@ -16,7 +16,7 @@ from sim2real.blind.departing import KIN, OUTSIDE
 from sim2real.blind.draw import Key, draw_key, draw_values, family, stage_of
 from sim2real.blind.moves import draw_demands, stroke
 from sim2real.blind.seal import digest_of, key_json, key_of, seal
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import stage_settings
 
 LIBRARY = own_effects()

@@ -19,7 +19,7 @@ from sim2real.examine import examine
 from sim2real.experiment import next_experiment
 from sim2real.gap import compare_with
 from sim2real.recording import Recording
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 from stagectl.recipe.load import load_recipe
 from tests.unit.sim2real.conftest import TOLERANCE, stage_with
 

@@ -24,6 +24,9 @@ class ObjectRef:
         return f"0x{self.index:04X}:{self.sub:02X} {self.name}".rstrip()
 
 
+SYNC_ID = 0x080
+"""CAN-ID of the SYNC object."""
+
 # CiA 301: communication profile
 DEVICE_TYPE = ObjectRef(0x1000, 0, "device type")
 ERROR_REGISTER = ObjectRef(0x1001, 0, "error register")

@@ -1,0 +1,42 @@
+"""Reads machine files: parsed, validated, checked as a whole."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+
+from stagectl.config.diagnose import in_order, validate
+from stagectl.config.machine import Machine
+from stagectl.config.machine_checks import impossible
+from stagectl.config.yaml_nodes import Document, load_document, parse_document
+from stagectl.errors import ConfigError
+
+
+def load_machine(path: Path | None = None) -> Machine:
+    """The machine of a file; None means the packaged `wafer-xy`.
+
+    Raises:
+        ConfigError: the file cannot be used; one line per problem.
+    """
+    if path is not None:
+        return _machine(load_document(path))
+    packaged = resources.files("stagectl") / "data" / "machines" / "wafer-xy.yaml"
+    return parse_machine(packaged.read_text(encoding="utf-8"), "wafer-xy.yaml (packaged)")
+
+
+def parse_machine(text: str, name: str) -> Machine:
+    """The machine of a text, as found inside a recording; `name` is what problems call it.
+
+    Raises:
+        ConfigError: the text cannot be used; one line per problem.
+    """
+    return _machine(parse_document(text, name))
+
+
+def _machine(document: Document) -> Machine:
+    machine = validate(document, Machine)
+    problems = impossible(machine, document)
+    if problems:
+        raise ConfigError(in_order(problems))
+    machine.attach(document)
+    return machine
