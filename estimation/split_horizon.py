@@ -157,7 +157,7 @@ class SplitHorizonEstimator:
 
         Whoever tells it knows how it changes in time: from now on nothing is carried on here.
 
-        The move's data have to be made level with that place (see `stagectl.sequencer.compensation`). The
+        The move's data have to be made level with that place (see `stagectl.compensation`). The
         element forces are carried over as a change of Coulomb force is: they scale with it.
 
         Args:
