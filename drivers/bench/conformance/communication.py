@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 
+from drivers.bench.conformance.pdo_setup import INVALID, keep
 from drivers.bench.conformance.probe import (
     ABSENT_OBJECT,
     ABSENT_SUB,
@@ -18,7 +19,7 @@ from drivers.drive.cia402 import Command, State
 _READ_ONLY, _UNSUPPORTED = 0x06010002, 0x06010000
 _LENGTH = (0x06070010, 0x06070012)
 _NOT_MAPPABLE, _TOO_LONG = 0x06040041, 0x06040042
-_INVALID, _NO_RTR = 1 << 31, 1 << 30
+_NO_RTR = 1 << 30
 _BEAT_MS = 50
 _OTHER_HOST = 126
 _MAPPED_STATUSWORD, _MAPPED_POSITION, _MAPPED_CONTROLWORD = 0x60410010, 0x60640020, 0x60400010
@@ -71,6 +72,7 @@ def abort_codes(probe: Probe) -> Iterator[Finding]:
 
 def network_management(probe: Probe) -> Iterator[Finding]:
     """NMT states as the heartbeat shows them, boot-up, heartbeat produced and consumed."""
+    _keep_communication(probe)
     probe.change(0x1017, 0, _BEAT_MS)
     for command, state, name in (
         (1, 5, "OPERATIONAL"),
@@ -95,11 +97,24 @@ def network_management(probe: Probe) -> Iterator[Finding]:
     yield probe.expect("boot-up message after reset communication", booted, "none within 2 s")
 
 
+def _keep_communication(probe: Probe) -> None:
+    """What "reset communication" takes from a drive that another master has set up."""
+    for index in (*range(0x1400, 0x1404), *range(0x1800, 0x1804)):
+        if probe.offers(index, 1):
+            keep(probe, index)
+    consumers = [(0x1016, s) for s in range(1, 5)]
+    # 0x1019 comes back before 0x1006, under which it must not change
+    for index, sub in ((0x1005, 0), (0x1006, 0), (0x1007, 0), (0x1019, 0), (0x1029, 1), *consumers):
+        if probe.offers(index, sub):
+            probe.keep(index, sub)
+
+
 def _heartbeat_consumer(probe: Probe) -> Iterator[Finding]:
     name = "EMCY 0x8130 when a watched heartbeat stays away"
     if not probe.offers(0x1016, 1):
         yield probe.absent(name, "0x1016")
         return
+    probe.stay_when_the_host_is_lost()
     probe.emergencies.clear()
     probe.change(0x1016, 1, _OTHER_HOST << 16 | 100)
     probe.network.send_message(0x700 + _OTHER_HOST, b"\x05")
@@ -111,10 +126,9 @@ def _heartbeat_consumer(probe: Probe) -> Iterator[Finding]:
 
 def mapping(probe: Probe) -> Iterator[Finding]:
     """Mapping by the book of CiA 301, 7.5.2.36, and what has to be refused on the way."""
-    cob = probe.read(0x1800, 1)
-    base = (0x180 + probe.node) | (cob & _NO_RTR)
+    keep(probe, 0x1800, 0x1400)
+    base = (0x180 + probe.node) | (probe.read(0x1800, 1) & _NO_RTR)
     _invalidate(probe, 0x1800)
-    _remember(probe, 0x1800, 0x1A00)
     yield probe.refusal(
         "entry while there is a count", lambda: _entry_under_count(probe), _UNSUPPORTED
     )
@@ -161,26 +175,14 @@ def _entry_under_count(probe: Probe) -> None:
 
 def _map_rpdo(probe: Probe, entry: int) -> None:
     _invalidate(probe, 0x1400)
-    _remember(probe, 0x1400, 0x1600)
     probe.write(0x1600, 0, 0)
     _map(probe, 0x1600, entry)
 
 
 def _invalidate(probe: Probe, communication: int) -> None:
     cob = probe.read(communication, 1)
-    if not cob & _INVALID:
-        probe.change(communication, 1, cob | _INVALID)
-
-
-def _remember(probe: Probe, communication: int, mapping: int) -> None:
-    """Notes a mapping so that `restore`, which goes backwards, writes it in the right order."""
-    count = probe.read(mapping, 0)
-    probe.change(communication, 2, probe.read(communication, 2))
-    probe.change(mapping, 0, 0)  # put back last: the count
-    for sub in range(1, count + 1):
-        probe.change(mapping, sub, probe.read(mapping, sub))
-    probe.note(mapping, 0, 0)  # put back before the entries
-    probe.note(communication, 1, probe.read(communication, 1) | _INVALID)
+    if not cob & INVALID:
+        probe.write(communication, 1, cob | INVALID)
 
 
 def _map(probe: Probe, index: int, *entries: int) -> None:
@@ -213,7 +215,7 @@ def _synchronous(probe: Probe) -> Iterator[Finding]:
         same = word == probe.statusword() and abs(position - probe.read(0x6064)) < 10_000
         yield probe.expect("the TPDO holds what SDO reads", same, f"0x{word:04X}, {position}")
     cob = probe.read(0x1800, 1)
-    probe.write(0x1800, 1, cob | _INVALID)
+    probe.write(0x1800, 1, cob | INVALID)
     probe.write(0x1800, 2, 3)
     probe.write(0x1800, 1, cob)
     frames = _sync(probe, 6)
@@ -226,8 +228,7 @@ def _latch(probe: Probe) -> Iterator[Finding]:
     """A synchronous RPDO acts at the SYNC, not before."""
     probe.nmt(128)
     cob = probe.read(0x1400, 1)
-    if not cob & _INVALID:
-        probe.write(0x1400, 1, cob | _INVALID)
+    _invalidate(probe, 0x1400)
     probe.write(0x1600, 0, 0)
     _map(probe, 0x1600, _MAPPED_CONTROLWORD)
     probe.write(0x1400, 2, 1)

@@ -122,6 +122,7 @@ def fault(probe: Probe) -> Iterator[Finding]:
         yield probe.absent("fault and its reset", "0x6007 or 0x1016")
         return
     mode = next((m for m in (1, 6, 8) if probe.supports(m)), 1)
+    probe.stay_when_the_host_is_lost()
     probe.change(0x6007, 0, _FAULT_OPTION)
     if not probe.enable(mode):
         yield probe.expect("OPERATION ENABLED", False, probe.shown())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 
 from canopen import SdoAbortedError, SdoCommunicationError
 
@@ -48,7 +49,14 @@ def run(
             pass  # the first check says so
         for name, check in groups:
             probe.group = name
-            for finding in _guarded(probe, check):
+            refused: list[Finding] = []
+            try:
+                for finding in _guarded(probe, check):
+                    findings.append(finding)
+                    told(finding)
+            finally:  # here, not in the generator: it must be done before the probe is closed
+                refused = _restored(probe)
+            for finding in refused:
                 findings.append(finding)
                 told(finding)
     finally:
@@ -64,10 +72,15 @@ def _guarded(probe: Probe, check: Check) -> Iterator[Finding]:
         yield probe.expect("every access of this group", False, f"SDO abort: {refused}")
     except SdoCommunicationError:
         yield probe.expect("every access of this group", False, "no SDO answer")
-    finally:
-        try:
-            probe.nmt(128)
+
+
+def _restored(probe: Probe) -> list[Finding]:
+    """Off, PRE-OPERATIONAL, with the values of before; what the drive did not take back."""
+    try:
+        probe.nmt(128)
+        with suppress(SdoAbortedError):
             probe.off()
-            probe.restore()
-        except (SdoAbortedError, SdoCommunicationError):
-            pass  # the next group says so
+        refused = probe.restore()
+    except SdoCommunicationError:
+        refused = ["no SDO answer"] if probe.changed else []
+    return [probe.expect("what was changed is put back", False, text) for text in refused]

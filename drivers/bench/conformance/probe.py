@@ -24,8 +24,9 @@ ABSENT_OBJECT, ABSENT_SUB = 0x06020000, 0x06090011
 _SIGNED_8 = {0x6060, 0x6061, 0x6098}
 _SIGNED_16 = {0x6007, 0x605A, 0x605B, 0x605C, 0x605D, 0x605E, 0x6077, 0x60B2}
 _SIGNED_32 = {0x6064, 0x607A, 0x607D, 0x60FF}
-_UNSIGNED_8 = {0x1001, 0x1029}
+_UNSIGNED_8 = {0x1001, 0x1019, 0x1029}
 _UNSIGNED_16 = {0x1017, 0x603F, 0x6040, 0x6041, 0x6066, 0x6068, 0x6072}
+_MODE = 0x6060
 _STATE_TIMEOUT = 1.0
 
 
@@ -91,7 +92,7 @@ class Probe:
         self.beats: list[tuple[int, int]] = []
         self.tpdos: list[tuple[int, bytes]] = []
         self._channel = SdoChannel(network, node)
-        self._before: list[tuple[int, int, int]] = []
+        self._undo: list[Callable[[], str]] = []
         self._subscriptions: list[tuple[int, Callable[[int, bytearray, float], None]]] = [
             (0x80 + node, self._on_emergency),
             (0x700 + node, self._on_heartbeat),
@@ -145,12 +146,31 @@ class Probe:
 
     def change(self, index: int, sub: int, value: int) -> None:
         """Writes an object whose value of before `restore` puts back; raises as `read`."""
-        self._before.append((index, sub, self.read(index, sub)))
+        self.keep(index, sub)
         self.write(index, sub, value)
 
-    def note(self, index: int, sub: int, value: int) -> None:
-        """Has `restore` write this value on its way back."""
-        self._before.append((index, sub, value))
+    def keep(self, index: int, sub: int = 0) -> None:
+        """Has `restore` put back what the object holds now; raises as `read`."""
+        before = self.read(index, sub)
+        self.undo(lambda: self._put_back(index, sub, before))
+
+    @property
+    def changed(self) -> bool:
+        """Whether something is still to be put back."""
+        return bool(self._undo)
+
+    def undo(self, action: Callable[[], str]) -> None:
+        """Has `restore` call this on its way back; it says what could not be put back, or ""."""
+        self._undo.append(action)
+
+    def _put_back(self, index: int, sub: int, before: int) -> str:
+        if self.read(index, sub) == before:
+            return ""
+        self.abort_code(lambda: self.write(index, sub, before))
+        held = self.read(index, sub)
+        if held == before or (index == _MODE and before == 0):  # which asks for no mode
+            return ""
+        return f"0x{index:04X}:{sub:02X} holds {held}, was {before}"
 
     def offers(self, index: int, sub: int = 0) -> bool:
         """Whether the object can be read."""
@@ -168,11 +188,27 @@ class Probe:
             return refused.code
         return None
 
-    def restore(self) -> None:
-        """Puts the values of before back, as far as the drive takes them."""
-        while self._before:
-            index, sub, value = self._before.pop()
-            self.abort_code(lambda i=index, s=sub, v=value: self.write(i, s, v))  # type: ignore[misc]
+    def stay_when_the_host_is_lost(self) -> None:
+        """Keeps the NMT state then (0x1029:01 = 1), where the drive offers that: SDO goes on."""
+        self.abort_code(lambda: self.change(0x1029, 1, 1))
+
+    def restore(self) -> list[str]:
+        """Puts back what was there before, the latest change first.
+
+        Returns:
+            What the drive did not take.
+
+        Raises:
+            SdoCommunicationError: no answer; the rest is still to be put back.
+        """
+        refused = []
+        while self._undo:
+            try:
+                refused.append(self._undo[-1]())
+            except SdoAbortedError as abort:
+                refused.append(f"SDO abort: {abort}")
+            self._undo.pop()
+        return [text for text in refused if text]
 
     # -- states -----------------------------------------------------------------------------
 

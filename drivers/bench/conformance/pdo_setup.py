@@ -1,0 +1,73 @@
+"""Communication and mapping parameters of one PDO as they were found, and their way back.
+
+Everything is read before anything is changed: while the count is 0, some drives show no entries,
+or have lost them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drivers.bench.conformance.probe import Probe
+
+INVALID = 1 << 31
+
+
+@dataclass(frozen=True, slots=True)
+class PdoSetup:
+    """A PDO's parameters.
+
+    Attributes:
+        communication, mapping: indices of its records.
+        cob_id, kind: sub-indices 1 and 2 of the former.  entries: of the latter, as many as count.
+    """
+
+    communication: int
+    mapping: int
+    cob_id: int
+    kind: int
+    entries: tuple[int, ...]
+
+    @classmethod
+    def read(cls, probe: Probe, communication: int) -> PdoSetup:
+        """What the drive holds; raises as `Probe.read`."""
+        mapping = communication + 0x200
+        count = probe.read(mapping, 0)
+        return cls(
+            communication,
+            mapping,
+            probe.read(communication, 1),
+            probe.read(communication, 2),
+            tuple(probe.read(mapping, sub) for sub in range(1, count + 1)),
+        )
+
+    def put_back(self, probe: Probe) -> str:
+        """Writes it by the book where the drive holds another; says what it did not take."""
+        if PdoSetup.read(probe, self.communication) == self:
+            return ""
+        steps = [
+            (self.communication, 1, self.cob_id | INVALID),
+            (self.mapping, 0, 0),
+            *((self.mapping, sub, entry) for sub, entry in enumerate(self.entries, start=1)),
+            (self.mapping, 0, len(self.entries)),
+            (self.communication, 2, self.kind),
+            (self.communication, 1, self.cob_id),
+        ]
+        for step in steps:
+            probe.abort_code(lambda s=step: probe.write(*s))  # type: ignore[misc]
+        held = PdoSetup.read(probe, self.communication)
+        if held == self:
+            return ""
+        return f"0x{self.communication:04X} has {held.text()}, had {self.text()}"
+
+    def text(self) -> str:
+        """On one line."""
+        entries = " ".join(f"{entry:08X}" for entry in self.entries) or "nothing"
+        return f"COB-ID 0x{self.cob_id:08X}, type {self.kind}, {entries} mapped"
+
+
+def keep(probe: Probe, *communication: int) -> None:
+    """Has `Probe.restore` put these PDOs back (index of 0x14xx or 0x18xx); raises as `read`."""
+    for index in communication:
+        setup = PdoSetup.read(probe, index)
+        probe.undo(lambda s=setup: s.put_back(probe))  # type: ignore[misc]
