@@ -28,7 +28,7 @@ def shown(value: object) -> str:
         case int():
             return str(int(value))  # of an enumeration, too
         case float():
-            return repr(float(value))
+            return f"{float(value):.12g}"
         case str():
             return f'"{value}"'
         case tuple() | list():

@@ -67,7 +67,9 @@ def abort_codes(probe: Probe) -> Iterator[Finding]:
     )
     if probe.offers(0x1008):
         plain, block = probe.raw(0x1008), probe.raw(0x1008, block=True)
-        yield probe.expect("block and plain upload agree", plain == block, f"{plain!r}, {block!r}")
+        yield probe.expect(
+            "block and plain upload agree", plain == block, f"{plain.hex(' ')}, {block.hex(' ')}"
+        )
 
 
 def network_management(probe: Probe) -> Iterator[Finding]:

@@ -94,7 +94,8 @@ def modes(probe: Probe) -> Iterator[Finding]:
         probe.network.pump(_QUIET)
         held = probe.read(0x6061) != mode
         name = f"{_MODES[mode]} ({mode}), not in 0x6502, is not entered"
-        yield probe.expect(name, held, f"0x6061 shows {mode}, was {last}, abort {code}")
+        answer = "taken" if code is None else f"abort 0x{code:08X}"
+        yield probe.expect(name, held, f"0x6061 shows {mode}, was {last}, {answer}")
     yield probe.refusal("mode 99 is refused", lambda: probe.write(0x6060, 0, 99), *_RANGE)
 
 

@@ -6,11 +6,14 @@ import dataclasses
 import struct
 from typing import Any
 
+import numpy as np
 import pytest
 
+from drivers.drive.cia402 import Mode
 from drivers.errors import (
     ConfigurationError,
     NodeError,
+    shown,
 )
 from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
@@ -118,6 +121,24 @@ def test_an_sdo_abort_names_object_value_and_reason(
             "axis x: 0x6072:00 max torque: write of 3000 refused: Value of parameter written "
             "too high (abort 0x06090031); the drive holds 0"
         )
+
+
+def test_a_mode_that_is_refused_is_named_by_its_number(
+    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
+) -> None:
+    with Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage:
+        stage.boot()
+        scripted.drives[X].refuse[0x6060, 0] = 0x06090030
+        with pytest.raises(NodeError, match=r"^axis x: 0x6060:00 [a-z ]+: write of 8 refused: "):
+            stage.enable()
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(Mode.HOMING, "6"), (np.float64(0.5), "0.5"), (b"\x01\xff", "01 FF"), ("a", '"a"')],
+)
+def test_values_are_written_as_people_write_them(value: Any, text: str) -> None:
+    assert shown(value) == text
 
 
 def test_an_object_that_the_drive_does_without_is_passed_over(

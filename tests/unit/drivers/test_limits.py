@@ -257,3 +257,15 @@ def test_the_target_of_a_profile_outside_the_travel_is_named(
 ) -> None:
     with pytest.raises(LimitError, match=rf"^axis x: {text}"):
         checked_profile(axis_settings[0], 0.0, positions, 1.0, 10.0, relative)
+
+
+def test_a_profile_beyond_the_limits_is_told_in_plain_figures(
+    axis_settings: tuple[AxisSettings, ...],
+) -> None:
+    """Positions come out of arrays, too."""
+    axis = axis_settings[0]
+    start, step = np.array([0.1, 0.2])
+    with pytest.raises(LimitError, match=r"limit: target 0\.3 m is above the limit 0\.15 m$"):
+        checked_profile(axis, start, [step], 0.1, 1.0, relative=True)
+    with pytest.raises(LimitError, match=r"velocity: 9 is not in \(0, [0-9.]+\]$"):
+        checked_profile(axis, start, [step], np.float64(9.0), 1.0, relative=True)
