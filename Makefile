@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: run test lint types layers bench clean help
+.PHONY: run test lint types layers bench mutants clean help
 
 help: ## this list
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -40,5 +40,9 @@ bench: $(STAMP) ## figures of docs/figures.md, and ratios of the hot paths
 	$(BIN)/python benchmarks/simulation_rate.py
 	$(BIN)/python benchmarks/cycle_peers.py
 
+mutants: $(STAMP) ## mutants of what must not fail unseen; an hour, on demand
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --group mutants
+	nice -n 19 $(BIN)/mutmut run --max-children 1
+
 clean: ## remove what was built
-	rm -rf $(VENV) runs .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) runs mutants .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
