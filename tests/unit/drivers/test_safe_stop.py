@@ -1,0 +1,107 @@
+"""Stops that have to get through, on a scripted bus: when they go out, and for how long."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import pytest
+
+from drivers.drive.cia402 import State
+from drivers.errors import AxisFault
+from drivers.settings import AxisSettings, BusSettings
+from drivers.stage import Stage
+from tests.unit.drivers.conftest import rest
+
+X, Y = 0, 1
+QUICK_STOP = 0x02
+
+
+def test_a_stage_says_that_it_stops_until_it_is_booted_again(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+    said = []
+
+    def look(drive: Any, count: int) -> None:
+        if drive.latched[0] & 0xF == QUICK_STOP:
+            said.append(stage.ending)
+
+    scripted.drives[X].on_sync = look
+    assert not stage.ending
+    stage.safe_stop()
+    assert said
+    assert all(said)
+    assert stage.ending
+    stage.boot()
+    assert not stage.ending
+
+
+def test_drives_that_have_booted_are_stopped_before_the_first_sync(
+    stage: Stage, scripted: Any
+) -> None:
+    """They may have been enabled by another host: a stop is for all that may be under power."""
+    for drive in scripted.drives:
+        drive.state = State.OPERATION_ENABLED
+    stage.safe_stop()
+    assert [d.state for d in scripted.drives] == [State.SWITCH_ON_DISABLED] * 2
+
+
+def test_where_nobody_was_ever_there_a_stop_sends_nothing(
+    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
+) -> None:
+    with Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage:
+        before, begin = len(scripted.sent), scripted.clock.now
+        stage.safe_stop()
+        assert len(scripted.sent) == before
+        assert scripted.clock.now == begin
+
+
+def test_the_slowest_axis_sets_how_long_a_stop_may_take(
+    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
+) -> None:
+    """1 m/s at 1 m/s^2 is 1 s, and 0.5 s to react."""
+    x, y = axis_settings
+    axes = (x, dataclasses.replace(y, acceleration=1.0))
+    with Stage.open(bus_settings, axes, bus_object=scripted) as stage:
+        stage.boot()
+        stage.enable()
+
+        def goes_on(drive: Any, count: int) -> None:
+            drive.state = State.OPERATION_ENABLED
+
+        scripted.drives[X].on_sync = goes_on
+        with pytest.raises(AxisFault, match=r"^axis x: .*still OPERATION ENABLED 1\.5 s after"):
+            stage.quick_stop()
+        scripted.drives[X].on_sync = lambda drive, count: None
+
+
+@pytest.mark.parametrize("axis", [None, "z"])
+def test_a_fault_of_no_axis_stops_all_and_leaves_as_it_is(
+    stage: Stage, scripted: Any, axis: str | None
+) -> None:
+    stage.enable()
+    problem = AxisFault("thermal fuse", axis=axis)
+
+    def until(position: tuple[float, ...]) -> bool:
+        raise problem
+
+    with pytest.raises(AxisFault, match="thermal fuse") as caught:
+        stage.stream(*rest(stage, 10), until=until)
+    assert caught.value is problem
+    assert [d.state for d in scripted.drives] == [State.SWITCH_ON_DISABLED] * 2
+
+
+def test_a_fault_tells_the_commands_before_the_stop(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+
+    def falls_out(drive: Any, count: int) -> None:
+        if drive.latched[0] & 0xF == 0xF:
+            drive.state = State.SWITCHED_ON
+
+    scripted.drives[Y].on_sync = falls_out
+    with pytest.raises(AxisFault, match=r"^axis y: .*left OPERATION ENABLED") as caught:
+        stage.stream(*rest(stage, 10))
+    _, _, commands = str(caught.value).partition("last commands: ")
+    assert "enable operation" in commands
+    assert "quick stop" not in commands
+    assert caught.value.report is not None
+    assert caught.value.report.evidence.state is State.SWITCHED_ON
