@@ -39,7 +39,7 @@ def settings(**changes):
 def factor_group(increment, unit, **others):
     return Drive(
         x608F_1=round(PITCH / increment), x608F_2=1, x6091_1=1, x6091_2=1,
-        x6092_1=round(PITCH / unit), x6092_2=1, x6076_0=40_000, **others,
+        x6092_1=round(PITCH / unit), x6092_2=1, **({"x6076_0": 40_000} | others),
     )  # fmt: skip
 
 
@@ -101,3 +101,76 @@ def test_what_is_not_offered_is_said():
     assert clauses[-1] == (
         "0x6076:00 motor rated torque is not offered: the rated force is taken to be 40 N"
     )
+
+
+@pytest.mark.parametrize("polarity", [0x40, 0x80, 0xC0, -128])
+def test_a_polarity_that_turns_motion_round_is_refused(polarity):
+    with pytest.raises(
+        ConfigurationError, match=rf"^axis x: 0x607E:00 .*0x{polarity & 0xFF:02X} t"
+    ):
+        check_units(factor_group(1e-9, 1e-9, x607E_0=polarity), settings())
+
+
+@pytest.mark.parametrize("polarity", [0x00, 0x3F])
+def test_other_bits_of_the_polarity_turn_nothing(polarity):
+    assert check_units(factor_group(1e-9, 1e-9, x607E_0=polarity), settings()) == []
+
+
+@pytest.mark.parametrize(
+    ("notation", "unit"),
+    [(0xF7010300, 1e-9), (0xFA010300, 1e-6), (0x00010300, 1.0), (0x01010300, 10.0)],
+)
+def test_a_velocity_unit_is_a_power_of_ten_of_metres_per_second(notation, unit):
+    check_units(factor_group(1e-9, 1e-9, x60A9_0=notation), settings(velocity_unit=unit))
+    check_units(
+        factor_group(1e-9, 1e-9, x60A9_0=notation - (1 << 32)), settings(velocity_unit=unit)
+    )
+    with pytest.raises(ConfigurationError, match=r"0x60A9:00 .*one velocity unit is"):
+        check_units(factor_group(1e-9, 1e-9, x60A9_0=notation), settings(velocity_unit=2 * unit))
+
+
+@pytest.mark.parametrize("notation", [0x00020300, 0x00015700, 0x00B40300, 0x00010000])
+def test_a_notation_that_is_not_metres_per_second_says_nothing(notation):
+    assert check_units(factor_group(1e-9, 1e-9, x60A9_0=notation), settings()) == []
+
+
+def test_a_factor_goes_before_a_notation():
+    drive = factor_group(1e-9, 1e-9, x6096_1=1, x6096_2=1, x60A9_0=0xFA010300)
+    assert check_units(drive, settings()) == []
+
+
+@pytest.mark.parametrize(
+    ("numerator", "denominator"), [(0, 1), (1, 0), (-1, 1), (1, -1), (0, 0), (-1, -1)]
+)
+def test_a_factor_that_is_no_positive_fraction_is_refused(numerator, denominator):
+    text = rf"^axis x: 0x6091:01 .*factor group holds {numerator} / {denominator}$"
+    drive = factor_group(1e-9, 1e-9)
+    drive.objects |= {(0x6091, 1): numerator, (0x6091, 2): denominator}
+    with pytest.raises(ConfigurationError, match=text):
+        check_units(drive, settings())
+
+
+@pytest.mark.parametrize("missing", [(0x6091, 1), (0x6091, 2)])
+def test_half_a_factor_is_none(missing):
+    drive = factor_group(1e-9, 1e-9)
+    del drive.objects[missing]
+    (clause,) = check_units(drive, settings())
+    assert clause == (
+        "0x6091:01 motor shaft revolutions is not offered: one position unit is taken to be 1e-09 m"
+    )
+
+
+def test_a_position_unit_may_miss_by_a_millionth():
+    """Factor groups are fractions of integers; the travel of 0.3 m is out by 0.3 um then."""
+    drive = factor_group(1e-9, 1e-9)
+    drive.objects |= {(0x6091, 1): 10_000_000, (0x6091, 2): 10_000_009}
+    assert check_units(drive, settings()) == []
+    drive.objects[0x6091, 2] = 10_000_011
+    with pytest.raises(ConfigurationError, match="0x6092:01 feed: factor group"):
+        check_units(drive, settings())
+
+
+@pytest.mark.parametrize("held", [39_999, 40_001])
+def test_the_rated_force_agrees_to_the_millinewton(held):
+    with pytest.raises(ConfigurationError, match=r"^axis x: 0x6076:00 .*the settings 40 N"):
+        check_units(factor_group(1e-9, 1e-9, x6076_0=held), settings())
