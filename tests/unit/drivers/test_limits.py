@@ -131,6 +131,7 @@ def test_the_first_velocity_is_judged_from_rest(
             checked_velocities(velocity, 0 * velocity, axis_settings, (0.0, 0.0), TS)
     velocity = sign * alone(axis, 0.01, 0.02, 0.01, 0.0)
     targets, _ = checked_velocities(velocity, 0 * velocity, axis_settings, (0.0, 0.0), TS)
+    assert targets.dtype == np.int64
     assert targets[:, axis].tolist() == [sign * v for v in (10_000_000, 20_000_000, 10_000_000, 0)]
 
 
@@ -154,8 +155,11 @@ def test_the_first_force_is_judged_by_the_peak_force(
     allowed = sign * alone(axis, limit, 0.0)
     targets = checked_forces(allowed, axis_settings)
     assert targets[0, axis] == sign * round(limit / axis_settings[axis].rated_force * 1000)
-    with pytest.raises(LimitError, match=rf"axis {'xy'[axis]}: 0x6072:00 .*row 0: .* N exceeds"):
+    text = rf"axis {'xy'[axis]}: 0x6072:00 .*row 0: .* N exceeds the force limit {limit:g} N"
+    with pytest.raises(LimitError, match=text):
         checked_forces(allowed * 1.001, axis_settings)
+    with pytest.raises(LimitError, match=rf"axis {'xy'[axis]}: 0x6071:00 .*row 1: the last one"):
+        checked_forces(allowed[::-1], axis_settings)
 
 
 def test_rounding_alone_leaves_neither_travel_nor_speed(
@@ -178,7 +182,10 @@ def test_rounding_alone_leaves_neither_travel_nor_speed(
 def test_velocities_may_lead_to_the_very_end_of_the_travel(
     axis_settings: tuple[AxisSettings, ...],
 ) -> None:
-    for sign, side in ((1, r"0x607D:02 .*above the limit 0\.15"), (-1, "0x607D:01 .*below the")):
+    for sign, side in (
+        (1, r"0x607D:02 .*above the limit 0\.15"),
+        (-1, r"0x607D:01 .*below the limit -0\.15"),
+    ):
         velocity, start = sign * alone(0, 0.01, 0.0), sign * (0.15 - 1e-5)
         checked_velocities(velocity, 0 * velocity, axis_settings, (start, 0.0), TS)
         start += sign * 2e-9
@@ -246,9 +253,9 @@ def test_a_profile_reaches_its_limits_and_knows_how_long_it_takes(
 @pytest.mark.parametrize(
     ("positions", "relative", "text"),
     [
-        ([-0.151], False, "0x607D:01 .*: target -0.151 m is below the limit -0.15 m"),
-        ([0.1, 0.051], True, "0x607D:02 .*: target 2: target 0.151 m is above the limit 0.15 m"),
-        ([np.nan], False, "0x607D:02 .*: target nan m is above the limit"),
+        ([-0.151], False, "0x607D:01 min position limit: target -0.151 m is below the limit -0.15"),
+        ([0.1, 0.06], True, "0x607D:02 .*: target 2: target 0.16 m is above the limit 0.15 m"),
+        ([np.nan], False, "0x607D:02 max position limit: target nan m is above the limit"),
         ([], False, "0x607A:00 .*: there is no target"),
     ],
 )
@@ -269,3 +276,21 @@ def test_a_profile_beyond_the_limits_is_told_in_plain_figures(
         checked_profile(axis, start, [step], 0.1, 1.0, relative=True)
     with pytest.raises(LimitError, match=r"velocity: 9 is not in \(0, [0-9.]+\]$"):
         checked_profile(axis, start, [step], np.float64(9.0), 1.0, relative=True)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "acceleration", "text"),
+    [
+        (0.0, 10.0, r"0x6081:00 .*: 0 is not in \(0, 1\]"),
+        (-0.5, 10.0, r"0x6081:00 .*: -0\.5 is not in \(0, 1\]"),
+        (1.001, 10.0, r"0x6081:00 .*: 1\.001 is not in \(0, 1\]"),
+        (1.0, 0.0, r"0x6083:00 .*: 0 is not in \(0, 10\]"),
+        (1.0, np.nan, r"0x6083:00 .*: nan is not in \(0, 10\]"),
+        (1.0, 10.01, r"0x6083:00 .*: 10\.01 is not in \(0, 10\]"),
+    ],
+)
+def test_a_profile_outside_the_limits_is_named(
+    axis_settings: tuple[AxisSettings, ...], velocity: float, acceleration: float, text: str
+) -> None:
+    with pytest.raises(LimitError, match=rf"^axis x: {text}"):
+        checked_profile(axis_settings[0], 0.0, [0.1], velocity, acceleration, False)
