@@ -118,3 +118,29 @@ def test_holding_words_lead_nowhere() -> None:
         if state is not State.SWITCH_ON_DISABLED:
             assert (state, Command(word)) not in TRANSITIONS
     assert HOLD[State.OPERATION_ENABLED] == 0x0F
+
+
+@pytest.mark.parametrize("previous", [0x0000, 0x0006, 0x0080, 0x010F])
+@pytest.mark.parametrize(
+    ("state", "word"),
+    [
+        (State.SWITCH_ON_DISABLED, 0x00),
+        (State.READY_TO_SWITCH_ON, 0x06),
+        (State.SWITCHED_ON, 0x07),
+        (State.OPERATION_ENABLED, 0x0F),
+        (State.QUICK_STOP_ACTIVE, 0x02),
+    ],
+)
+def test_a_state_that_is_reached_is_held_whatever_was_sent_before(
+    state: State, word: int, previous: int
+) -> None:
+    assert next_controlword(state, state, previous) == word
+
+
+@pytest.mark.parametrize("state", [State.FAULT, State.FAULT_REACTION_ACTIVE])
+def test_in_a_fault_that_is_wanted_nothing_new_is_sent(state: State) -> None:
+    assert next_controlword(state, state, 0x0006) == 0x0006
+
+
+def test_nothing_was_sent_before_unless_it_is_said() -> None:
+    assert next_controlword(State.NOT_READY_TO_SWITCH_ON, State.SWITCH_ON_DISABLED) == 0x0000

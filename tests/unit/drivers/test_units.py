@@ -125,13 +125,23 @@ def test_a_velocity_unit_is_a_power_of_ten_of_metres_per_second(notation, unit):
     check_units(
         factor_group(1e-9, 1e-9, x60A9_0=notation - (1 << 32)), settings(velocity_unit=unit)
     )
-    with pytest.raises(ConfigurationError, match=r"0x60A9:00 .*one velocity unit is"):
+    with pytest.raises(ConfigurationError, match=r"^axis x: 0x60A9:00 .*one velocity unit is"):
         check_units(factor_group(1e-9, 1e-9, x60A9_0=notation), settings(velocity_unit=2 * unit))
 
 
 @pytest.mark.parametrize("notation", [0x00020300, 0x00015700, 0x00B40300, 0x00010000])
 def test_a_notation_that_is_not_metres_per_second_says_nothing(notation):
     assert check_units(factor_group(1e-9, 1e-9, x60A9_0=notation), settings()) == []
+
+
+def test_a_rate_may_miss_by_a_millionth():
+    near, far = (Drive(x6096_1=n, x6096_2=10_000_000).objects for n in (10_000_009, 10_000_011))
+    drive = factor_group(1e-9, 1e-9)
+    drive.objects |= near
+    assert check_units(drive, settings()) == []
+    drive.objects |= far
+    with pytest.raises(ConfigurationError, match=r"^axis x: 0x6096:01 .*one velocity unit is"):
+        check_units(drive, settings())
 
 
 def test_a_factor_goes_before_a_notation():
