@@ -21,7 +21,7 @@ from scipy.interpolate import CubicSpline
 
 from hil_sim.effects.library import library
 from hil_sim.plant.simulate import simulate
-from sim2real.channels import Audit, audit
+from sim2real.audit import Audit, audit
 from sim2real.recording import Recording
 from stagectl.config import load_machine, stage_settings
 from stagectl.store.recording import read_recording

@@ -27,12 +27,9 @@ from scipy.optimize import least_squares
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.axis_model import STEP, AxisModel, Term, coordinates, moved
-from sim2real.blind.draw import Drawn, Key, draw_base, stage_of
-from sim2real.blind.moves import draw_demands
-from sim2real.blind.stage import record
-from sim2real.diagnosis import diagnose
-from sim2real.examine import Examination, examine
+from sim2real.blind import Drawn, Key, draw_base, draw_demands, record, stage_of
+from sim2real.diagnosis import Examination, diagnose, examine
+from sim2real.fitting import STEP, AxisModel, Term, coordinates, moved
 from sim2real.gap import Measured
 from sim2real.recording import Recording
 from stagectl.config.machine_file import load_machine, parse_machine

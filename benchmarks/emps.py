@@ -20,8 +20,7 @@ from hil_sim.effects import Effect, Parameter
 from hil_sim.effects.library import library
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import StageSettings
-from sim2real.diagnosis import diagnose
-from sim2real.examine import Examination, examine, without_causes
+from sim2real.diagnosis import Examination, diagnose, examine, without_causes
 from sim2real.gap import closed, measure
 from stagectl.config import stage_settings
 from stagectl.config.import_map import load_map

@@ -17,11 +17,10 @@ from collections import defaultdict
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from hil_sim.effects.library import library
-from sim2real.blind.trial import Setup, draw_trial
-from sim2real.examine import examine
-from sim2real.friction_profile import friction_profile
-from sim2real.travel_hysteresis import travel_hysteresis
-from stagectl.config.machine_file import load_machine
+from sim2real.attribution import friction_profile, travel_hysteresis
+from sim2real.blind import Setup, draw_trial
+from sim2real.diagnosis import examine
+from stagectl.config.machine import load_machine
 from stagectl.config.mapping import stage_settings
 
 KINDS = {"friction_position": "friction over position", "cable_hysteresis": "hysteresis"}

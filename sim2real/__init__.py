@@ -1,1 +1,31 @@
-"""Where the simulator and the stage differ, and why."""
+"""Where the simulator and the stage differ, and why.
+
+The rooms, each importing only from those above it:
+
+- `recording`, `phases`, `report`: a run in memory, its moves and phases of motion, what a diagnosis
+  reports
+- `gap`: free-run simulation against a recording
+- `audit`: whether the channels mean what the machine file says
+- `tracking`: a simulation kept on the recorded course, and its innovations
+- `fitting`: the model of one axis fitted to the innovations
+- `shrinkage`: how far a model shrinks the gap, also on held-out moves
+- `attribution`: which effects explain it
+- `experiment`: the moves to record next
+- `diagnosis`: all of it in order
+- `blind`: the diagnosis checked on sealed stages
+"""
+
+__all__ = [
+    "attribution",
+    "audit",
+    "blind",
+    "diagnosis",
+    "experiment",
+    "fitting",
+    "gap",
+    "phases",
+    "recording",
+    "report",
+    "shrinkage",
+    "tracking",
+]

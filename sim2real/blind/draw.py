@@ -13,8 +13,8 @@ import numpy as np
 
 from hil_sim.effects.effect import AppliedEffect, Effect, Parameter
 from hil_sim.settings import AxisSettings, StageSettings
-from sim2real.blind.departing import KIN, OUTSIDE
-from sim2real.strangers import Stranger
+from sim2real.blind.reserved_effects import OUTSIDE, VARIANTS
+from sim2real.blind.unlisted_effects import UnlistedEffect
 
 KINDS = ("one", "two", "none", "outside", "departing")
 """What a trial can be: effects of the library, none, one of no family, one of other shape."""
@@ -104,7 +104,7 @@ def draw_key(
     if only is not None:
         kind, pool = pool_of(only, library)
     else:
-        pool = {"outside": OUTSIDE, "departing": KIN}.get(kind, known)
+        pool = {"outside": OUTSIDE, "departing": VARIANTS}.get(kind, known)
     drawn: list[Drawn] = []
     for _ in range({"none": 0, "two": 2}.get(kind, 1)):
         drawn.append(_draw_seen(rng, settings, pool, drawn, gap_of))
@@ -118,11 +118,11 @@ def pool_of(only: str, library: Mapping[str, Effect]) -> tuple[str, tuple[Effect
         ValueError: no effect has that name.
     """
     known = tuple(effect for effect in library.values() if effect.searched)
-    for kind, pool in (("one", known), ("departing", KIN), ("outside", OUTSIDE)):
+    for kind, pool in (("one", known), ("departing", VARIANTS), ("outside", OUTSIDE)):
         for effect in pool:
             if effect.name == only:
                 return kind, (effect,)
-    names = ", ".join(sorted(e.name for e in (*known, *KIN, *OUTSIDE)))
+    names = ", ".join(sorted(e.name for e in (*known, *VARIANTS, *OUTSIDE)))
     raise ValueError(f"no effect {only}; there are {names}")
 
 
@@ -151,7 +151,7 @@ def _draw_seen(
 
 def family(effect: Effect) -> str:
     """Name in the library that an effect should be given; "" where there is none."""
-    return effect.kin if isinstance(effect, Stranger) else effect.name
+    return effect.kin if isinstance(effect, UnlistedEffect) else effect.name
 
 
 def draw_values(rng: np.random.Generator, effect: Effect, axis: AxisSettings) -> dict[str, float]:
@@ -201,7 +201,7 @@ def moved(settings: StageSettings, base: Mapping[str, Mapping[str, float]]) -> S
 
 def named(library: Mapping[str, Effect], name: str) -> Effect:
     """An effect of the library or of the departing ones, by name."""
-    everything = {e.name: e for e in (*KIN, *OUTSIDE)} | dict(library)
+    everything = {e.name: e for e in (*VARIANTS, *OUTSIDE)} | dict(library)
     return everything[name]
 
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.settings import StageSettings
+from sim2real.experiment import stroke
 from sim2real.recording import Move
-from sim2real.strokes import stroke
 
 F64 = NDArray[np.float64]
 

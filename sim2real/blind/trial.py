@@ -16,12 +16,9 @@ from sim2real.blind.draw import Drawn, Key, draw_key, stage_of
 from sim2real.blind.moves import Demands, draw_demands
 from sim2real.blind.seal import Sealed, seal
 from sim2real.blind.stage import SUBSTEPS, record, with_elements
-from sim2real.diagnosis import Diagnosis, diagnose
-from sim2real.examine import Progress, examine
-from sim2real.floor import floor
-from sim2real.gap import closed, combined, compare_with, measure
+from sim2real.diagnosis import Diagnosis, Progress, diagnose, examine
+from sim2real.gap import closed, combined, compare_with, floor, measure, prepare
 from sim2real.recording import Recording
-from sim2real.replay import prepare
 from sim2real.report import GapReport
 
 _FLOOR_DRAWS = 3

@@ -18,7 +18,7 @@ from stagectl.cli.options import FILE, JSON_FILE, OUTPUT, quietly, write_json
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from sim2real.blind.trial import Outcome, Setup
+    from sim2real.blind import Outcome, Setup
     from stagectl.config.machine import Machine
 
 
@@ -114,8 +114,7 @@ def _machine(path: Path | None) -> Machine:
 
 def _setup(model: Machine, seed: int, leave_out: bool, only: str | None) -> Setup:
     from hil_sim.effects.library import EffectError, library
-    from sim2real.blind.draw import pool_of
-    from sim2real.blind.trial import Setup
+    from sim2real.blind import Setup, pool_of
     from stagectl.config.mapping import stage_settings
     from stagectl.errors import ConfigError, UnusableInput
 
@@ -135,7 +134,7 @@ def _setup(model: Machine, seed: int, leave_out: bool, only: str | None) -> Setu
 
 
 def _read(lines: Path | None) -> list[tuple[dict[str, Any], Outcome]]:
-    from sim2real.blind.trial import Outcome
+    from sim2real.blind import Outcome
     from stagectl.errors import UnusableInput
 
     if lines is None or not lines.exists():
@@ -158,9 +157,7 @@ def _tried(setup: Setup, number: int, trials: int, console: Console) -> Outcome:
     """One trial, with what is printed of it."""
     from rich.progress import Progress, TimeElapsedColumn
 
-    from sim2real.blind.page import told_text, truth_text
-    from sim2real.blind.score import wrong
-    from sim2real.blind.trial import draw_trial, run_trial
+    from sim2real.blind import draw_trial, run_trial, told_text, truth_text, wrong
 
     def say(text: str, style: str = "") -> None:
         console.print(text, markup=False, highlight=False, soft_wrap=True, style=style)
@@ -199,8 +196,7 @@ def _conclude(
     label: str,
 ) -> None:
     """Figures of this check on the console and as JSON; the page is of all lines."""
-    from sim2real.blind.page import figures, page
-    from sim2real.blind.score import score
+    from sim2real.blind import figures, page, score
 
     counted = score(outcomes)
     if not quietly(json_out):

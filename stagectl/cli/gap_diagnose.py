@@ -16,9 +16,8 @@ from stagectl.cli.options import FILE, JSON_FILE, OUTPUT, quietly, write_json
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
-    from sim2real.diagnosis import Diagnosis
-    from sim2real.examine import Progress
-    from sim2real.likeness import Pairs
+    from sim2real.attribution import Pairs
+    from sim2real.diagnosis import Diagnosis, Progress
     from sim2real.report import GapReport, NextExperiment
     from stagectl.config.machine import Machine
 
@@ -66,7 +65,7 @@ def diagnose(
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from hil_sim.effects.library import EffectError, library
     from sim2real import diagnosis
-    from sim2real.examine import examine
+    from sim2real.diagnosis import examine
     from stagectl.config.mapping import stage_settings
     from stagectl.errors import ConfigError, UnusableInput
     from stagectl.store.recording import read_recording
@@ -108,7 +107,7 @@ def diagnose(
 
 def _likeness(found: Diagnosis) -> dict[str, Pairs]:
     """How alike the most suspected effects are, on axes with causes; else on all."""
-    from sim2real.likeness import likeness
+    from sim2real.attribution import likeness
 
     named = {cause.axis for cause in found.report.causes}
     alike = {}

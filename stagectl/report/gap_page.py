@@ -12,11 +12,9 @@ import jinja2
 import yaml
 from markupsafe import Markup
 
-from sim2real.examine import Examination
-from sim2real.free_form import FrictionOverPosition
-from sim2real.gap import combined
-from sim2real.likeness import Pairs
-from sim2real.replay import Signals
+from sim2real.attribution import FrictionOverPosition, Pairs
+from sim2real.diagnosis import Examination
+from sim2real.gap import Signals, combined
 from sim2real.report import GapReport
 from stagectl.report import gap_traces
 from stagectl.report.content import Notice

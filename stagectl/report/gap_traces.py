@@ -13,11 +13,10 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from sim2real.free_form import FrictionOverPosition
-from sim2real.gap import Measured
+from sim2real.attribution import FrictionOverPosition
+from sim2real.gap import Measured, Signals
 from sim2real.phases import PHASES, REST, SETTLING, axis_phases, blocks
 from sim2real.recording import aligned_demand
-from sim2real.replay import Signals
 from stagectl.report.gap_charts import Curve, bars, chart, legend
 
 FloatArray = npt.NDArray[np.float64]

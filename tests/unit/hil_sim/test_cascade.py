@@ -7,9 +7,9 @@ import pytest
 
 from hil_sim.plant.simulate import simulate
 from hil_sim.settings import CascadeSettings
-from sim2real.law import law_of
+from sim2real.audit import law_of
+from sim2real.gap import prepare
 from sim2real.recording import AxisSignals, Recording
-from sim2real.replay import prepare
 from stagectl.config import load_machine, stage_settings
 
 KP, KV, KI = 60.0, 2500.0, 30_000.0

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim2real.examine import examine, without_causes
-from sim2real.free_form import FrictionOverPosition
-from sim2real.likeness import likeness
+from sim2real.attribution import FrictionOverPosition, likeness
+from sim2real.diagnosis import examine, without_causes
 from sim2real.report import (
     Candidate,
     Cause,

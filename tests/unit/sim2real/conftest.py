@@ -11,11 +11,11 @@ import pytest
 from hil_sim.effects.library import library
 from hil_sim.plant.simulate import simulate
 from hil_sim.settings import StageSettings
-from sim2real.axis_model import NUISANCES, AxisModel, Term
-from sim2real.blind.departing import KIN
+from sim2real.blind import VARIANTS
+from sim2real.fitting import NUISANCES, AxisModel, Term
+from sim2real.gap import prepare
 from sim2real.recording import Recording
-from sim2real.replay import prepare
-from stagectl.config.machine_file import parse_machine
+from stagectl.config.machine import parse_machine
 from stagectl.config.mapping import stage_settings
 from stagectl.store.recording import read_recording
 
@@ -42,7 +42,7 @@ def stage_with(
     recording, settings = nominal
     count = min(round(seconds / settings.sync_period), len(recording))
     rng = np.random.default_rng(seed)
-    known = {e.name: e for e in KIN} | dict(library())
+    known = {e.name: e for e in VARIANTS} | dict(library())
     axes = []
     for axis in settings.axes:
         terms = tuple(

@@ -11,12 +11,23 @@ import pytest
 
 from hil_sim.effects.library import own_effects
 from hil_sim.settings import StageSettings
-from sim2real.blind import moves
-from sim2real.blind.departing import KIN, OUTSIDE
-from sim2real.blind.draw import Key, draw_key, draw_values, family, stage_of
-from sim2real.blind.moves import draw_demands, stroke
-from sim2real.blind.seal import digest_of, key_json, key_of, seal
-from stagectl.config.machine_file import load_machine
+from sim2real.blind import (
+    OUTSIDE,
+    VARIANTS,
+    Key,
+    digest_of,
+    draw_demands,
+    draw_key,
+    draw_values,
+    family,
+    key_json,
+    key_of,
+    moves,
+    seal,
+    stage_of,
+)
+from sim2real.experiment import stroke
+from stagectl.config.machine import load_machine
 from stagectl.config.mapping import stage_settings
 
 LIBRARY = own_effects()
@@ -76,7 +87,7 @@ def test_the_same_seed_draws_the_same_and_another_one_something_else(stage: Stag
 
 def test_sizes_are_within_the_plausible_ranges(stage: StageSettings) -> None:
     rng = np.random.default_rng(5)
-    for effect in (*LIBRARY.values(), *KIN, *OUTSIDE):
+    for effect in (*LIBRARY.values(), *VARIANTS, *OUTSIDE):
         for axis in stage.axes:
             values = draw_values(rng, effect, axis)
             for parameter in effect.parameters:

@@ -8,10 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from sim2real.blind.draw import Drawn
-from sim2real.blind.page import page
-from sim2real.blind.score import calibration, score, wrong
-from sim2real.blind.trial import Outcome, Told
+from sim2real.blind import Drawn, Outcome, Told, calibration, page, score, wrong
 
 
 def outcome(kind: str, truth: str, told: str, verdict: str, **more: object) -> Outcome:

@@ -8,7 +8,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from hil_sim.plant.simulate import simulate
-from sim2real.channels import audit
+from sim2real.audit import audit
 from sim2real.gap import combined, measure
 from stagectl.config import load_machine, stage_settings
 from stagectl.store.recording import read_recording

@@ -13,10 +13,9 @@ import yaml
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.axis_model import NUISANCES, AxisModel, Term
-from sim2real.diagnosis import Diagnosis, diagnose
-from sim2real.examine import examine
+from sim2real.diagnosis import Diagnosis, diagnose, examine
 from sim2real.experiment import next_experiment
+from sim2real.fitting import NUISANCES, AxisModel, Term
 from sim2real.gap import compare_with
 from sim2real.recording import Recording
 from stagectl.config.machine_file import load_machine

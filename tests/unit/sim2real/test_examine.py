@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hil_sim.plant.simulate import simulate
-from sim2real.examine import examine, insufficient, without_causes
+from sim2real.diagnosis import examine, insufficient, without_causes
 from stagectl.config import load_machine, stage_settings
 from stagectl.store.recording import read_recording
 

@@ -9,27 +9,26 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import SUBSTEPS, StageSettings
-from sim2real.axis_model import (
+from sim2real.attribution import Scanner, likeness
+from sim2real.fitting import (
     NUISANCES,
     STEP,
     AxisModel,
+    AxisProblem,
     Term,
     coordinates,
+    fit,
     fitted,
     implausible,
     is_level,
     moved,
     plausible,
+    structure,
     within_tolerance,
 )
-from sim2real.axis_problem import AxisProblem, structure
-from sim2real.error_states import respond
-from sim2real.fit import fit
-from sim2real.likeness import likeness
+from sim2real.gap import prepare
 from sim2real.recording import Recording
-from sim2real.replay import prepare
-from sim2real.scan import Scanner
-from sim2real.tracking import Tracker
+from sim2real.tracking import Tracker, respond
 from tests.unit.sim2real.conftest import FINER, stage_with
 
 

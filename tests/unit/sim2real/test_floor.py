@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from hil_sim.plant.simulate import simulate
-from sim2real.floor import check_repeats, floor
-from sim2real.gap import closed, combined, pooled
+from sim2real.gap import check_repeats, closed, combined, floor, pooled, prepare, residual
 from sim2real.recording import AxisSignals, Recording
-from sim2real.replay import prepare, residual
 from sim2real.report import GapFigures
 from stagectl.config import load_machine, stage_settings
 

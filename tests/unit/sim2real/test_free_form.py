@@ -8,8 +8,8 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.examine import examine
-from sim2real.free_form import FreeForm, InMotion
+from sim2real.attribution import FreeForm, InMotion
+from sim2real.diagnosis import examine
 from sim2real.recording import Recording
 from tests.unit.sim2real.conftest import stage_with
 

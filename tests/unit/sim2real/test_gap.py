@@ -8,9 +8,8 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.plant.simulate import simulate
-from sim2real.gap import closed, measure
+from sim2real.gap import closed, measure, prepare
 from sim2real.recording import AxisSignals, Recording
-from sim2real.replay import prepare
 from stagectl.config import load_machine, stage_settings
 from stagectl.store.recording import read_recording
 

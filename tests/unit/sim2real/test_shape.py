@@ -7,9 +7,9 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.axis_model import NUISANCES, AxisModel, Term
+from sim2real.attribution import in_free_form, is_one_profile, nearest
+from sim2real.fitting import NUISANCES, AxisModel, Term
 from sim2real.recording import Recording
-from sim2real.shape import in_free_form, is_one_profile, nearest
 
 BELL = library()["friction_position"]
 LEVEL = library()["coulomb_level"]

@@ -9,7 +9,7 @@ import pytest
 
 from hil_sim.effects.library import own_effects
 from hil_sim.plant.simulate import simulate_variants
-from sim2real.strangers import KIN, STRANGERS
+from sim2real.blind import UNLISTED, UNLISTED_VARIANTS
 from stagectl.config import load_machine, stage_settings
 from stagectl.store.recording import read_recording
 
@@ -33,17 +33,17 @@ def middle(axis, effect):
 
 def test_they_are_outside_the_library_and_kin_is_inside():
     known = own_effects()
-    names = [e.name for e in (*STRANGERS, *KIN)]
+    names = [e.name for e in (*UNLISTED, *UNLISTED_VARIANTS)]
     assert len(set(names)) == len(names)
     assert not set(names) & set(known)
-    assert all(e.kin in known for e in KIN)
-    assert all(not e.kin and not e.searched for e in STRANGERS)
+    assert all(e.kin in known for e in UNLISTED_VARIANTS)
+    assert all(not e.kin and not e.searched for e in UNLISTED)
 
 
 def test_each_shows_in_a_recording(recorded):
     settings = stage_settings(load_machine())
     axis = settings.axes[0]
-    every = (*STRANGERS, *KIN)
+    every = (*UNLISTED, *UNLISTED_VARIANTS)
     variants = [
         axis,
         *(replace(axis, effects=(e.at(**middle(axis, e)),)) for e in every),
@@ -68,7 +68,7 @@ def test_none_of_its_size_is_no_effect(recorded):
     settings = stage_settings(load_machine())
     axis = settings.axes[0]
     demand, offset = (signal[:1500] for signal in recorded)
-    for effect in (*STRANGERS, *KIN):
+    for effect in (*UNLISTED, *UNLISTED_VARIANTS):
         (size,) = (p for p in effect.parameters if p.role == "size")
         values = middle(axis, effect) | {size.key: size.neutral_on(axis)}
         nothing = replace(axis, effects=(effect.at(**values),))

@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim2real.gap import compare_with
+from sim2real.gap import compare_with, locate
 from sim2real.phases import ONSET, axis_phases
-from sim2real.where import locate
 from stagectl.config import load_machine, stage_settings
 from stagectl.store.recording import read_recording
 

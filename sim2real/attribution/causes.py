@@ -1,0 +1,272 @@
+"""The causes of a gap on one axis: parameters with their sigmas, probabilities, what is alike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim.effects.effect import Effect
+from hil_sim.settings import AxisSettings
+from sim2real.attribution.alternatives import score, sets_of
+from sim2real.attribution.search import AxisSearch
+from sim2real.fitting import (
+    NUISANCES,
+    Coordinate,
+    Term,
+    coordinates,
+    implausible,
+    is_level,
+    parameters,
+)
+from sim2real.report import Candidate, Cause, Confusable, Parameter
+from sim2real.shrinkage import HeldOut, given_back
+
+F64 = NDArray[np.float64]
+
+_TEMPER = 5.0
+"""The log likelihood counts for so much less than it says: innovations of the true model are white,
+those of a model that is right but for details are not."""
+_LEVELS = 50.0
+"""The same among courses of the Coulomb level: the filter follows them, and it wanders besides."""
+_SIMPLER = 10.0
+"""Cost that a parameter more is worth in the odds of names: a simple cause is a little likelier."""
+_RIVALRY = 0.9
+"""Odds of all rivals together, at most: what was chosen is the likeliest, or the simplest."""
+_SCATTER, _LIKENESS, _WANDERS, _STEP, _DAMPED, _TUNED = 2.2, 0.003, 0.4, 0.05, 0.02, 5e-4
+"""What a fit's own sigma leaves out: see `_sigma`."""
+_STEEP = 3.5
+"""How fast trust in the only name falls with the share of the gap that is left."""
+_FAMILY = 0.55
+"""Share of an axis' gap that an effect of the right family closes in the wrong shape, at least."""
+_CLOSED = 0.8
+"""Share of an axis' gap from which it counts as closed, for trust."""
+_DOUBTED = 0.45
+"""An effect is believed no more than this whose size may as well be none, by its sigma; or whose
+values are not plausible at all."""
+_VAGUE = 0.55
+"""A course of the Coulomb level is believed no more than this that may as well be another one."""
+_STRANGE = 4.0
+"""Tenths of its plausible ranges beyond which an effect's values are not plausible at all."""
+_SHOWN = 8
+"""Candidates shown per axis."""
+
+
+def causes_of(
+    name: str,
+    found: AxisSearch,
+    held_out: HeldOut,
+    before: F64,
+    after: F64,
+    samples: F64,
+) -> tuple[list[Cause], list[Confusable]]:
+    """What was found on an axis, and what could stand in its place.
+
+    Args:
+        name: of the axis.
+        found: its search, after the gate.
+        held_out: residuals on held-out moves.
+        before: their energies by the machine file, float64[moves, signals].
+        after: by the final model.
+        samples: of the moves.
+    """
+    problem, best = found.problem, found.best
+    causes, alike = [], []
+    at = NUISANCES
+    for index, term in enumerate(best.model.terms):
+        entries = coordinates(term.effect, problem.axis)
+        spread = (
+            np.full(len(entries), np.nan)
+            if best.covariance is None
+            else np.sqrt(np.diag(best.covariance))[at : at + len(entries)]
+        )
+        at += len(entries)
+        left_out = held_out.energies(held_out.without[name, index])
+        gives_back, interval = given_back(before, left_out, after, samples)
+        probability, rivals = _probability(found, term.name)
+        values = parameters(term)
+        figures = {
+            entry.parameter.key: Parameter(
+                values[entry.parameter.key],
+                _sigma(term.effect, entry, values, float(s), problem.axis),
+                entry.parameter.unit,
+            )
+            for entry, s in zip(entries, spread, strict=True)
+        }
+        # In another shape it is seen in the closed loop, whatever its innovations' sigma; and
+        # the nearest to a form of its own may be any.
+        repeat = found.repeats.get(term.name)
+        bent = repeat is not None and repeat.departs
+        none = not bent and any(_may_be_none(entry, figures, problem.axis) for entry in entries)
+        free = repeat is not None and repeat.is_free
+        if none or (not free and implausible(term, problem.axis) > _STRANGE):
+            probability = min(probability, _DOUBTED)
+        if (
+            not free
+            and is_level(term, problem.axis)
+            and any(_vague(entry, figures) for entry in entries)
+        ):
+            probability = min(probability, _VAGUE)
+            rivals = rivals or _levels(found, term, problem.axis)[:1]
+        causes.append(
+            Cause(
+                name,
+                term.name,
+                probability,
+                figures,
+                gives_back,
+                interval,
+                term.effect.remedy,
+            )
+        )
+        if rivals:
+            alike.append(
+                Confusable(
+                    name,
+                    (term.name, *rivals),
+                    "on these moves either fits nearly as well in the other's place",
+                )
+            )
+    return causes, alike
+
+
+def _may_be_none(entry: Coordinate, figures: Mapping[str, Parameter], axis: AxisSettings) -> bool:
+    """Whether a size is not known to be any."""
+    neutral = entry.parameter.neutral_on(axis)
+    if entry.parameter.role != "size" or neutral is None or not math.isfinite(neutral):
+        return False
+    figure = figures[entry.parameter.key]
+    return figure.sigma > abs(figure.value - neutral)
+
+
+def _vague(entry: Coordinate, figures: Mapping[str, Parameter]) -> bool:
+    """Whether a duration may as well be without end."""
+    figure = figures[entry.parameter.key]
+    return entry.parameter.role == "shape" and entry.parameter.log and figure.sigma > figure.value
+
+
+def _levels(found: AxisSearch, term: Term, axis: AxisSettings) -> list[str]:
+    """Other courses of the Coulomb level that were fitted in an effect's place, best first."""
+    rest = {name for name in found.best.model.names() if name != term.name}
+    return [
+        other.name
+        for rival in sets_of(found.rivals, len(rest) + 1)
+        for other in rival.model.terms
+        if rest < set(rival.model.names())
+        and other.name not in (*rest, term.name)
+        and is_level(other, axis)
+    ]
+
+
+def _sigma(
+    effect: Effect,
+    entry: Coordinate,
+    values: Mapping[str, float],
+    fitted: float,
+    axis: AxisSettings,
+) -> float:
+    """One sigma of a parameter: of the fit, of the models' likeness, and of the friction's wander.
+
+    Trials on simulated stages scatter twice as much as the fit says; sizes are known to a few
+    parts in a thousand at best, what scales Coulomb friction to two fifths of its wander, and
+    delays to a twentieth of the control period, by which integrators differ; they damp or feed
+    what swings, and detune it, too.
+    """
+    parameter = entry.parameter
+    value = values[parameter.key]
+    own = _SCATTER * fitted * abs(entry.slope(value))
+    if parameter.key == "damping" and "frequency" in values:
+        turned = 2.0 * math.pi * values["frequency"] * axis.control.period
+        return math.hypot(own, _DAMPED * turned)
+    if parameter.key == "frequency" and effect.group == "dynamics":
+        return math.hypot(own, _TUNED * value)
+    neutral = parameter.neutral_on(axis)
+    if parameter.role != "size" or neutral is None:
+        return own
+    if not math.isfinite(neutral):
+        return math.hypot(own, _LIKENESS * abs(value))
+    wander = _WANDERS * axis.friction.wander
+    if effect.group != "friction":  # a force is told from friction's mean over the directions
+        slow = not any(p.role == "phase" for p in effect.parameters)
+        wander *= axis.friction.coulomb if slow and parameter.unit == "N" else 0.0
+    step = _STEP * axis.control.period if parameter.unit == "s" else 0.0
+    return math.hypot(own, _LIKENESS * abs(value - neutral), wander, step)
+
+
+def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
+    """Probability that an effect is present, and the effects that could stand in its place."""
+    problem = found.problem
+    best = found.best
+    names = best.model.names()
+    rest = tuple(sorted(n for n in names if n != effect))
+    reached = [r for r in found.rivals if set(r.model.names()) == set(names)] or found.rivals[:1]
+    least = min(score(problem, r, _SIMPLER) for r in reached)
+    # Of models that all leave structure, innovations do not tell the likelier one: the loop does.
+    bent = effect in found.repeats and found.repeats[effect].departs
+    widest = min(r.gap for r in reached) if bent else math.inf
+    weight, rivals = 0.0, []
+    for rival in found.rivals:
+        others = tuple(sorted(rival.model.names()))
+        if effect in others or rival.gap > widest:
+            continue
+        worse = score(problem, rival, _SIMPLER) - least
+        swapped = [n for n in others if n not in rest]
+        courses = len(swapped) == 1 and all(
+            is_level(term, problem.axis)
+            for model in (best.model, rival.model)
+            for term in model.terms
+            if term.name in (effect, *swapped)
+        )
+        odds = math.exp(-max(worse, 0.0) / (2.0 * (_LEVELS if courses else _TEMPER)))
+        weight += odds
+        if odds > 0.05 and len(others) == len(names) and len(swapped) == 1:
+            rivals.append(swapped[0])
+    told = 1.0 / (1.0 + min(weight, _RIVALRY))
+    return told * _trust(found, effect), rivals
+
+
+def _trust(found: AxisSearch, effect: str) -> float:
+    """How far a name can be trusted: nearly whole, or as much of the gap as it closes tells.
+
+    An effect of the right family in another shape closes most of the gap, and its own kind takes
+    up the rest; a stranger's nearest kin closes less, two of them together more (docs/blind.md).
+    """
+    if effect in found.repeats and found.repeats[effect].departs and found.closes > _FAMILY:
+        return 0.97
+    if found.whole and found.closes > _CLOSED:
+        return 0.99
+    steep = _STEEP * len(found.best.model.terms)
+    return float(np.clip(1.0 - steep * (1.0 - found.closes), 0.05, 0.95))
+
+
+def candidates_of(
+    name: str, found: AxisSearch, causes: Sequence[Cause], gap: float
+) -> list[Candidate]:
+    """The effects that looked most promising on an axis, causes or not.
+
+    Args:
+        name: of the axis.
+        found: its search.
+        causes: found on it.
+        gap: combined squared gap less its floor, of all axes.
+    """
+    probabilities = {cause.effect: cause.probability for cause in causes}
+    closes = {
+        rival.model.names()[0]: (found.open_gap - rival.gap) / max(gap, 1e-9)
+        for rival in sets_of(found.rivals, 1)
+    }
+    closes |= {cause.effect: cause.gap_closed or 0.0 for cause in causes}
+    ranked = sorted(found.scanned.items(), key=lambda item: -item[1])[:_SHOWN]
+    left = max(0.0, 1.0 - sum(probabilities.values()))
+    total = sum(math.log1p(max(gain, 0.0)) for n, gain in ranked if n not in probabilities) + 1e-9
+    return [
+        Candidate(
+            name,
+            effect,
+            probabilities.get(effect, left * 0.1 * math.log1p(max(gain, 0.0)) / total),
+            closes.get(effect),
+        )
+        for effect, gain in ranked
+    ]

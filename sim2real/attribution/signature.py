@@ -1,0 +1,141 @@
+"""What an effect would leave in the innovations, to first order and without a simulation.
+
+An effect that is a force on the carriage, or a factor on the Coulomb level or on the motor force,
+is worked out along the tracked motion and sent through the filter's error equations: cheap enough
+to try hundreds of pitches, frequencies, places and time constants. Effects that enter elsewhere
+(stiffness, dead time, current loop) have to be simulated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from hil_sim.effects.ports import EffectPorts
+from hil_sim.settings import AxisSettings
+from sim2real.fitting import Term, with_effects
+from sim2real.tracking import Gains, Track, respond
+
+F64 = NDArray[np.float64]
+
+_SIMULATED = (
+    "stiffness",
+    "static_ratio",
+    "current_bandwidth",
+    "delay",
+    "saturation",
+    "hysteresis",
+    "coupled_mass",
+    "fields",
+)
+"""Ports whose response is not a force or a factor along the motion."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Inputs:
+    """What an effect adds to the model along a track.
+
+    Attributes:
+        force: on the carriage, float64[K] [N]; None where there is none.
+        level: relative change of the Coulomb level, float64[K]; None where there is none.
+    """
+
+    force: F64 | None
+    level: F64 | None
+
+
+def inputs(
+    axis: AxisSettings, term: Term, track: Track, time: F64, acceleration: F64
+) -> Inputs | None:
+    """What a term adds along a track; None where it has to be simulated.
+
+    Args:
+        axis: without the term.
+        term: to be added.
+        track: of the axis under that model.
+        time: of the samples [s].
+        acceleration: of the carriage, float64[K] [m/s^2].
+    """
+    period, duration = float(time[1] - time[0]), float(time[-1])
+    plain = EffectPorts(axis, period, duration)
+    for effect in axis.effects:
+        effect.apply(plain)
+    ports = EffectPorts(axis, period, duration)
+    for effect in with_effects(axis, (term,)).effects:
+        effect.apply(ports)
+    if any(getattr(ports, name) != getattr(plain, name) for name in _SIMULATED):
+        return None
+    force = _pull(plain, track, time) - _pull(ports, track, time)
+    force += (_gain(ports, track) - _gain(plain, track)) * track.motor
+    force -= (ports.mass - plain.mass) * acceleration
+    force -= (ports.viscous - plain.viscous) * track.v
+    force += _sway(ports, acceleration, period) - _sway(plain, acceleration, period)
+    level = _level(ports, track, time) / _level(plain, track, time) - 1.0
+    return Inputs(force if force.any() else None, level if level.any() else None)
+
+
+def response(found: Inputs, gains: Gains) -> F64:
+    """Innovations over their deviation that the model without the term shows, float64[K]."""
+    out = np.zeros(len(gains.deviation))
+    if found.force is not None:
+        out += respond(gains, gains.force, found.force)
+    if found.level is not None:
+        out += respond(gains, gains.level, found.level)
+    return out
+
+
+def _sway(ports: EffectPorts, acceleration: F64, period: float) -> F64:
+    """Force on the carriage of what hangs from it and of bases that yield, float64[K] [N].
+
+    m r s^2 / (p s^2 + q s + w) times the acceleration relative to the base: what hangs does not
+    follow at once, and a base gives way; bilinear, exact at the mode.
+    """
+    force = np.zeros(len(acceleration))
+    modes = [(part, 1.0 - part.mass_ratio, 1.0) for part in ports.hanging]
+    modes += [(part, 1.0, 1.0 + part.mass_ratio) for part in ports.bases]
+    for part, softer, inertia in modes:
+        rate = 2.0 * np.pi * part.frequency
+        c = rate / np.tan(0.5 * rate * period)
+        second = c**2 * np.array([1.0, -2.0, 1.0])
+        first = 2.0 * part.damping * rate * softer * c * np.array([1.0, 0.0, -1.0])
+        zeroth = rate**2 * softer * np.array([1.0, 2.0, 1.0])
+        force += (
+            ports.mass
+            * part.mass_ratio
+            * lfilter(second, inertia * second + first + zeroth, acceleration)
+        )
+    return force
+
+
+def _pull(ports: EffectPorts, track: Track, time: F64) -> F64:
+    pull = ports.force + ports.spring * track.x
+    if ports.position_force is not None:
+        pull = pull + np.interp(track.x, ports.positions, ports.position_force)
+    if ports.velocity_force is not None:
+        pull = pull + np.interp(track.v, ports.velocities, ports.velocity_force)
+    if ports.time_force is not None:
+        pull = pull + np.interp(time, ports.times, ports.time_force)
+    for amplitude, frequency, phase in ports.harmonics:
+        pull = pull + amplitude * np.sin(2.0 * np.pi * frequency * time + phase)
+    return np.asarray(pull)
+
+
+def _gain(ports: EffectPorts, track: Track) -> F64:
+    gain = np.full(len(track.x), ports.force_constant)
+    if ports.position_gain is not None:
+        gain *= np.interp(track.x, ports.positions, ports.position_gain)
+    return gain
+
+
+def _level(ports: EffectPorts, track: Track, time: F64) -> F64:
+    level = ports.coulomb * np.where(track.v > 0.0, ports.coulomb_forward, ports.coulomb_backward)
+    if ports.position_coulomb is not None:
+        level = level * np.interp(track.x, ports.positions, ports.position_coulomb)
+    if ports.time_coulomb is not None:
+        level = level * np.interp(time, ports.times, ports.time_coulomb)
+    for amplitude, constant in ports.decays:
+        level = level * (1.0 + amplitude * np.exp(-time / constant))
+    return np.maximum(level, 1e-6)

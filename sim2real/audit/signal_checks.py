@@ -1,0 +1,212 @@
+"""What the logged numbers alone give away: time axis, units, signs, scales, grid, saturation.
+
+No controller and no mechanics, but for the demand, which a stage in closed loop follows, and the
+travel of the machine file. Each check gives findings that are not applied yet.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from hil_sim.settings import AxisSettings
+from sim2real.gap import periods
+from sim2real.phases import REST, axis_phases
+from sim2real.recording import AxisSignals, BoolArray, FloatArray
+from sim2real.report import ChannelFinding
+
+ALL_AXES = "all"
+"""Axis of a finding about the time, which all share."""
+
+_POWERS = (1e3, 1e6, 1e9, 1e-3, 1e-6)
+_NAMES = {1e3: "mm", 1e6: "µm", 1e9: "nm or counts"}
+_CLOSE = 0.03
+"""A factor this near to that of a unit is that unit's."""
+_DRIFT = 20e-6
+_JITTER = 0.05
+"""Host times scattered by more than this share of the SYNC period are told."""
+_SCALE = 2e-4
+_OFFSET = 5e-6
+"""Logged minus demanded position at rest beyond this is an offset of the log [m]."""
+_SPREAD = 1e-3
+_FULL = 0.995
+_PLATEAU = 3
+
+
+def time_axis(time: FloatArray, period: float) -> list[ChannelFinding]:
+    """Units, drift and jitter of the time stamps.
+
+    Args:
+        time: as recorded, [s] if all is well, float64[K].
+        period: SYNC period of the machine file [s].
+    """
+    if len(time) < 10:
+        return []
+    steps = np.diff(time)
+    usual = float(np.median(steps)) / period
+    for factor, name in ((1e3, "ms"), (1e6, "µs"), (1e9, "ns")):
+        if abs(usual / factor - 1.0) < _CLOSE:
+            text = f"time is in {name}, not in seconds"
+            return [ChannelFinding(ALL_AXES, "time", "units", factor, "1", text=text)]
+    if abs(usual - 1.0) > 0.1:
+        return []
+    place = periods(time, usual * period)
+    slope, start = np.polyfit(place * period, time, 1)
+    scatter = float(np.std(time - slope * place * period - start))
+    found = []
+    sigma = scatter / (float(np.std(place)) * period * math.sqrt(len(time)))
+    drift = float(slope) - 1.0
+    if abs(drift) > max(_DRIFT, 5.0 * sigma):
+        text = f"time stamps run {drift * 1e6:+.0f} ppm against the SYNC period"
+        found.append(ChannelFinding(ALL_AXES, "time", "clock", drift, "1", text=text))
+    if scatter > _JITTER * period:
+        text = f"time stamps jitter by {scatter * 1e6:.0f} µs rms around the SYNC period"
+        found.append(ChannelFinding(ALL_AXES, "time", "jitter", scatter, "s", text=text))
+    return found
+
+
+def constant(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFinding]:
+    """A channel that stands still while the axis is told to move."""
+    if np.ptp(signals.position_demand[signals.valid]) < _SPREAD:
+        return []
+    found = []
+    for channel, unit in (("position_actual", "m"), ("force_actual", "N")):
+        values = getattr(signals, channel)[signals.valid]
+        if np.ptp(values) == 0.0:
+            value = float(values[0])
+            text = f"{axis.name}: {channel} stands still at {value:.4g} {unit}"
+            found.append(ChannelFinding(axis.name, channel, "constant", value, unit, text=text))
+    return found
+
+
+def demand_units(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFinding]:
+    """A demand that leaves the travel by powers of ten is in another unit."""
+    reach = max(abs(end) for end in axis.travel)
+    largest = float(np.abs(signals.position_demand).max())
+    for factor in (1e3, 1e6, 1e9):
+        if largest > 2.0 * reach and largest / factor <= 1.2 * reach:
+            return [
+                ChannelFinding(
+                    axis.name, "position_demand", "units", factor, "1",
+                    text=f"{axis.name}: position_demand is in {_NAMES[factor]}, not in metres",
+                )
+            ]  # fmt: skip
+    return []
+
+
+def position_against_demand(
+    signals: AxisSignals, axis: AxisSettings, period: float
+) -> list[ChannelFinding]:
+    """Units, sign, scale and offset of the logged position, which follows the demand."""
+    demand, actual = signals.position_demand, signals.position_actual
+    valid = signals.valid
+    if np.ptp(demand[valid]) < _SPREAD:
+        return []
+    rough = float(np.polyfit(demand[valid], actual[valid], 1)[0])
+    counts = 1.0 / axis.increment
+    unit = unit_factor(rough, {counts: "counts"})
+    if unit is not None:
+        name = _NAMES.get(unit, "counts" if unit == counts else f"units of {1 / unit:g} m")
+        return [
+            ChannelFinding(
+                axis.name, "position_actual", "units", unit, "1",
+                text=f"{axis.name}: position_actual is in {name}, not in metres",
+            )
+        ]  # fmt: skip
+    if abs(rough + 1.0) < _CLOSE:
+        text = f"{axis.name}: position_actual has the wrong sign"
+        return [ChannelFinding(axis.name, "position_actual", "sign", -1.0, "1", text=text)]
+    at_rest = valid & (axis_phases(demand, period).phase == REST)
+    if at_rest.sum() < 20 or np.ptp(demand[at_rest]) < _SPREAD:
+        return []
+    slope, offset = np.polyfit(demand[at_rest], actual[at_rest], 1)
+    found = []
+    if abs(slope - 1.0) > _SCALE:
+        text = f"{axis.name}: position_actual is scaled by {slope:.5g}"
+        found.append(
+            ChannelFinding(axis.name, "position_actual", "scale", float(slope), "1", text=text)
+        )
+    if axis.control.ki > 0 and abs(offset) > _OFFSET:
+        text = f"{axis.name}: position_actual is off by {offset * 1e6:.3g} µm"
+        found.append(
+            ChannelFinding(axis.name, "position_actual", "offset", float(offset), "m", text=text)
+        )
+    return found
+
+
+def unit_factor(
+    factor: float, more: Mapping[float, str] | None = None, close: float = _CLOSE
+) -> float | None:
+    """The factor of a unit (1000, 1e-6, ...; `more` besides) near to this one, with its sign."""
+    for candidate in (*(more or {}), *_POWERS):
+        if candidate != 1.0 and abs(abs(factor) / candidate - 1.0) < close:
+            return math.copysign(candidate, factor)
+    return None
+
+
+def grids(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFinding]:
+    """Position and force on a coarser grid than encoder and drive have."""
+    stated = {
+        "position_actual": (axis.increment, "m"),
+        "force_actual": (axis.control.rated_force / 1000.0, "N"),
+    }
+    found = []
+    for channel, (step, unit) in stated.items():
+        grid = grid_of(getattr(signals, channel)[signals.valid])
+        if grid is not None and grid > 1.5 * step:
+            text = f"{axis.name}: {channel} comes in steps of {grid:.3g} {unit}, not {step:.3g}"
+            found.append(ChannelFinding(axis.name, channel, "quantisation", grid, unit, text=text))
+    return found
+
+
+def grid_of(values: FloatArray) -> float | None:
+    """The step that values come in, None where they come in none."""
+    levels = np.unique(values)
+    if len(levels) < 3:
+        return None
+    gaps = np.diff(levels)
+    smallest = float(gaps[gaps > 1e-9 * np.ptp(levels) + 1e-15].min(initial=math.inf))
+    if not math.isfinite(smallest):
+        return None
+    # The smallest gap has its rounding: the step is refined over the whole range.
+    multiples = np.rint((levels - levels[0]) / smallest)
+    if multiples[-1] > 1e7:
+        return smallest if _on_grid(gaps, smallest) else None
+    step = float((levels[-1] - levels[0]) / multiples[-1])
+    return step if _on_grid(gaps, step) else None
+
+
+def _on_grid(gaps: FloatArray, step: float) -> bool:
+    off = np.abs(gaps / step - np.rint(gaps / step))
+    return bool(np.mean(off < 0.02) > 0.99)
+
+
+def saturation(
+    signals: AxisSignals, axis: AxisSettings, commanded: FloatArray, usable: BoolArray
+) -> list[ChannelFinding]:
+    """Share of the samples at which the drive gives all it has.
+
+    Args:
+        signals: of the axis.
+        axis: its settings.
+        commanded: force that the controller law asks for, unclamped, float64[K] [N].
+        usable: bool[K], where that is known.
+    """
+    force = np.abs(signals.force_actual)
+    peak = axis.control.peak_force
+    limit = float(force[signals.valid].max(initial=0.0))
+    unit = axis.control.rated_force / 1000.0
+    full = signals.valid & (force >= _FULL * peak)
+    if not full.any():
+        wanted = np.abs(commanded) > limit + 5.0 * unit
+        full = signals.valid & usable & (force >= limit - 0.6 * unit) & wanted
+        if full.sum() < _PLATEAU or (force[wanted & usable] < 0.9 * limit).any():
+            return []
+    duty = float(full.sum() / signals.valid.sum())
+    text = (
+        f"{axis.name}: the force is at its limit of {limit:.3g} N in {100 * duty:.2g} % of the "
+        f"samples (peak_force {peak:g} N)"
+    )
+    return [ChannelFinding(axis.name, "force_actual", "saturation", duty, "1", text=text)]

@@ -1,0 +1,24 @@
+"""The whole diagnosis of a sim-to-real gap.
+
+`examination` comes first: channels, floor, gap and its location. `procedure` then searches the axes
+for effects, and `verdict` draws the conclusions into a `GapReport`.
+"""
+
+from sim2real.diagnosis.examination import (
+    Examination,
+    Progress,
+    examine,
+    insufficient,
+    without_causes,
+)
+from sim2real.diagnosis.procedure import Diagnosis, diagnose
+
+__all__ = [
+    "Diagnosis",
+    "Examination",
+    "Progress",
+    "diagnose",
+    "examine",
+    "insufficient",
+    "without_causes",
+]

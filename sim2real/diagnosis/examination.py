@@ -1,0 +1,196 @@
+"""What is known of a gap before any effect is suspected: channels, floor, gap, and where it lies.
+
+Also whether the recordings can support a diagnosis at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from hil_sim.settings import StageSettings
+from sim2real.audit import BEYOND, Audit, applied, audit
+from sim2real.gap import Gap, Located, Measured, combined, compare_with, locate, pooled
+from sim2real.phases import blocks
+from sim2real.recording import Recording
+from sim2real.report import (
+    INSUFFICIENT,
+    UNEXPLAINED,
+    ChannelFinding,
+    GapReport,
+)
+
+SLOWEST = 0.01
+"""Longest sample period from which a diagnosis is tried [s]: friction and loops are faster."""
+_SHORTEST = 1.0
+_FEWEST_MOVES = 2
+_FEWEST_VALID = 0.5
+_EXCITED = 1e-6
+_LARGEST = 1e15
+"""No position in any unit and no force is larger."""
+_T = TypeVar("_T")
+Progress = Callable[[str, int, int], object]
+"""Called with what is being done, steps done, all steps."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Examination:
+    """What is known before any effect is suspected.
+
+    Attributes:
+        recordings: as they were named.
+        findings: of all recordings, those corrected for marked as applied.
+        insufficient: why there can be no diagnosis, None where there can.
+        settings: of the machine file, corrected where channels told so and correction was asked.
+        measured: gap of each recording, corrected likewise; empty where insufficient.
+        gap: of all recordings together; empty where insufficient.
+        located: where it lies.
+        current_paths: axis -> dead time and bandwidth where the logged force says they differ.
+    """
+
+    recordings: tuple[str, ...]
+    findings: tuple[ChannelFinding, ...]
+    insufficient: str | None
+    settings: StageSettings
+    measured: tuple[Measured, ...] = ()
+    gap: Gap | None = None
+    located: Located | None = None
+    audits: tuple[Audit, ...] = ()
+
+
+def examine(
+    recordings: Sequence[Recording],
+    settings: StageSettings,
+    *,
+    correct: bool = False,
+    progress: Progress = lambda *_: None,
+) -> Examination:
+    """Channels, floor, gap and where, of recordings of one stage.
+
+    Args:
+        recordings: at least one.
+        settings: of the machine file.
+        correct: go on with what channels are found to mean, instead of giving up.
+        progress: called along the way.
+
+    Raises:
+        ValueError: a recording does not fit the machine file, with the recording's name.
+    """
+    names = tuple(r.source for r in recordings)
+    for recording in recordings:
+        reason = insufficient(recording, settings)
+        if reason is not None:
+            return Examination(names, (), _named(recording, recordings, reason), settings)
+    audits = []
+    for number, recording in enumerate(recordings):
+        progress("channels", number, len(recordings))
+        audits.append(_of(recording, lambda r: audit(r, settings)))
+    findings = _merged(audits)
+    misleading = [f for a in audits for f in a.misleading]
+    beyond = [f for f in misleading if f.finding in BEYOND]
+    if beyond or (misleading and not correct):
+        worst = (beyond or misleading)[0]
+        way = "no physics can be told from that"
+        if worst.finding not in BEYOND:
+            way = "until that is put right (--correct) physics can't be told"
+        reason = f"{worst.text}; {way}"
+        return Examination(names, findings, reason, settings, audits=tuple(audits))
+    if correct:
+        findings = applied(findings)
+        recordings = [a.recording for a in audits]
+        settings = audits[0].settings
+    measured = []
+    for number, recording in enumerate(recordings):
+        progress("floor and gap", number, len(recordings))
+        measured.append(_of(recording, lambda r: compare_with(r, settings)))
+    gap = pooled([(m.gap, len(m.replay.recording)) for m in measured])
+    progress("where", 0, 1)
+    ratio = settings.control_period / settings.sync_period
+    return Examination(
+        names, findings, None, settings, tuple(measured), gap, locate(measured, ratio),
+        tuple(audits),
+    )  # fmt: skip
+
+
+def insufficient(recording: Recording, settings: StageSettings) -> str | None:
+    """Why a recording can't support a diagnosis, or None.
+
+    Args:
+        recording: as logged.
+        settings: of the machine file.
+    """
+    count = len(recording)
+    if count < 2:
+        return f"{count} samples"
+    period = float(np.median(np.diff(recording.time)))
+    ratio = period / settings.sync_period
+    in_other_units = any(abs(ratio / unit - 1.0) < 0.03 for unit in (1e3, 1e6, 1e9))
+    if period > SLOWEST and not in_other_units:
+        return (
+            f"samples are {period:.3g} s apart ({1 / period:.3g} Hz): friction and control act "
+            f"within milliseconds"
+        )
+    seconds = count * (settings.sync_period if in_other_units else period)
+    if seconds < _SHORTEST:
+        return f"{seconds:.3g} s long: at least {_SHORTEST:g} s with {_FEWEST_MOVES} moves needed"
+    for name, axis in recording.axes.items():
+        for channel in ("position_demand", "force_offset", "position_actual", "force_actual"):
+            largest = float(np.abs(getattr(axis, channel)).max())
+            if largest > _LARGEST:
+                return f"axis {name}: {channel} reaches {largest:.3g}, which nothing measures"
+        share = float(axis.valid.mean())
+        if share < _FEWEST_VALID:
+            return f"axis {name}: only {100 * share:.0f} % of the samples are valid"
+    demands = [axis.position_demand for axis in recording.axes.values()]
+    if max(float(np.ptp(demand)) for demand in demands) < _EXCITED:
+        return "no motion: the demand stands still, and nothing is excited"
+    moves = blocks(recording, settings.sync_period)
+    if len(moves) < _FEWEST_MOVES:
+        return f"{len(moves)} move: at least {_FEWEST_MOVES} are needed to hold one back"
+    return None
+
+
+def without_causes(examined: Examination) -> GapReport:
+    """The report as far as it is known without suspecting any effect.
+
+    `unexplained` where there could be one: no cause has been found (nor looked for).
+    """
+    if examined.insufficient is not None or examined.gap is None:
+        return GapReport(
+            examined.recordings, INSUFFICIENT, examined.insufficient or "no recording",
+            channels=examined.findings,
+        )  # fmt: skip
+    gap = combined(examined.gap)
+    located = () if examined.located is None else examined.located.cells
+    reason = f"the combined gap is {gap**0.5:.3g} times the floor; no cause has been looked for"
+    return GapReport(
+        examined.recordings, UNEXPLAINED, reason, examined.findings, examined.gap, where=located
+    )
+
+
+def _merged(audits: Sequence[Audit]) -> tuple[ChannelFinding, ...]:
+    """Findings of several recordings, each kind once, with the mean of its figures."""
+    kinds: dict[tuple[str, str, str], list[ChannelFinding]] = {}
+    for found in audits:
+        for finding in found.findings:
+            kinds.setdefault((finding.axis, finding.channel, finding.finding), []).append(finding)
+    return tuple(
+        replace(same[0], value=float(np.mean([f.value for f in same if f.value is not None])))
+        if any(f.value is not None for f in same)
+        else same[0]
+        for same in kinds.values()
+    )
+
+
+def _named(recording: Recording, recordings: Sequence[Recording], reason: str) -> str:
+    return f"{recording.source}: {reason}" if len(recordings) > 1 else reason
+
+
+def _of(recording: Recording, do: Callable[[Recording], _T]) -> _T:
+    try:
+        return do(recording)
+    except ValueError as error:
+        raise ValueError(f"{recording.source}: {error}") from error

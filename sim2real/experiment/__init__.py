@@ -1,0 +1,13 @@
+"""The moves to record next: those on which two models that still compete differ most.
+
+`proposal` chooses among the candidates of `sequences`; `strokes` is the jerk-limited profile of one
+move.
+"""
+
+from sim2real.experiment.proposal import next_experiment
+from sim2real.experiment.strokes import stroke
+
+__all__ = [
+    "next_experiment",
+    "stroke",
+]

@@ -1,0 +1,73 @@
+"""Normal equations of a fit whose columns are differences of simulations that slip and stick."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim2real.fitting.axis_model import NUISANCES
+
+F64 = NDArray[np.float64]
+
+_CANCELLED = 5e-2
+"""Share of squared columns that is left where they cancel, below which it is their error."""
+_BLOCK = 250
+"""Samples over which what a model leaves may repeat itself."""
+
+
+def information(jacobian: F64, gradient: F64, blocks: Sequence[int]) -> tuple[F64, F64]:
+    """J'J and gradient without the directions in which blocks of columns cancel one another.
+
+    Differences over slipping elements are not exact: what is left where large columns cancel is
+    their error, not information. Within an effect's own block nothing is dropped.
+    """
+    count = jacobian.shape[1]
+    back = np.zeros((count, count))
+    for j in range(NUISANCES):
+        size = np.linalg.norm(jacobian[:, j])
+        back[j, j] = 1.0 / size if size > 1e-100 else 0.0  # nothing is known of it
+    at = NUISANCES
+    for width in blocks:
+        own = slice(at, at + width)
+        back[own, own] = np.linalg.pinv(np.linalg.qr(jacobian[:, own], mode="r"), rcond=1e-9)
+        at += width
+    scaled = jacobian @ back
+    values, vectors = np.linalg.eigh(scaled.T @ scaled)
+    kept = values > _CANCELLED
+    vectors, values = vectors[:, kept], values[kept]
+    forth = np.linalg.pinv(back, rcond=1e-15)
+    normal = forth.T @ ((vectors * values) @ vectors.T) @ forth
+    return normal, forth.T @ (vectors @ (vectors.T @ (back.T @ gradient)))
+
+
+def solve(normal: F64, gradient: F64) -> F64:
+    """Solution of the normal equations, whatever the columns' units."""
+    scale = _scale(normal)
+    scaled = normal / np.outer(scale, scale) + 1e-10 * np.eye(len(scale))
+    return np.asarray(np.linalg.solve(scaled, gradient / scale) / scale)
+
+
+def _scale(normal: F64) -> F64:
+    """Size of each column; 1 where a parameter changes nothing."""
+    size = np.sqrt(np.diag(normal))
+    return np.asarray(np.where(size > 1e-100, size, 1.0))
+
+
+def robust(covariance: F64, scores: F64) -> F64:
+    """Covariance by the model's noise, and by what is left where that is no noise.
+
+    The second part is the sandwich estimate over blocks of samples (Huber 1967, White 1982): what
+    is left of a model that is not quite right repeats itself for a while.
+    """
+    count = len(scores) // _BLOCK
+    blocks = scores[: count * _BLOCK].reshape(count, _BLOCK, -1).sum(axis=1)
+    return np.asarray(covariance + covariance @ (blocks.T @ blocks) @ covariance)
+
+
+def inverse(normal: F64) -> F64:
+    """Covariance by the model's noise, whatever the columns' units."""
+    scale = _scale(normal)
+    scaled = normal / np.outer(scale, scale) + 1e-10 * np.eye(len(scale))
+    return np.asarray(np.linalg.inv(scaled) / np.outer(scale, scale))

@@ -1,0 +1,305 @@
+"""Where the gap lies: its energy above the floor by axis, phase, position, velocity, and so on.
+
+Energy is squared residual over squared floor, so that positions and forces add up; what the model's
+own noisy draws have in the same cell is taken off. Over position, velocity, time and frequency the
+cell is the range in which the energy exceeds most what an even spread would put there. A cell is
+worth telling where it holds more than its samples' share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim2real.gap.measure import Measured
+from sim2real.phases import PHASES, REST, SETTLING, axis_phases, blocks, repeats
+from sim2real.recording import FloatArray, aligned_demand
+from sim2real.report import Where
+
+BINS = 24
+SMALLEST_SHARE = 0.05
+"""Cells below are not told."""
+_LIFT = 1.3
+"""Energy over samples from which a cell is worth telling."""
+_MOST = 16
+_SPATIAL = np.arange(10.0, 251.0, 1.0)
+"""Spatial frequencies looked at [1/m]: pitches from 4 to 100 mm."""
+_MOVING = 0.01
+_BANDS = np.geomspace(2.0, 500.0, 25)
+
+Weights = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Located:
+    """Where a gap lies.
+
+    Attributes:
+        cells: the few that hold most, largest first.
+        excess: axis -> signal -> share of all energy above the floor, 0..1.
+        repeatable: axis -> signal -> share of the gap's energy that comes back when a move is
+            repeated; empty where none is.
+    """
+
+    cells: tuple[Where, ...]
+    excess: dict[str, dict[str, float]]
+    repeatable: dict[str, dict[str, float]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Signal:
+    """Residual of one signal of one axis over all recordings, with what cells are cut out by.
+
+    Attributes:
+        energy: (residual/floor)^2 less that of the draws, 0 where invalid, float64[K].
+        own: (residual/floor)^2, float64[K].
+        residual: float64[K]; draws: float64[D, K], noisy runs less the noise-free one.
+        floor: [m, N].  valid: bool[K].  period: of the samples [s].
+        starts: first sample of each recording.
+    """
+
+    axis: str
+    signal: str
+    energy: Weights
+    residual: FloatArray
+    draws: FloatArray
+    floor: float
+    valid: NDArray[np.bool_]
+    period: float
+    starts: tuple[int, ...]
+    position: FloatArray
+    velocity: FloatArray
+    time: FloatArray
+    phase: NDArray[np.int8]
+    direction: NDArray[np.int8]
+    move: NDArray[np.int64]
+
+
+def locate(measured: Sequence[Measured], ratio: float = 0.1) -> Located:
+    """Where the gap of a model against recordings of one stage lies.
+
+    Args:
+        measured: of each recording; the residual may be that of any model.
+        ratio: Tc/Ts, control period over SYNC period.
+    """
+    signals = [
+        _gathered(measured, axis, signal, ratio)
+        for axis, figures in measured[0].gap.items()
+        for signal in figures
+    ]
+    total = sum(max(float(s.energy.sum()), 0.0) for s in signals)
+    excess: dict[str, dict[str, float]] = {}
+    cells: list[Where] = []
+    for s in signals:
+        share = max(float(s.energy.sum()), 0.0) / total if total > 0 else 0.0
+        excess.setdefault(s.axis, {})[s.signal] = share
+        if share < SMALLEST_SHARE:
+            continue
+        text = f"{s.axis}: {_percent(share)} of the gap is in the {s.signal}"
+        cells.append(Where(s.axis, s.signal, "axis", share, text=text))
+        for cut in (_phases, _directions, _moves, _ranges, _frequencies, _pitches):
+            cells += cut(s, total)
+    kept = sorted((c for c in cells if c.share >= SMALLEST_SHARE), key=lambda c: -c.share)
+    return Located(tuple(kept[:_MOST]), excess, _repeatable(measured))
+
+
+def _gathered(measured: Sequence[Measured], axis: str, signal: str, ratio: float) -> _Signal:
+    parts: dict[str, list[NDArray[np.generic]]] = {}
+    starts, count, moves = [], 0, 0
+    floor = float(np.sqrt(np.mean([m.gap[axis][signal].floor ** 2 for m in measured])))
+    for m in measured:
+        signals = m.replay.recording.axes[axis]
+        demand = aligned_demand(signals, ratio)
+        phases = axis_phases(signals.position_demand, m.replay.period)
+        of_move = np.zeros(len(demand), dtype=np.int64)
+        found = blocks(m.replay.recording, m.replay.period)
+        for block in found:
+            of_move[block.start : block.stop] = moves + block.number
+        moves += len(found)
+        drawn = np.stack([draw[axis][signal] for draw in m.floor.draws])
+        for name, values in (
+            ("residual", m.residual[axis][signal]), ("draws", drawn), ("valid", signals.valid),
+            ("position", demand), ("velocity", phases.velocity), ("phase", phases.phase),
+            ("time", m.replay.place * m.replay.period), ("direction", phases.direction),
+            ("move", of_move),
+        ):  # fmt: skip
+            parts.setdefault(name, []).append(values)
+        starts.append(count)
+        count += len(demand)
+    joined = {name: np.concatenate(values, axis=-1) for name, values in parts.items()}
+    scale = 1.0 / floor**2 if floor > 0 else 1.0
+    noise = np.mean(np.square(joined["draws"].astype(np.float64)), axis=0)
+    energy = np.where(joined["valid"], np.square(joined["residual"].astype(float)) - noise, 0.0)
+    return _Signal(
+        axis=axis, signal=signal, energy=scale * energy, floor=floor,
+        period=measured[0].replay.period, starts=tuple(starts), **joined,
+    )  # fmt: skip
+
+
+def _cell(
+    s: _Signal, by: str, inside: NDArray[np.bool_], total: float, words: str, **place: object
+) -> list[Where]:
+    """The cell of these samples, where it holds more than its samples' share."""
+    share = float(s.energy[inside].sum()) / total
+    own = max(float(s.energy.sum()), 1e-300)
+    samples = float(inside[s.valid].sum() / max(s.valid.sum(), 1))
+    if share < SMALLEST_SHARE or share * total / own < _LIFT * samples:
+        return []
+    when = f"({_percent(samples)} of the time)"
+    text = f"{s.axis} {s.signal}: {_percent(share)} of the gap {words} {when}"
+    return [Where(s.axis, s.signal, by, min(share, 1.0), text=text, **place)]  # type: ignore[arg-type]
+
+
+def _phases(s: _Signal, total: float) -> list[Where]:
+    words = {"rest": "at rest", "micro": "in micro-moves", "settling": "while settling"}
+    return [
+        cell
+        for number, name in enumerate(PHASES)
+        for cell in _cell(
+            s, "phase", s.phase == number, total, words.get(name, f"in {name}"), value=name
+        )
+    ]
+
+
+def _directions(s: _Signal, total: float) -> list[Where]:
+    names = {-1: "in backward motion", 1: "in forward motion"}
+    return [
+        cell
+        for number, name in names.items()
+        for cell in _cell(s, "direction", s.direction == number, total, name, value=number)
+    ]
+
+
+def _moves(s: _Signal, total: float) -> list[Where]:
+    sums = np.bincount(s.move, weights=s.energy)
+    best = int(np.argmax(sums))
+    return _cell(s, "move", s.move == best, total, f"in move {best}", value=best)
+
+
+def _ranges(s: _Signal, total: float) -> list[Where]:
+    """Ranges of position, velocity and time; over position and velocity only what moves counts."""
+    moving = s.valid & (s.phase != REST) & (s.phase != SETTLING)
+    cells: list[Where] = []
+    for by, values, counted, unit, scale, name in (
+        ("position", s.position, moving, "m", 1e3, "mm"),
+        ("velocity", s.velocity, moving, "m/s", 1e3, "mm/s"),
+        ("time", s.time, s.valid, "s", 1.0, "s"),
+    ):
+        if not counted.any() or np.ptp(values[counted]) == 0.0:
+            continue
+        edges = np.linspace(values[counted].min(), values[counted].max(), BINS + 1)
+        bins = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, BINS - 1)
+        energy, samples = (
+            np.histogram(bins[counted], np.arange(BINS + 1), weights=weights)[0]
+            for weights in (s.energy[counted], np.ones(int(counted.sum())))
+        )
+        first, last = _densest(energy, samples)
+        if last - first + 1 >= BINS - 2:
+            continue
+        low, high = float(edges[first]), float(edges[last + 1])
+        inside = counted & (bins >= first) & (bins <= last)
+        words = f"at {by} {low * scale:.3g} to {high * scale:.3g} {name}"
+        cells += _cell(s, by, inside, total, words, range=(low, high), unit=unit)
+    return cells
+
+
+def _densest(energy: Weights, samples: Weights) -> tuple[int, int]:
+    """First and last bin of the range whose energy exceeds most what its samples would hold."""
+    if energy.sum() <= 0 or samples.sum() <= 0:
+        return 0, len(energy) - 1
+    surplus = energy / energy.sum() - samples / samples.sum()
+    sums = np.concatenate(([0.0], np.cumsum(surplus)))
+    gains = sums[None, 1:] - sums[:-1, None]
+    gains[np.tril_indices(len(surplus), -1)] = -np.inf
+    first, last = np.unravel_index(int(np.argmax(gains)), gains.shape)
+    return int(first), int(last)
+
+
+def _frequencies(s: _Signal, total: float) -> list[Where]:
+    """The band of temporal frequency that holds more than its width."""
+
+    def spectrum(values: FloatArray) -> Weights:
+        power = np.zeros(len(_BANDS) - 1)
+        for start, end in zip(s.starts, (*s.starts[1:], len(values)), strict=True):
+            part = np.where(s.valid[start:end], values[start:end], 0.0)
+            lines = np.abs(np.fft.rfft(part)) ** 2 * 2.0 / len(part)
+            at = np.fft.rfftfreq(len(part), s.period)
+            power += np.histogram(at, _BANDS, weights=lines)[0]
+        return power / s.floor**2 if s.floor > 0 else power
+
+    energy = spectrum(s.residual) - np.mean([spectrum(draw) for draw in s.draws], axis=0)
+    energy = np.maximum(energy, 0.0)
+    first, last = _densest(energy, np.ones(len(energy)))
+    if last - first + 1 >= len(energy) - 2 or energy.sum() <= 0:
+        return []
+    share = float(energy[first : last + 1].sum()) / total
+    low, high = float(_BANDS[first]), float(_BANDS[last + 1])
+    text = f"{s.axis} {s.signal}: {_percent(share)} of the gap is at {low:.3g} to {high:.3g} Hz"
+    return [
+        Where(s.axis, s.signal, "frequency", min(share, 1.0), (low, high), unit="Hz", text=text)
+    ]
+
+
+def _pitches(s: _Signal, total: float) -> list[Where]:
+    """The spatial frequency that a wave over the position takes most energy out at."""
+    moving = s.valid & (np.abs(s.velocity) > _MOVING)
+    travel = float(np.ptp(s.position[moving])) if moving.any() else 0.0
+    if moving.sum() < 500 or travel < 0.02:
+        return []
+    lines = _SPATIAL[_SPATIAL * travel >= 1.5]
+    angle = 2.0 * np.pi * s.position[moving][None, :] * lines[:, None]
+    cosine, sine = np.cos(angle), np.sin(angle)
+
+    def taken(values: FloatArray) -> Weights:
+        v = values[moving] - values[moving].mean()
+        cc, ss, cs = (cosine**2).sum(1), (sine**2).sum(1), (cosine * sine).sum(1)
+        c, z = cosine @ v, sine @ v
+        power: Weights = (ss * c**2 - 2 * cs * c * z + cc * z**2) / (cc * ss - cs**2)
+        return power
+
+    energy = taken(s.residual) - np.mean([taken(draw) for draw in s.draws], axis=0)
+    best = int(np.argmax(energy))
+    share = float(energy[best]) / s.floor**2 / total if s.floor > 0 else 0.0
+    half = 0.5 / travel
+    low, high = float(lines[best] - half), float(lines[best] + half)
+    text = (
+        f"{s.axis} {s.signal}: {_percent(share)} of the gap is a wave over the position, "
+        f"{1e3 / lines[best]:.3g} mm long"
+    )
+    return [
+        Where(s.axis, s.signal, "frequency", min(share, 1.0), (low, high), unit="1/m", text=text)
+    ]
+
+
+def _repeatable(measured: Sequence[Measured]) -> dict[str, dict[str, float]]:
+    """Share of the gap's energy over repeated moves that all repetitions have in common."""
+    shares: dict[str, dict[str, float]] = {}
+    for axis, signals in measured[0].residual.items():
+        for signal in signals:
+            common = total = 0.0
+            for m in measured:
+                for cut in _repeated(m):
+                    each = m.residual[axis][signal][cut]
+                    spread = each.var(axis=0, ddof=1).sum() * len(each)
+                    total += float(np.square(each).sum())
+                    common += float(np.square(each).sum() - spread)
+            if total > 0:
+                shares.setdefault(axis, {})[signal] = min(max(common / total, 0.0), 1.0)
+    return shares
+
+
+def _repeated(m: Measured) -> list[NDArray[np.int64]]:
+    """Samples of every group of moves that repeat one another, shape (moves, samples)."""
+    found = blocks(m.replay.recording, m.replay.period)
+    cuts = []
+    for group in repeats(m.replay.recording, found):
+        length = min(found[i].stop - found[i].moving for i in group)
+        cuts.append(np.array([np.arange(found[i].moving, found[i].moving + length) for i in group]))
+    return cuts
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"

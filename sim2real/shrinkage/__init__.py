@@ -1,0 +1,18 @@
+"""How far a model shrinks the free-run gap, also on moves that took no part in its fit.
+
+`closed_loop` computes the gap of one axis under a model, `held_out` the residuals on moves that a
+fit did not see, and `bootstrap` the share of the gap closed there, with its interval.
+"""
+
+from sim2real.shrinkage.closed_loop import SIGNALS, axis_gap
+from sim2real.shrinkage.held_out import FOLDS, HeldOut, closed, combined, given_back
+
+__all__ = [
+    "FOLDS",
+    "SIGNALS",
+    "HeldOut",
+    "axis_gap",
+    "closed",
+    "combined",
+    "given_back",
+]

@@ -1,0 +1,45 @@
+"""The free closed-loop gap of one axis under a model: what people see of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from hil_sim.settings import StageSettings
+from sim2real.fitting import AxisModel, composed
+from sim2real.gap import Measured, rms
+from sim2real.recording import BoolArray
+
+SIGNALS = 2.0
+"""Squared gap over floor of an axis that is explained: one for each signal."""
+
+
+def axis_gap(
+    name: str,
+    models: Mapping[str, AxisModel],
+    measured: Sequence[Measured],
+    settings: StageSettings,
+    masks: Sequence[BoolArray] | None = None,
+) -> float:
+    """Squared gap over floor of one axis, summed over its signals, mean over recordings.
+
+    Args:
+        name: of the axis.
+        models: axis -> its model; axes that are not in it are as the machine file says.
+        measured: recordings, with their floors.
+        settings: of the machine file.
+        masks: samples that count, of those that are valid, per recording; all by default.
+    """
+    stage = composed(settings, models)
+    total = samples = 0.0
+    for number, m in enumerate(measured):
+        recorded, simulated = m.replay.measured()[name], m.replay.run_axis(stage, name)
+        valid = m.replay.valid(name)
+        if masks is not None:
+            valid = valid & masks[number]
+        count = float(valid.sum())
+        total += count * sum(
+            (rms(values - simulated[signal], valid) / max(m.floor.rms[name][signal], 1e-12)) ** 2
+            for signal, values in recorded.items()
+        )
+        samples += count
+    return total / samples

@@ -1,0 +1,219 @@
+"""Free closed-loop residuals on moves that took no part in a fit; how far a gap closes there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim.settings import StageSettings
+from sim2real.fitting import AxisModel, AxisProblem, Fitted, composed, fit
+from sim2real.gap import NO_GAP_BELOW, Measured, Signals, residual
+from sim2real.phases import blocks
+from sim2real.recording import BoolArray
+from sim2real.shrinkage.closed_loop import axis_gap
+
+F64 = NDArray[np.float64]
+
+FOLDS = 2
+"""Parts the moves are dealt into; each is predicted by a fit to the others."""
+_DRAWS = 400
+"""Bootstrap draws of whole moves for intervals."""
+_SEED = 7
+
+
+class FittedAxis(Protocol):
+    """One axis and the model that was fitted to it."""
+
+    @property
+    def problem(self) -> AxisProblem:
+        """Recordings and cost of the axis."""
+
+    @property
+    def best(self) -> Fitted:
+        """The fitted model."""
+
+    @property
+    def whole(self) -> bool:
+        """Whether the model leaves nothing but noise."""
+
+
+class HeldOut:
+    """Free closed-loop residuals on moves that a fit to the other moves predicts.
+
+    Attributes:
+        before, after: recorded minus simulated, by the machine file and by the fits.
+        fitted: the same by the fit to all moves.
+        without: (axis, index of effect) -> as `after`, that effect left out.
+    """
+
+    def __init__(
+        self,
+        measured: Sequence[Measured],
+        settings: StageSettings,
+        searches: Mapping[str, FittedAxis],
+        pool: ThreadPoolExecutor,
+    ) -> None:
+        self.measured = measured
+        self._settings = settings
+        self.moves = [blocks(m.replay.recording, m.replay.period) for m in measured]
+        best = {name: found.best.model for name, found in searches.items()}
+        folds = [self._masks(fold) for fold in range(FOLDS)]
+
+        def refitted(name: str) -> list[AxisModel]:
+            found = searches[name]
+            out = []
+            for held in folds:
+                masks = [_to_periods(~mask, m) for mask, m in zip(held, measured, strict=True)]
+                problem = found.problem.masked(masks)
+                model = fit(problem, found.best.model, 1, thorough=False).model
+                others = [~mask for mask in held]
+
+                def gap(model: AxisModel, others: Sequence[BoolArray] = others) -> float:
+                    return axis_gap(name, {**best, name: model}, measured, settings, others)
+
+                # What a model can't take up may bend a fit until it opens the gap of its own moves.
+                bent = not found.whole and gap(model) > gap(found.best.model)
+                out.append(found.best.model if bent else model)
+            return out
+
+        by_axis = dict(zip(searches, pool.map(refitted, searches), strict=True))
+        each = [{name: by_axis[name][fold] for name in by_axis} for fold in range(FOLDS)]
+        self.before = [m.residual for m in measured]
+        self.after = self._composed(each, folds)
+        self.fitted = [self._simulated(best, m) for m in measured]
+        self.without = {
+            (name, index): self._composed(
+                [{**models, name: models[name].without(index)} for models in each], folds
+            )
+            for name, model in best.items()
+            for index in range(len(model.terms))
+        }
+
+    def _masks(self, fold: int) -> list[BoolArray]:
+        """Samples of the moves held out, per recording; moves are dealt in pairs."""
+        masks = []
+        for m, moves in zip(self.measured, self.moves, strict=True):
+            mask = np.zeros(len(m.replay.recording), dtype=np.bool_)
+            for block in moves:
+                if (block.number // 2) % FOLDS == fold:
+                    mask[block.start : block.stop] = True
+            masks.append(mask)
+        return masks
+
+    def _simulated(self, models: Mapping[str, AxisModel], measured: Measured) -> Signals:
+        stage = composed(self._settings, models)
+        return residual(measured.replay.measured(), measured.replay.run(stage))
+
+    def _composed(
+        self, models: Sequence[Mapping[str, AxisModel]], folds: Sequence[Sequence[BoolArray]]
+    ) -> list[Signals]:
+        out = []
+        for number, m in enumerate(self.measured):
+            parts = [self._simulated(each, m) for each in models]
+            whole = {
+                axis: {signal: values.copy() for signal, values in signals.items()}
+                for axis, signals in parts[0].items()
+            }
+            for fold, part in enumerate(parts):
+                mask = folds[fold][number]
+                for axis, signals in whole.items():
+                    for signal, values in signals.items():
+                        values[mask] = part[axis][signal][mask]
+            out.append(whole)
+        return out
+
+    def explained(self) -> tuple[Signals, ...]:
+        """Signals of the fits to other moves, one entry per recording."""
+        return tuple(
+            residual(m.replay.measured(), left)
+            for m, left in zip(self.measured, self.after, strict=True)
+        )
+
+    def energies(self, residuals: Sequence[Signals]) -> F64:
+        """Squared residuals over squared floors, summed over each move, float64[moves, signals]."""
+        rows = []
+        for m, moves, left in zip(self.measured, self.moves, residuals, strict=True):
+            for block in moves:
+                row = []
+                for axis, signals in left.items():
+                    valid = m.replay.valid(axis)[block.start : block.stop]
+                    for signal, values in signals.items():
+                        cut = values[block.start : block.stop][valid]
+                        floor = max(m.floor.rms[axis][signal], 1e-12)
+                        row.append(float(cut @ cut) / floor**2)
+                rows.append(row)
+        return np.array(rows)
+
+    def samples(self) -> F64:
+        """Valid samples of each move, float64[moves, signals]."""
+        rows = []
+        for m, moves in zip(self.measured, self.moves, strict=True):
+            for block in moves:
+                rows.append(
+                    [
+                        float(m.replay.valid(axis)[block.start : block.stop].sum())
+                        for axis, signals in m.residual.items()
+                        for _ in signals
+                    ]
+                )
+        return np.array(rows)
+
+
+def _to_periods(mask: BoolArray, measured: Measured) -> BoolArray:
+    """A mask over samples as one over SYNC periods."""
+    out = np.zeros(len(measured.replay.demand), dtype=np.bool_)
+    out[measured.replay.place] = mask
+    return out
+
+
+def combined(energies: F64, samples: F64) -> float:
+    """G^2: mean square over floor, summed over signals."""
+    return float((energies.sum(axis=0) / samples.sum(axis=0)).sum())
+
+
+def closed(
+    before: F64, after: F64, samples: F64
+) -> tuple[float | None, tuple[float, float] | None]:
+    """Gap closed and its 95 % interval by bootstrap over moves."""
+    signals = before.shape[1]
+
+    def share(rows: NDArray[np.int64]) -> float:
+        g0 = combined(before[rows], samples[rows])
+        g1 = combined(after[rows], samples[rows])
+        return float(1.0 - (g1 - signals) / max(g0 - signals, 1e-9))
+
+    everything = np.arange(len(before))
+    if combined(before, samples) < NO_GAP_BELOW * signals:
+        return None, None
+    rng = np.random.default_rng(_SEED)
+    draws = [share(rng.integers(0, len(before), len(before))) for _ in range(_DRAWS)]
+    low, high = np.quantile(draws, (0.025, 0.975))
+    return share(everything), (float(low), float(high))
+
+
+def given_back(
+    before: F64, without: F64, after: F64, samples: F64
+) -> tuple[float, tuple[float, float]]:
+    """Share of the gap that an effect's removal gives back, and its 95 % interval.
+
+    Args:
+        before: energies of the moves by the machine file, float64[moves, signals].
+        without: by the final model without the effect.
+        after: by the final model.
+        samples: of the moves, float64[moves, signals].
+    """
+    signals = before.shape[1]
+
+    def share(rows: NDArray[np.int64]) -> float:
+        gap = max(combined(before[rows], samples[rows]) - signals, 1e-9)
+        back = combined(without[rows], samples[rows]) - combined(after[rows], samples[rows])
+        return float(back / gap)
+
+    rng = np.random.default_rng(_SEED)
+    draws = [share(rng.integers(0, len(before), len(before))) for _ in range(_DRAWS)]
+    low, high = np.quantile(draws, (0.025, 0.975))
+    return share(np.arange(len(before))), (float(low), float(high))

@@ -1,0 +1,16 @@
+"""A simulation kept on the recorded course by an extended Kalman filter.
+
+`tracker` runs it and returns the innovations, `kernel` is its compiled loop, and `error_states` is
+the linearised error model that its covariance and gains come from.
+"""
+
+from sim2real.tracking.error_states import Gains, respond
+from sim2real.tracking.tracker import Track, Tracker, needs_other_axes
+
+__all__ = [
+    "Gains",
+    "Track",
+    "Tracker",
+    "needs_other_axes",
+    "respond",
+]
