@@ -21,7 +21,7 @@ from scipy.interpolate import CubicSpline
 
 from hil_sim.effects.library import library
 from hil_sim.plant.simulate import simulate
-from sim2real.audit import Audit, audit
+from sim2real.audit import Audit, audit_channels
 from sim2real.recording import Recording
 from stagectl.config import load_machine, stage_settings
 from stagectl.store.recording import read_recording
@@ -57,7 +57,7 @@ def main() -> None:
             axes = list(stage.axes)
             axes[a] = replace(axis, effects=(effect.at(**values),))
             made = recorded(base, replace(stage, axes=tuple(axes)), int(rng.integers(2**31)))
-            found = audit(made, stage)
+            found = audit_channels(made, stage)
             wrong = [f.text for f in found.findings if f.finding not in TOLD]
             sound += not wrong
             false += [(name, values, wrong)] if wrong else []
@@ -95,7 +95,7 @@ def corruptions(stages: list[tuple[Recording, str]], stage: object, rng: object)
             signals = made.axes[axis]
             changed = {name: spoil(getattr(signals, name)) for name in channel}
             bad = replace(made, axes={**made.axes, axis: replace(signals, **changed)})
-            found: Audit = audit(bad, stage)  # type: ignore[arg-type]
+            found: Audit = audit_channels(bad, stage)  # type: ignore[arg-type]
             told = {
                 (f.axis, f.channel, f.finding): f.value
                 for f in found.findings

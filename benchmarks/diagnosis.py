@@ -27,9 +27,9 @@ from scipy.optimize import least_squares
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.blind import Drawn, Key, draw_base, draw_demands, record, stage_of
+from sim2real.blind import Drawn, Key, build_stage, draw_base, draw_demands, record_stage
 from sim2real.diagnosis import Examination, diagnose, examine
-from sim2real.fitting import STEP, AxisModel, Term, coordinates, moved
+from sim2real.fitting import STEP, AxisModel, Term, coordinates, from_coordinates
 from sim2real.gap import Measured
 from sim2real.recording import Recording
 from stagectl.config.machine_file import load_machine, parse_machine
@@ -54,8 +54,8 @@ def example(*drawn: Drawn) -> Recording:
     demands = draw_demands(rng, settings)
     base = {a.name: draw_base(rng, 0.003) for a in settings.axes}
     key = Key("one", drawn, base)
-    stage = stage_of(settings, key, library())
-    return record(stage, demands, 1, 8, machine.text, "example")
+    stage = build_stage(settings, key, library())
+    return record_stage(stage, demands, 1, 8, machine.text, "example")
 
 
 def by_scipy(
@@ -72,7 +72,7 @@ def by_scipy(
     def deviations(at: F64) -> F64:
         nonlocal runs
         runs += 1
-        term = moved(Term(effect, values), own, at[STEP:])
+        term = from_coordinates(Term(effect, values), own, at[STEP:])
         model = AxisModel(np.append(at[:STEP], 0.0), (term,))
         stage = replace(
             settings, axes=tuple(model.settings(a) if a.name == axis else a for a in settings.axes)

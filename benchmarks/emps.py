@@ -20,8 +20,8 @@ from hil_sim.effects import Effect, Parameter
 from hil_sim.effects.library import library
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import StageSettings
-from sim2real.diagnosis import Examination, diagnose, examine, without_causes
-from sim2real.gap import closed, measure
+from sim2real.diagnosis import Examination, diagnose, examine, report_without_causes
+from sim2real.gap import gap_closed, measure_gap
 from stagectl.config import stage_settings
 from stagectl.config.import_map import load_map
 from stagectl.paper.svg import Line, Panel, draw
@@ -134,7 +134,7 @@ def _channels(found: dict[str, Examination]) -> list[str]:
 
 
 def _where(examined: Examination) -> list[str]:
-    report = without_causes(examined)
+    report = report_without_causes(examined)
     lines = ["## Where it lies", "", f"`DATA_EMPS`: {report.reason}.", ""]
     lines += [f"- {cell.text}" for cell in report.where]
     return [
@@ -184,9 +184,9 @@ def _closed(found: dict[str, Examination], twin: StageSettings) -> list[str]:
     for name, examined in found.items():
         recording = examined.measured[0].replay.recording
         before = examined.gap
-        after = measure(recording, twin, draws=1)
+        after = measure_gap(recording, twin, draws=1)
         assert before is not None
-        share = closed(before, after)
+        share = gap_closed(before, after)
         force = before[AXIS]["force"]
         lines.append(
             f"| {name} | {force.nominal:.2f} N | {after[AXIS]['force'].nominal:.2f} N "

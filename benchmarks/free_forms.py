@@ -17,7 +17,7 @@ from collections import defaultdict
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from hil_sim.effects.library import library
-from sim2real.attribution import friction_profile, travel_hysteresis
+from sim2real.attribution import fit_friction_profile, fit_travel_hysteresis
 from sim2real.blind import Setup, draw_trial
 from sim2real.diagnosis import examine
 from stagectl.config.machine import load_machine
@@ -51,8 +51,8 @@ def main() -> None:
             there = [drawn for drawn in trial.key.effects if drawn.axis == axis]
             kinds = [KINDS[drawn.kin] for drawn in there if drawn.kin in KINDS]
             shares = (
-                friction_profile(axis, {}, measured, settings).share,
-                travel_hysteresis(axis, {}, measured, settings).share,
+                fit_friction_profile(axis, {}, measured, settings).share,
+                fit_travel_hysteresis(axis, {}, measured, settings).share,
             )
             names = " and ".join(drawn.effect for drawn in there)
             found[" and ".join(kinds) or "neither"].append((*shares, names))

@@ -1,9 +1,10 @@
-"""A recording cut into moves and phases of motion, from its demand alone.
+"""A recording divided into moves and phases of motion, from its demand alone.
 
-Rest, onset (the presliding distance after a start or a reversal), acceleration, cruise,
+Phases: rest, onset (the presliding distance after a start or a reversal), acceleration, cruise,
 deceleration, settling (a while after the demand has stopped), micro (motions so short that they
-are all presliding). Per axis: an axis may rest while another moves. Moves are of all axes together
-and cover the whole recording without overlap, so that whole moves can be held out.
+are presliding throughout). They are per axis: one axis may rest while another moves. Moves are
+common to all axes and cover the whole recording without overlap, so that whole moves can be held
+out.
 """
 
 from __future__ import annotations
@@ -23,21 +24,21 @@ PHASES = ("rest", "onset", "acceleration", "cruise", "deceleration", "settling",
 MICRO_LENGTH = 200e-6
 """Longest motion that counts as a micro-move [m]."""
 ONSET_LENGTH = 50e-6
-"""Demanded distance after a start or reversal within which friction still builds up [m]."""
+"""Demanded distance after a start or reversal within which friction is still building up [m]."""
 SETTLING_TIME = 0.1
 """Time after the demand has stopped that counts as settling [s]."""
 _PAUSE = 0.02
-"""Shortest standstill of the demand that parts two motions [s]: slow ramps move in steps."""
+"""Shortest standstill of the demand that separates two motions [s]: slow ramps move in steps."""
 _SMOOTHING = 0.005
-"""Over which the demand is differentiated [s]."""
+"""Time over which the demand is differentiated [s]."""
 _ACCELERATING = 0.05
-"""Share of a stroke's largest acceleration from which it counts as accelerating."""
+"""Share of a stroke's largest acceleration from which a sample counts as accelerating."""
 _RESOLUTION = 0.5e-9
-"""Changes of the demand below half of a CiA 402 position unit are none [m]."""
+"""Changes of the demand below half a CiA 402 position unit count as none [m]."""
 _REPEAT = 1e-6
-"""How far start and demand of two moves may differ for the one to repeat the other [m]."""
+"""Largest difference in start and demand between a move and its repetition [m]."""
 _REPEAT_FORCE = 0.5
-"""And their force offsets [N]."""
+"""Largest difference in force offset between a move and its repetition [N]."""
 
 Int8 = NDArray[np.int8]
 
@@ -66,7 +67,7 @@ class AxisPhases:
         phase: int8[K], index into `PHASES`.
         velocity: float64[K], demanded [m/s].
         acceleration: float64[K], demanded [m/s^2].
-        direction: int8[K], -1, 0, 1: of the motion, at rest that of the last one.
+        direction: int8[K], -1, 0 or 1: of the motion; at rest that of the last motion.
         strokes: in order of time.
     """
 
@@ -78,15 +79,15 @@ class AxisPhases:
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class MoveBlock:
     """One move of all axes with the rest after it.
 
     Attributes:
         number: from 0.
-        start: first sample; of the first block 0, so that blocks cover the recording.
+        start: first sample; 0 for the first block, so that blocks cover the recording.
         moving: first sample in which the demand moves.
         end: one past the last sample in which it moves.
-        stop: one past the last sample of the rest: the next block's start.
+        stop: one past the last sample of the rest: the start of the next block.
         kind: as in the recording, else "macro" or "micro" by length.
     """
 
@@ -98,7 +99,7 @@ class Block:
     kind: str
 
 
-def axis_phases(demand: FloatArray, period: float) -> AxisPhases:
+def split_phases(demand: FloatArray, period: float) -> AxisPhases:
     """Phases of one axis.
 
     Args:
@@ -119,24 +120,24 @@ def axis_phases(demand: FloatArray, period: float) -> AxisPhases:
             strokes.append(stroke)
             inside = slice(stroke.start, stroke.end)
             direction[inside] = stroke.direction
-            phase[inside] = _of_stroke(demand, acceleration, stroke)
+            phase[inside] = _stroke_phases(demand, acceleration, stroke)
         direction[end:following] = strokes[-1].direction
         phase[end : min(end + settle, following)] = SETTLING
     return AxisPhases(phase, velocity, acceleration, direction, tuple(strokes))
 
 
-def blocks(recording: Recording, period: float) -> tuple[Block, ...]:
-    """The recording's moves, each with the rest after it; from its demands where it lists none.
+def split_moves(recording: Recording, period: float) -> tuple[MoveBlock, ...]:
+    """The recording's moves, each with the rest after it; found in its demands if not listed.
 
-    Without listed moves a block begins where any axis starts from a standstill of all; where there
-    is no standstill, where the axis that travels farthest turns round.
+    Where no moves are listed, a block begins where an axis starts from a standstill of all axes;
+    where there is no standstill, where the axis that travels farthest reverses.
 
     Args:
         recording: of K samples.
         period: of the samples [s].
 
     Returns:
-        Blocks in order that cover 0..K; none where nothing moves.
+        Blocks in order that cover 0..K; empty where nothing moves.
     """
     count = len(recording)
     kinds: list[str]
@@ -162,15 +163,18 @@ def blocks(recording: Recording, period: float) -> tuple[Block, ...]:
     starts = [0, *(start for start, _ in spans[1:])]
     stops = [*(start for start, _ in spans[1:]), count]
     return tuple(
-        Block(i, starts[i], start, end, stops[i], kinds[i]) for i, (start, end) in enumerate(spans)
+        MoveBlock(i, starts[i], start, end, stops[i], kinds[i])
+        for i, (start, end) in enumerate(spans)
     )
 
 
-def repeats(recording: Recording, found: tuple[Block, ...]) -> tuple[tuple[int, ...], ...]:
+def group_repeated_moves(
+    recording: Recording, found: tuple[MoveBlock, ...]
+) -> tuple[tuple[int, ...], ...]:
     """Groups of moves that repeat one another: same start, demand and force offset on all axes.
 
     Args:
-        recording: they are of.
+        recording: that the blocks belong to.
         found: its blocks.
 
     Returns:
@@ -193,7 +197,7 @@ def repeats(recording: Recording, found: tuple[Block, ...]) -> tuple[tuple[int, 
     return tuple(tuple(group) for group in groups if len(group) > 1)
 
 
-def _alike(demand: FloatArray, one: Block, other: Block, within: float) -> bool:
+def _alike(demand: FloatArray, one: MoveBlock, other: MoveBlock, within: float) -> bool:
     length = min(one.stop - one.moving, other.stop - other.moving)
     if abs((one.end - one.moving) - (other.end - other.moving)) > 1:
         return False
@@ -223,7 +227,7 @@ def _motions(demand: FloatArray, period: float) -> list[tuple[int, int]]:
 
 
 def _strokes(demand: FloatArray, start: int, end: int) -> list[Stroke]:
-    """A motion cut where it turns round."""
+    """A motion divided at its reversals."""
     before = max(start - 1, 0)
     steps = np.sign(np.diff(demand[before:end]))
     moving = np.flatnonzero(steps)
@@ -242,7 +246,7 @@ def _strokes(demand: FloatArray, start: int, end: int) -> list[Stroke]:
     ]  # fmt: skip
 
 
-def _of_stroke(demand: FloatArray, acceleration: FloatArray, stroke: Stroke) -> Int8:
+def _stroke_phases(demand: FloatArray, acceleration: FloatArray, stroke: Stroke) -> Int8:
     inside = slice(stroke.start, stroke.end)
     if stroke.length <= MICRO_LENGTH:
         return np.full(stroke.end - stroke.start, MICRO, dtype=np.int8)

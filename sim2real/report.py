@@ -1,7 +1,7 @@
-"""What a diagnosis of the sim-to-real gap says, and its JSON (docs/formats/gap-report.md).
+"""The results of a diagnosis of the sim-to-real gap, and their JSON (docs/formats/gap-report.md).
 
-Plain values in SI units: nothing here computes. `GapReport.to_json` gives exactly the keys of the
-format; figures that are not known are null where the format says so, and left out elsewhere.
+Plain values in SI units; nothing here computes. `GapReport.to_json` gives exactly the keys of the
+format; unknown figures are null where the format says so and left out elsewhere.
 """
 
 from __future__ import annotations
@@ -22,19 +22,17 @@ VERDICTS = (NO_GAP, EXPLAINED, PARTLY_EXPLAINED, UNEXPLAINED, INSUFFICIENT)
 
 SIGNALS = {"position": "m", "force": "N"}
 """Signals of an axis that are compared, and their units."""
-WHERE_BY = ("axis", "phase", "position", "velocity", "direction", "time", "frequency", "move")
-"""What a cell of `where` is cut out by; `frequency` is in Hz, or in 1/m over the position."""
 
 Json = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelFinding:
-    """One thing that is wrong with a channel before any physics.
+    """One fault of a channel, found before any physics is considered.
 
     Attributes:
         axis: its name.
-        channel: dataset of the recording format it is about ("force_actual", "time", ...).
+        channel: dataset of the recording format it concerns ("force_actual", "time", ...).
         finding: "units", "sign", "scale", "offset", "delay", "clock", "jitter", "quantisation",
             "saturation", "controller", ...
         value: its size, None where it has none.
@@ -69,9 +67,9 @@ class GapFigures:
 
     Attributes:
         nominal: rms of recorded minus simulated by the machine file as given.
-        floor: what a perfect model would still show.
+        floor: what even a perfect model would leave.
         unit: "m" or "N".
-        explained: rms with the causes added, None where nothing was fitted.
+        explained: rms with the causes included, None where nothing was fitted.
     """
 
     nominal: float
@@ -93,13 +91,14 @@ Gap = Mapping[str, Mapping[str, GapFigures]]
 
 @dataclass(frozen=True, slots=True)
 class Where:
-    """One cell that holds much of the gap.
+    """One cell of the recordings that holds much of the gap.
 
     Attributes:
         axis: its name.
         signal: "position" or "force".
-        by: one of `WHERE_BY`.
-        share: part of the gap's energy above the floor, 0..1, over all axes and signals.
+        by: what the cell is cut by: "axis", "phase", "position", "velocity", "direction", "time",
+            "frequency" (in Hz, or in 1/m over position) or "move".
+        share: of the gap's energy above the floor over all axes and signals, 0..1.
         range: (low, high) for position, velocity, time and frequencies; else None.
         value: of a phase, a direction (-1, 1) or a move (number from 0); else None.
         unit: of the range; "" where there is none.
@@ -128,7 +127,7 @@ class Where:
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A fitted parameter of an effect, with one sigma."""
+    """A fitted parameter of an effect with its standard deviation."""
 
     value: float
     sigma: float
@@ -141,16 +140,16 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """An effect that the recordings say is there.
+    """An effect that the recordings show to be present.
 
     Attributes:
-        axis: that feels it.
+        axis: on which it acts.
         effect: name as in effects.md.
         probability: that it is present on that axis.
         parameters: key as in effects.md -> figure.
-        gap_closed: what its removal from the final model gives back, None where the gap is too
-            small to say.
-        gap_closed_interval: of it.
+        gap_closed: share of the gap that reopens when it is removed from the final model; None
+            where the gap is too small to say.
+        gap_closed_interval: 95 % interval of it.
         remedy: one sentence on what is usually done about it; not part of the JSON.
     """
 
@@ -176,12 +175,12 @@ class Cause:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """An effect that was looked at, in the ranking: also those that were not taken.
+    """An effect that was considered, whether or not it was taken as a cause.
 
     Attributes:
         axis, effect, probability: as of a cause.
-        gap_closed: what it closes alone, on the moves that it was fitted to; of a cause what its
-            removal gives back, on held-out moves; None where it was not fitted.
+        gap_closed: share that it closes alone, on the moves it was fitted to; for a cause the share
+            that reopens when it is removed, on held-out moves; None where it was not fitted.
     """
 
     axis: str
@@ -204,17 +203,14 @@ class Confusable:
     """Effects that these recordings cannot tell apart.
 
     Attributes:
-        axis: of them.
-        effects: their names, the likeliest first.
+        axis: on which they would act.
+        effects: their names, the most probable first.
         why: one sentence.
-        likeness: (effect, effect) -> |cosine| of their signatures after what the base parameters
-            and the friction's wander take out, 0..1; for the matrix of the page, not in the JSON.
     """
 
     axis: str
     effects: tuple[str, ...]
     why: str
-    likeness: Mapping[tuple[str, str], float] | None = None
 
     def to_json(self) -> Json:
         """The entry of `confusable`."""
@@ -223,7 +219,7 @@ class Confusable:
 
 @dataclass(frozen=True, slots=True)
 class NextExperiment:
-    """Moves that would tell most.
+    """The moves to record next.
 
     Attributes:
         why: one sentence.
@@ -237,7 +233,7 @@ class NextExperiment:
     micro: Mapping[str, float]
 
     def recipe(self) -> dict[str, Any]:
-        """A recipe that `stagectl run` takes."""
+        """A recipe for `stagectl run`."""
         return {
             "recipe": "next-experiment",
             "macro": dict(self.macro),
@@ -251,7 +247,7 @@ class NextExperiment:
         return {"why": self.why, "moves": self._moves()}
 
     def _moves(self) -> list[Json]:
-        """Copies of their own: YAML would write what is shared as an alias."""
+        """Separate copies: YAML would write shared lists as aliases."""
         return [
             {key: list(value) if isinstance(value, list) else value for key, value in move.items()}
             for move in self.moves
@@ -263,16 +259,16 @@ class GapReport:
     """The whole diagnosis.
 
     Attributes:
-        recordings: as they were named.
+        recordings: by name.
         verdict: one of `VERDICTS`.
         reason: one sentence.
         channels, where, causes, candidates, confusable: in the order of the report.
         gap: axis -> signal -> figures.
-        gap_closed: on moves that took no part in choosing or fitting; None where the gap is too
-            small (G0^2 < 1.5 floor^2) or nothing was fitted.
-        gap_closed_interval: of it, by block bootstrap.
+        gap_closed: on held-out moves; None where the gap is too small (G0^2 < 1.5 floor^2) or
+            nothing was fitted.
+        gap_closed_interval: 95 % interval of it, by bootstrap over moves.
         gap_closed_in_sample: on the moves that were fitted.
-        next_experiment: None where nothing needs telling apart.
+        next_experiment: None where nothing is left to distinguish.
 
     Raises:
         ValueError: an unknown verdict.
@@ -297,7 +293,7 @@ class GapReport:
             raise ValueError(f"verdict: {self.verdict!r} is none of {', '.join(VERDICTS)}")
 
     def to_json(self) -> Json:
-        """The report as docs/formats/gap-report.md lays it down, ready for `json.dumps`."""
+        """The report in the layout of docs/formats/gap-report.md, ready for `json.dumps`."""
         experiment = self.next_experiment
         return {
             "format": FORMAT,
@@ -327,7 +323,7 @@ def gap_json(gap: Gap) -> Json:
 
 
 def _number(value: float | None) -> float | None:
-    """A plain float; what is no number is null, for JSON has neither nan nor infinity."""
+    """A plain float; null where it is not finite, as JSON has neither nan nor infinity."""
     return None if value is None or not math.isfinite(value) else float(value)
 
 

@@ -8,35 +8,40 @@ recognise an effect of the right family in another shape. `closed_loop_check` dr
 reduce the free-run gap, and `causes` puts probabilities and sigmas to what remains.
 """
 
-from sim2real.attribution.alternatives import sets_of
-from sim2real.attribution.causes import candidates_of, causes_of
-from sim2real.attribution.closed_loop_check import gate
-from sim2real.attribution.free_form import FreeForm, FrictionOverPosition, InMotion
-from sim2real.attribution.friction_profile import friction_profile
+from sim2real.attribution.alternatives import of_size
+from sim2real.attribution.causes import find_causes, list_candidates
+from sim2real.attribution.closed_loop_check import drop_ineffective
+from sim2real.attribution.free_form import FreeForm, FreeFormTest, FrictionOverPosition
+from sim2real.attribution.friction_profile import fit_friction_profile
 from sim2real.attribution.parameter_scan import Scanner
-from sim2real.attribution.search import AxisSearch, beside, search
-from sim2real.attribution.shape_check import in_free_form, is_one_profile, nearest, repeats
-from sim2real.attribution.similarity import Pairs, likeness
-from sim2real.attribution.travel_hysteresis import travel_hysteresis
+from sim2real.attribution.search import AxisSearch, refit_beside, search_effects
+from sim2real.attribution.shape_check import (
+    fit_repeats,
+    free_form_repeat,
+    is_one_profile,
+    nearest_model,
+)
+from sim2real.attribution.similarity import Pairs, signature_similarity
+from sim2real.attribution.travel_hysteresis import fit_travel_hysteresis
 
 __all__ = [
     "AxisSearch",
     "FreeForm",
+    "FreeFormTest",
     "FrictionOverPosition",
-    "InMotion",
     "Pairs",
     "Scanner",
-    "beside",
-    "candidates_of",
-    "causes_of",
-    "friction_profile",
-    "gate",
-    "in_free_form",
+    "drop_ineffective",
+    "find_causes",
+    "fit_friction_profile",
+    "fit_repeats",
+    "fit_travel_hysteresis",
+    "free_form_repeat",
     "is_one_profile",
-    "likeness",
-    "nearest",
-    "repeats",
-    "search",
-    "sets_of",
-    "travel_hysteresis",
+    "list_candidates",
+    "nearest_model",
+    "of_size",
+    "refit_beside",
+    "search_effects",
+    "signature_similarity",
 ]

@@ -1,7 +1,7 @@
-"""Ways to explain an axis, and what each is worth.
+"""Alternative explanations of an axis, and their scores.
 
-Two things count: what the innovations say (sharp, but blind to what the filter follows, as another
-friction level), and the free closed-loop gap (blunt, but what people see).
+Two things count: the innovations (sharp, but insensitive to what the filter follows, such as
+another friction level) and the free-run gap (less sharp, but what users see).
 """
 
 from __future__ import annotations
@@ -9,25 +9,32 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from sim2real.fitting import AxisModel, AxisProblem, Fitted, implausible, is_course, plausible
+from sim2real.fitting import (
+    AxisModel,
+    AxisProblem,
+    Fitted,
+    clip_to_plausible,
+    implausibility,
+    is_coulomb_drift,
+)
 
-Loop = Callable[[AxisModel], float]
-"""Squared closed-loop gap over floor of the axis under a model (`sim2real.closed_loop`)."""
+LoopGap = Callable[[AxisModel], float]
+"""Squared closed-loop gap over floor of the axis under a model (`sim2real.shrinkage.axis_gap`)."""
 
 _OCCAM = 20.0
 """Score that each parameter of an effect but the first must save: more than chance does."""
 _OCCAM_COURSE = 6.0
-"""The same for a Coulomb level that changes with time, against one that does not: in ten seconds
-most warm-ups change little, and levels that stay are no likelier beforehand."""
+"""The same for a Coulomb level that changes with time, against one that does not: within ten
+seconds most warm-ups change little, and constant levels are no more probable a priori."""
 _IMPLAUSIBLE = 40.0
-"""Score for each tenth of its plausible range that a value lies beyond it."""
+"""Score for each tenth of its plausible range by which a value exceeds it."""
 _COHERENT = 1000.0
-"""Samples over which the closed loop's deviations repeat themselves, for their weight."""
+"""Samples over which deviations of the closed loop are correlated, for their weight."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rival:
-    """One way to explain an axis.
+class Alternative:
+    """One explanation of an axis.
 
     Attributes:
         fitted: the fit.
@@ -43,84 +50,91 @@ class Rival:
         return self.fitted.model
 
 
-def score(problem: AxisProblem, rival: Rival, each: float = _OCCAM) -> float:
-    """What is to be least: the cost of the innovations and of the closed-loop gap.
+def score_alternative(problem: AxisProblem, rival: Alternative, each: float = _OCCAM) -> float:
+    """Score of an explanation, to be minimised: cost of the innovations and of the closed-loop gap.
 
-    The latter counts as twice a negative log likelihood too, of as many samples as are on their
-    own; both as outliers count by now. The simpler one wins where both fit: each parameter of an
-    effect but the first has to save `each`, or what is asked of a course. So does the likelier
-    one: values beyond what is plausible count against an effect.
+    The gap counts as twice a negative log likelihood too, of as many samples as are independent;
+    both under the present outliers. Of two explanations that fit, the simpler wins: each parameter
+    of an
+    effect but the first has to save `each`, or what a drift has to. So does the more plausible one:
+    values beyond their plausible ranges count against an effect.
+
+    Args:
+        problem: the axis.
+        rival: the explanation.
+        each: score that each further parameter must save.
     """
     samples = sum(int(mask.sum()) for mask in problem.masks)
     loop = samples / _COHERENT * rival.gap
     simpler = sum(
-        (min(each, _OCCAM_COURSE) if is_course(term, problem.axis) else each)
+        (min(each, _OCCAM_COURSE) if is_coulomb_drift(term, problem.axis) else each)
         * (len(term.values) - 1)
         for term in rival.model.terms
     )
-    far = _IMPLAUSIBLE * sum(implausible(term, problem.axis) for term in rival.model.terms)
+    far = _IMPLAUSIBLE * sum(implausibility(term, problem.axis) for term in rival.model.terms)
     return problem.cost(rival.model, rival.fitted.residual) + loop + simpler + far
 
 
-class Book:
-    """Every set of effects that was fitted, the best fit of each.
+class Ranking:
+    """Every set of effects that was fitted, with the best fit of each.
 
     Args:
         problem: the axis.
         loop: its closed-loop gap under a model.
     """
 
-    def __init__(self, problem: AxisProblem, loop: Loop) -> None:
+    def __init__(self, problem: AxisProblem, loop: LoopGap) -> None:
         self._problem = problem
         self._loop = loop
-        self._kept: dict[tuple[str, ...], Rival] = {}
+        self._kept: dict[tuple[str, ...], Alternative] = {}
 
-    def entered(self, fitted: Fitted) -> Rival:
-        """A fit, or what is likelier of it; kept where it is the best one of its set."""
-        rival = self._likelier(Rival(fitted, self._loop(fitted.model)))
+    def enter(self, fitted: Fitted) -> Alternative:
+        """Enter a fit, or a more plausible version; kept if it is the best of its set of effects."""
+        rival = self._more_plausible(Alternative(fitted, self._loop(fitted.model)))
         key = tuple(sorted(fitted.model.names()))
         if key not in self._kept or self.score(rival) < self.score(self._kept[key]):
             self._kept[key] = rival
         return rival
 
-    def _likelier(self, rival: Rival) -> Rival:
-        """The fit, or with values no farther than plausible where that costs less than it brings.
+    def _more_plausible(self, rival: Alternative) -> Alternative:
+        """The fit, or the same with values clipped to what is plausible where that scores better.
 
-        Where the data are silent a fit goes anywhere.
+        Where the data say nothing a fit may end anywhere.
         """
         axis = self._problem.axis
-        terms = tuple(plausible(term, axis) for term in rival.model.terms)
+        terms = tuple(clip_to_plausible(term, axis) for term in rival.model.terms)
         if terms == rival.model.terms:
             return rival
         model = replace(rival.model, terms=terms)
-        residual = self._problem.attempted(model)
+        residual = self._problem.residual_or_worst(model)
         cost = self._problem.cost(model, residual)
-        other = Rival(Fitted(model, cost, residual, None), self._loop(model))
+        other = Alternative(Fitted(model, cost, residual, None), self._loop(model))
         return min(rival, other, key=self.score)
 
-    def score(self, rival: Rival) -> float:
-        """As `score`, of this axis."""
-        return score(self._problem, rival)
+    def score(self, rival: Alternative) -> float:
+        """As `score_alternative`, of this axis."""
+        return score_alternative(self._problem, rival)
 
-    def regained(self, model: AxisModel) -> Rival:
-        """All sets again as the filter weighs them under a model that was entered; that one back.
+    def reweigh(self, model: AxisModel) -> Alternative:
+        """Recompute all sets with the filter tuned to a model that was entered; returns that one.
 
-        What shakes the stage makes friction less sure than the machine file's model has it.
+        Whatever excites the stage makes friction less certain than the machine file's model
+        assumes.
         """
-        self._problem.regain(model)
+        self._problem.retune(model)
         for key, rival in self._kept.items():
-            self._kept[key] = replace(rival, fitted=self._problem.revalued(rival.fitted))
+            self._kept[key] = replace(rival, fitted=self._problem.reweighted(rival.fitted))
         return self.best(model.names())
 
-    def best(self, names: tuple[str, ...]) -> Rival:
+    def best(self, names: tuple[str, ...]) -> Alternative:
         """The best fit of a set of effects that was entered."""
         return self._kept[tuple(sorted(names))]
 
-    def ranked(self) -> list[Rival]:
+    def ranked(self) -> list[Alternative]:
         """The best fit of each set, best first."""
         return sorted(self._kept.values(), key=self.score)
 
 
-def sets_of(rivals: Sequence[Rival], size: int) -> list[Rival]:
-    """The rivals of so many effects, in their order."""
+def of_size(rivals: Sequence[Alternative], size: int) -> list[Alternative]:
+    """The alternatives with this many effects, in their order."""
     return [rival for rival in rivals if len(rival.model.terms) == size]

@@ -1,4 +1,4 @@
-"""The causes of a gap on one axis: parameters with their sigmas, probabilities, what is alike."""
+"""The causes of a gap on one axis: parameters, sigmas, probabilities, and confusable effects."""
 
 from __future__ import annotations
 
@@ -10,51 +10,51 @@ from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
 from hil_sim.settings import AxisSettings
-from sim2real.attribution.alternatives import score, sets_of
+from sim2real.attribution.alternatives import of_size, score_alternative
 from sim2real.attribution.search import AxisSearch
 from sim2real.fitting import (
     NUISANCES,
     Coordinate,
     Term,
     coordinates,
-    implausible,
-    is_level,
-    parameters,
+    implausibility,
+    is_coulomb_level,
+    reported_values,
 )
 from sim2real.report import Candidate, Cause, Confusable, Parameter
-from sim2real.shrinkage import HeldOut, given_back
+from sim2real.shrinkage import HeldOut, share_given_back
 
 F64 = NDArray[np.float64]
 
 _TEMPER = 5.0
-"""The log likelihood counts for so much less than it says: innovations of the true model are white,
-those of a model that is right but for details are not."""
+"""Divisor of the log likelihood: innovations of the true model are white, those of a model that is
+right except for details are not."""
 _LEVELS = 50.0
-"""The same among courses of the Coulomb level: the filter follows them, and it wanders besides."""
+"""The same between effects on the Coulomb level: the filter follows them, and it wanders."""
 _SIMPLER = 10.0
-"""Cost that a parameter more is worth in the odds of names: a simple cause is a little likelier."""
+"""Cost of a further parameter in the odds of names: simple causes are a little more probable."""
 _RIVALRY = 0.9
-"""Odds of all rivals together, at most: what was chosen is the likeliest, or the simplest."""
-_SCATTER, _LIKENESS, _WANDERS, _STEP, _DAMPED, _TUNED = 2.2, 0.003, 0.4, 0.05, 0.02, 5e-4
-"""What a fit's own sigma leaves out: see `_sigma`."""
+"""Largest odds of all alternatives together: what was chosen is the most probable or simplest."""
+_SCATTER, _RELATIVE, _WANDERS, _STEP, _DAMPED, _TUNED = 2.2, 0.003, 0.4, 0.05, 0.02, 5e-4
+"""Contributions that a fit's own sigma leaves out: see `_sigma`."""
 _STEEP = 3.5
-"""How fast trust in the only name falls with the share of the gap that is left."""
+"""How fast confidence in the only name falls with the share of the gap that is left."""
 _FAMILY = 0.55
-"""Share of an axis' gap that an effect of the right family closes in the wrong shape, at least."""
+"""Least share of an axis' gap that an effect of the right family closes in the wrong shape."""
 _CLOSED = 0.8
-"""Share of an axis' gap from which it counts as closed, for trust."""
+"""Share of an axis' gap from which it counts as closed."""
 _DOUBTED = 0.45
-"""An effect is believed no more than this whose size may as well be none, by its sigma; or whose
-values are not plausible at all."""
+"""Largest probability of an effect whose size may be zero by its sigma, or whose values are not
+plausible at all."""
 _VAGUE = 0.55
-"""A course of the Coulomb level is believed no more than this that may as well be another one."""
+"""Largest probability of an effect on the Coulomb level that may as well be another such effect."""
 _STRANGE = 4.0
 """Tenths of its plausible ranges beyond which an effect's values are not plausible at all."""
 _SHOWN = 8
 """Candidates shown per axis."""
 
 
-def causes_of(
+def find_causes(
     name: str,
     found: AxisSearch,
     held_out: HeldOut,
@@ -62,15 +62,15 @@ def causes_of(
     after: F64,
     samples: F64,
 ) -> tuple[list[Cause], list[Confusable]]:
-    """What was found on an axis, and what could stand in its place.
+    """The causes found on an axis, and the effects that could take their place.
 
     Args:
         name: of the axis.
-        found: its search, after the gate.
+        found: its search, after the closed-loop check.
         held_out: residuals on held-out moves.
         before: their energies by the machine file, float64[moves, signals].
         after: by the final model.
-        samples: of the moves.
+        samples: of the moves, float64[moves, signals].
     """
     problem, best = found.problem, found.best
     causes, alike = [], []
@@ -84,9 +84,9 @@ def causes_of(
         )
         at += len(entries)
         left_out = held_out.energies(held_out.without[name, index])
-        gives_back, interval = given_back(before, left_out, after, samples)
+        gives_back, interval = share_given_back(before, left_out, after, samples)
         probability, rivals = _probability(found, term.name)
-        values = parameters(term)
+        values = reported_values(term)
         figures = {
             entry.parameter.key: Parameter(
                 values[entry.parameter.key],
@@ -99,17 +99,19 @@ def causes_of(
         # the nearest to a form of its own may be any.
         repeat = found.repeats.get(term.name)
         bent = repeat is not None and repeat.departs
-        none = not bent and any(_may_be_none(entry, figures, problem.axis) for entry in entries)
+        none = not bent and any(
+            _is_size_uncertain(entry, figures, problem.axis) for entry in entries
+        )
         free = repeat is not None and repeat.is_free
-        if none or (not free and implausible(term, problem.axis) > _STRANGE):
+        if none or (not free and implausibility(term, problem.axis) > _STRANGE):
             probability = min(probability, _DOUBTED)
         if (
             not free
-            and is_level(term, problem.axis)
-            and any(_vague(entry, figures) for entry in entries)
+            and is_coulomb_level(term, problem.axis)
+            and any(_is_duration_uncertain(entry, figures) for entry in entries)
         ):
             probability = min(probability, _VAGUE)
-            rivals = rivals or _levels(found, term, problem.axis)[:1]
+            rivals = rivals or _alternative_levels(found, term, problem.axis)[:1]
         causes.append(
             Cause(
                 name,
@@ -132,8 +134,10 @@ def causes_of(
     return causes, alike
 
 
-def _may_be_none(entry: Coordinate, figures: Mapping[str, Parameter], axis: AxisSettings) -> bool:
-    """Whether a size is not known to be any."""
+def _is_size_uncertain(
+    entry: Coordinate, figures: Mapping[str, Parameter], axis: AxisSettings
+) -> bool:
+    """Whether a size may as well be zero."""
     neutral = entry.parameter.neutral_on(axis)
     if entry.parameter.role != "size" or neutral is None or not math.isfinite(neutral):
         return False
@@ -141,22 +145,22 @@ def _may_be_none(entry: Coordinate, figures: Mapping[str, Parameter], axis: Axis
     return figure.sigma > abs(figure.value - neutral)
 
 
-def _vague(entry: Coordinate, figures: Mapping[str, Parameter]) -> bool:
-    """Whether a duration may as well be without end."""
+def _is_duration_uncertain(entry: Coordinate, figures: Mapping[str, Parameter]) -> bool:
+    """Whether a duration may as well be infinite."""
     figure = figures[entry.parameter.key]
     return entry.parameter.role == "shape" and entry.parameter.log and figure.sigma > figure.value
 
 
-def _levels(found: AxisSearch, term: Term, axis: AxisSettings) -> list[str]:
-    """Other courses of the Coulomb level that were fitted in an effect's place, best first."""
+def _alternative_levels(found: AxisSearch, term: Term, axis: AxisSettings) -> list[str]:
+    """Other effects on the Coulomb level that were fitted in an effect's place, best first."""
     rest = {name for name in found.best.model.names() if name != term.name}
     return [
         other.name
-        for rival in sets_of(found.rivals, len(rest) + 1)
+        for rival in of_size(found.rivals, len(rest) + 1)
         for other in rival.model.terms
         if rest < set(rival.model.names())
         and other.name not in (*rest, term.name)
-        and is_level(other, axis)
+        and is_coulomb_level(other, axis)
     ]
 
 
@@ -167,12 +171,12 @@ def _sigma(
     fitted: float,
     axis: AxisSettings,
 ) -> float:
-    """One sigma of a parameter: of the fit, of the models' likeness, and of the friction's wander.
+    """One sigma of a parameter: of the fit, the model's inaccuracy, and the friction's wander.
 
-    Trials on simulated stages scatter twice as much as the fit says; sizes are known to a few
+    Trials on simulated stages scatter twice as much as the fit says. Sizes are known to a few
     parts in a thousand at best, what scales Coulomb friction to two fifths of its wander, and
-    delays to a twentieth of the control period, by which integrators differ; they damp or feed
-    what swings, and detune it, too.
+    delays to a twentieth of the control period, by which integrators differ; integration also
+    damps or excites oscillators and detunes them.
     """
     parameter = entry.parameter
     value = values[parameter.key]
@@ -186,23 +190,23 @@ def _sigma(
     if parameter.role != "size" or neutral is None:
         return own
     if not math.isfinite(neutral):
-        return math.hypot(own, _LIKENESS * abs(value))
+        return math.hypot(own, _RELATIVE * abs(value))
     wander = _WANDERS * axis.friction.wander
     if effect.group != "friction":  # a force is told from friction's mean over the directions
         slow = not any(p.role == "phase" for p in effect.parameters)
         wander *= axis.friction.coulomb if slow and parameter.unit == "N" else 0.0
     step = _STEP * axis.control.period if parameter.unit == "s" else 0.0
-    return math.hypot(own, _LIKENESS * abs(value - neutral), wander, step)
+    return math.hypot(own, _RELATIVE * abs(value - neutral), wander, step)
 
 
 def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
-    """Probability that an effect is present, and the effects that could stand in its place."""
+    """Probability that an effect is present, and the effects that could take its place."""
     problem = found.problem
     best = found.best
     names = best.model.names()
     rest = tuple(sorted(n for n in names if n != effect))
     reached = [r for r in found.rivals if set(r.model.names()) == set(names)] or found.rivals[:1]
-    least = min(score(problem, r, _SIMPLER) for r in reached)
+    least = min(score_alternative(problem, r, _SIMPLER) for r in reached)
     # Of models that all leave structure, innovations do not tell the likelier one: the loop does.
     bent = effect in found.repeats and found.repeats[effect].departs
     widest = min(r.gap for r in reached) if bent else math.inf
@@ -211,10 +215,10 @@ def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
         others = tuple(sorted(rival.model.names()))
         if effect in others or rival.gap > widest:
             continue
-        worse = score(problem, rival, _SIMPLER) - least
+        worse = score_alternative(problem, rival, _SIMPLER) - least
         swapped = [n for n in others if n not in rest]
         courses = len(swapped) == 1 and all(
-            is_level(term, problem.axis)
+            is_coulomb_level(term, problem.axis)
             for model in (best.model, rival.model)
             for term in model.terms
             if term.name in (effect, *swapped)
@@ -224,27 +228,28 @@ def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
         if odds > 0.05 and len(others) == len(names) and len(swapped) == 1:
             rivals.append(swapped[0])
     told = 1.0 / (1.0 + min(weight, _RIVALRY))
-    return told * _trust(found, effect), rivals
+    return told * _confidence(found, effect), rivals
 
 
-def _trust(found: AxisSearch, effect: str) -> float:
-    """How far a name can be trusted: nearly whole, or as much of the gap as it closes tells.
+def _confidence(found: AxisSearch, effect: str) -> float:
+    """Confidence in a name: nearly 1, or by the share of the gap that it closes.
 
     An effect of the right family in another shape closes most of the gap, and its own kind takes
-    up the rest; a stranger's nearest kin closes less, two of them together more (docs/blind.md).
+    up the rest; the nearest relative of an unlisted effect closes less, two of them together
+    more (docs/blind.md).
     """
     if effect in found.repeats and found.repeats[effect].departs and found.closes > _FAMILY:
         return 0.97
-    if found.whole and found.closes > _CLOSED:
+    if found.is_complete and found.closes > _CLOSED:
         return 0.99
     steep = _STEEP * len(found.best.model.terms)
     return float(np.clip(1.0 - steep * (1.0 - found.closes), 0.05, 0.95))
 
 
-def candidates_of(
+def list_candidates(
     name: str, found: AxisSearch, causes: Sequence[Cause], gap: float
 ) -> list[Candidate]:
-    """The effects that looked most promising on an axis, causes or not.
+    """The most promising effects of an axis, causes or not.
 
     Args:
         name: of the axis.
@@ -255,7 +260,7 @@ def candidates_of(
     probabilities = {cause.effect: cause.probability for cause in causes}
     closes = {
         rival.model.names()[0]: (found.open_gap - rival.gap) / max(gap, 1e-9)
-        for rival in sets_of(found.rivals, 1)
+        for rival in of_size(found.rivals, 1)
     }
     closes |= {cause.effect: cause.gap_closed or 0.0 for cause in causes}
     ranked = sorted(found.scanned.items(), key=lambda item: -item[1])[:_SHOWN]

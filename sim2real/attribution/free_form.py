@@ -1,8 +1,8 @@
-"""Effects that come in any shape: what is told of them without one, and where to start fitting.
+"""Effects in free form: recognised whatever their shape, and where to start fitting them.
 
-Friction over position and hysteresis over travel have each a way to be told whatever their shape
-(`sim2real.friction_profile`, `sim2real.travel_hysteresis`). The library's effect of that kind is
-the nearest that a machine file can hold.
+Friction over position and hysteresis over travel can each be recognised in any shape
+(`sim2real.attribution.friction_profile`, `sim2real.attribution.travel_hysteresis`). The library's
+effect of that kind is the nearest that a machine file can hold.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from hil_sim.effects.effect import Effect
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import AxisSettings, StageSettings
-from sim2real.attribution.friction_profile import FrictionProfile, friction_profile
-from sim2real.attribution.parameter_grid import middle
-from sim2real.attribution.travel_hysteresis import TravelHysteresis, travel_hysteresis
+from sim2real.attribution.friction_profile import FrictionProfile, fit_friction_profile
+from sim2real.attribution.parameter_grid import midrange
+from sim2real.attribution.travel_hysteresis import TravelHysteresis, fit_travel_hysteresis
 from sim2real.fitting import AxisModel, Coordinate, Term, coordinates
 from sim2real.gap import Measured
 
@@ -27,7 +27,7 @@ F64 = NDArray[np.float64]
 _OFTEN = 20.0
 """Samples in motion from which a place of a profile is shown."""
 _CENTERS, _WIDTHS, _WIDER = 25, 6, 2.0
-"""Bells that are held against a profile; and the widest, over what is plausible."""
+"""Bells compared with a profile: centers, widths, and the widest over what is plausible."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +36,7 @@ class FreeForm:
 
     Attributes:
         effect: of the library, of that kind.
-        share: of the force left in motion that it foretells.
+        share: of the residual force in motion that it predicts.
         starts: where the effect comes near.
     """
 
@@ -47,12 +47,12 @@ class FreeForm:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrictionOverPosition:
-    """Friction over position as it is, and as an effect of the library has it.
+    """Friction over position as measured, and as the named effect has it.
 
     Attributes:
         axis: name.
-        places: that were passed often enough, float64[N] [m].
-        heights: surplus there over the Coulomb force, in any shape, float64[N] (0.1 = 10 %).
+        places: passed often enough, float64[N] [m].
+        heights: excess over the Coulomb force there, in free form, float64[N] (0.1 = 10 %).
         named: the same of the effect that was named, float64[N].
     """
 
@@ -63,8 +63,8 @@ class FrictionOverPosition:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class InMotion:
-    """What is left in motion on one axis, beside what the models of the others explain.
+class FreeFormTest:
+    """Tests the residual force in motion of one axis for effects in free form.
 
     Attributes:
         name: of the axis.
@@ -80,22 +80,22 @@ class InMotion:
     def _axis(self) -> AxisSettings:
         return next(a for a in self.settings.axes if a.name == self.name)
 
-    def likeliest(self, library: Iterable[Effect]) -> FreeForm | None:
-        """The kind that takes most of what the machine file leaves; None where there is no kind."""
+    def most_likely(self, library: Iterable[Effect]) -> FreeForm | None:
+        """The kind that explains most of what the machine file leaves; None if the library has none."""
         axis = self._axis
         forms = []
         for effect in library:
             if is_profile(effect, axis):
-                profile = friction_profile(self.name, {}, self.measured, self.settings)
+                profile = fit_friction_profile(self.name, {}, self.measured, self.settings)
                 forms.append(FreeForm(effect, profile.share, tuple(_bells(effect, profile, axis))))
             elif is_hysteresis(effect, axis):
-                travel = travel_hysteresis(self.name, {}, self.measured, self.settings)
+                travel = fit_travel_hysteresis(self.name, {}, self.measured, self.settings)
                 if travel.force > 0.0:
                     forms.append(FreeForm(effect, travel.share, (_cable(effect, travel, axis),)))
         return max(forms, key=lambda form: form.share, default=None)
 
-    def seen(self, models: Mapping[str, AxisModel]) -> tuple[FrictionOverPosition, ...]:
-        """Friction over position beside all else that models hold, one per effect of that kind."""
+    def profiles(self, models: Mapping[str, AxisModel]) -> tuple[FrictionOverPosition, ...]:
+        """Friction over position beside everything else in the models, one per such effect."""
         axis = self._axis
         model = models[self.name]
         found = []
@@ -103,20 +103,20 @@ class InMotion:
             if not is_profile(term.effect, axis):
                 continue
             rest = {**models, self.name: model.without(index)}
-            profile = friction_profile(self.name, rest, self.measured, self.settings)
+            profile = fit_friction_profile(self.name, rest, self.measured, self.settings)
             often = profile.passed >= _OFTEN
             places = profile.places[often]
-            named = profile_of(term, axis, places)
+            named = relative_profile(term, axis, places)
             found.append(FrictionOverPosition(self.name, places, profile.heights[often], named))
         return tuple(found)
 
     def share(self, effect: Effect, models: Mapping[str, AxisModel]) -> float:
-        """Share of the force left by models that is of an effect's kind; 0 where it has no way."""
+        """Share of the residual force that an effect's kind explains; 0 without a free form."""
         axis = self._axis
         if is_profile(effect, axis):
-            return friction_profile(self.name, models, self.measured, self.settings).share
+            return fit_friction_profile(self.name, models, self.measured, self.settings).share
         if is_hysteresis(effect, axis):
-            travel = travel_hysteresis(self.name, models, self.measured, self.settings)
+            travel = fit_travel_hysteresis(self.name, models, self.measured, self.settings)
             return travel.share if travel.force > 0.0 else 0.0
         return 0.0
 
@@ -127,12 +127,12 @@ def is_profile(effect: Effect, axis: AxisSettings) -> bool:
 
 
 def is_hysteresis(effect: Effect, axis: AxisSettings) -> bool:
-    """Whether an effect is an element that goes along and slides."""
+    """Whether an effect is a spring that slides at its force."""
     return bool(_typical(effect, axis).hysteresis)
 
 
-def profile_of(term: Term, axis: AxisSettings, places: F64) -> F64:
-    """Surplus over the Coulomb force that a term makes at places, float64[N] (0.1 = 10 %)."""
+def relative_profile(term: Term, axis: AxisSettings, places: F64) -> F64:
+    """Excess over the Coulomb force that a term makes at places, float64[N] (0.1 = 10 %)."""
     ports = EffectPorts(axis, 1e-3, 1.0)
     term.effect.apply(ports, term.mapping())
     if ports.position_coulomb is None:
@@ -141,8 +141,8 @@ def profile_of(term: Term, axis: AxisSettings, places: F64) -> F64:
 
 
 def _typical(effect: Effect, axis: AxisSettings) -> EffectPorts:
-    """Ports with an effect of plausible values."""
-    values = {p.key: middle(p, axis) for p in effect.parameters}
+    """Ports with an effect of typical values."""
+    values = {p.key: midrange(p, axis) for p in effect.parameters}
     ports = EffectPorts(axis, 1e-3, 1.0)
     effect.apply(ports, values)
     return ports
@@ -153,13 +153,13 @@ def _by_role(effect: Effect, axis: AxisSettings) -> dict[str, Coordinate]:
 
 
 def _term(effect: Effect, axis: AxisSettings, values: Mapping[str, float]) -> Term:
-    """An effect by values for each role, inside the limits."""
+    """An effect by values for each role, within the limits."""
     entries = coordinates(effect, axis)
     return Term(effect, tuple(e.clipped(values[e.parameter.role]) for e in entries))
 
 
 def _bells(effect: Effect, profile: FrictionProfile, axis: AxisSettings) -> list[Term]:
-    """Where an effect comes nearest to a profile: as a surplus, and as a lack."""
+    """Where an effect comes nearest to a profile: as a surplus and as a deficit."""
     entries = _by_role(effect, axis)
     least, most = entries["size"].parameter.ranges(axis)[0]
     narrow, wide = entries["shape"].parameter.ranges(axis)[0]
@@ -168,7 +168,7 @@ def _bells(effect: Effect, profile: FrictionProfile, axis: AxisSettings) -> list
     for center in np.linspace(profile.places[0], profile.places[-1], _CENTERS):
         for width in np.geomspace(narrow, _WIDER * wide, _WIDTHS):
             values = {"size": typical, "place": float(center), "shape": float(width)}
-            bell = profile_of(_term(effect, axis, values), axis, profile.places)
+            bell = relative_profile(_term(effect, axis, values), axis, profile.places)
             along = float(profile.passed @ (bell * profile.heights))
             square = float(profile.passed @ bell**2)
             if square > 0.0 and along**2 / square > best.get(along > 0.0, (0.0,))[0]:
@@ -178,5 +178,5 @@ def _bells(effect: Effect, profile: FrictionProfile, axis: AxisSettings) -> list
 
 
 def _cable(effect: Effect, travel: TravelHysteresis, axis: AxisSettings) -> Term:
-    """The one element that stands for all."""
+    """The single element that is equivalent to all."""
     return _term(effect, axis, {"size": travel.force, "shape": travel.stiffness})

@@ -1,8 +1,8 @@
-"""Whether the force that a model leaves in motion is friction that differs from place to place.
+"""Whether the residual force in motion is friction that varies over position.
 
-Any profile will do, linear between nodes: what it leaves has the sign of the velocity, other than
-what any force over position does. Sliding friction follows another level at its relaxation rate
-(C/Fc): at speed a profile is felt late, and its short waves hardly.
+Any profile will do, linear between nodes: unlike a force over position, it has the sign of the
+velocity. Sliding friction follows its level at the relaxation rate (C/Fc): at speed a profile is
+felt late, and its short waves hardly at all.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from hil_sim.settings import StageSettings
-from sim2real.attribution.residual_force import told
+from sim2real.attribution.residual_force import explain_residual_force
 from sim2real.fitting import AxisModel
 from sim2real.gap import Measured
 
@@ -25,7 +25,7 @@ F64 = NDArray[np.float64]
 _SLIDING = 1e-4
 """Demanded velocity from which friction relaxes [m/s]."""
 _PITCH = 2e-3
-"""Of the nodes [m]."""
+"""Distance of the nodes [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,10 +33,11 @@ class FrictionProfile:
     """Friction over position.
 
     Attributes:
-        share: of the force left in motion that it foretells (`sim2real.left_in_motion`).
-        places: of its nodes, float64[N] [m].
-        heights: there, surplus over the machine file's Coulomb force (0.1 = 10 %), float64[N].
-        passed: samples that tell of each node, float64[N].
+        share: of the residual force in motion that it predicts
+            (`sim2real.attribution.residual_force`).
+        places: of its N nodes, float64[N] [m].
+        heights: excess over the machine file's Coulomb force there (0.1 = 10 %), float64[N].
+        passed: weight of the samples at each node, float64[N].
     """
 
     share: float
@@ -45,44 +46,46 @@ class FrictionProfile:
     passed: F64
 
 
-def friction_profile(
+def fit_friction_profile(
     name: str,
     models: Mapping[str, AxisModel],
     measured: Sequence[Measured],
     settings: StageSettings,
 ) -> FrictionProfile:
-    """Fit a friction profile to what a model leaves; arguments as `left_in_motion.told`."""
+    """Fit a friction profile to what a model leaves; arguments as `explain_residual_force`."""
     friction = next(a for a in settings.axes if a.name == name).friction
     nodes = _nodes(name, measured)
     rate = friction.attraction / friction.coulomb
 
     def felt(position: F64, speed: F64, step: float) -> F64:
-        return np.sign(speed)[:, None] * _felt(position, speed, nodes, math.exp(-rate * step))
+        return np.sign(speed)[:, None] * _lagged_hats(
+            position, speed, nodes, math.exp(-rate * step)
+        )
 
-    found = told(name, models, measured, settings, felt)
+    found = explain_residual_force(name, models, measured, settings, felt)
     heights = (found.level + found.weights) / friction.coulomb
     return FrictionProfile(found.share, nodes, heights, found.passed)
 
 
 def _nodes(name: str, measured: Sequence[Measured]) -> F64:
-    """Places between which a profile is linear, over all that was travelled [m]."""
+    """Nodes of the profile over the whole travel, float64[N] [m]."""
     travelled = [m.replay.recording.axes[name].position_actual for m in measured]
     low = min(float(each.min()) for each in travelled)
     high = max(float(each.max()) for each in travelled)
     return np.linspace(low, high, max(2, round((high - low) / _PITCH) + 1))
 
 
-def _felt(position: F64, speed: F64, nodes: F64, kept: float) -> F64:
-    """What friction feels of each node: its hat, as late as sliding friction follows.
+def _lagged_hats(position: F64, speed: F64, nodes: F64, kept: float) -> F64:
+    """Hat functions of the nodes, delayed as sliding friction follows its level.
 
     Args:
         position: float64[T] [m].
         speed: demanded, float64[T] [m/s].
         nodes: float64[N], evenly spaced [m].
-        kept: share of the sample before, while it slides.
+        kept: share of the previous sample while sliding.
 
     Returns:
-        float64[T, N]; at rest not late.
+        float64[T, N]; not delayed at rest.
     """
     place = np.clip((position - nodes[0]) / (nodes[1] - nodes[0]), 0.0, len(nodes) - 1.001)
     index = place.astype(np.int64)

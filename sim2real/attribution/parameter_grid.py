@@ -1,4 +1,4 @@
-"""Where an effect's parameters are tried: over what is plausible, on the travel, at the peaks."""
+"""The grid on which an effect's parameters are tried: plausible ranges, travel, spectral peaks."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from hil_sim.settings import AxisSettings
 from sim2real.tracking import Track, Tracker
 
 _FINE, _COARSE = 48, 6
-"""Values over a plausible range: where a signature is cheap, and where each takes a run."""
+"""Values over a plausible range: where a signature is cheap, and where each takes a simulation."""
 _PLACES, _FEW_PLACES = 24, 3
 """Places on the travel, likewise."""
 _PEAKS = 4
 """Frequencies of a vibration that are tried: the highest peaks of the innovations' spectrum."""
 _BEYOND = 0.8
-"""Values begin at this share of what is plausible, and end as far beyond it."""
+"""Values begin at this share of the plausible range's end, and end as far beyond the other."""
 
 
 class Grid:
@@ -29,7 +29,7 @@ class Grid:
     Args:
         axis: of the machine file.
         trackers: of its recordings.
-        tracks: what they found.
+        tracks: their results.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class Grid:
         yield from itertools.product(*grids)
 
     def _grid(self, effect: Effect, parameter: Parameter, cheap: bool, formed: int) -> list[float]:
-        """Values to try; `formed` parameters of place or shape came before."""
+        """Values of one parameter; `formed` parameters of place or shape came before it."""
         axis = self._axis
         if parameter.role == "phase":
             return [0.0]
@@ -71,14 +71,14 @@ class Grid:
         else:
             count = _FINE if cheap else _COARSE
         if count == 1:
-            return [middle(parameter, axis)]
+            return [midrange(parameter, axis)]
         if parameter.log:
             return list(np.geomspace(_BEYOND * low, high / _BEYOND, count))
         return list(np.linspace(low, high, count))
 
     def _periodic_in_time(self, effect: Effect) -> bool:
         ports = EffectPorts(self._axis, 1e-3, 1.0)
-        values = {p.key: middle(p, self._axis) for p in effect.parameters}
+        values = {p.key: midrange(p, self._axis) for p in effect.parameters}
         effect.apply(ports, values)
         return bool(ports.harmonics)
 
@@ -100,14 +100,14 @@ class Grid:
         return found
 
 
-def middle(parameter: Parameter, axis: AxisSettings) -> float:
-    """In the middle of what is plausible."""
+def midrange(parameter: Parameter, axis: AxisSettings) -> float:
+    """The middle of a parameter's plausible range."""
     low, high = parameter.ranges(axis)[-1]
     return math.sqrt(low * high) if parameter.log else 0.5 * (low + high)
 
 
 def _sizes(parameter: Parameter, axis: AxisSettings, several: bool) -> list[float]:
-    """Typical sizes: in the middle of each plausible side of the neutral value, or several."""
+    """Typical sizes: one in the middle of each plausible side of the neutral value, or several."""
     neutral = parameter.neutral_on(axis)
     found: list[float] = []
     for low, high in parameter.ranges(axis):

@@ -1,8 +1,8 @@
-"""Where to start fitting an effect: its parameters tried over what is plausible, to first order.
+"""Where to start fitting an effect: its parameters scanned over plausible ranges, to first order.
 
 Each node of a grid over place, pitch, frequency, time constant and the like gives a signature; its
 size (and phase) follow by least squares beside the base parameters. Cheap signatures come from the
-error equations (`sim2real.signature`), the others from one tracked run each.
+error equations (`sim2real.attribution.signature`), the others from one tracked run each.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
-from sim2real.attribution.parameter_grid import Grid, middle
-from sim2real.attribution.signature import inputs, response
+from sim2real.attribution.parameter_grid import Grid, midrange
+from sim2real.attribution.signature import effect_inputs, first_order_signature
 from sim2real.fitting import AxisModel, AxisProblem, Term
 
 F64 = NDArray[np.float64]
@@ -24,15 +24,15 @@ F64 = NDArray[np.float64]
 _SIMULATED_NODES = 3
 """Nodes with a cheap signature that are simulated in the end."""
 _SHIFT = 0.05
-"""Distance to a second place, between which a place that only shifts an effect is found [m]."""
+"""Distance to a second place; a place that merely shifts an effect is found between the two [m]."""
 _APART, _NEARLY = 1.2, 0.6
-"""Shapes of one effect this far apart are different starts, as far as the second one's gain is this
-share of the first one's: a wave and its harmonic."""
-_STIFF = 5.0
-"""Base parameters are held so many times tighter than tolerance says: a fit keeps them in bounds,
-which first order does not know."""
+"""Shapes of an effect whose ratio exceeds the first are different starts, if the second one's
+gain is this share of the first one's: a wave and its harmonic."""
+_PRIOR_STIFFNESS = 5.0
+"""Factor by which base parameters are held tighter than their tolerance: a fit keeps them in
+bounds, which first order does not know."""
 _WIDEST = 3.0
-"""Sizes are sought up to so many times the node's."""
+"""Sizes are sought up to this many times the node's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,25 +42,25 @@ class Start:
     Attributes:
         term: with the best parameters found.
         gain: cost that it would save, to first order.
-        signature: its weighted share in the residual, beside the base parameters,
-            float64[R + B]: their prior's rows stand below.
+        signature: its weighted part of the residual that the base parameters cannot take up,
+            float64[R + B]: the rows of their prior stand below.
         node: of the grid that it came from.
-        followed: whether the gain is of the filter's wander, not of its innovations.
+        from_wander: whether the gain is in the filter's wander, not in its innovations.
     """
 
     term: Term
     gain: float
     signature: F64
     node: tuple[float, ...]
-    followed: bool = False
+    from_wander: bool = False
 
 
 class Scanner:
-    """Scans effects on an axis under a model that has been fitted.
+    """Scans effects on an axis beside a model that has been fitted.
 
     Args:
         problem: the axis.
-        model: what is there already.
+        model: fitted so far.
         residual: under it, weighted deviations float64[R].
         base_columns: derivatives by the base parameters, float64[R, B].
         weights: of the deviations, float64[R].
@@ -87,11 +87,11 @@ class Scanner:
         self._accelerations = [np.gradient(t.v, period) for t in self._tracks]
         nuisance = [base_columns * self._root[:, None]]
         fewer = [model.without(term) for term in range(len(model.terms))]
-        for without in problem.all_attempted(fewer):
+        for without in problem.residuals_or_worst(fewer):
             nuisance.append(((without - residual) * self._root)[:, None])
         # The prior of the base parameters stands beside the data as rows of its own.
         # Stiffer than it is: else a mass 5 % off would be taken for a base parameter's.
-        self._rows = np.diag(_STIFF / problem.spread)
+        self._rows = np.diag(_PRIOR_STIFFNESS / problem.spread)
         beside = np.vstack(
             [
                 np.hstack(nuisance),
@@ -99,7 +99,9 @@ class Scanner:
             ]
         )
         self._basis = np.linalg.qr(beside)[0]
-        target = np.concatenate((residual * self._root, _STIFF * model.base / problem.spread))
+        target = np.concatenate(
+            (residual * self._root, _PRIOR_STIFFNESS * model.base / problem.spread)
+        )
         self._target = self._free(target)
 
     def best(
@@ -107,13 +109,13 @@ class Scanner:
     ) -> list[Start]:
         """The most promising parameters of an effect; none where it changes nothing.
 
-        Besides, what the filter's wander says of it.
+        What the filter's wander says of it is added.
 
         Args:
             effect: to be scanned.
-            count: starts given back, at most.
-            nodes: parameters to start from, each of which is given back that saves something;
-                None takes a grid over what is plausible.
+            count: starts returned, at most.
+            nodes: parameters to start from; each that saves anything is returned. None takes a
+                grid over the plausible ranges.
         """
         given = nodes is not None
         cheap = self._cheap(effect)
@@ -135,14 +137,14 @@ class Scanner:
         found.sort(key=lambda start: -start.gain)
         if given:
             return found
-        kept = _distinct(found, effect)[:count]
-        return kept + [start for start in found if start.followed and start not in kept]
+        kept = _distinct_starts(found, effect)[:count]
+        return kept + [start for start in found if start.from_wander and start not in kept]
 
     def _followed(self, effect: Effect) -> Start | None:
-        """What the wander that the filter found says of an effect that scales Coulomb friction.
+        """What the filter's wander says of an effect that scales Coulomb friction.
 
-        The innovations are silent there: the filter follows. But a wander that has the effect's
-        course is less likely than the effect, by the machine file's `repeatability`.
+        The innovations say nothing of it, because the filter follows. But a wander that has the
+        effect's course is less likely than the effect, by the machine file's `repeatability`.
         """
         friction = self._problem.axis.friction
         if friction.wander <= 0.0:
@@ -154,7 +156,7 @@ class Scanner:
                 self._problem.trackers, self._tracks, self._accelerations, strict=True
             ):
                 term = Term(effect, values)
-                course = inputs(self._axis, term, track, tracker.time, acceleration)
+                course = effect_inputs(self._axis, term, track, tracker.time, acceleration)
                 if course is None or course.level is None or course.force is not None:
                     return None
                 along += float(course.level @ track.level)
@@ -173,12 +175,12 @@ class Scanner:
         return Start(term, energy / (apart * friction.wander**2), column, values, True)
 
     def _proven(self, start: Start) -> list[Start]:
-        """The start with the gain that it really has, where it has one."""
+        """The start with its actual gain, if it has any."""
         gain = self._gains([start.term])[0]
         return [replace(start, gain=gain)] if gain is not None and gain > 0.0 else []
 
     def _actual(self, starts: Sequence[Start]) -> list[Start]:
-        """With the gains that the node or the size sought from it really has, whichever is more."""
+        """The starts with the actual gain of their node or their fitted size, whichever is larger."""
         tried = [t for s in starts for t in (s.term, Term(s.term.effect, s.node))]
         gains = self._gains(tried)
         best = []
@@ -195,17 +197,17 @@ class Scanner:
         return best
 
     def _gains(self, terms: Sequence[Term]) -> list[float | None]:
-        """What each term really saves beside the model; None where it cannot be."""
+        """Actual reduction of the cost by each term; None where physics does not allow it."""
         self._simulated([term for term in terms if _key(term) not in self._saved])
         return [self._saved[_key(term)] for term in terms]
 
     def _beside(self, signatures: Sequence[F64]) -> F64:
-        """What base parameters and present effects leave of them, weighted, float64[R + B, n]."""
+        """What base parameters and present effects leave of signatures, float64[R + B, n]."""
         plain = np.column_stack([signature * self._root for signature in signatures])
         return self._free(np.vstack([plain, np.zeros((len(self._rows), plain.shape[1]))]))
 
     def _free(self, columns: F64) -> F64:
-        """Without what base parameters and present effects can take up."""
+        """The columns without what base parameters and present effects can explain."""
         return columns - self._basis @ (self._basis.T @ columns)
 
     def _tried(
@@ -216,14 +218,14 @@ class Scanner:
     ) -> list[Start]:
         """Starts from nodes that change something; sizes, phases and shifts by least squares."""
         phase = next((i for i, p in enumerate(effect.parameters) if p.role == "phase"), None)
-        place = _offset(effect)
+        place = _shift_only_place(effect)
         sets = []
         for values in nodes:
             sets.append(values)
             if phase is not None:
-                sets.append(_changed(values, phase, values[phase] + 0.5 * math.pi))
+                sets.append(_with_value(values, phase, values[phase] + 0.5 * math.pi))
             elif place is not None:
-                sets.append(_changed(values, place, values[place] + _SHIFT))
+                sets.append(_with_value(values, place, values[place] + _SHIFT))
         raw = signatures([Term(effect, v) for v in sets])
         each = len(sets) // max(len(nodes), 1)
         found = []
@@ -241,7 +243,7 @@ class Scanner:
         phase: int | None,
         place: int | None,
     ) -> Start | None:
-        """Where to start from a node, by its signature and that of its other phase or place."""
+        """The start of a node, by its signature and that of its other phase or place."""
         free = self._beside(signatures)
         normal = free.T @ free
         if not np.isfinite(normal).all() or float(np.trace(normal)) < 1e-6:
@@ -252,12 +254,12 @@ class Scanner:
         if phase is not None:
             size = float(np.hypot(*amount))
             turned = values[phase] + math.atan2(float(amount[1]), float(amount[0]))
-            values = _changed(values, phase, turned % (2.0 * math.pi))
+            values = _with_value(values, phase, turned % (2.0 * math.pi))
             column = free @ (amount / (size + 1e-300))
         elif place is not None:
             size = float(amount.sum())
             share = float(amount[1]) / (size + 1e-300)
-            values = _changed(values, place, values[place] + _SHIFT * share)
+            values = _with_value(values, place, values[place] + _SHIFT * share)
             column = free @ np.array([1.0 - share, share])
         else:
             size = float(amount[0])
@@ -270,7 +272,7 @@ class Scanner:
         return Start(term, gain, size * column, values)
 
     def _scaled(self, effect: Effect, values: tuple[float, ...], size: float) -> tuple[float, ...]:
-        """The node's values with the effect so many times as strong."""
+        """The node's values with the effect this many times as strong."""
         scaled = list(values)
         for i, parameter in enumerate(effect.parameters):
             neutral = parameter.neutral_on(self._problem.axis)
@@ -293,10 +295,10 @@ class Scanner:
                 self._problem.trackers, self._tracks, self._problem.gains, self._accelerations,
                 self._problem.masks, strict=True,
             ):  # fmt: skip
-                there = inputs(self._axis, term, track, tracker.time, acceleration)
+                there = effect_inputs(self._axis, term, track, tracker.time, acceleration)
                 if there is None:
                     break
-                parts.append(-response(there, gains)[mask])
+                parts.append(-first_order_signature(there, gains)[mask])
                 forces.append(np.zeros(int(mask.sum())))
             whole = len(parts) == len(self._tracks)
             found.append(np.concatenate((*parts, *forces)) if whole else self._simulated([term])[0])
@@ -312,9 +314,9 @@ class Scanner:
         return [None if residual is None else residual - self._residual for residual in residuals]
 
     def _cheap(self, effect: Effect) -> bool:
-        values = tuple(middle(p, self._problem.axis) for p in effect.parameters)
+        values = tuple(midrange(p, self._problem.axis) for p in effect.parameters)
         return (
-            inputs(
+            effect_inputs(
                 self._axis, Term(effect, values), self._tracks[0],
                 self._problem.trackers[0].time, self._accelerations[0],
             )
@@ -326,8 +328,8 @@ def _key(term: Term) -> tuple[str, tuple[float, ...]]:
     return term.name, term.values
 
 
-def _distinct(found: list[Start], effect: Effect) -> list[Start]:
-    """The best start, and the next one of quite another shape that promises nearly as much."""
+def _distinct_starts(found: list[Start], effect: Effect) -> list[Start]:
+    """The best start, and the next with a clearly different shape and nearly as much gain."""
     kept = found[:1]
     for start in found[1:]:
         ratios = [
@@ -343,13 +345,13 @@ def _distinct(found: list[Start], effect: Effect) -> list[Start]:
     return kept[:2]
 
 
-def _offset(effect: Effect) -> int | None:
-    """Index of a place that only shifts the effect: where nothing else gives it a shape."""
+def _shift_only_place(effect: Effect) -> int | None:
+    """Index of a place that merely shifts the effect, because nothing else gives it a shape."""
     roles = [p.role for p in effect.parameters]
     if "shape" in roles or "phase" in roles or "place" not in roles:
         return None
     return roles.index("place")
 
 
-def _changed(values: tuple[float, ...], index: int, value: float) -> tuple[float, ...]:
+def _with_value(values: tuple[float, ...], index: int, value: float) -> tuple[float, ...]:
     return (*values[:index], value, *values[index + 1 :])

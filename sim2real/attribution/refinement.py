@@ -1,4 +1,4 @@
-"""Sets of effects that come near one another, fitted to the end side by side."""
+"""Alternatives with similar scores, refined until it is clear which is best."""
 
 from __future__ import annotations
 
@@ -7,71 +7,78 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sim2real.attribution.alternatives import Book, Rival
+from sim2real.attribution.alternatives import Alternative, Ranking
 from sim2real.fitting import AxisModel, AxisProblem, Fitted, fit
 
 F64 = NDArray[np.float64]
 
 LEAST_GAIN = 100.0
 """Score that an effect must save: nominal stages show accidental ones of 12."""
-_ROUNDS, _ITERATIONS, _NARROWER = 5, 4, 0.9
-"""Fits that a set of effects may take that is fitted to the end, iterations of each; what counts as
-an outlier must not have come down below this share of what it was, or another one follows."""
-_LITTLE = 0.01
-"""Share of what the best of them leaves beside noise that another fit has to gain."""
-_CONTENDERS, _CONTEST, _CONTEST_SHARE = 4, 1000.0, 0.1
-"""Sets that are fitted to the end, and the score (or its share, or all that the best of them leaves
-beside noise) within which they contend."""
+_ROUNDS, _ITERATIONS, _OUTLIER_SHRINKAGE = 5, 4, 0.9
+"""Fits that an alternative may take until it has converged, iterations of each, and the share of
+its former value below which the outlier limit must not have fallen, or another fit follows."""
+_LEAST_PROGRESS = 0.01
+"""Share of what the best leaves beyond noise that another fit has to gain."""
+_CONTENDERS, _CLOSE, _CLOSE_SHARE = 4, 1000.0, 0.1
+"""Alternatives that are refined, and the score (or share of it, or all that the best leaves beyond
+noise) within which they are considered close."""
 
 
-def side_by_side(
+def fit_alternatives(
     problem: AxisProblem,
-    book: Book,
+    ranking: Ranking,
     models: Sequence[AxisModel],
     iterations: int,
     columns: F64 | None = None,
-) -> list[Rival]:
-    """Models fitted side by side, with the same derivatives by the base parameters if given."""
+) -> list[Alternative]:
+    """Fit several models at once, with common derivatives by the base parameters if given."""
 
     def one(model: AxisModel) -> Fitted:
         return fit(problem, model, iterations, columns, thorough=False)
 
-    return [book.entered(found) for found in problem.workers.map(one, models)]
+    return [ranking.enter(found) for found in problem.workers.map(one, models)]
 
 
-def contended(problem: AxisProblem, book: Book, trials: Sequence[Rival]) -> Rival:
-    """The best of the trials, after those that come near it were fitted to the end as well.
+def refine_contenders(
+    problem: AxisProblem, ranking: Ranking, trials: Sequence[Alternative]
+) -> Alternative:
+    """The best of the trials, after all that come close have been fitted to convergence.
 
-    First fits stop early, by the gains of a model without the effect: what is the better name is
-    not yet told.
+    First fits stop early, with the gains of a model without the effect: they do not yet tell
+    which name is better.
     """
-    book.regained(min(trials, key=book.score).model)
+    ranking.reweigh(min(trials, key=ranking.score).model)
     names = {tuple(sorted(trial.model.names())) for trial in trials}
 
-    def ranked() -> list[Rival]:
-        return sorted((book.best(each) for each in names), key=book.score)
+    def ranked() -> list[Alternative]:
+        return sorted((ranking.best(each) for each in names), key=ranking.score)
 
     for _ in range(_ROUNDS):
         order = ranked()[:_CONTENDERS]
-        before, wide = book.score(order[0]), problem.outlier
-        left = max(before - problem.expected(), 0.0)
-        last = before + max(_CONTEST, _CONTEST_SHARE * before, left)
+        before, wide = ranking.score(order[0]), problem.outlier
+        left = max(before - problem.expected_cost(), 0.0)
+        last = before + max(_CLOSE, _CLOSE_SHARE * before, left)
         # And those that would come near if they went on falling as they did in the end.
-        near = [r for r in order if book.score(r) - _ITERATIONS * r.fitted.falling <= last]
-        starts = [_lent(problem, book, rival, near[0]).model for rival in near]
+        near = [r for r in order if ranking.score(r) - _ITERATIONS * r.fitted.last_gain <= last]
+        starts = [_share_figures(problem, ranking, rival, near[0]).model for rival in near]
         # Beside one effect or another the base parameters do much the same.
         columns = problem.base_columns(near[0].model, near[0].fitted.residual)
-        side_by_side(problem, book, starts, _ITERATIONS, columns)
+        fit_alternatives(problem, ranking, starts, _ITERATIONS, columns)
         best = ranked()[0]
-        gained = before - book.score(best)
+        gained = before - ranking.score(best)
         problem.rescale(best.fitted.residual)
-        if gained < max(LEAST_GAIN, _LITTLE * left) and problem.outlier > _NARROWER * wide:
+        if (
+            gained < max(LEAST_GAIN, _LEAST_PROGRESS * left)
+            and problem.outlier > _OUTLIER_SHRINKAGE * wide
+        ):
             break
     return best
 
 
-def _lent(problem: AxisProblem, book: Book, rival: Rival, best: Rival) -> Rival:
-    """The rival, or with the best one's figures for all that they share, whichever does better.
+def _share_figures(
+    problem: AxisProblem, ranking: Ranking, rival: Alternative, best: Alternative
+) -> Alternative:
+    """The alternative, or the same with the best one's values for what they share, if better.
 
     Fits of different names stop at different figures of the same plant.
     """
@@ -80,6 +87,6 @@ def _lent(problem: AxisProblem, book: Book, rival: Rival, best: Rival) -> Rival:
     shared = {term.name: term for term in best.model.terms}
     terms = tuple(shared.get(term.name, term) for term in rival.model.terms)
     model = AxisModel(best.model.base, terms)
-    residual = problem.attempted(model)
-    book.entered(Fitted(model, problem.cost(model, residual), residual, None))
-    return book.best(rival.model.names())
+    residual = problem.residual_or_worst(model)
+    ranking.enter(Fitted(model, problem.cost(model, residual), residual, None))
+    return ranking.best(rival.model.names())

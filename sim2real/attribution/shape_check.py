@@ -1,9 +1,9 @@
-"""Whether an effect departs from its equation: the same one once more, beside itself.
+"""Whether an effect departs from its equation: the same effect fitted once more, beside itself.
 
-A real effect of a family need not have the library's shape: cogging has harmonics, a worn spot is
-no bell, a warm-up has two time constants, a cable two strands. What such an effect leaves over is
-best taken up by its own kind again; what a stranger leaves over, on whose place the nearest effect
-was put, is not.
+A real effect of a family need not have the library's shape: cogging has harmonics, a worn spot
+is not a bell, a warm-up has two time constants, a cable two strands. What such an effect leaves
+is best explained by its own kind again; what an unlisted effect leaves, in whose place the
+nearest effect was put, is not.
 """
 
 from __future__ import annotations
@@ -26,32 +26,32 @@ from sim2real.fitting import (
     Term,
     coordinates,
     fit,
-    is_course,
-    is_level,
+    is_coulomb_drift,
+    is_coulomb_level,
 )
-from sim2real.shrinkage import SIGNALS
+from sim2real.shrinkage import FLOOR_LEVEL
 
 F64 = NDArray[np.float64]
 
 _HARMONICS, _FUNDAMENTAL = (2.0, 3.0), 0.5
-"""Harmonics that are tried of what is periodic; and what was found may be the second itself."""
+"""Harmonics tried for a periodic effect; its fundamental, in case the second was found."""
 
 _LEAST_GAIN, _MOST = 100.0, 0.5
-"""Cost that a repeat must save, and the share of what is left (of the closed-loop gap, too), for an
-effect to depart."""
+"""Cost that a repeat must save, and the share of what is left (also of the free-run gap), for an
+effect to depart from its equation."""
 _COURSE = 15.0
-"""The same for a course of the Coulomb level over time, which a filter follows and friction's
-wander hides: true ones save up to 9 if the gap does not open."""
-_CLOSED = 3.0 * SIGNALS
-"""Squared closed-loop gap over floor of an axis that asks for nothing more."""
+"""The same for a Coulomb level that changes with time, which the filter follows and friction's
+wander hides: true ones save up to 9 if the gap does not widen."""
+_CLOSED = 3.0 * FLOOR_LEVEL
+"""Squared closed-loop gap over floor of an axis that needs nothing more."""
 _AGAINST = 1.5
-"""How much more of the machine file's own gap is open where one of a pair is left out, for the pair
-to be one profile."""
+"""How much wider than the machine file's own gap it must be without one of a pair, for the pair
+to be a single profile."""
 _TRIES, _NEAR = 60, 0.02
-"""Closed loops that a search for the nearest effect may take, and where it may end: logarithm of
-the gap, and coordinates."""
+"""Simulations that the search for the nearest effect may take, and its tolerance: in the
+logarithm of the gap, and in coordinates."""
 _FIRST, _LEAST_FIRST = 0.1, 0.05
-"""Its first steps, of each coordinate, and the least of them."""
+"""Its first steps, relative to each coordinate, and the least of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,12 +60,12 @@ class Repeat:
 
     Attributes:
         gain: cost that the repeat saves.
-        share: of the force left in motion that its kind takes in any shape
-            (`sim2real.free_form`); 0 where no such thing is known of it.
-        excess: cost beyond what noise would have, before.
+        share: of the residual force in motion that its kind explains in any shape
+            (`sim2real.attribution.free_form`); 0 where that is not known.
+        excess: cost beyond that of noise, before.
         gap, before: squared closed-loop gap over floor with it and without.
         model: with it.
-        course: whether the effect is a course of the Coulomb level over time.
+        course: whether the effect is a Coulomb level that changes with time.
     """
 
     gain: float
@@ -77,7 +77,7 @@ class Repeat:
     course: bool = False
 
     def alone(self, name: str) -> list[AxisModel]:
-        """Each effect of a name in the model with it, by itself."""
+        """Each effect of a name in the model with the repeat, by itself."""
         each = [replace(self.model, terms=(t,)) for t in self.model.terms]
         return [model for model in each if model.names() == (name,)]
 
@@ -93,7 +93,7 @@ class Repeat:
 
     @property
     def departs(self) -> bool:
-        """Whether the repeat takes up most of what is left, which is more than chance."""
+        """Whether the repeat takes up most of what is left, beyond chance."""
         if self.is_free:
             return True
         if self.course and self.gain > _COURSE and self.gap < self.before:
@@ -101,21 +101,21 @@ class Repeat:
         return self.closes and self.gain > max(_LEAST_GAIN, _MOST * self.excess)
 
 
-def repeats(
+def fit_repeats(
     problem: AxisProblem,
     model: AxisModel,
     library: Mapping[str, Effect],
     loop: Callable[[AxisModel], float],
     share: Callable[[Effect, AxisModel], float],
 ) -> dict[str, Repeat]:
-    """Each effect found, fitted once more beside all of them; effects without a shape left out.
+    """Fit each effect found once more beside all of them; effects without a shape are left out.
 
     Args:
         problem: the axis.
         model: with the effects found.
         library: effects by name.
         loop: squared closed-loop gap of the axis under a model.
-        share: of what a model leaves in motion, what an effect's kind takes in any shape.
+        share: of what a model leaves in motion, explained by an effect's kind in any shape.
     """
     found = fit(problem, model, 1, thorough=False)
     problem.rescale(found.residual)
@@ -126,11 +126,11 @@ def repeats(
     )
     out = {}
     for index, term in enumerate(model.terms):
-        if term.effect.group == "dynamics" or not _shaped(term.effect):
+        if term.effect.group == "dynamics" or not _has_shape(term.effect):
             continue
-        starts = _again(found.model, index, scanner, library[term.name], problem.axis)
-        if _is_periodic(term.effect) and not problem.nearly_white(found.residual):
-            starts += _anew(problem, found.model, index, library[term.name])
+        starts = _repeat_starts(found.model, index, scanner, library[term.name], problem.axis)
+        if _is_periodic(term.effect) and not problem.is_nearly_white(found.residual):
+            starts += _harmonic_starts(problem, found.model, index, library[term.name])
         trials = problem.workers.map(
             lambda start: fit(problem, start, 10, columns, thorough=False), starts
         )
@@ -140,81 +140,82 @@ def repeats(
         repeat = Repeat(
             found.cost - best.cost,
             share(term.effect, found.model),
-            found.cost - problem.expected(),
+            found.cost - problem.expected_cost(),
             loop(best.model),
             loop(found.model),
             best.model,
-            is_course(term, problem.axis),
+            is_coulomb_drift(term, problem.axis),
         )
         out[term.name] = repeat
         if repeat.closes and repeat.gain > _LEAST_GAIN and not repeat.departs:
-            out[term.name] = _farther(problem, repeat, found, best, loop)
+            out[term.name] = _fit_further(problem, repeat, found, best, loop)
     return out
 
 
-def _farther(
+def _fit_further(
     problem: AxisProblem,
     repeat: Repeat,
     found: Fitted,
     best: Fitted,
     loop: Callable[[AxisModel], float],
 ) -> Repeat:
-    """A repeat that closes enough and saves too little, fitted on from where it is.
+    """A repeat that closes enough and saves too little, fitted further.
 
-    The derivatives by the base parameters were those of the single effect, and so was the size
+    The derivatives by the base parameters were those of the single effect, and so was the limit
     from which deviations count as outliers.
     """
     wide = problem.outlier
     problem.rescale(best.residual)
     again = fit(problem, best.model, 10, thorough=False)
     before = problem.recosted(found).cost
-    gain, excess = before - again.cost, before - problem.expected()
+    gain, excess = before - again.cost, before - problem.expected_cost()
     problem.outlier = wide
     return replace(repeat, gain=gain, excess=excess, gap=loop(again.model), model=again.model)
 
 
-def in_free_form(
+def free_form_repeat(
     model: AxisModel, shares: tuple[float, float], gaps: tuple[float, float]
 ) -> Repeat:
-    """An effect in a shape of its own: what that would close, and what the nearest one leaves.
+    """An effect in free form: what that would close, and what the library's nearest leaves.
 
     Args:
-        model: with the effect of the library that comes nearest.
-        shares: of the force that is left in motion, what its kind takes in any shape: by the
-            machine file, and by this model.
+        model: with the nearest effect of the library.
+        shares: of the residual force in motion that its kind explains in any shape: by the machine
+            file, and by this model.
         gaps: squared closed-loop gap over floor of either.
     """
     closed = min(
-        SIGNALS + (gap - SIGNALS) * (1.0 - share) for gap, share in zip(gaps, shares, strict=True)
+        FLOOR_LEVEL + (gap - FLOOR_LEVEL) * (1.0 - share)
+        for gap, share in zip(gaps, shares, strict=True)
     )
-    return Repeat(0.0, max(shares), 0.0, max(closed, SIGNALS), gaps[1], model)
+    return Repeat(0.0, max(shares), 0.0, max(closed, FLOOR_LEVEL), gaps[1], model)
 
 
 def is_one_profile(
     model: AxisModel, open_gap: float, axis: AxisSettings, loop: Callable[[AxisModel], float]
 ) -> bool:
-    """Whether two effects are one friction profile: a level and a bell against each other.
+    """Whether two effects are a single friction profile: a level and a bell that cancel.
 
-    Without the one, the other opens more than there was.
+    Without one of them, the other leaves a wider gap than there was.
     """
     terms = model.terms
-    if len(terms) != 2 or not all(is_level(term, axis) for term in terms):
+    if len(terms) != 2 or not all(is_coulomb_level(term, axis) for term in terms):
         return False
     if not any(is_profile(term.effect, axis) for term in terms):
         return False
     return max(loop(model.without(index)) for index in range(2)) > _AGAINST * open_gap
 
 
-def nearest(
+def nearest_model(
     starts: Sequence[AxisModel], axis: AxisSettings, loop: Callable[[AxisModel], float]
 ) -> AxisModel:
-    """The one effect of its kind that comes nearest to one in another shape, in the closed loop.
+    """The effect of its kind that comes nearest to one in another shape, in the closed loop.
 
-    Innovations that an effect cannot take up bend it: a bell in place of a stretch ends half as
-    high, a wave in place of two at the lesser one's pitch.
+    Innovations that an effect cannot explain distort it: a bell in place of a plateau ends at half
+    the height, a wave in place of two at the smaller one's pitch.
 
     Args:
-        starts: models with the effect alone, one of them at least.
+        starts: models with the effect alone, at least one.
         axis: of the machine file.
         loop: squared closed-loop gap of the axis under a model.
     """
@@ -248,26 +249,28 @@ def nearest(
     return at(found.x)
 
 
-def _again(
+def _repeat_starts(
     model: AxisModel, index: int, scanner: Scanner, effect: Effect, axis: AxisSettings
 ) -> list[AxisModel]:
-    """Where to start with one effect twice: beside what is there, or split in two."""
+    """Where to start with an effect twice: beside itself, or split in two."""
     term = model.terms[index]
-    nodes = _waves(term, _HARMONICS) if _is_periodic(effect) else None
+    nodes = _harmonics(term, _HARMONICS) if _is_periodic(effect) else None
     found = []
     if starts := scanner.best(effect, nodes=nodes):
         found.append(replace(model, terms=(*model.terms, *(s.term for s in starts))))
     if nodes is None:
-        halves = tuple(_half(term, side, axis) for side in (-1.0, 1.0))
+        halves = tuple(_split_half(term, side, axis) for side in (-1.0, 1.0))
         rest = model.without(index)
         found.append(replace(rest, terms=(*rest.terms, *halves)))
     return found
 
 
-def _anew(problem: AxisProblem, model: AxisModel, index: int, effect: Effect) -> list[AxisModel]:
+def _harmonic_starts(
+    problem: AxisProblem, model: AxisModel, index: int, effect: Effect
+) -> list[AxisModel]:
     """Where to start with a wave and its harmonics together, from the machine file's figures.
 
-    A wave alone, fitted where there are two, bends everything else; and it may be the second.
+    A single wave fitted to two distorts everything else; and it may be the second harmonic.
     """
     rest = replace(model.without(index), base=problem.start.base)
     residual = problem.residual(rest)
@@ -276,13 +279,13 @@ def _anew(problem: AxisProblem, model: AxisModel, index: int, effect: Effect) ->
     scanner = Scanner(problem, rest, residual, columns, problem.weights(residual))
     found = []
     for orders in ((1.0, *_HARMONICS), (1.0, _FUNDAMENTAL)):
-        starts = scanner.best(effect, nodes=_waves(model.terms[index], orders))
+        starts = scanner.best(effect, nodes=_harmonics(model.terms[index], orders))
         if len(starts) > 1:
             found.append(replace(rest, terms=(*rest.terms, *(s.term for s in starts))))
     return found
 
 
-def _half(term: Term, side: float, axis: AxisSettings) -> Term:
+def _split_half(term: Term, side: float, axis: AxisSettings) -> Term:
     """One of two: side by side and narrower where there is a place, else a fast and a slow one."""
     values = term.mapping()
     roles = {p.role: p.key for p in term.effect.parameters}
@@ -300,7 +303,7 @@ def _half(term: Term, side: float, axis: AxisSettings) -> Term:
     )
 
 
-def _shaped(effect: Effect) -> bool:
+def _has_shape(effect: Effect) -> bool:
     return any(p.role == "shape" for p in effect.parameters)
 
 
@@ -308,8 +311,8 @@ def _is_periodic(effect: Effect) -> bool:
     return any(p.role == "phase" for p in effect.parameters)
 
 
-def _waves(term: Term, orders: Sequence[float]) -> list[tuple[float, ...]]:
-    """The same at pitches so many times shorter, or at frequencies so many times higher."""
+def _harmonics(term: Term, orders: Sequence[float]) -> list[tuple[float, ...]]:
+    """The same wave at shorter pitches, or at higher frequencies, by these factors."""
     return [
         tuple(
             v * _factor(p, order) for p, v in zip(term.effect.parameters, term.values, strict=True)

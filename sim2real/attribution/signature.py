@@ -1,8 +1,8 @@
-"""What an effect would leave in the innovations, to first order and without a simulation.
+"""The signature of an effect: what it would leave in the innovations, to first order.
 
-An effect that is a force on the carriage, or a factor on the Coulomb level or on the motor force,
-is worked out along the tracked motion and sent through the filter's error equations: cheap enough
-to try hundreds of pitches, frequencies, places and time constants. Effects that enter elsewhere
+An effect that is a force on the carriage, or a factor on the Coulomb level or the motor force, is
+evaluated along the tracked motion and passed through the filter's error equations: cheap enough to
+try hundreds of pitches, frequencies, places and time constants. Effects that enter elsewhere
 (stiffness, dead time, current loop) have to be simulated.
 """
 
@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import AxisSettings
 from sim2real.fitting import Term, with_effects
-from sim2real.tracking import Gains, Track, respond
+from sim2real.tracking import Gains, Track, innovation_response
 
 F64 = NDArray[np.float64]
 
@@ -35,8 +35,8 @@ _SIMULATED = (
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Inputs:
-    """What an effect adds to the model along a track.
+class EffectInputs:
+    """What an effect adds to the model along a track of K samples.
 
     Attributes:
         force: on the carriage, float64[K] [N]; None where there is none.
@@ -47,16 +47,16 @@ class Inputs:
     level: F64 | None
 
 
-def inputs(
+def effect_inputs(
     axis: AxisSettings, term: Term, track: Track, time: F64, acceleration: F64
-) -> Inputs | None:
+) -> EffectInputs | None:
     """What a term adds along a track; None where it has to be simulated.
 
     Args:
         axis: without the term.
         term: to be added.
         track: of the axis under that model.
-        time: of the samples [s].
+        time: of the samples, float64[K] [s].
         acceleration: of the carriage, float64[K] [m/s^2].
     """
     period, duration = float(time[1] - time[0]), float(time[-1])
@@ -68,30 +68,30 @@ def inputs(
         effect.apply(ports)
     if any(getattr(ports, name) != getattr(plain, name) for name in _SIMULATED):
         return None
-    force = _pull(plain, track, time) - _pull(ports, track, time)
-    force += (_gain(ports, track) - _gain(plain, track)) * track.motor
+    force = _resisting_force(plain, track, time) - _resisting_force(ports, track, time)
+    force += (_force_gain(ports, track) - _force_gain(plain, track)) * track.motor
     force -= (ports.mass - plain.mass) * acceleration
     force -= (ports.viscous - plain.viscous) * track.v
-    force += _sway(ports, acceleration, period) - _sway(plain, acceleration, period)
-    level = _level(ports, track, time) / _level(plain, track, time) - 1.0
-    return Inputs(force if force.any() else None, level if level.any() else None)
+    force += _swing_force(ports, acceleration, period) - _swing_force(plain, acceleration, period)
+    level = _coulomb_level(ports, track, time) / _coulomb_level(plain, track, time) - 1.0
+    return EffectInputs(force if force.any() else None, level if level.any() else None)
 
 
-def response(found: Inputs, gains: Gains) -> F64:
-    """Innovations over their deviation that the model without the term shows, float64[K]."""
+def first_order_signature(found: EffectInputs, gains: Gains) -> F64:
+    """Normalised innovations of the model without the term, float64[K]."""
     out = np.zeros(len(gains.deviation))
     if found.force is not None:
-        out += respond(gains, gains.force, found.force)
+        out += innovation_response(gains, gains.force, found.force)
     if found.level is not None:
-        out += respond(gains, gains.level, found.level)
+        out += innovation_response(gains, gains.level, found.level)
     return out
 
 
-def _sway(ports: EffectPorts, acceleration: F64, period: float) -> F64:
-    """Force on the carriage of what hangs from it and of bases that yield, float64[K] [N].
+def _swing_force(ports: EffectPorts, acceleration: F64, period: float) -> F64:
+    """Force on the carriage of masses hanging from it and of compliant bases, float64[K] [N].
 
-    m r s^2 / (p s^2 + q s + w) times the acceleration relative to the base: what hangs does not
-    follow at once, and a base gives way; bilinear, exact at the mode.
+    m r s^2 / (p s^2 + q s + w) times the acceleration relative to the base: a hanging mass does not
+    follow at once, and a base yields; bilinear transform, exact at the mode.
     """
     force = np.zeros(len(acceleration))
     modes = [(part, 1.0 - part.mass_ratio, 1.0) for part in ports.hanging]
@@ -110,7 +110,7 @@ def _sway(ports: EffectPorts, acceleration: F64, period: float) -> F64:
     return force
 
 
-def _pull(ports: EffectPorts, track: Track, time: F64) -> F64:
+def _resisting_force(ports: EffectPorts, track: Track, time: F64) -> F64:
     pull = ports.force + ports.spring * track.x
     if ports.position_force is not None:
         pull = pull + np.interp(track.x, ports.positions, ports.position_force)
@@ -123,14 +123,14 @@ def _pull(ports: EffectPorts, track: Track, time: F64) -> F64:
     return np.asarray(pull)
 
 
-def _gain(ports: EffectPorts, track: Track) -> F64:
+def _force_gain(ports: EffectPorts, track: Track) -> F64:
     gain = np.full(len(track.x), ports.force_constant)
     if ports.position_gain is not None:
         gain *= np.interp(track.x, ports.positions, ports.position_gain)
     return gain
 
 
-def _level(ports: EffectPorts, track: Track, time: F64) -> F64:
+def _coulomb_level(ports: EffectPorts, track: Track, time: F64) -> F64:
     level = ports.coulomb * np.where(track.v > 0.0, ports.coulomb_forward, ports.coulomb_backward)
     if ports.position_coulomb is not None:
         level = level * np.interp(track.x, ports.positions, ports.position_coulomb)

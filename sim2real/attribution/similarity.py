@@ -1,4 +1,4 @@
-"""How alike effects are in a recording: the cosine of what each would leave in it."""
+"""The similarity of effects in a recording: the cosine between their signatures."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 Pairs = dict[tuple[str, str], float]
-"""(effect, effect) -> 0 (told apart) to 1 (the same)."""
+"""(effect, effect) -> 0 (distinguishable) to 1 (identical)."""
 
 
-def likeness(signatures: Mapping[str, NDArray[np.float64]], names: Sequence[str]) -> Pairs:
+def signature_similarity(
+    signatures: Mapping[str, NDArray[np.float64]], names: Sequence[str]
+) -> Pairs:
     """Absolute cosine of each pair of signatures.
 
     Args:
-        signatures: effect -> its share in the residual, beside what base parameters take out,
+        signatures: effect -> its part of the residual that base parameters cannot take up,
             float64[R].
         names: effects to compare; those without a signature are left out.
     """

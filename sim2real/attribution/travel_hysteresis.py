@@ -1,8 +1,7 @@
-"""Whether the force that a model leaves in motion is a hysteresis over travel, of any shape.
+"""Whether the residual force in motion is a hysteresis over travel, of any shape.
 
-Elements that go along and slide, each after its own travel, make any such hysteresis (Prandtl and
-Ishlinskii); a cable in the library's shape is one of them. Those of presliding friction are
-shorter by far.
+Stop operators of different widths add up to any such hysteresis (Prandtl-Ishlinskii); a cable in
+the library's shape is one of them. Those of presliding friction are much narrower.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.settings import StageSettings
-from sim2real.attribution.residual_force import stops, told
+from sim2real.attribution.residual_force import explain_residual_force, stop_operators
 from sim2real.fitting import AxisModel
 from sim2real.gap import Measured
 
@@ -29,9 +28,10 @@ class TravelHysteresis:
     """Hysteresis over travel.
 
     Attributes:
-        share: of the force left in motion that it foretells (`sim2real.left_in_motion`).
-        force: of all elements together [N]; below 0: it feeds motion, which no cable does.
-        stiffness: of one element that would stand for all [N/m].
+        share: of the residual force in motion that it predicts
+            (`sim2real.attribution.residual_force`).
+        force: of all elements together [N]; below 0 it drives motion, which no cable does.
+        stiffness: of the equivalent single element [N/m].
     """
 
     share: float
@@ -39,14 +39,16 @@ class TravelHysteresis:
     stiffness: float
 
 
-def travel_hysteresis(
+def fit_travel_hysteresis(
     name: str,
     models: Mapping[str, AxisModel],
     measured: Sequence[Measured],
     settings: StageSettings,
 ) -> TravelHysteresis:
-    """Fit a hysteresis to what a model leaves; arguments as `left_in_motion.told`."""
-    found = told(name, models, measured, settings, lambda x, _v, _step: stops(x, _WIDTHS))
+    """Fit a hysteresis to what a model leaves; arguments as `explain_residual_force`."""
+    found = explain_residual_force(
+        name, models, measured, settings, lambda x, _v, _step: stop_operators(x, _WIDTHS)
+    )
     weights = np.maximum(found.weights, 0.0)
     width = float(np.exp(weights @ np.log(_WIDTHS) / max(float(weights.sum()), 1e-300)))
     force = float(found.weights.sum())

@@ -5,13 +5,13 @@ recomputes the force that the drive must have commanded, `law_hypotheses` finds 
 error that explains the difference, and `corrections` removes it from the recording.
 """
 
-from sim2real.audit.channels import BEYOND, Audit, applied, audit
-from sim2real.audit.controller_law import law_of
+from sim2real.audit.channels import UNCORRECTABLE, Audit, audit_channels, mark_applied
+from sim2real.audit.controller_law import reconstruct_law
 
 __all__ = [
-    "BEYOND",
+    "UNCORRECTABLE",
     "Audit",
-    "applied",
-    "audit",
-    "law_of",
+    "audit_channels",
+    "mark_applied",
+    "reconstruct_law",
 ]

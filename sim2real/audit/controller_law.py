@@ -1,12 +1,11 @@
-"""The drive's controller recomputed from what was logged: the force it must have commanded.
+"""The drive's controller recomputed from the log: the force it must have commanded.
 
 The law is that of docs/reference-stage.md ("The drive, each control tick"): between two SYNCs the
-demand is known exactly, the encoder is interpolated by a cubic spline through the logged
-positions, and the commanded force goes through the current loop to the instant of sampling. The
-mechanics play no part: whatever acts on the stage, a drive that computes this law reports this
-force. On recordings of a stage that does, the remainder is the rounding of 0x6077. Dead time and
-current bandwidth stand between command and report, and so are seen here alone, apart from
-everything else.
+demand is known exactly, the encoder is interpolated by a cubic spline through the logged positions,
+and the commanded force passes through the current loop to the instant of sampling. The mechanics
+play no part: whatever acts on the stage, a drive that computes this law reports this force. On
+recordings of a stage that does, the remainder is the rounding of 0x6077. Dead time and current
+bandwidth lie between command and report, so they are seen here separately from everything else.
 """
 
 from __future__ import annotations
@@ -27,26 +26,26 @@ from sim2real.recording import BoolArray, FloatArray
 TERMS = ("kp", "ki", "kd", "force_offset")
 """Parts of the commanded force, in the order of `Law.terms`."""
 _NEAR_PEAK = 0.9
-"""Share of the peak force from which the output may have been clamped beside a sample."""
+"""Share of the peak force from which the output may have been clamped next to a sample."""
 _WARM_UP = 20
-"""Samples within which the derivative's filter forgets that the law was begun in mid-motion."""
+"""Samples within which the derivative filter forgets that the law was started in mid-motion."""
 _MARGIN = 4
-"""Samples at both ends and beside gaps that the interpolation does not do justice."""
+"""Samples at both ends and next to gaps where the interpolation is not accurate enough."""
 
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """How the logged channels lie in time against the law [s]; all zero as the machine file says.
+    """Time shifts of the logged channels against the law [s]; all zero as the machine file says.
 
     Attributes:
-        lag: from the law's output to the current loop, beyond the dead time that the machine file
-            knows of; negative: the force is logged early.
+        lag: from the law's output to the current loop, beyond the machine file's dead time;
+            negative: the force is logged early.
         position: by how much the logged position is late.
         demand: by how much the setpoints act late.
-        drift: the logged position's lateness grows by so much per second.
-        resampled: the logged force was moved this much later by interpolating its samples. (Force
-            sampled late within the drive is `lag`: between SYNCs the force is no straight line,
-            for the demand's velocity steps at each.)
+        drift: growth of the logged position's lateness per second [s/s].
+        resampled: by how much the logged force was moved later by interpolation between its
+            samples. (Force sampled late within the drive is `lag`: between SYNCs the force is
+            not a straight line, because the demand's velocity steps at each.)
     """
 
     lag: float = 0.0
@@ -61,22 +60,22 @@ AS_STATED = Timing()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Law:
-    """One axis' controller and what was logged of it.
+class ControllerLaw:
+    """One axis' controller and the log it is compared with: P SYNC periods, K samples.
 
     Attributes:
         control: of the machine file.
         period: SYNC period [s].
         demand, offset: setpoints of every SYNC period, float64[P] [m, N].
-        place: int64[K], the period that each sample belongs to.
+        place: int64[K], number of the SYNC period that each sample belongs to.
         force: logged, float64[K] [N].
         usable: bool[K], samples at which the law can be recomputed.
         encoder: spline through the logged positions over time [s].
-        dead_time, bandwidth: between controller and force as the machine file has them, effects
-            included [s, Hz].
+        dead_time, bandwidth: between controller and force by the machine file, effects included
+            [s, Hz].
         begin: number of the first SYNC period.
-        halted: bool[ticks], where the output was clamped and the integrator stood still; None
-            where it never was.
+        halted: bool[ticks], where the output was clamped and the integrator halted; None where it
+            never was.
     """
 
     control: ControlSettings
@@ -95,7 +94,7 @@ class Law:
     def terms(self, timing: Timing = AS_STATED, bandwidth: float | None = None) -> FloatArray:
         """Parts of the reported force, float64[4, K] [N], in the order of `TERMS`.
 
-        They are good to a constant, for the integrator may have started with any value.
+        They are known up to a constant, as the integrator may have started at any value.
 
         Args:
             timing: of the channels.
@@ -138,8 +137,8 @@ class Law:
         parts: FloatArray = np.stack((self.control.kp * error, integral, damping, offset))
         return parts
 
-    def slip(self) -> FloatArray:
-        """What the law makes of a position log that is off, float64[2, K] [N]: by 1 m, by 1 m/m."""
+    def position_error_columns(self) -> FloatArray:
+        """Force by errors of the position log, float64[2, K]: offset [N/m], scale [N per 1]."""
         time = self.place * self.period
         control = self.control
         offset = control.kp + control.ki * (time - time[0])
@@ -148,8 +147,8 @@ class Law:
         slip: FloatArray = -np.stack((offset, scale))
         return slip
 
-    def busiest(self, samples: int) -> Law:
-        """The law over the stretch of so many samples in which the demand travels farthest."""
+    def most_travelled(self, samples: int) -> ControllerLaw:
+        """The law over the span of this many samples in which the demand travels farthest."""
         count = len(self.place)
         if samples >= count:
             return self
@@ -172,7 +171,7 @@ class Law:
         )
 
     def _damping(self, demand: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Force by the rates at each tick [N], and what the integrator takes in there [N/s]."""
+        """Force by the rates at each tick [N], and what the integrator integrates there [N/s]."""
         control, tick = self.control, self.control.period
         keep = tick / (control.derivative_time + tick)
         cascade = control.cascade
@@ -188,11 +187,11 @@ class Law:
         wanted = cascade.position_gain * error + missing
         return cascade.velocity_gain * missing, cascade.velocity_integral * wanted
 
-    def with_halts(self) -> Law:
+    def with_clamping(self) -> ControllerLaw:
         """The law with the ticks at which a clamped output halts the integrator.
 
-        Only where the logged force is near its peak: a log that is late or in other units would
-        make the law ask for more than that all the time.
+        Only where the logged force is near its peak: with a log that is late or in other units
+        the law would exceed the peak all the time.
         """
         peak = self.control.peak_force
         ticks = round(self.period / self.control.period)
@@ -216,8 +215,8 @@ class Law:
         return replace(self, halted=halted, usable=self.usable & ~full[self.place])
 
 
-def law_of(replay: Replay, settings: StageSettings, axis: str) -> Law:
-    """The controller of one axis and what was logged of it.
+def reconstruct_law(replay: Replay, settings: StageSettings, axis: str) -> ControllerLaw:
+    """The controller of one axis and the log it is compared with.
 
     Raises:
         ValueError: fewer valid samples than an interpolation needs.
@@ -234,7 +233,7 @@ def law_of(replay: Replay, settings: StageSettings, axis: str) -> Law:
     for gap in np.flatnonzero(np.diff(places) > 1):
         usable[max(valid[gap] + 1 - _MARGIN, 0) : valid[gap + 1] + _MARGIN] = False
     ports = opened(settings, 0.0)[index]
-    return Law(
+    return ControllerLaw(
         settings.axes[index].control,
         replay.period,
         replay.demand[:, index],
@@ -245,4 +244,4 @@ def law_of(replay: Replay, settings: StageSettings, axis: str) -> Law:
         CubicSpline(places * replay.period, signals.position_actual[valid]),
         ports.delay,
         ports.current_bandwidth,
-    ).with_halts()
+    ).with_clamping()

@@ -1,7 +1,7 @@
-"""What the logged numbers alone give away: time axis, units, signs, scales, grid, saturation.
+"""Faults that the logged numbers alone reveal, from units and signs to saturation.
 
-No controller and no mechanics, but for the demand, which a stage in closed loop follows, and the
-travel of the machine file. Each check gives findings that are not applied yet.
+Neither controller nor mechanics are used, only the demand, which a stage in closed loop follows,
+and the travel of the machine file. The findings are not applied yet.
 """
 
 from __future__ import annotations
@@ -12,34 +12,34 @@ from collections.abc import Mapping
 import numpy as np
 
 from hil_sim.settings import AxisSettings
-from sim2real.gap import periods
-from sim2real.phases import REST, axis_phases
+from sim2real.gap import number_periods
+from sim2real.phases import REST, split_phases
 from sim2real.recording import AxisSignals, BoolArray, FloatArray
 from sim2real.report import ChannelFinding
 
 ALL_AXES = "all"
-"""Axis of a finding about the time, which all share."""
+"""Axis of a finding about time, which all axes share."""
 
 _POWERS = (1e3, 1e6, 1e9, 1e-3, 1e-6)
 _NAMES = {1e3: "mm", 1e6: "µm", 1e9: "nm or counts"}
 _CLOSE = 0.03
-"""A factor this near to that of a unit is that unit's."""
+"""Relative distance within which a factor is taken for that of a unit."""
 _DRIFT = 20e-6
 _JITTER = 0.05
-"""Host times scattered by more than this share of the SYNC period are told."""
+"""Host time stamps that scatter by more than this share of the SYNC period are reported."""
 _SCALE = 2e-4
 _OFFSET = 5e-6
-"""Logged minus demanded position at rest beyond this is an offset of the log [m]."""
+"""Logged minus demanded position at rest beyond which the log has an offset [m]."""
 _SPREAD = 1e-3
 _FULL = 0.995
 _PLATEAU = 3
 
 
-def time_axis(time: FloatArray, period: float) -> list[ChannelFinding]:
+def check_time(time: FloatArray, period: float) -> list[ChannelFinding]:
     """Units, drift and jitter of the time stamps.
 
     Args:
-        time: as recorded, [s] if all is well, float64[K].
+        time: as recorded, float64[K], in seconds unless it is in another unit.
         period: SYNC period of the machine file [s].
     """
     if len(time) < 10:
@@ -52,7 +52,7 @@ def time_axis(time: FloatArray, period: float) -> list[ChannelFinding]:
             return [ChannelFinding(ALL_AXES, "time", "units", factor, "1", text=text)]
     if abs(usual - 1.0) > 0.1:
         return []
-    place = periods(time, usual * period)
+    place = number_periods(time, usual * period)
     slope, start = np.polyfit(place * period, time, 1)
     scatter = float(np.std(time - slope * place * period - start))
     found = []
@@ -67,8 +67,8 @@ def time_axis(time: FloatArray, period: float) -> list[ChannelFinding]:
     return found
 
 
-def constant(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFinding]:
-    """A channel that stands still while the axis is told to move."""
+def check_constant(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFinding]:
+    """A channel that does not change while the axis is commanded to move."""
     if np.ptp(signals.position_demand[signals.valid]) < _SPREAD:
         return []
     found = []
@@ -81,8 +81,8 @@ def constant(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFinding]:
     return found
 
 
-def demand_units(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFinding]:
-    """A demand that leaves the travel by powers of ten is in another unit."""
+def check_demand_units(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFinding]:
+    """A demand that exceeds the travel by powers of ten is in another unit."""
     reach = max(abs(end) for end in axis.travel)
     largest = float(np.abs(signals.position_demand).max())
     for factor in (1e3, 1e6, 1e9):
@@ -96,17 +96,15 @@ def demand_units(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFindin
     return []
 
 
-def position_against_demand(
-    signals: AxisSignals, axis: AxisSettings, period: float
-) -> list[ChannelFinding]:
-    """Units, sign, scale and offset of the logged position, which follows the demand."""
+def check_position(signals: AxisSignals, axis: AxisSettings, period: float) -> list[ChannelFinding]:
+    """Units, sign, scale and offset of the logged position against the demand, which it follows."""
     demand, actual = signals.position_demand, signals.position_actual
     valid = signals.valid
     if np.ptp(demand[valid]) < _SPREAD:
         return []
     rough = float(np.polyfit(demand[valid], actual[valid], 1)[0])
     counts = 1.0 / axis.increment
-    unit = unit_factor(rough, {counts: "counts"})
+    unit = match_unit(rough, {counts: "counts"})
     if unit is not None:
         name = _NAMES.get(unit, "counts" if unit == counts else f"units of {1 / unit:g} m")
         return [
@@ -118,7 +116,7 @@ def position_against_demand(
     if abs(rough + 1.0) < _CLOSE:
         text = f"{axis.name}: position_actual has the wrong sign"
         return [ChannelFinding(axis.name, "position_actual", "sign", -1.0, "1", text=text)]
-    at_rest = valid & (axis_phases(demand, period).phase == REST)
+    at_rest = valid & (split_phases(demand, period).phase == REST)
     if at_rest.sum() < 20 or np.ptp(demand[at_rest]) < _SPREAD:
         return []
     slope, offset = np.polyfit(demand[at_rest], actual[at_rest], 1)
@@ -136,33 +134,33 @@ def position_against_demand(
     return found
 
 
-def unit_factor(
+def match_unit(
     factor: float, more: Mapping[float, str] | None = None, close: float = _CLOSE
 ) -> float | None:
-    """The factor of a unit (1000, 1e-6, ...; `more` besides) near to this one, with its sign."""
+    """The factor of a unit (1000, 1e-6, ..., a key of `more`) near to this one, with its sign."""
     for candidate in (*(more or {}), *_POWERS):
         if candidate != 1.0 and abs(abs(factor) / candidate - 1.0) < close:
             return math.copysign(candidate, factor)
     return None
 
 
-def grids(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFinding]:
-    """Position and force on a coarser grid than encoder and drive have."""
+def check_quantisation(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFinding]:
+    """Position and force quantised more coarsely than encoder and drive do."""
     stated = {
         "position_actual": (axis.increment, "m"),
         "force_actual": (axis.control.rated_force / 1000.0, "N"),
     }
     found = []
     for channel, (step, unit) in stated.items():
-        grid = grid_of(getattr(signals, channel)[signals.valid])
+        grid = quantisation_step(getattr(signals, channel)[signals.valid])
         if grid is not None and grid > 1.5 * step:
             text = f"{axis.name}: {channel} comes in steps of {grid:.3g} {unit}, not {step:.3g}"
             found.append(ChannelFinding(axis.name, channel, "quantisation", grid, unit, text=text))
     return found
 
 
-def grid_of(values: FloatArray) -> float | None:
-    """The step that values come in, None where they come in none."""
+def quantisation_step(values: FloatArray) -> float | None:
+    """The step that values are multiples of, None where there is none."""
     levels = np.unique(values)
     if len(levels) < 3:
         return None
@@ -173,20 +171,20 @@ def grid_of(values: FloatArray) -> float | None:
     # The smallest gap has its rounding: the step is refined over the whole range.
     multiples = np.rint((levels - levels[0]) / smallest)
     if multiples[-1] > 1e7:
-        return smallest if _on_grid(gaps, smallest) else None
+        return smallest if _is_on_grid(gaps, smallest) else None
     step = float((levels[-1] - levels[0]) / multiples[-1])
-    return step if _on_grid(gaps, step) else None
+    return step if _is_on_grid(gaps, step) else None
 
 
-def _on_grid(gaps: FloatArray, step: float) -> bool:
+def _is_on_grid(gaps: FloatArray, step: float) -> bool:
     off = np.abs(gaps / step - np.rint(gaps / step))
     return bool(np.mean(off < 0.02) > 0.99)
 
 
-def saturation(
+def check_saturation(
     signals: AxisSignals, axis: AxisSettings, commanded: FloatArray, usable: BoolArray
 ) -> list[ChannelFinding]:
-    """Share of the samples at which the drive gives all it has.
+    """Share of the samples at which the drive is at its force limit.
 
     Args:
         signals: of the axis.

@@ -9,20 +9,21 @@ commits to the answer, `trial` runs one diagnosis, `outcome` keeps what it said,
 from sim2real.blind.draw import (
     Drawn,
     Key,
+    build_stage,
     draw_base,
     draw_key,
     draw_values,
-    family,
-    pool_of,
-    stage_of,
+    family_of,
+    find_pool,
 )
 from sim2real.blind.moves import draw_demands
-from sim2real.blind.page import figures, page, told_text, truth_text
+from sim2real.blind.outcome import Outcome, ReportedCause
+from sim2real.blind.page import describe_reported, describe_truth, table_rows, write_page
 from sim2real.blind.reserved_effects import OUTSIDE, VARIANTS
-from sim2real.blind.score import calibration, score, wrong
-from sim2real.blind.seal import digest_of, key_json, key_of, seal
-from sim2real.blind.stage import record
-from sim2real.blind.trial import Outcome, Setup, Told, draw_trial, run_trial
+from sim2real.blind.score import calibration_bins, is_wrong, score_outcomes
+from sim2real.blind.seal import key_digest, key_json, seal_key
+from sim2real.blind.stage import record_stage
+from sim2real.blind.trial import Setup, draw_trial, run_trial
 from sim2real.blind.unlisted_effects import UNLISTED, UNLISTED_VARIANTS
 
 __all__ = [
@@ -33,27 +34,26 @@ __all__ = [
     "Drawn",
     "Key",
     "Outcome",
+    "ReportedCause",
     "Setup",
-    "Told",
-    "calibration",
-    "digest_of",
+    "build_stage",
+    "calibration_bins",
+    "describe_reported",
+    "describe_truth",
     "draw_base",
     "draw_demands",
     "draw_key",
     "draw_trial",
     "draw_values",
-    "family",
-    "figures",
+    "family_of",
+    "find_pool",
+    "is_wrong",
+    "key_digest",
     "key_json",
-    "key_of",
-    "page",
-    "pool_of",
-    "record",
+    "record_stage",
     "run_trial",
-    "score",
-    "seal",
-    "stage_of",
-    "told_text",
-    "truth_text",
-    "wrong",
+    "score_outcomes",
+    "seal_key",
+    "table_rows",
+    "write_page",
 ]

@@ -1,4 +1,4 @@
-"""What is wrong with the stage of a trial: drawn from the ranges that real stages show.
+"""What is wrong with the stage of a trial, drawn from the ranges that real stages show.
 
 Ranges are those that each effect states (docs/formats/effects.md): uniform, or uniform in the
 logarithm where the parameter says so. Nothing here was taken from the diagnosis.
@@ -17,15 +17,15 @@ from sim2real.blind.reserved_effects import OUTSIDE, VARIANTS
 from sim2real.blind.unlisted_effects import UnlistedEffect
 
 KINDS = ("one", "two", "none", "outside", "departing")
-"""What a trial can be: effects of the library, none, one of no family, one of other shape."""
+"""Kinds of trial: one or two effects of the library, none, of no family, of another shape."""
 SHARES = {"one": 0.42, "two": 0.14, "none": 0.14, "outside": 0.15, "departing": 0.15}
-"""How often each is drawn; among the first three 0.6, 0.2, 0.2."""
+"""Probability of each kind; among the first three 0.6, 0.2, 0.2."""
 BASE = (
     "coulomb", "viscous", "stiffness", "static_ratio", "stribeck_velocity", "attraction",
 )  # fmt: skip
-"""Friction figures that are off within tolerance, beside the mass."""
+"""Friction figures that deviate within tolerance, besides the mass."""
 LEAST = 2.0
-"""Each effect alone opens a combined gap of so many times the floor, at least."""
+"""Least combined gap that each effect opens alone, in floors."""
 _TRIES = 40
 _OTHERS = 40
 
@@ -35,11 +35,11 @@ class Drawn:
     """One effect that was drawn.
 
     Attributes:
-        axis: that feels it.
+        axis: on which it acts.
         effect: name.
         values: key -> value, SI units.
         gap: combined gap that it opens alone, in floors.
-        kin: family in the library; its own name where it is of the library, "" for none.
+        kin: its family in the library: its own name for an effect of the library, "" for none.
     """
 
     axis: str
@@ -69,7 +69,7 @@ GapOf = Callable[[StageSettings], float]
 
 
 def draw_kind(rng: np.random.Generator) -> str:
-    """One of `KINDS`, by its share."""
+    """One of `KINDS`, drawn by its share."""
     return str(rng.choice(KINDS, p=[SHARES[kind] for kind in KINDS]))
 
 
@@ -86,13 +86,13 @@ def draw_key(
     """Draw what is wrong with a stage.
 
     Args:
-        rng: it is drawn from.
+        rng: random generator.
         settings: of the machine file.
         tolerance: axis -> relative standard deviation of the plant's figures.
-        library: effects to draw from; those not searched for are left out.
-        gap_of: used to draw again what can't be seen.
-        kind: of the trial; None draws that, too.
-        only: name of the only effect to draw (of the library, kin or outside).
+        library: effects to draw from; those that are not searched for are left out.
+        gap_of: used to draw again what does not show.
+        kind: of the trial; None draws that too.
+        only: name of the only effect to draw (of the library or outside it).
 
     Raises:
         ValueError: `only` is no effect's name, or never opens a gap.
@@ -102,17 +102,17 @@ def draw_key(
     kind = draw_kind(rng) if kind is None else kind
     pool: Sequence[Effect]
     if only is not None:
-        kind, pool = pool_of(only, library)
+        kind, pool = find_pool(only, library)
     else:
         pool = {"outside": OUTSIDE, "departing": VARIANTS}.get(kind, known)
     drawn: list[Drawn] = []
     for _ in range({"none": 0, "two": 2}.get(kind, 1)):
-        drawn.append(_draw_seen(rng, settings, pool, drawn, gap_of))
+        drawn.append(_draw_visible(rng, settings, pool, drawn, gap_of))
     return Key(kind, tuple(drawn), base)
 
 
-def pool_of(only: str, library: Mapping[str, Effect]) -> tuple[str, tuple[Effect, ...]]:
-    """The kind of trial that draws one effect only, and that effect.
+def find_pool(only: str, library: Mapping[str, Effect]) -> tuple[str, tuple[Effect, ...]]:
+    """The kind of trial that draws a single effect, and that effect.
 
     Raises:
         ValueError: no effect has that name.
@@ -126,14 +126,14 @@ def pool_of(only: str, library: Mapping[str, Effect]) -> tuple[str, tuple[Effect
     raise ValueError(f"no effect {only}; there are {names}")
 
 
-def _draw_seen(
+def _draw_visible(
     rng: np.random.Generator,
     settings: StageSettings,
     pool: Sequence[Effect],
     taken: Sequence[Drawn],
     gap_of: GapOf,
 ) -> Drawn:
-    """An effect that opens a gap on its own: sizes are drawn again, then names."""
+    """Draw an effect that opens a gap on its own: sizes are drawn again, then names."""
     for _ in range(_OTHERS):
         effect = pool[int(rng.integers(len(pool)))]
         axis = settings.axes[int(rng.integers(len(settings.axes)))]
@@ -143,19 +143,19 @@ def _draw_seen(
             values = draw_values(rng, effect, axis)
             if effect.refusal(values, axis):
                 continue
-            gap = gap_of(with_effect(settings, axis.name, effect.at(**values)))
+            gap = gap_of(add_effects(settings, axis.name, effect.at(**values)))
             if gap >= LEAST:
-                return Drawn(axis.name, effect.name, values, gap, family(effect))
+                return Drawn(axis.name, effect.name, values, gap, family_of(effect))
     raise ValueError(f"{', '.join(e.name for e in pool)}: opens no gap of {LEAST:g} floors")
 
 
-def family(effect: Effect) -> str:
+def family_of(effect: Effect) -> str:
     """Name in the library that an effect should be given; "" where there is none."""
     return effect.kin if isinstance(effect, UnlistedEffect) else effect.name
 
 
 def draw_values(rng: np.random.Generator, effect: Effect, axis: AxisSettings) -> dict[str, float]:
-    """Values for all parameters of an effect, within its plausible ranges."""
+    """Draw values for all parameters of an effect, within its plausible ranges."""
     return {parameter.key: _draw_value(rng, parameter, axis) for parameter in effect.parameters}
 
 
@@ -168,11 +168,11 @@ def _draw_value(rng: np.random.Generator, parameter: Parameter, axis: AxisSettin
 
 
 def draw_base(rng: np.random.Generator, tolerance: float) -> dict[str, float]:
-    """Relative deviations of the mass and the friction's figures, each on its own."""
+    """Draw relative deviations of the mass and the friction's figures, each independently."""
     return {name: float(tolerance * rng.standard_normal()) for name in ("mass", *BASE)}
 
 
-def with_effect(settings: StageSettings, axis: str, *effects: AppliedEffect) -> StageSettings:
+def add_effects(settings: StageSettings, axis: str, *effects: AppliedEffect) -> StageSettings:
     """The stage with effects added to one axis."""
     return replace(
         settings,
@@ -183,8 +183,8 @@ def with_effect(settings: StageSettings, axis: str, *effects: AppliedEffect) -> 
     )
 
 
-def moved(settings: StageSettings, base: Mapping[str, Mapping[str, float]]) -> StageSettings:
-    """The stage with its figures off by relative deviations."""
+def off_nominal(settings: StageSettings, base: Mapping[str, Mapping[str, float]]) -> StageSettings:
+    """The stage with its figures changed by relative deviations."""
     axes = []
     for axis in settings.axes:
         off = base[axis.name]
@@ -199,15 +199,17 @@ def moved(settings: StageSettings, base: Mapping[str, Mapping[str, float]]) -> S
     return replace(settings, axes=tuple(axes))
 
 
-def named(library: Mapping[str, Effect], name: str) -> Effect:
-    """An effect of the library or of the departing ones, by name."""
+def find_effect(library: Mapping[str, Effect], name: str) -> Effect:
+    """An effect of the library or outside it, by name."""
     everything = {e.name: e for e in (*VARIANTS, *OUTSIDE)} | dict(library)
     return everything[name]
 
 
-def stage_of(settings: StageSettings, key: Key, library: Mapping[str, Effect]) -> StageSettings:
+def build_stage(settings: StageSettings, key: Key, library: Mapping[str, Effect]) -> StageSettings:
     """The stage that a key describes."""
-    stage = moved(settings, key.base)
+    stage = off_nominal(settings, key.base)
     for drawn in key.effects:
-        stage = with_effect(stage, drawn.axis, named(library, drawn.effect).at(**drawn.values))
+        stage = add_effects(
+            stage, drawn.axis, find_effect(library, drawn.effect).at(**drawn.values)
+        )
     return stage

@@ -1,8 +1,8 @@
-"""Random sequences of macro- and micro-moves of two axes, as an inspection table makes them.
+"""Random sequences of macro- and micro-moves of two axes, like those of an inspection table.
 
-Jerk-limited demands: the trapezoid of velocity in closed form, sampled at SYNC, then a moving
-average as long as the jerk asks for. The force offset is the nominal mass times the demanded
-acceleration (second central difference); both are rounded as they go over the bus.
+Jerk-limited demands: a trapezoidal velocity in closed form, sampled at SYNC, then a moving average
+whose length limits the jerk. The force offset is the nominal mass times the demanded acceleration
+(second central difference); both are rounded as they are on the bus.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from sim2real.recording import Move
 F64 = NDArray[np.float64]
 
 POSITION_UNIT = 1e-9
-"""Of target positions on the bus [m]."""
+"""Unit of target positions on the bus [m]."""
 FORCE_UNITS = 1000.0
-"""Of the rated force on the bus."""
+"""Units per rated force on the bus."""
 MACRO_SPEED, MACRO_ACCELERATION = 0.5, 3.0
 """Highest velocity and acceleration of macro-moves [m/s, m/s^2]."""
 MICRO_SPEED, MICRO_ACCELERATION, MICRO_REACH = 0.01, 0.2, 80e-6
-"""Highest velocity and acceleration of micro-moves [m/s, m/s^2], and how far they go [m]."""
+"""Highest velocity and acceleration of micro-moves [m/s, m/s^2], and their largest distance [m]."""
 MACRO_JERK, MICRO_JERK = (100.0, 400.0), (10.0, 40.0)
 """Range of the jerk [m/s^3]."""
 REST = (0.05, 0.3)
@@ -39,7 +39,7 @@ STILL = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Demands:
-    """What a host sends for a whole sequence of moves.
+    """What a host sends for a whole sequence of moves of K SYNCs.
 
     Attributes:
         position: target positions of every SYNC, float64[K, axes] [m].
@@ -55,13 +55,13 @@ class Demands:
 def draw_demands(
     rng: np.random.Generator, settings: StageSettings, duration: float = 10.0
 ) -> Demands:
-    """A random sequence of moves of all axes at a time.
+    """Draw a sequence of moves of all axes at a time.
 
-    A large move to a site, then mostly a small one there; speeds, accelerations, jerk, rests and
+    A large move to a site, then mostly a small one there. Speeds, accelerations, jerk, rests and
     the part of the table that is used differ from sequence to sequence.
 
     Args:
-        rng: it is drawn from.
+        rng: random generator.
         settings: of the stage: names, travel, rated force and nominal mass of its axes.
         duration: no move begins later [s].
     """

@@ -1,6 +1,6 @@
-"""A blind check as a page in Markdown: docs/blind.md is written by this, nothing else.
+"""The page of a blind check in Markdown: docs/blind.md is written by this and nothing else.
 
-No dates: what counts is seed, number of trials, version label and where it was measured.
+No dates: seed, number of trials, version label and machine are what identifies a check.
 """
 
 from __future__ import annotations
@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from sim2real.blind.draw import LEAST, SHARES
-from sim2real.blind.score import BIN, Score, Share, score, wrong
-from sim2real.blind.trial import Outcome
+from sim2real.blind.outcome import Outcome
+from sim2real.blind.score import BIN, Score, Share, is_wrong, score_outcomes
 
 _READING = f"""\
 # The blind check
@@ -75,14 +75,14 @@ _ROWS: tuple[tuple[str, str, float | None], ...] = (
 )
 
 
-def page(outcomes: Sequence[Outcome], facts: Mapping[str, str]) -> str:
+def write_page(outcomes: Sequence[Outcome], facts: Mapping[str, str]) -> str:
     """The whole page.
 
     Args:
         outcomes: of any seeds; those with the true effects left out have a row of their own.
         facts: what was checked and where, name -> value.
     """
-    counted = score(outcomes)
+    counted = score_outcomes(outcomes)
     seeds = sorted({o.seed for o in outcomes})
     lines = [_READING, "## Figures", ""]
     lines += [f"- {name}: {value}" for name, value in facts.items()]
@@ -91,11 +91,11 @@ def page(outcomes: Sequence[Outcome], facts: Mapping[str, str]) -> str:
         f"{counted.errors}",
         "",
     ]
-    return "\n".join([*lines, *figures(counted), *_confusion(counted), *_failures(outcomes)])
+    return "\n".join([*lines, *table_rows(counted), *_confusion(counted), *_failures(outcomes)])
 
 
-def figures(counted: Score) -> list[str]:
-    """The rows of the table, and those of the calibration."""
+def table_rows(counted: Score) -> list[str]:
+    """The rows of the table and of the calibration."""
     lines = [
         "| on effects that were sealed | trials | found | asked |",
         "| --- | --- | --- | --- |",
@@ -139,7 +139,7 @@ def _confusion(counted: Score) -> list[str]:
 
 
 def _failures(outcomes: Sequence[Outcome]) -> list[str]:
-    failed = [o for o in outcomes if wrong(o)]
+    failed = [o for o in outcomes if is_wrong(o)]
     if not failed:
         return []
     lines = [
@@ -147,19 +147,20 @@ def _failures(outcomes: Sequence[Outcome]) -> list[str]:
         "| seed, trial | true | verdict | told |", "| --- | --- | --- | --- |",
     ]  # fmt: skip
     lines += [
-        f"| {o.seed}, {o.number} | {truth_text(o)} | {o.error or o.verdict} | {told_text(o)} |"
+        f"| {o.seed}, {o.number} | {describe_truth(o)} | {o.error or o.verdict} "
+        f"| {describe_reported(o)} |"
         for o in failed
     ]
     return [*lines, ""]
 
 
-def truth_text(outcome: Outcome) -> str:
-    """What was there, in a few words."""
+def describe_truth(outcome: Outcome) -> str:
+    """The true effects, in a few words."""
     left = " (left out)" if outcome.leave_out and outcome.truth else ""
     return (", ".join(f"{d.axis} {d.effect}" for d in outcome.truth) or "nothing") + left
 
 
-def told_text(outcome: Outcome) -> str:
-    """What was told, in a few words."""
-    named = ", ".join(f"{t.axis} {t.effect} {t.probability:.2f}" for t in outcome.told)
+def describe_reported(outcome: Outcome) -> str:
+    """The reported causes, in a few words."""
+    named = ", ".join(f"{t.axis} {t.effect} {t.probability:.2f}" for t in outcome.reported)
     return named or "nothing"

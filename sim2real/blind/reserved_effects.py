@@ -1,8 +1,9 @@
-"""Effects that a diagnosis can't know by name: `sim2real.strangers`, and some of the check's own.
+"""All effects that the check draws besides the library, some of them reserved for it.
 
-The check's own are kept out of sight of everything that a diagnosis may be tuned on. Kin belong to
-a family of the library but depart from its equation: the right answer is the family's name, and
-that something is left. Outsiders belong to none: the right answer is that no cause is known.
+The reserved ones are kept out of sight of anything a diagnosis may be tuned on. Variants belong
+to a family of the library but depart from its equation: the right answer is the family's name,
+and that something is left. Outside effects belong to none: the right answer is that no cause is
+known.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Counting the outcomes of a blind check; nothing here decides what the diagnosis says.
+"""Scores of a blind check; nothing here affects what the diagnosis says.
 
 A cause is right where axis and family are those of the key. Terms and thresholds:
 docs/formats/gap-report.md, docs/blind.md.
@@ -12,17 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim2real.blind.trial import Outcome, Told
+from sim2real.blind.outcome import Outcome, ReportedCause
 from sim2real.report import NO_GAP, PARTLY_EXPLAINED, UNEXPLAINED
 
 BIN = 50
-"""Causes in a bin of the calibration, at least."""
+"""Least number of causes in a bin of the calibration."""
 SIGMAS = 3.0
 PROMISE = 0.08
-"""How far the gap closed on a second run may be from what was promised."""
+"""Largest difference between the gap closed on a second run and what was promised."""
 CONFIDENT = 0.5
 HONEST = 0.9
-"""A kin of an effect that the library lacks is honest below this probability."""
+"""A relative of an effect that the library lacks is honest below this probability."""
 NEAR: tuple[frozenset[str], ...] = (
     frozenset({"force_offset", "cable_stiffness", "cogging"}),
     frozenset(
@@ -43,20 +43,20 @@ Pair = tuple[str, str]
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """So many of so many."""
+    """A count out of a total."""
 
     count: int
     of: int
 
     @property
     def value(self) -> float | None:
-        """0..1; None of nothing."""
+        """0..1; None where the total is 0."""
         return self.count / self.of if self.of else None
 
 
 @dataclass(frozen=True, slots=True)
 class Bin:
-    """Causes of similar probability: how many, their mean probability, share of right ones."""
+    """Causes of similar probability: their number, mean probability, and share of right ones."""
 
     causes: int
     told: float
@@ -65,30 +65,31 @@ class Bin:
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """A blind check in figures.
+    """The figures of a blind check.
 
     Attributes:
         trials: all of them.
-        errors: those that gave no report.
+        errors: those without a report.
         one: the right axis and name first.
-        one_with_sets: the same, or a named confusable set has it beside the first.
+        one_with_sets: the same, or a confusable set with the first contains it.
         one_only: the right name, and no other.
         none: verdict `no_gap`.
         alarms: trials without an effect in which one was named.
         outside: verdict `unexplained` or `partly_explained`, or no cause above 0.5.
         two: both named.
         two_safe: at least one right and none wrong.
-        family: departing shape: the family is named on the axis.
+        family: another shape: the family is named on the axis.
         remainder: the same, and what is left is admitted.
-        left_out: safe answers, or an honest kin, where the true effects were not in the library.
+        left_out: safe answers, or an honest relative, where the true effects were not in the
+            library.
         parameters: within 3 of their sigmas.
         promise: gap closed on the second run within 0.08 of what was promised.
-        closed: median gap closed with the one effect named rightly, None where there is none.
+        closed: median gap closed with the one effect named correctly, None where there is none.
         error: expected calibration error, None without causes.
-        bins: it is made of.
+        bins: that it is made of.
         seconds: median and longest time of a diagnosis.
-        processor: median of the processor time of all cores together, None where not known.
-        confusion: (true family, first name told) -> trials with one effect.
+        processor: median of the processor time of all cores together, None where unknown.
+        confusion: (true family, first name reported) -> trials with one effect.
     """
 
     trials: int
@@ -114,8 +115,8 @@ class Score:
     confusion: dict[Pair, int]
 
 
-def score(outcomes: Sequence[Outcome]) -> Score:
-    """Count."""
+def score_outcomes(outcomes: Sequence[Outcome]) -> Score:
+    """The figures of a blind check."""
     known = [o for o in outcomes if not o.leave_out]
     of_kind = {
         kind: [o for o in known if o.kind == kind]
@@ -126,20 +127,22 @@ def score(outcomes: Sequence[Outcome]) -> Score:
     promised = [
         abs(o.promised - o.second) for o in known if o.promised is not None and o.second is not None
     ]
-    closed = [o.promised for o in one if first_right(o) and o.promised is not None]
-    bins = calibration((told.probability, right) for o in known for told, right in judged(o))
+    closed = [o.promised for o in one if is_first_right(o) and o.promised is not None]
+    bins = calibration_bins(
+        (cause.probability, right) for o in known for cause, right in judge_causes(o)
+    )
     causes = sum(b.causes for b in bins)
     seconds = [o.seconds for o in outcomes]
     processor = [o.processor for o in outcomes if np.isfinite(o.processor)]
     return Score(
         len(outcomes),
         sum(bool(o.error) for o in outcomes),
-        _share(one, first_right),
-        _share(one, first_right_or_set),
-        _share(one, lambda o: first_right(o) and len(confident(o)) == 1),
+        _share(one, is_first_right),
+        _share(one, is_first_right_or_set),
+        _share(one, lambda o: is_first_right(o) and len(confident(o)) == 1),
         _share(of_kind["none"], lambda o: o.verdict == NO_GAP),
         _share(of_kind["none"], lambda o: bool(confident(o))),
-        _share(of_kind["outside"], safe),
+        _share(of_kind["outside"], is_safe),
         _share(of_kind["two"], lambda o: true_pairs(o) <= confident(o)),
         _share(of_kind["two"], lambda o: bool(confident(o)) and confident(o) <= true_pairs(o)),
         _share(of_kind["departing"], lambda o: true_pairs(o) <= confident(o)),
@@ -147,7 +150,7 @@ def score(outcomes: Sequence[Outcome]) -> Score:
             of_kind["departing"],
             lambda o: true_pairs(o) <= confident(o) and o.verdict == PARTLY_EXPLAINED,
         ),
-        _share([o for o in outcomes if o.leave_out and o.truth], honest),
+        _share([o for o in outcomes if o.leave_out and o.truth], is_honest),
         Share(sum(abs(value) <= SIGMAS for value in deviations), len(deviations)),
         Share(sum(off <= PROMISE for off in promised), len(promised)),
         float(np.median(closed)) if closed else None,
@@ -160,36 +163,36 @@ def score(outcomes: Sequence[Outcome]) -> Score:
 
 
 def true_pairs(outcome: Outcome) -> set[Pair]:
-    """Axis and family of what is there; nothing of what has no family."""
+    """Axis and family of the true effects that have a family."""
     return {(drawn.axis, drawn.kin) for drawn in outcome.truth if drawn.kin}
 
 
 def confident(outcome: Outcome) -> set[Pair]:
     """Axis and name of the causes above 0.5."""
-    return {(t.axis, t.effect) for t in outcome.told if t.probability > CONFIDENT}
+    return {(t.axis, t.effect) for t in outcome.reported if t.probability > CONFIDENT}
 
 
-def judged(outcome: Outcome) -> list[tuple[Told, bool]]:
+def judge_causes(outcome: Outcome) -> list[tuple[ReportedCause, bool]]:
     """Causes, each with whether it is right."""
     right = true_pairs(outcome)
-    return [(told, (told.axis, told.effect) in right) for told in outcome.told]
+    return [(cause, (cause.axis, cause.effect) in right) for cause in outcome.reported]
 
 
-def first_right(outcome: Outcome) -> bool:
+def is_first_right(outcome: Outcome) -> bool:
     """Whether the first cause has the right axis and name."""
-    if not outcome.told:
+    if not outcome.reported:
         return False
-    first = outcome.told[0]
+    first = outcome.reported[0]
     return (first.axis, first.effect) in true_pairs(outcome)
 
 
-def first_right_or_set(outcome: Outcome) -> bool:
-    """The same, or the first cause stands in a set with the right one."""
-    if first_right(outcome):
+def is_first_right_or_set(outcome: Outcome) -> bool:
+    """The same, or the first cause is in a confusable set with the right one."""
+    if is_first_right(outcome):
         return True
-    if not outcome.told:
+    if not outcome.reported:
         return False
-    first = outcome.told[0]
+    first = outcome.reported[0]
     return any(
         axis == first.axis
         and first.effect in names
@@ -198,29 +201,29 @@ def first_right_or_set(outcome: Outcome) -> bool:
     )
 
 
-def safe(outcome: Outcome) -> bool:
-    """Nothing is claimed that the reader would take for the whole truth."""
+def is_safe(outcome: Outcome) -> bool:
+    """Whether nothing is claimed that a reader would take for the whole truth."""
     if outcome.error:
         return False
     return outcome.verdict in (UNEXPLAINED, PARTLY_EXPLAINED) or not confident(outcome)
 
 
-def honest(outcome: Outcome) -> bool:
-    """Safe, or all that is named is near to what was left out, at a lower probability."""
-    if safe(outcome):
+def is_honest(outcome: Outcome) -> bool:
+    """Whether an answer is safe, or names only relatives of what was left out, with less certainty."""
+    if is_safe(outcome):
         return True
     true = true_pairs(outcome)
     return not outcome.error and all(
-        told.probability < HONEST
+        cause.probability < HONEST
         and any(
-            told.axis == axis and any({name, told.effect} <= near for near in NEAR)
+            cause.axis == axis and any({name, cause.effect} <= near for near in NEAR)
             for axis, name in true
         )
-        for told in outcome.told
+        for cause in outcome.reported
     )
 
 
-def calibration(causes: Iterable[tuple[float, bool]]) -> tuple[Bin, ...]:
+def calibration_bins(causes: Iterable[tuple[float, bool]]) -> tuple[Bin, ...]:
     """Causes in order of their probability, in bins of equal size of at least 50 (or one bin)."""
     ranked = sorted(causes, key=lambda cause: cause[0])
     if not ranked:
@@ -231,15 +234,15 @@ def calibration(causes: Iterable[tuple[float, bool]]) -> tuple[Bin, ...]:
     )
 
 
-def wrong(outcome: Outcome) -> bool:
+def is_wrong(outcome: Outcome) -> bool:
     """Whether the trial counts against the diagnosis in its main row."""
     if outcome.leave_out:
-        return bool(outcome.truth) and not honest(outcome)
+        return bool(outcome.truth) and not is_honest(outcome)
     checks: dict[str, Callable[[Outcome], bool]] = {
-        "one": lambda o: first_right_or_set(o) and confident(o) <= true_pairs(o),
+        "one": lambda o: is_first_right_or_set(o) and confident(o) <= true_pairs(o),
         "two": lambda o: confident(o) == true_pairs(o),
         "none": lambda o: o.verdict == NO_GAP,
-        "outside": safe,
+        "outside": is_safe,
         "departing": lambda o: true_pairs(o) == confident(o) and o.verdict == PARTLY_EXPLAINED,
     }
     return not checks[outcome.kind](outcome)
@@ -252,8 +255,8 @@ def _share(outcomes: Sequence[Outcome], holds: Callable[[Outcome], bool]) -> Sha
 def _first_name(outcome: Outcome) -> str:
     if outcome.error:
         return "error"
-    if not outcome.told:
+    if not outcome.reported:
         return outcome.verdict
-    first = outcome.told[0]
+    first = outcome.reported[0]
     other = first.axis != outcome.truth[0].axis
     return first.effect + (" (other axis)" if other else "")

@@ -1,16 +1,15 @@
-"""The seal on an answer: a hash that is shown before a diagnosis, and what opens it afterwards."""
+"""The seal on an answer: a hash published before the diagnosis, and what opens it afterwards."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from sim2real.blind.draw import Drawn, Key
+from sim2real.blind.draw import Key
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +18,7 @@ class Sealed:
 
     Attributes:
         text: the key as JSON.
-        nonce: random text, so that the hash can't be found by trying keys.
+        nonce: random text, so that the hash cannot be found by trying keys.
         digest: SHA-256 of text and nonce, hexadecimal.
     """
 
@@ -27,19 +26,15 @@ class Sealed:
     nonce: str
     digest: str
 
-    def verifies(self) -> bool:
-        """Whether text and nonce are those that the digest was made of."""
-        return digest_of(self.text, self.nonce) == self.digest
 
-
-def seal(key: Key, rng: np.random.Generator) -> Sealed:
-    """Put a key under seal."""
+def seal_key(key: Key, rng: np.random.Generator) -> Sealed:
+    """Seal a key."""
     text = json.dumps(key_json(key), sort_keys=True)
     nonce = rng.bytes(16).hex()
-    return Sealed(text, nonce, digest_of(text, nonce))
+    return Sealed(text, nonce, key_digest(text, nonce))
 
 
-def digest_of(text: str, nonce: str) -> str:
+def key_digest(text: str, nonce: str) -> str:
     """SHA-256 of a key's text followed by a nonce: `printf %s%s TEXT NONCE | sha256sum`."""
     return hashlib.sha256((text + nonce).encode()).hexdigest()
 
@@ -51,8 +46,3 @@ def key_json(key: Key) -> dict[str, Any]:
         "effects": [asdict(drawn) for drawn in key.effects],
         "base": {axis: dict(off) for axis, off in key.base.items()},
     }
-
-
-def key_of(values: Mapping[str, Any]) -> Key:
-    """A key from plain values."""
-    return Key(values["kind"], tuple(Drawn(**drawn) for drawn in values["effects"]), values["base"])

@@ -1,7 +1,7 @@
-"""The stage of a trial at work: finer steps than the diagnosis takes, noise of its own.
+"""The recording of a trial's stage, with finer integration steps than the diagnosis takes.
 
-Where the machine file says 5 plant steps per control tick, this stage is integrated with more of
-them; friction elements are as many as the machine file says unless told otherwise.
+Where the machine file says 5 plant steps per control tick, this stage takes more of them; it has as
+many friction elements as the machine file says, unless a check sets another number.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ SUBSTEPS = (8, 10)
 _OPERATIONAL = 0x1237
 
 
-def record(
+def record_stage(
     stage: StageSettings, demands: Demands, seed: int, substeps: int, machine: str, source: str
 ) -> Recording:
     """A recording of a stage.
 
     Args:
-        stage: with all that is wrong with it.
+        stage: with everything that is wrong with it.
         demands: sent to it.
         seed: of encoder noise and friction wander.
         substeps: plant steps per control tick.
@@ -51,7 +51,7 @@ def record(
 
 
 def with_elements(stage: StageSettings, elements: int) -> StageSettings:
-    """The stage with another number of friction elements, on which the diagnosis can't count."""
+    """The stage with another number of friction elements, which the diagnosis cannot know."""
     return replace(
         stage,
         axes=tuple(

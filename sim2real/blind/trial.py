@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,12 +12,20 @@ import numpy as np
 from hil_sim.effects.effect import Effect
 from hil_sim.plant.simulate import simulate
 from hil_sim.settings import StageSettings
-from sim2real.blind.draw import Drawn, Key, draw_key, stage_of
+from sim2real.blind.draw import Key, build_stage, draw_key
 from sim2real.blind.moves import Demands, draw_demands
-from sim2real.blind.seal import Sealed, seal
-from sim2real.blind.stage import SUBSTEPS, record, with_elements
+from sim2real.blind.outcome import Outcome, ReportedCause
+from sim2real.blind.seal import Sealed, seal_key
+from sim2real.blind.stage import SUBSTEPS, record_stage, with_elements
 from sim2real.diagnosis import Diagnosis, Progress, diagnose, examine
-from sim2real.gap import closed, combined, compare_with, floor, measure, prepare
+from sim2real.gap import (
+    combined_gap,
+    compare_with_model,
+    estimate_floor,
+    gap_closed,
+    measure_gap,
+    prepare_replay,
+)
 from sim2real.recording import Recording
 from sim2real.report import GapReport
 
@@ -26,7 +34,7 @@ _FLOOR_DRAWS = 3
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What all trials of a check share.
+    """What all trials of a check have in common.
 
     Attributes:
         settings: of the machine file.
@@ -34,7 +42,7 @@ class Setup:
         library: effects, drawn and searched.
         machine: text of the machine file.
         seed: of all draws.
-        leave_out: take the true effects out of the library before the diagnosis.
+        leave_out: remove the true effects from the library before the diagnosis.
         only: name of the only effect drawn, None for all.
         elements: friction elements of the real stage, None for the machine file's.
         substeps: plant steps per control tick of the real stage, None to draw one of `SUBSTEPS`.
@@ -72,91 +80,6 @@ class Trial:
     second: Recording
 
 
-@dataclass(frozen=True, slots=True)
-class Told:
-    """A cause as the diagnosis gave it.
-
-    Attributes:
-        axis, effect, probability, gap_closed: as in the report.
-        parameters: key -> (value, sigma).
-    """
-
-    axis: str
-    effect: str
-    probability: float
-    gap_closed: float | None
-    parameters: Mapping[str, tuple[float, float]]
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """What came out of a trial; plain values, so that it goes into a line of JSON and back.
-
-    Attributes:
-        seed, number: which trial.
-        leave_out: the true effects were not in the library.
-        kind: of the key.
-        truth: of the key.
-        verdict: of the report.
-        told: its causes, in its order.
-        confusable: its sets, (axis, names).
-        sigmas: "axis.effect.key" -> (told - true)/sigma, of causes named rightly.
-        gap: combined gap in floors of the machine file against the first recording.
-        promised: gap closed that the report promises, None where it promises none.
-        second: gap closed by the same twin on the second run, None likewise.
-        seconds: time of the diagnosis [s].
-        processor: time that all cores together spent on it [s].
-        key, nonce, digest: of the seal.
-        error: why there is no report, "" where there is one.
-    """
-
-    seed: int
-    number: int
-    leave_out: bool
-    kind: str
-    truth: tuple[Drawn, ...]
-    verdict: str
-    told: tuple[Told, ...]
-    confusable: tuple[tuple[str, tuple[str, ...]], ...]
-    sigmas: Mapping[str, float]
-    gap: float
-    promised: float | None
-    second: float | None
-    seconds: float
-    processor: float
-    key: str
-    nonce: str
-    digest: str
-    error: str = ""
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain values; what is no number is null."""
-        plain: dict[str, Any] = _plain(asdict(self))
-        return plain
-
-    @classmethod
-    def from_json(cls, values: Mapping[str, Any]) -> Outcome:
-        """The outcome of `to_json`; keys that it does not know are left out."""
-        known = {name: values[name] for name in cls.__dataclass_fields__ if name in values}
-        known["truth"] = tuple(Drawn(**drawn) for drawn in values["truth"])
-        known["told"] = tuple(
-            Told(
-                **{
-                    **told,
-                    "parameters": {
-                        key: (_number(value), _number(sigma))
-                        for key, (value, sigma) in told["parameters"].items()
-                    },
-                }
-            )
-            for told in values["told"]
-        )
-        known["processor"] = _number(values.get("processor"))
-        known["confusable"] = tuple((axis, tuple(names)) for axis, names in values["confusable"])
-        known["sigmas"] = {key: _number(value) for key, value in values["sigmas"].items()}
-        return cls(**known)
-
-
 def draw_trial(setup: Setup, number: int) -> Trial:
     """Draw moves, effects and base parameters of a trial; run the stage twice; seal the answer.
 
@@ -167,10 +90,10 @@ def draw_trial(setup: Setup, number: int) -> Trial:
     demands = draw_demands(rng, setup.settings)
     other = draw_demands(rng, setup.settings)
     key = draw_key(
-        rng, setup.settings, setup.tolerance, setup.library, _gap_of(setup, demands),
+        rng, setup.settings, setup.tolerance, setup.library, _gap_measure(setup, demands),
         only=setup.only,
     )  # fmt: skip
-    stage = stage_of(setup.settings, key, setup.library)
+    stage = build_stage(setup.settings, key, setup.library)
     if setup.elements is not None:
         stage = with_elements(stage, setup.elements)
     substeps = int(rng.choice(SUBSTEPS))
@@ -178,17 +101,17 @@ def draw_trial(setup: Setup, number: int) -> Trial:
         substeps = setup.substeps
     seeds = [int(s) for s in rng.integers(2**31, size=2)]
     runs = [
-        record(stage, d, s, substeps, setup.machine, f"trial-{number}-{i}")
+        record_stage(stage, d, s, substeps, setup.machine, f"trial-{number}-{i}")
         for i, (d, s) in enumerate(zip((demands, other), seeds, strict=True))
     ]
-    return Trial(number, key, seal(key, rng), runs[0], runs[1])
+    return Trial(number, key, seal_key(key, rng), runs[0], runs[1])
 
 
-def _gap_of(setup: Setup, demands: Demands) -> Callable[[StageSettings], float]:
-    """Combined gap in floors of a stage against the machine file on these moves, noise-free."""
+def _gap_measure(setup: Setup, demands: Demands) -> Callable[[StageSettings], float]:
+    """A function for the combined gap in floors of a stage on these moves, noise-free."""
     settings = setup.settings
-    blank = record(settings, demands, 0, SUBSTEPS[0], setup.machine, "blank")
-    below = floor(prepare(blank, settings), settings, _FLOOR_DRAWS)
+    blank = record_stage(settings, demands, 0, SUBSTEPS[0], setup.machine, "blank")
+    below = estimate_floor(prepare_replay(blank, settings), settings, _FLOOR_DRAWS)
     floors = np.array([list(below.rms[a.name].values()) for a in settings.axes])
     plain = simulate(
         settings, demands.position, demands.offset, None, substeps=settings.quick_substeps
@@ -212,13 +135,13 @@ def run_trial(
     spent: Callable[[], float],
     progress: Progress = lambda *_: None,
 ) -> Outcome:
-    """Diagnose the first run, and hold what is promised against the second.
+    """Diagnose the first run, and compare what is promised with the second.
 
     Args:
         setup: of all trials.
         trial: to diagnose.
         clock: the time [s].
-        spent: processor time that this process has spent [s].
+        spent: processor time of this process [s].
         progress: called along the way.
     """
     library = dict(setup.library)
@@ -238,10 +161,10 @@ def run_trial(
     promised = None if report is None else report.gap_closed
     second = None
     if found is not None and promised is not None:
-        before = measure(trial.second, setup.settings)
-        after = compare_with(trial.second, twin(setup.settings, found, library), 1).gap
-        second = closed(before, after)
-    gap = measure(trial.first, setup.settings, 3)
+        before = measure_gap(trial.second, setup.settings)
+        after = compare_with_model(trial.second, build_twin(setup.settings, found, library), 1).gap
+        second = gap_closed(before, after)
+    gap = measure_gap(trial.first, setup.settings, 3)
     return Outcome(
         setup.seed,
         trial.number,
@@ -249,10 +172,10 @@ def run_trial(
         trial.key.kind,
         trial.key.effects,
         "" if report is None else report.verdict,
-        () if report is None else told(report),
+        () if report is None else reported_causes(report),
         () if report is None else tuple((c.axis, c.effects) for c in report.confusable),
-        {} if report is None else sigmas(trial.key, report, setup.library),
-        math.sqrt(combined(gap)),
+        {} if report is None else deviations_in_sigmas(trial.key, report, setup.library),
+        math.sqrt(combined_gap(gap)),
         promised,
         second,
         seconds,
@@ -264,8 +187,10 @@ def run_trial(
     )
 
 
-def twin(settings: StageSettings, found: Diagnosis, library: Mapping[str, Effect]) -> StageSettings:
-    """The stage that the report describes: causes added, plant figures moved."""
+def build_twin(
+    settings: StageSettings, found: Diagnosis, library: Mapping[str, Effect]
+) -> StageSettings:
+    """The stage that the report describes: causes added, plant figures changed."""
     axes = []
     for axis in settings.axes:
         figures: dict[str, Any] = dict(found.plant.get(axis.name, {}))
@@ -286,10 +211,10 @@ def twin(settings: StageSettings, found: Diagnosis, library: Mapping[str, Effect
     return replace(settings, axes=tuple(axes))
 
 
-def told(report: GapReport) -> tuple[Told, ...]:
+def reported_causes(report: GapReport) -> tuple[ReportedCause, ...]:
     """The causes of a report."""
     return tuple(
-        Told(
+        ReportedCause(
             cause.axis,
             cause.effect,
             cause.probability,
@@ -300,8 +225,10 @@ def told(report: GapReport) -> tuple[Told, ...]:
     )
 
 
-def sigmas(key: Key, report: GapReport, library: Mapping[str, Effect]) -> dict[str, float]:
-    """(told - true)/sigma of every parameter of the causes that are named rightly.
+def deviations_in_sigmas(
+    key: Key, report: GapReport, library: Mapping[str, Effect]
+) -> dict[str, float]:
+    """(reported - true)/sigma of every parameter of the causes that are named correctly.
 
     Phases are compared on the circle, after a negative size has been turned into half a turn.
     """
@@ -328,17 +255,3 @@ def sigmas(key: Key, report: GapReport, library: Mapping[str, Effect]) -> dict[s
                     off / sigma if sigma > 0.0 else math.nan
                 )
     return out
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else value
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _plain(inner) for key, inner in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(inner) for inner in value]
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    return value

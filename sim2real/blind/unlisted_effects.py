@@ -1,9 +1,9 @@
-"""Effects that are on no list: what real stages have besides, for checks of a diagnosis.
+"""Effects in no list: what real stages have besides the library, for checks of the diagnosis.
 
-Strangers have no name that a diagnosis could give: the right answer to one is that something is
-left unexplained. Kin are effects of the library in another shape (cogging has harmonics, a worn
-spot is no bell): the right answer is the family's name, and what is left. Neither is in machine
-files; both go into `AxisSettings.effects` as the library's own do.
+Some have no name that a diagnosis could give: the right answer is that something is left
+unexplained. Others are variants of the library's effects in another shape (cogging with harmonics,
+a worn spot that is not a bell): the right answer is the family's name, and that something is left.
+None can be given in machine files; all go into `AxisSettings.effects` like the library's own.
 
 Each has one size parameter and takes its shape from the others, so that checks can draw them.
 """
@@ -28,10 +28,10 @@ _SEED = Parameter("seed", "", "which course", (0.0, 1e6), role="shape", least=0.
 
 
 class UnlistedEffect(Effect):
-    """An effect that no diagnosis looks for.
+    """An effect that no diagnosis searches for.
 
     Attributes:
-        kin: name of the library's effect that it is a variant of; "" for none.
+        kin: name of the library's effect whose family it belongs to; "" for none.
     """
 
     group: ClassVar[Group] = "force"
@@ -311,7 +311,7 @@ class HummingFloor(UnlistedEffect):
 
 
 def _angle(ports: EffectPorts, parameters: Mapping[str, float]) -> F64:
-    """Of a wave over position, at the nodes [rad]."""
+    """Angle of a wave over position at the nodes [rad]."""
     return np.asarray(2.0 * np.pi * ports.positions / parameters["pitch"] + parameters["phase"])
 
 
@@ -319,7 +319,7 @@ UNLISTED: tuple[UnlistedEffect, ...] = (
     QuadraticDrag(), RootDrag(), CubicCable(), ForceBump(), ForceStep(), RandomWalk(),
     FrictionStep(), FrictionPulsing(), Sweep(), ScaleError(),
 )  # fmt: skip
-"""Without a name in the library."""
+"""Of no family in the library."""
 UNLISTED_VARIANTS: tuple[UnlistedEffect, ...] = (
     CoggingHarmonics(), RippleHarmonics(), RoughStretch(), SlowWarmUp(), TwoStrandCable(),
     HummingFloor(),

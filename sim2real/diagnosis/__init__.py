@@ -8,10 +8,11 @@ from sim2real.diagnosis.examination import (
     Examination,
     Progress,
     examine,
-    insufficient,
-    without_causes,
+    report_without_causes,
+    why_insufficient,
 )
-from sim2real.diagnosis.procedure import Diagnosis, diagnose
+from sim2real.diagnosis.procedure import diagnose
+from sim2real.diagnosis.verdict import Diagnosis
 
 __all__ = [
     "Diagnosis",
@@ -19,6 +20,6 @@ __all__ = [
     "Progress",
     "diagnose",
     "examine",
-    "insufficient",
-    "without_causes",
+    "report_without_causes",
+    "why_insufficient",
 ]

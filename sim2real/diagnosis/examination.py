@@ -1,4 +1,4 @@
-"""What is known of a gap before any effect is suspected: channels, floor, gap, and where it lies.
+"""What is known of a gap before any effect is suspected: channels, floor, gap and its location.
 
 Also whether the recordings can support a diagnosis at all.
 """
@@ -12,9 +12,17 @@ from typing import TypeVar
 import numpy as np
 
 from hil_sim.settings import StageSettings
-from sim2real.audit import BEYOND, Audit, applied, audit
-from sim2real.gap import Gap, Located, Measured, combined, compare_with, locate, pooled
-from sim2real.phases import blocks
+from sim2real.audit import UNCORRECTABLE, Audit, audit_channels, mark_applied
+from sim2real.gap import (
+    Gap,
+    Located,
+    Measured,
+    combined_gap,
+    compare_with_model,
+    locate_gap,
+    pool_gaps,
+)
+from sim2real.phases import split_moves
 from sim2real.recording import Recording
 from sim2real.report import (
     INSUFFICIENT,
@@ -24,16 +32,16 @@ from sim2real.report import (
 )
 
 SLOWEST = 0.01
-"""Longest sample period from which a diagnosis is tried [s]: friction and loops are faster."""
+"""Longest sample period at which a diagnosis is attempted [s]: friction and loops are faster."""
 _SHORTEST = 1.0
 _FEWEST_MOVES = 2
 _FEWEST_VALID = 0.5
 _EXCITED = 1e-6
 _LARGEST = 1e15
-"""No position in any unit and no force is larger."""
+"""No position or force is larger, in whatever unit."""
 _T = TypeVar("_T")
 Progress = Callable[[str, int, int], object]
-"""Called with what is being done, steps done, all steps."""
+"""Called with (what is being done, steps done, all steps)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,14 +49,13 @@ class Examination:
     """What is known before any effect is suspected.
 
     Attributes:
-        recordings: as they were named.
-        findings: of all recordings, those corrected for marked as applied.
+        recordings: by name.
+        findings: of all recordings; those corrected for are marked as applied.
         insufficient: why there can be no diagnosis, None where there can.
-        settings: of the machine file, corrected where channels told so and correction was asked.
+        settings: of the machine file, corrected by the audit where correction was asked for.
         measured: gap of each recording, corrected likewise; empty where insufficient.
-        gap: of all recordings together; empty where insufficient.
-        located: where it lies.
-        current_paths: axis -> dead time and bandwidth where the logged force says they differ.
+        gap: of all recordings together; None where insufficient.
+        located: where it lies; None where insufficient.
     """
 
     recordings: tuple[str, ...]
@@ -58,7 +65,6 @@ class Examination:
     measured: tuple[Measured, ...] = ()
     gap: Gap | None = None
     located: Located | None = None
-    audits: tuple[Audit, ...] = ()
 
 
 def examine(
@@ -68,55 +74,54 @@ def examine(
     correct: bool = False,
     progress: Progress = lambda *_: None,
 ) -> Examination:
-    """Channels, floor, gap and where, of recordings of one stage.
+    """Examine recordings of one stage: channels, floor, gap and its location.
 
     Args:
         recordings: at least one.
         settings: of the machine file.
-        correct: go on with what channels are found to mean, instead of giving up.
+        correct: go on with corrected channels instead of giving up.
         progress: called along the way.
 
     Raises:
-        ValueError: a recording does not fit the machine file, with the recording's name.
+        ValueError: a recording does not fit the machine file; with the recording's name.
     """
     names = tuple(r.source for r in recordings)
     for recording in recordings:
-        reason = insufficient(recording, settings)
+        reason = why_insufficient(recording, settings)
         if reason is not None:
-            return Examination(names, (), _named(recording, recordings, reason), settings)
+            return Examination(names, (), _name_recording(recording, recordings, reason), settings)
     audits = []
     for number, recording in enumerate(recordings):
         progress("channels", number, len(recordings))
-        audits.append(_of(recording, lambda r: audit(r, settings)))
-    findings = _merged(audits)
+        audits.append(_name_errors(recording, lambda r: audit_channels(r, settings)))
+    findings = _merge_findings(audits)
     misleading = [f for a in audits for f in a.misleading]
-    beyond = [f for f in misleading if f.finding in BEYOND]
+    beyond = [f for f in misleading if f.finding in UNCORRECTABLE]
     if beyond or (misleading and not correct):
         worst = (beyond or misleading)[0]
         way = "no physics can be told from that"
-        if worst.finding not in BEYOND:
+        if worst.finding not in UNCORRECTABLE:
             way = "until that is put right (--correct) physics can't be told"
         reason = f"{worst.text}; {way}"
-        return Examination(names, findings, reason, settings, audits=tuple(audits))
+        return Examination(names, findings, reason, settings)
     if correct:
-        findings = applied(findings)
+        findings = mark_applied(findings)
         recordings = [a.recording for a in audits]
         settings = audits[0].settings
     measured = []
     for number, recording in enumerate(recordings):
         progress("floor and gap", number, len(recordings))
-        measured.append(_of(recording, lambda r: compare_with(r, settings)))
-    gap = pooled([(m.gap, len(m.replay.recording)) for m in measured])
+        measured.append(_name_errors(recording, lambda r: compare_with_model(r, settings)))
+    gap = pool_gaps([(m.gap, len(m.replay.recording)) for m in measured])
     progress("where", 0, 1)
     ratio = settings.control_period / settings.sync_period
     return Examination(
-        names, findings, None, settings, tuple(measured), gap, locate(measured, ratio),
-        tuple(audits),
-    )  # fmt: skip
+        names, findings, None, settings, tuple(measured), gap, locate_gap(measured, ratio)
+    )
 
 
-def insufficient(recording: Recording, settings: StageSettings) -> str | None:
-    """Why a recording can't support a diagnosis, or None.
+def why_insufficient(recording: Recording, settings: StageSettings) -> str | None:
+    """Why a recording cannot support a diagnosis, or None.
 
     Args:
         recording: as logged.
@@ -147,23 +152,23 @@ def insufficient(recording: Recording, settings: StageSettings) -> str | None:
     demands = [axis.position_demand for axis in recording.axes.values()]
     if max(float(np.ptp(demand)) for demand in demands) < _EXCITED:
         return "no motion: the demand stands still, and nothing is excited"
-    moves = blocks(recording, settings.sync_period)
+    moves = split_moves(recording, settings.sync_period)
     if len(moves) < _FEWEST_MOVES:
         return f"{len(moves)} move: at least {_FEWEST_MOVES} are needed to hold one back"
     return None
 
 
-def without_causes(examined: Examination) -> GapReport:
-    """The report as far as it is known without suspecting any effect.
+def report_without_causes(examined: Examination) -> GapReport:
+    """The report as far as it is known before any effect is suspected.
 
-    `unexplained` where there could be one: no cause has been found (nor looked for).
+    The verdict is `unexplained` where a diagnosis is possible: no cause has been looked for.
     """
     if examined.insufficient is not None or examined.gap is None:
         return GapReport(
             examined.recordings, INSUFFICIENT, examined.insufficient or "no recording",
             channels=examined.findings,
         )  # fmt: skip
-    gap = combined(examined.gap)
+    gap = combined_gap(examined.gap)
     located = () if examined.located is None else examined.located.cells
     reason = f"the combined gap is {gap**0.5:.3g} times the floor; no cause has been looked for"
     return GapReport(
@@ -171,8 +176,8 @@ def without_causes(examined: Examination) -> GapReport:
     )
 
 
-def _merged(audits: Sequence[Audit]) -> tuple[ChannelFinding, ...]:
-    """Findings of several recordings, each kind once, with the mean of its figures."""
+def _merge_findings(audits: Sequence[Audit]) -> tuple[ChannelFinding, ...]:
+    """Findings of several recordings, each kind once, with the mean of its values."""
     kinds: dict[tuple[str, str, str], list[ChannelFinding]] = {}
     for found in audits:
         for finding in found.findings:
@@ -185,11 +190,11 @@ def _merged(audits: Sequence[Audit]) -> tuple[ChannelFinding, ...]:
     )
 
 
-def _named(recording: Recording, recordings: Sequence[Recording], reason: str) -> str:
+def _name_recording(recording: Recording, recordings: Sequence[Recording], reason: str) -> str:
     return f"{recording.source}: {reason}" if len(recordings) > 1 else reason
 
 
-def _of(recording: Recording, do: Callable[[Recording], _T]) -> _T:
+def _name_errors(recording: Recording, do: Callable[[Recording], _T]) -> _T:
     try:
         return do(recording)
     except ValueError as error:

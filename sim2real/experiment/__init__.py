@@ -4,10 +4,10 @@
 move.
 """
 
-from sim2real.experiment.proposal import next_experiment
+from sim2real.experiment.proposal import propose_experiment
 from sim2real.experiment.strokes import stroke
 
 __all__ = [
-    "next_experiment",
+    "propose_experiment",
     "stroke",
 ]

@@ -1,4 +1,4 @@
-"""A jerk-limited stroke in closed form: a trapezoid of velocity, smoothed as the jerk asks for."""
+"""A jerk-limited stroke in closed form: a trapezoidal velocity, smoothed to limit the jerk."""
 
 from __future__ import annotations
 

@@ -11,24 +11,28 @@ from sim2real.fitting.axis_model import (
     NUISANCES,
     STEP,
     AxisModel,
-    Coordinate,
     Term,
-    composed,
-    coordinate,
-    coordinates,
-    fitted,
-    implausible,
-    is_course,
-    is_level,
-    moved,
-    parameters,
-    plausible,
+    compose_stage,
+    reported_values,
     with_base,
     with_effects,
-    within_tolerance,
 )
-from sim2real.fitting.axis_problem import AxisProblem, Fitted, structure
+from sim2real.fitting.axis_problem import AxisProblem, Fitted, slow_energy
+from sim2real.fitting.coordinates import (
+    Coordinate,
+    coordinate,
+    coordinates,
+    from_coordinates,
+    to_coordinates,
+)
 from sim2real.fitting.gauss_newton import fit
+from sim2real.fitting.plausibility import (
+    clip_to_plausible,
+    implausibility,
+    is_coulomb_drift,
+    is_coulomb_level,
+    is_within_tolerance,
+)
 from sim2real.fitting.workers import Stopped, Workers
 
 __all__ = [
@@ -42,19 +46,19 @@ __all__ = [
     "Stopped",
     "Term",
     "Workers",
-    "composed",
+    "clip_to_plausible",
+    "compose_stage",
     "coordinate",
     "coordinates",
     "fit",
-    "fitted",
-    "implausible",
-    "is_course",
-    "is_level",
-    "moved",
-    "parameters",
-    "plausible",
-    "structure",
+    "from_coordinates",
+    "implausibility",
+    "is_coulomb_drift",
+    "is_coulomb_level",
+    "is_within_tolerance",
+    "reported_values",
+    "slow_energy",
+    "to_coordinates",
     "with_base",
     "with_effects",
-    "within_tolerance",
 ]

@@ -1,9 +1,9 @@
-"""What a model of one axis is fitted to: tracked recordings, and the cost of what is left of them.
+"""What a model of one axis is fitted to: tracked recordings, and the cost of what a model leaves.
 
-The cost is twice the negative log posterior: the sum of squares of the innovations over their
-standard deviation (position) and of the force actual's deviations over theirs, plus the base
-parameters' deviations over the machine file's tolerance, squared. The filter's gains are those of
-one run, first of the nominal model, then of what was found: so all models are weighed alike.
+The cost is twice the negative log posterior: the squared innovations over their variance (position)
+and the squared deviations of the force actual over theirs, plus the squared deviations of the base
+parameters over the machine file's tolerance. The filter's gains are those of a single run, first of
+the nominal model, later of what was found: so all models are weighted alike.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.settings import AxisSettings
-from sim2real.fitting.axis_model import FINEST, NUISANCES, STEP, AxisModel
+from sim2real.fitting.axis_model import MAX_REFINEMENT, NUISANCES, STEP, AxisModel
 from sim2real.fitting.workers import Workers
 from sim2real.recording import BoolArray
 from sim2real.tracking import Gains, Track, Tracker
@@ -23,26 +23,26 @@ from sim2real.tracking import Gains, Track, Tracker
 F64 = NDArray[np.float64]
 
 _BASE_STEP = 0.01
-"""Relative step of the base parameters for differences: wide enough for single slips to average."""
-_UNLIKE, _UNLIKE_STEP = 0.5, 0.2
-"""Standard deviation of how far a stage is from the simulator's steps, and its own step for
-differences."""
+"""Relative step of the base parameters for difference quotients: wide enough to average over single
+slips."""
+_REFINEMENT_SPREAD, _REFINEMENT_STEP = 0.5, 0.2
+"""Standard deviation of the refinement of the integration steps; its step for differences."""
 _OUTLIER = 4.0
-"""Deviations beyond so many sigma count less and less: breakaways are events, not findings."""
+"""Deviations beyond this many sigma lose weight: breakaways are events, not findings."""
 _SLOW = 8
-"""Samples whose mean shows structure that a single one hides."""
+"""Samples that are averaged to show structure that single ones hide."""
 _EVENTS = 0.03
-"""Share of an axis' time that is left out of its structure."""
+"""Share of the time that is excluded from the structure."""
 _WHITE = 0.55
-"""Structure below this is none; nominal stages reach 0.5."""
+"""Largest structure that counts as white; nominal stages reach 0.5."""
 _NEARLY_WHITE = 0.6
-"""The same for what is left in the end, where a stage need not be stepped as the simulator is."""
+"""The same for what is left in the end, where the stage may take other integration steps."""
 _SIDE_BY_SIDE = 8
-"""Models that are simulated side by side: more of them gain nothing."""
+"""Models simulated at once: more gain nothing."""
 _FAR_FROM_WHITE = 3.0
-"""Structure beside which it does not count how finely the stage is stepped."""
-_CUT = 1e4
-"""Deviations are kept within so many sigma, where a model makes the stage run away."""
+"""Structure beyond which the integration step of the stage does not matter."""
+_DIVERGED = 1e4
+"""Deviations are clipped to this many sigma where a model makes the stage run away."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,18 +51,19 @@ class Fitted:
 
     Attributes:
         model: at the minimum.
-        cost: there: twice the negative log posterior up to a constant.
+        cost: there: twice the negative log posterior, up to a constant.
         residual: weighted deviations there, float64[R].
-        covariance: of base parameters and all effects' fitted coordinates, in order; None where
-            it was not asked for.
-        falling: what the last iteration lowered the cost by, where another one was not made.
+        covariance: of base parameters and all effects' coordinates, in order; None where it was not
+            asked for.
+        last_gain: reduction of the cost by the last iteration, where the fit ended before it
+            converged.
     """
 
     model: AxisModel
     cost: float
     residual: F64
     covariance: F64 | None
-    falling: float = 0.0
+    last_gain: float = 0.0
 
 
 class AxisProblem:
@@ -71,7 +72,7 @@ class AxisProblem:
     Args:
         trackers: of the axis, one per recording.
         tolerance: relative standard deviation of the base parameters.
-        workers: that runs may be dealt to.
+        workers: threads that the simulations are shared among.
     """
 
     def __init__(
@@ -80,7 +81,7 @@ class AxisProblem:
         self.workers = workers or Workers()
         self.trackers = tuple(trackers)
         self.axis = trackers[0].axis
-        self.spread: F64 = np.append(np.full(STEP, tolerance), _UNLIKE)
+        self.spread: F64 = np.append(np.full(STEP, tolerance), _REFINEMENT_SPREAD)
         self.start = AxisModel(np.zeros(NUISANCES))
         first = [tracker.run(self.axis) for tracker in trackers]
         self.gains: tuple[Gains, ...] = tuple(gains for _, gains in first)
@@ -88,9 +89,9 @@ class AxisProblem:
         self.masks: tuple[BoolArray, ...] = tuple(track.valid for track in self.tracks)
         self.outlier = _OUTLIER
 
-    def as_fine_as_needed(self, residual: F64) -> AxisProblem:
-        """The same problem in the reference's steps, unless far more than their effect is left."""
-        return self if structure(self.positions(residual)) > _FAR_FROM_WHITE else self.finer()
+    def finer_if_close(self, residual: F64) -> AxisProblem:
+        """The problem in the reference's steps, unless much more than their effect is left."""
+        return self if slow_energy(self.positions(residual)) > _FAR_FROM_WHITE else self.finer()
 
     def finer(self) -> AxisProblem:
         """The same problem, simulated in the reference's steps."""
@@ -99,12 +100,12 @@ class AxisProblem:
         other.trackers = tuple(tracker.finer() for tracker in self.trackers)
         return other
 
-    def beside(self, others: Sequence[AxisSettings]) -> None:
-        """Take the other axes as these from now on, for effects that feel them."""
-        self.trackers = tuple(tracker.beside(others) for tracker in self.trackers)
+    def set_other_axes(self, others: Sequence[AxisSettings]) -> None:
+        """Take the other axes as these from now on, for effects that depend on them."""
+        self.trackers = tuple(tracker.with_other_axes(others) for tracker in self.trackers)
 
     def masked(self, masks: Sequence[BoolArray]) -> AxisProblem:
-        """The same problem on some of the samples only (of those that are valid)."""
+        """The same problem restricted to some of the valid samples."""
         other = object.__new__(AxisProblem)
         other.__dict__.update(self.__dict__)
         other.masks = tuple(
@@ -123,14 +124,14 @@ class AxisProblem:
         tracks = []
         for tracker, gains in zip(self.trackers, self.gains, strict=True):
             self.workers.check()
-            tracks.append(tracker.run(settings, gains, model.fine)[0])
+            tracks.append(tracker.run(settings, gains, model.substeps)[0])
         return tuple(tracks)
 
     def weighted(self, tracks: Sequence[Track]) -> F64:
         """Weighted deviations of tracked recordings, positions then forces, float64[R]."""
         parts = [t.position[m] for t, m in zip(tracks, self.masks, strict=True)]
         parts += [t.force[m] for t, m in zip(tracks, self.masks, strict=True)]
-        return np.clip(np.nan_to_num(np.concatenate(parts), nan=_CUT), -_CUT, _CUT)
+        return np.clip(np.nan_to_num(np.concatenate(parts), nan=_DIVERGED), -_DIVERGED, _DIVERGED)
 
     def residual(self, model: AxisModel) -> F64:
         """Weighted deviations under a model, float64[R].
@@ -140,18 +141,18 @@ class AxisProblem:
         """
         return self.weighted(self.track(model))
 
-    def attempted(self, model: AxisModel) -> F64:
-        """Weighted deviations under a model, the largest ones under a model that cannot be."""
+    def residual_or_worst(self, model: AxisModel) -> F64:
+        """Weighted deviations under a model; the largest ones where physics does not allow it."""
         try:
             return self.residual(model)
         except ValueError:
             return self._largest()
 
     def _largest(self) -> F64:
-        return np.full(2 * sum(int(mask.sum()) for mask in self.masks), _CUT)
+        return np.full(2 * sum(int(mask.sum()) for mask in self.masks), _DIVERGED)
 
     def residuals(self, models: Sequence[AxisModel]) -> list[F64 | None]:
-        """Weighted deviations under several models, which takes each less time than by itself.
+        """Weighted deviations under several models, simulated at once.
 
         Returns:
             float64[R] for each, None for values that physics does not allow.
@@ -166,9 +167,9 @@ class AxisProblem:
                 settings[i] = model.settings(self.axis)
             except ValueError:
                 continue
-        fines = [models[i].fine for i in settings]
+        stage_substeps = [models[i].substeps for i in settings]
         runs = [
-            tracker.variants(list(settings.values()), gains, fines)
+            tracker.variants(list(settings.values()), gains, stage_substeps)
             for tracker, gains in zip(self.trackers, self.gains, strict=True)
         ]
         found: list[F64 | None] = [None] * len(models)
@@ -178,8 +179,8 @@ class AxisProblem:
                 found[i] = self.weighted(possible)
         return found
 
-    def all_attempted(self, models: Sequence[AxisModel]) -> list[F64]:
-        """As `attempted`, of several models as `residuals`."""
+    def residuals_or_worst(self, models: Sequence[AxisModel]) -> list[F64]:
+        """As `residual_or_worst`, of several models at once."""
         return [self._largest() if r is None else r for r in self.residuals(models)]
 
     def cost(self, model: AxisModel, residual: F64) -> float:
@@ -187,7 +188,7 @@ class AxisProblem:
         loss = self.outlier**2 * np.log1p(np.square(residual / self.outlier)).sum()
         return float(loss) + float(np.square(model.base / self.spread).sum())
 
-    def expected(self) -> float:
+    def expected_cost(self) -> float:
         """Cost of a model that leaves nothing but noise."""
         samples = 2 * sum(int(mask.sum()) for mask in self.masks)
         nodes, weights = np.polynomial.hermite_e.hermegauss(40)
@@ -195,40 +196,42 @@ class AxisProblem:
         return float(samples * (weights @ loss) / weights.sum())
 
     def weights(self, residual: F64) -> F64:
-        """Weights with which least squares has the gradient of the cost, float64[R]."""
+        """Weights that give least squares the gradient of the cost, float64[R]."""
         return np.asarray(1.0 / (1.0 + np.square(residual / self.outlier)))
 
     def rescale(self, residual: F64) -> None:
-        """Take deviations for outliers beyond a few of those that are usual by now."""
+        """Count as outliers what exceeds a few times the deviations that are usual by now."""
         usual = float(np.sqrt(np.mean(np.square(np.clip(residual, -20.0, 20.0)))))
         self.outlier = _OUTLIER * max(1.0, usual)
 
-    def regain(self, model: AxisModel) -> None:
-        """Take the filter's gains from a run of this model: every cost is another one then."""
+    def retune(self, model: AxisModel) -> None:
+        """Take the filter's gains from a run of this model: all costs change."""
         settings = model.settings(self.axis)
-        self.gains = tuple(tracker.run(settings, None, model.fine)[1] for tracker in self.trackers)
+        self.gains = tuple(
+            tracker.run(settings, None, model.substeps)[1] for tracker in self.trackers
+        )
 
-    def revalued(self, fitted: Fitted) -> Fitted:
-        """The same model with residual and cost as gains and outliers count by now."""
+    def reweighted(self, fitted: Fitted) -> Fitted:
+        """The same model with residual and cost under the present gains and outliers."""
         residual = self.residual(fitted.model)
         return replace(fitted, residual=residual, cost=self.cost(fitted.model, residual))
 
-    def at_start(self) -> Fitted:
-        """The nominal model as it is."""
+    def nominal_fit(self) -> Fitted:
+        """The nominal model, unfitted."""
         residual = self.weighted(self.tracks)
         return Fitted(self.start, self.cost(self.start, residual), residual, None)
 
     def recosted(self, fitted: Fitted) -> Fitted:
-        """The same fit with its cost as outliers count by now."""
+        """The same fit with its cost under the present outliers."""
         return replace(fitted, cost=self.cost(fitted.model, fitted.residual))
 
-    def white(self, residual: F64) -> bool:
+    def is_white(self, residual: F64) -> bool:
         """Whether what is left looks like noise."""
-        return structure(self.positions(residual)) < _WHITE
+        return slow_energy(self.positions(residual)) < _WHITE
 
-    def nearly_white(self, residual: F64) -> bool:
-        """Whether what is left is no more than another integrator may leave."""
-        return structure(self.positions(residual)) < _NEARLY_WHITE
+    def is_nearly_white(self, residual: F64) -> bool:
+        """Whether what is left is no more than another integration step may leave."""
+        return slow_energy(self.positions(residual)) < _NEARLY_WHITE
 
     def positions(self, residual: F64) -> F64:
         """The positions' part of weighted deviations."""
@@ -240,7 +243,9 @@ class AxisProblem:
         for j in range(NUISANCES):
             sides = (_BASE_STEP, -_BASE_STEP)
             if j == STEP:  # to one side: neither coarser than the simulator nor infinitely fine
-                way = _UNLIKE_STEP if model.base[j] < 0.5 * FINEST else -_UNLIKE_STEP
+                way = (
+                    _REFINEMENT_STEP if model.base[j] < 0.5 * MAX_REFINEMENT else -_REFINEMENT_STEP
+                )
                 sides = (way, 2.0 * way)
             for step in sides:
                 base = model.base.copy()
@@ -249,27 +254,30 @@ class AxisProblem:
                 models.append(replace(model, base=base))
         slopes = [
             (there - residual) / step
-            for there, step in zip(self.all_attempted(models), steps, strict=True)
+            for there, step in zip(self.residuals_or_worst(models), steps, strict=True)
         ]
         return np.column_stack(
-            [agreed(one, other) for one, other in zip(slopes[::2], slopes[1::2], strict=True)]
+            [
+                agreeing_slope(one, other)
+                for one, other in zip(slopes[::2], slopes[1::2], strict=True)
+            ]
         )
 
 
-def agreed(one: F64, other: F64) -> F64:
-    """Slope that steps to both sides agree on: the smaller one, 0 where their signs differ.
+def agreeing_slope(one: F64, other: F64) -> F64:
+    """The slope that steps to both sides agree on: the smaller, 0 where their signs differ.
 
-    A slip that comes a sample earlier on one side is an event, not a derivative.
+    An element that slips a sample earlier on one side is an event, not a derivative.
     """
     smaller = np.where(np.abs(one) < np.abs(other), one, other)
     return np.asarray(np.where(one * other > 0.0, smaller, 0.0))
 
 
-def structure(innovations: F64) -> float:
-    """How far innovations are from white: energy of their slow part over what noise would have.
+def slow_energy(innovations: F64) -> float:
+    """How far innovations are from white: energy of their slow part over that of noise.
 
-    About 1 for white noise of the size that the filter expects. The loudest few parts in a hundred
-    are left out: breakaways that no model foretells.
+    About 1 for white noise of the size that the filter expects. The largest few percent are
+    excluded: breakaways that no model predicts.
     """
     count = len(innovations) // _SLOW
     blocks = innovations[: count * _SLOW].reshape(count, _SLOW)

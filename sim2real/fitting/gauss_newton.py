@@ -7,33 +7,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sim2real.fitting.axis_model import (
-    FARTHEST,
-    FINEST,
-    NUISANCES,
-    STEP,
-    AxisModel,
-    Coordinate,
-    coordinates,
-    fitted,
-    moved,
+from sim2real.fitting.axis_model import MAX_REFINEMENT, MAX_SIGMAS, NUISANCES, STEP, AxisModel
+from sim2real.fitting.axis_problem import AxisProblem, Fitted, agreeing_slope
+from sim2real.fitting.coordinates import Coordinate, coordinates, from_coordinates, to_coordinates
+from sim2real.fitting.normal_equations import (
+    information_matrix,
+    invert_scaled,
+    sandwich_covariance,
+    solve_scaled,
 )
-from sim2real.fitting.axis_problem import AxisProblem, Fitted, agreed
-from sim2real.fitting.normal_equations import information, inverse, robust, solve
 
 F64 = NDArray[np.float64]
 
-_COLUMN = 0.05
-"""A parameter's step for differences changes so much of its effect's signature."""
+_SIGNATURE_STEP = 0.05
+"""Step of a parameter for difference quotients, as the change of its effect's signature."""
 _REACH = 0.6
-"""The most of its signature that an effect's parameter may change in one iteration."""
-_PARTS = (0.3, 0.05)
-"""Shares of a step that are tried where the whole one raises the cost."""
-_STEPS = 3
-"""Steps that a derivative may try."""
+"""Largest change of its signature that an effect's parameter may make in one iteration."""
+_STEP_SHARES = (0.3, 0.05)
+"""Shares of a step that are tried where the whole step raises the cost."""
+_SLOPE_TRIALS = 3
+"""Steps that a difference quotient may try."""
 _SLACK = 30.0
-"""Rise of the cost that a last step may bring: slips make it rough, and where the data are silent
-the prior has to be heard."""
+"""Rise of the cost allowed to the last step: slips make the cost rough, and where the data say
+nothing the prior must prevail."""
 
 
 def fit(
@@ -44,15 +40,15 @@ def fit(
     settled: float = 0.5,
     thorough: bool = True,
 ) -> Fitted:
-    """Fit base parameters and effects of a model, from where it is.
+    """Fit base parameters and effects of a model, starting from its values.
 
     Args:
-        problem: what to fit to.
-        model: where to start, effects included.
+        problem: what is fitted to.
+        model: the start, effects included.
         iterations: of Gauss-Newton, at most.
-        base_columns: derivatives by the base parameters near here; worked out when None.
-        settled: the cost that an iteration must gain for another one to be tried.
-        thorough: work out the covariance at the end.
+        base_columns: derivatives by the base parameters near the start; computed when None.
+        settled: reduction of the cost below which the iteration ends.
+        thorough: compute the covariance at the end.
     """
     residual = problem.residual(model)
     cost = problem.cost(model, residual)
@@ -67,26 +63,21 @@ def fit(
         columns, reach = _effect_columns(problem, model, residual, steps, both=last)
         jacobian = np.hstack([base_columns, columns])
         weights = problem.weights(residual)
-        known, gradient = information(
-            jacobian * np.sqrt(weights)[:, None],
-            jacobian.T @ (weights * residual),
-            [len(t.values) for t in model.terms],
-        )
-        prior = np.zeros(jacobian.shape[1])
-        prior[:NUISANCES] = 1.0 / problem.spread**2
-        normal = known + np.diag(prior)
+        normal, gradient = _normal_equations(problem, model, jacobian, residual, weights)
         if last:
             scores = jacobian * (weights * residual)[:, None]
-            covariance = robust(inverse(normal), scores)
+            covariance = sandwich_covariance(invert_scaled(normal), scores)
             return Fitted(model, cost, residual, covariance)
         gradient[:NUISANCES] += model.base / problem.spread**2
         limit = np.concatenate((10.0 * problem.spread, reach))
-        step = _inside(model, -solve(normal, gradient), normal, gradient, problem.spread)
+        step = _within_limits(
+            model, -solve_scaled(normal, gradient), normal, gradient, problem.spread
+        )
         done += 1
         if not np.isfinite(step).all():
             done, falling = iterations, 0.0
             continue
-        taken = _lowered(problem, model, cost + (_SLACK if thorough else 0.0), step, limit)
+        taken = _descend(problem, model, cost + (_SLACK if thorough else 0.0), step, limit)
         if taken is None:
             done, falling = iterations, 0.0
             continue
@@ -97,10 +88,25 @@ def fit(
         model, residual, cost = trial, trial_residual, trial_cost
 
 
-def _inside(model: AxisModel, step: F64, normal: F64, gradient: F64, spread: F64) -> F64:
-    """The step, with base parameters that stand at a limit and would go beyond it left there.
+def _normal_equations(
+    problem: AxisProblem, model: AxisModel, jacobian: F64, residual: F64, weights: F64
+) -> tuple[F64, F64]:
+    """Normal matrix float64[P, P], prior included, and the gradient of the data, float64[P]."""
+    known, gradient = information_matrix(
+        jacobian * np.sqrt(weights)[:, None],
+        jacobian.T @ (weights * residual),
+        [len(t.values) for t in model.terms],
+    )
+    prior = np.zeros(jacobian.shape[1])
+    prior[:NUISANCES] = 1.0 / problem.spread**2
+    return known + np.diag(prior), gradient
 
-    Cut off afterwards, they would leave the others a step that only makes sense with them.
+
+def _within_limits(model: AxisModel, step: F64, normal: F64, gradient: F64, spread: F64) -> F64:
+    """The step, with base parameters held that stand at a limit and would exceed it.
+
+    If they were clipped afterwards, the others would take a step that only makes sense with
+    them.
     """
     low, high = _limits(spread)
     free = np.ones(len(step), dtype=np.bool_)
@@ -111,30 +117,30 @@ def _inside(model: AxisModel, step: F64, normal: F64, gradient: F64, spread: F64
             break
         free[:NUISANCES] &= ~beyond
         step = np.zeros(len(step))
-        step[free] = -solve(normal[np.ix_(free, free)], gradient[free])
+        step[free] = -solve_scaled(normal[np.ix_(free, free)], gradient[free])
     return step
 
 
 def _limits(spread: F64) -> tuple[F64, F64]:
-    """Between which base parameters and the step stay."""
-    low, high = -FARTHEST * spread, FARTHEST * spread
-    low[STEP], high[STEP] = 0.0, FINEST
+    """Limits of the base parameters and the refinement, float64[NUISANCES] each."""
+    low, high = -MAX_SIGMAS * spread, MAX_SIGMAS * spread
+    low[STEP], high[STEP] = 0.0, MAX_REFINEMENT
     return low, high
 
 
-def _lowered(
+def _descend(
     problem: AxisProblem, model: AxisModel, below: float, step: F64, limit: F64
 ) -> tuple[AxisModel, F64, float] | None:
-    """The model after a step, its residual and cost; None where no part gets the cost `below`.
+    """The model after a step, its residual and cost; None where the cost stays above `below`.
 
-    Each coordinate goes as far as it may; where that bends the step too much, a part of it, or as
-    much of the whole as its most limited coordinate allows.
+    Each coordinate goes as far as it may; where that distorts the step too much, a part of it,
+    or as much of the whole as its most limited coordinate allows.
     """
     whole = step * min(1.0, float(np.min(limit / np.maximum(np.abs(step), 1e-300))))
-    parts = [np.clip(shrink * step, -limit, limit) for shrink in (1.0, *_PARTS)]
+    parts = [np.clip(shrink * step, -limit, limit) for shrink in (1.0, *_STEP_SHARES)]
     for steps in (parts[:1], [*parts[1:], whole]):
-        trials = [_moved(model, problem, each) for each in steps]
-        residuals = problem.all_attempted(trials)
+        trials = [_apply_step(model, problem, each) for each in steps]
+        residuals = problem.residuals_or_worst(trials)
         costs = [problem.cost(t, r) for t, r in zip(trials, residuals, strict=True)]
         best = int(np.argmin(costs))
         if costs[best] < below:
@@ -144,13 +150,13 @@ def _lowered(
 
 @dataclass(slots=True, eq=False)
 class _Slope:
-    """Derivative of the residual by one coordinate of one effect, on its way.
+    """Derivative of the residual by one coordinate of one effect, in progress.
 
     Attributes:
         index: of the effect in the model.
         j: of the coordinate, which is `entry`.
-        start: where the effect is, all its coordinates.
-        step: of the coordinate that is tried next.
+        start: present coordinates of the effect.
+        step: to be tried next.
         taken: the last one tried.
         change: of the residual by it, float64[R].
     """
@@ -170,12 +176,12 @@ class _Slope:
         return where
 
     def inward(self) -> float:
-        """The next step, away from a limit that it would go beyond."""
+        """The next step, turned away from a limit that it would exceed."""
         here, there = self.start[self.j], self.start[self.j] + self.step
         return -self.step if self.entry.outward(there) == self.entry.outward(here) else self.step
 
     def tried(self, change: F64, size: float) -> bool:
-        """Whether a step and what it changed will do; else the next one is set.
+        """Whether a step changed the residual enough; else the next step is set.
 
         Args:
             change: of the residual, float64[R].
@@ -183,9 +189,12 @@ class _Slope:
         """
         self.change, self.taken = change, self.step
         moves = float(np.linalg.norm(change)) / size
-        if _COLUMN / 5.0 < moves < _COLUMN * 5.0 or abs(self.step) >= self.entry.reach:
+        if (
+            _SIGNATURE_STEP / 5.0 < moves < _SIGNATURE_STEP * 5.0
+            or abs(self.step) >= self.entry.reach
+        ):
             return True
-        wider = self.step * min(max(_COLUMN / (moves + 1e-12), 1e-3), 1e3)
+        wider = self.step * min(max(_SIGNATURE_STEP / (moves + 1e-12), 1e-3), 1e3)
         self.step = float(np.clip(wider, -self.entry.reach, self.entry.reach))
         return False
 
@@ -193,10 +202,10 @@ class _Slope:
 def _effect_columns(
     problem: AxisProblem, model: AxisModel, residual: F64, steps: list[F64], both: bool = False
 ) -> tuple[F64, F64]:
-    """Derivatives by all effects' coordinates and how far each may move; `steps` are kept."""
+    """Derivatives by all effects' coordinates, and their reach; `steps` are updated."""
     slopes = []
     for index, term in enumerate(model.terms):
-        start = fitted(term, problem.axis)
+        start = to_coordinates(term, problem.axis)
         for j, entry in enumerate(coordinates(term.effect, problem.axis)):
             step = float(steps[index][j])
             step = step if np.isfinite(step) else 0.1 * entry.step
@@ -204,11 +213,11 @@ def _effect_columns(
     bare = [model.without(index) for index in range(len(model.terms))]
     sizes: list[float] = []
     pending = slopes
-    for _ in range(_STEPS):
+    for _ in range(_SLOPE_TRIALS):
         for slope in pending:
             slope.step = slope.inward()
         models = [_with_term(problem, model, s.index, s.where(s.step)) for s in pending]
-        found = problem.all_attempted([*models, *(() if sizes else bare)])
+        found = problem.residuals_or_worst([*models, *(() if sizes else bare)])
         sizes = sizes or [float(np.linalg.norm(r - residual)) + 1e-9 for r in found[len(models) :]]
         pending = [
             slope
@@ -220,32 +229,36 @@ def _effect_columns(
     columns = [slope.change / slope.taken for slope in slopes]
     if both:
         models = [_with_term(problem, model, s.index, s.where(-s.taken)) for s in slopes]
-        found = problem.all_attempted(models)
+        found = problem.residuals_or_worst(models)
         columns = [
-            agreed(own, (residual - there) / slope.taken)
+            agreeing_slope(own, (residual - there) / slope.taken)
             for own, there, slope in zip(columns, found, slopes, strict=True)
         ]
     reach = np.empty(len(slopes))
     for k, (slope, own) in enumerate(zip(slopes, columns, strict=True)):
         size, norm = sizes[slope.index], float(np.linalg.norm(own)) + 1e-12
         reach[k] = min(slope.entry.reach, _REACH * size / norm)
-        best = np.clip(_COLUMN * size / norm, 1e-7, slope.entry.reach)
+        best = np.clip(_SIGNATURE_STEP * size / norm, 1e-7, slope.entry.reach)
         steps[slope.index][slope.j] = best * np.sign(slope.taken)
     return np.column_stack(columns) if columns else np.empty((len(residual), 0)), reach
 
 
 def _with_term(problem: AxisProblem, model: AxisModel, index: int, where: F64) -> AxisModel:
     """The model with one effect at other coordinates."""
-    shifted = moved(model.terms[index], problem.axis, where)
+    shifted = from_coordinates(model.terms[index], problem.axis, where)
     return replace(model, terms=(*model.terms[:index], shifted, *model.terms[index + 1 :]))
 
 
-def _moved(model: AxisModel, problem: AxisProblem, step: F64) -> AxisModel:
+def _apply_step(model: AxisModel, problem: AxisProblem, step: F64) -> AxisModel:
     """The model after a step of base parameters and all effects' coordinates."""
     terms, at = [], NUISANCES
     for term in model.terms:
         width = len(term.values)
-        terms.append(moved(term, problem.axis, fitted(term, problem.axis) + step[at : at + width]))
+        terms.append(
+            from_coordinates(
+                term, problem.axis, to_coordinates(term, problem.axis) + step[at : at + width]
+            )
+        )
         at += width
     base = np.clip(model.base + step[:NUISANCES], *_limits(problem.spread))
     return AxisModel(base, tuple(terms))

@@ -1,4 +1,4 @@
-"""Normal equations of a fit whose columns are differences of simulations that slip and stick."""
+"""Normal equations whose columns are difference quotients of simulations with stick-slip."""
 
 from __future__ import annotations
 
@@ -12,16 +12,21 @@ from sim2real.fitting.axis_model import NUISANCES
 F64 = NDArray[np.float64]
 
 _CANCELLED = 5e-2
-"""Share of squared columns that is left where they cancel, below which it is their error."""
+"""Share of squared columns left where they cancel, below which it is their error."""
 _BLOCK = 250
-"""Samples over which what a model leaves may repeat itself."""
+"""Samples over which what a model leaves may be correlated."""
 
 
-def information(jacobian: F64, gradient: F64, blocks: Sequence[int]) -> tuple[F64, F64]:
+def information_matrix(jacobian: F64, gradient: F64, blocks: Sequence[int]) -> tuple[F64, F64]:
     """J'J and gradient without the directions in which blocks of columns cancel one another.
 
-    Differences over slipping elements are not exact: what is left where large columns cancel is
-    their error, not information. Within an effect's own block nothing is dropped.
+    Difference quotients over slipping elements are not exact: what is left where large columns
+    cancel is their error, not information. Within an effect's own block nothing is dropped.
+
+    Args:
+        jacobian: weighted, float64[R, P].
+        gradient: float64[P].
+        blocks: number of columns of each effect, after the nuisance parameters.
     """
     count = jacobian.shape[1]
     back = np.zeros((count, count))
@@ -42,7 +47,7 @@ def information(jacobian: F64, gradient: F64, blocks: Sequence[int]) -> tuple[F6
     return normal, forth.T @ (vectors @ (vectors.T @ (back.T @ gradient)))
 
 
-def solve(normal: F64, gradient: F64) -> F64:
+def solve_scaled(normal: F64, gradient: F64) -> F64:
     """Solution of the normal equations, whatever the columns' units."""
     scale = _scale(normal)
     scaled = normal / np.outer(scale, scale) + 1e-10 * np.eye(len(scale))
@@ -55,18 +60,18 @@ def _scale(normal: F64) -> F64:
     return np.asarray(np.where(size > 1e-100, size, 1.0))
 
 
-def robust(covariance: F64, scores: F64) -> F64:
-    """Covariance by the model's noise, and by what is left where that is no noise.
+def sandwich_covariance(covariance: F64, scores: F64) -> F64:
+    """Covariance by the model's noise and by what is left beyond noise.
 
-    The second part is the sandwich estimate over blocks of samples (Huber 1967, White 1982): what
-    is left of a model that is not quite right repeats itself for a while.
+    The second part is the sandwich estimate over blocks of samples (Huber 1967, White 1982): what a
+    slightly wrong model leaves is correlated over a while.
     """
     count = len(scores) // _BLOCK
     blocks = scores[: count * _BLOCK].reshape(count, _BLOCK, -1).sum(axis=1)
     return np.asarray(covariance + covariance @ (blocks.T @ blocks) @ covariance)
 
 
-def inverse(normal: F64) -> F64:
+def invert_scaled(normal: F64) -> F64:
     """Covariance by the model's noise, whatever the columns' units."""
     scale = _scale(normal)
     scaled = normal / np.outer(scale, scale) + 1e-10 * np.eye(len(scale))

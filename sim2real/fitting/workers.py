@@ -1,4 +1,4 @@
-"""Threads that fits share: simulations release the interpreter, so one axis can use all cores."""
+"""Threads shared by fits: simulations release the interpreter, so one axis can use all cores."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ Result = TypeVar("Result")
 
 
 class Stopped(Exception):  # noqa: N818  (an end, not an error: nobody is told of it)
-    """Work whose result nobody waits for any more."""
+    """Work whose result is no longer wanted."""
 
 
 class Workers:
-    """A pool whose `map` may be called from inside its own tasks: they do the rest themselves.
+    """A pool whose `map` may be called from its own tasks, which then do the work themselves.
 
-    Left by an error or by Ctrl-C, it stops what is still at work: a thread cannot be ended from
-    outside, so long work asks with `check` whether it is still wanted.
+    Left by an error or by Ctrl-C, it stops the work in progress: a thread cannot be ended from
+    outside, so long work calls `check` to learn whether it is still wanted.
 
     Args:
-        jobs: threads; 1 works where it is called.
+        jobs: threads; 1 works in the caller's.
     """
 
     def __init__(self, jobs: int = 1) -> None:
@@ -57,15 +57,15 @@ class Workers:
         items: Sequence[Item],
         most: int,
     ) -> list[Result]:
-        """A function of several items at once, in as many parts as there are threads.
+        """Apply a function to several items at a time, in as many parts as there are threads.
 
         Args:
             function: gives a result for each of the items it is given.
-            items: in parts of `most` or less, each as large as the others.
-            most: items at once.
+            items: divided into equal parts of at most `most`.
+            most: items at a time.
 
         Raises:
-            Stopped: nobody waits for it any more.
+            Stopped: the result is no longer wanted.
         """
         count = max(-(-len(items) // most), min(self._idle(), len(items)))
         edges = [len(items) * part // count for part in range(count + 1)] if items else [0]
@@ -73,11 +73,11 @@ class Workers:
         return [result for part in self.map(function, parts) for result in part]
 
     def _idle(self) -> int:
-        """Threads that a map from here can use."""
+        """Threads that a map called from here can use."""
         return 1 if self._pool is None or getattr(self._inside, "yes", False) else self._jobs
 
     def check(self) -> None:
-        """Go on only where the result is still waited for.
+        """Return only if the result is still wanted.
 
         Raises:
             Stopped: it is not.
@@ -86,10 +86,10 @@ class Workers:
             raise Stopped
 
     def map(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-        """The function of each item, in their order.
+        """Apply a function to each item, in their order.
 
         Raises:
-            Stopped: nobody waits for it any more.
+            Stopped: the result is no longer wanted.
         """
         self.check()
         if self._pool is None or self._idle() == 1:

@@ -5,19 +5,20 @@ friction wander alone would leave, `measure` computes the gap from both, and `lo
 conditions of motion that hold most of it. Nothing is fitted here.
 """
 
-from sim2real.gap.floor import check_repeats, floor
-from sim2real.gap.location import Located, locate
+from sim2real.gap.floor import check_repeats, estimate_floor
+from sim2real.gap.location import Located, locate_gap
 from sim2real.gap.measure import (
     NO_GAP_BELOW,
     Gap,
     Measured,
-    closed,
-    combined,
-    compare_with,
-    measure,
-    pooled,
+    combined_gap,
+    compare_with_model,
+    gap_closed,
+    measure_gap,
+    pool_gaps,
 )
-from sim2real.gap.replay import Replay, Signals, periods, prepare, residual, rms
+from sim2real.gap.replay import Replay, Signals, prepare_replay, rms, subtract_signals
+from sim2real.gap.sync_grid import number_periods
 
 __all__ = [
     "NO_GAP_BELOW",
@@ -27,15 +28,15 @@ __all__ = [
     "Replay",
     "Signals",
     "check_repeats",
-    "closed",
-    "combined",
-    "compare_with",
-    "floor",
-    "locate",
-    "measure",
-    "periods",
-    "pooled",
-    "prepare",
-    "residual",
+    "combined_gap",
+    "compare_with_model",
+    "estimate_floor",
+    "gap_closed",
+    "locate_gap",
+    "measure_gap",
+    "number_periods",
+    "pool_gaps",
+    "prepare_replay",
     "rms",
+    "subtract_signals",
 ]

@@ -1,9 +1,9 @@
-"""The floor under the gap: what a perfect model would still show against a recording.
+"""The floor under the gap: what even a perfect model would leave against a recording.
 
-One noisy draw of the model (encoder noise, `repeatability` wander) against its noise-free run, rms
-per axis and signal, mean over a few draws. Where the recording repeats moves, what differs from one
-repetition to the next is a second, independent figure that the floor is checked against.
-Definitions: docs/formats/gap-report.md.
+Noisy draws of the model (encoder noise, friction wander by the machine file's `repeatability`)
+against its noise-free run; rms per axis and signal, averaged over a few draws. Where the recording
+repeats moves, the scatter between repetitions is a second, independent estimate that the floor is
+checked against. Definitions: docs/formats/gap-report.md.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil_sim.settings import StageSettings
-from sim2real.gap.replay import Replay, Signals, residual, rms
-from sim2real.phases import blocks, repeats
+from sim2real.gap.replay import Replay, Signals, rms, subtract_signals
+from sim2real.phases import group_repeated_moves, split_moves
 from sim2real.recording import FloatArray, Recording
 
 DRAWS = 4
@@ -24,12 +24,12 @@ _SEED = 1
 
 @dataclass(frozen=True, slots=True)
 class RepeatCheck:
-    """The floor against repeated moves, one signal of one axis.
+    """The floor against repeated moves, for one signal of one axis.
 
     Attributes:
-        repeated: rms of what differs between repetitions, times sqrt(n/(n-1)).
-        floor: the model's own scatter over the same samples, taken the same way.
-        moves: how many moves repeat another.
+        repeated: rms scatter between repetitions, times sqrt(n/(n-1)) [m or N].
+        floor: the model's own scatter over the same samples, computed alike [m or N].
+        moves: number of moves that repeat another.
     """
 
     repeated: float
@@ -57,7 +57,7 @@ class Floor:
     rms: dict[str, dict[str, float]]
 
 
-def floor(
+def estimate_floor(
     replay: Replay,
     settings: StageSettings,
     draws: int = DRAWS,
@@ -68,8 +68,8 @@ def floor(
     Args:
         replay: of the recording.
         settings: of the model.
-        draws: noisy draws, at least one.
-        progress: called with (simulations done, all).
+        draws: number of noisy draws, at least one.
+        progress: called with (simulations done, all simulations).
     """
 
     def run(done: int, seed: int | None) -> Signals:
@@ -79,7 +79,7 @@ def floor(
         return signals
 
     nominal = run(1, None)
-    noisy = tuple(residual(run(2 + i, _SEED + i), nominal) for i in range(draws))
+    noisy = tuple(subtract_signals(run(2 + i, _SEED + i), nominal) for i in range(draws))
     return Floor(
         nominal,
         noisy,
@@ -100,8 +100,8 @@ def check_repeats(
 ) -> dict[str, dict[str, RepeatCheck]]:
     """Scatter between repeated moves, of the recording and of the model's noisy draws.
 
-    What the model predicts is taken out first (`gap` is recorded minus simulated), so that repeats
-    that start from another friction state are not blamed for it.
+    The model's prediction is subtracted first, so that repetitions which start from another
+    friction state do not count as scatter.
 
     Args:
         recording: with moves that repeat one another.
@@ -112,8 +112,8 @@ def check_repeats(
     Returns:
         Axis -> signal -> check; empty where no move repeats another.
     """
-    found = blocks(recording, period)
-    groups = repeats(recording, found)
+    found = split_moves(recording, period)
+    groups = group_repeated_moves(recording, found)
     if not groups:
         return {}
     lengths = [min(found[i].stop - found[i].moving for i in group) for group in groups]

@@ -1,9 +1,9 @@
 """Where the gap lies: its energy above the floor by axis, phase, position, velocity, and so on.
 
-Energy is squared residual over squared floor, so that positions and forces add up; what the model's
-own noisy draws have in the same cell is taken off. Over position, velocity, time and frequency the
-cell is the range in which the energy exceeds most what an even spread would put there. A cell is
-worth telling where it holds more than its samples' share.
+Energy is squared residual over squared floor, so that positions and forces add up; the energy of
+the model's own noisy draws in the same cell is subtracted. Over position, velocity, time and
+frequency the cell is the range whose energy most exceeds that of an even spread. A cell is
+reported where it holds more than its share of the samples.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim2real.gap.measure import Measured
-from sim2real.phases import PHASES, REST, SETTLING, axis_phases, blocks, repeats
+from sim2real.phases import PHASES, REST, SETTLING, split_moves, split_phases
 from sim2real.recording import FloatArray, aligned_demand
 from sim2real.report import Where
 
 BINS = 24
 SMALLEST_SHARE = 0.05
-"""Cells below are not told."""
+"""Smallest share of the gap's energy for which a cell is reported."""
 _LIFT = 1.3
-"""Energy over samples from which a cell is worth telling."""
+"""Least ratio of a cell's share of the energy to its share of the samples."""
 _MOST = 16
 _SPATIAL = np.arange(10.0, 251.0, 1.0)
-"""Spatial frequencies looked at [1/m]: pitches from 4 to 100 mm."""
+"""Spatial frequencies examined [1/m]: pitches from 4 to 100 mm."""
 _MOVING = 0.01
 _BANDS = np.geomspace(2.0, 500.0, 25)
 
@@ -38,27 +38,25 @@ class Located:
     """Where a gap lies.
 
     Attributes:
-        cells: the few that hold most, largest first.
+        cells: those that hold most of it, largest first.
         excess: axis -> signal -> share of all energy above the floor, 0..1.
-        repeatable: axis -> signal -> share of the gap's energy that comes back when a move is
-            repeated; empty where none is.
     """
 
     cells: tuple[Where, ...]
     excess: dict[str, dict[str, float]]
-    repeatable: dict[str, dict[str, float]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Signal:
-    """Residual of one signal of one axis over all recordings, with what cells are cut out by.
+    """Residual of one signal of one axis over all recordings, K samples, and its cells.
 
     Attributes:
         energy: (residual/floor)^2 less that of the draws, 0 where invalid, float64[K].
-        own: (residual/floor)^2, float64[K].
-        residual: float64[K]; draws: float64[D, K], noisy runs less the noise-free one.
+        residual: float64[K]; draws: float64[D, K], noisy runs less the noise-free one [m, N].
         floor: [m, N].  valid: bool[K].  period: of the samples [s].
         starts: first sample of each recording.
+        position, velocity, time: float64[K] [m, m/s, s].
+        phase, direction, move: int[K].
     """
 
     axis: str
@@ -78,7 +76,7 @@ class _Signal:
     move: NDArray[np.int64]
 
 
-def locate(measured: Sequence[Measured], ratio: float = 0.1) -> Located:
+def locate_gap(measured: Sequence[Measured], ratio: float = 0.1) -> Located:
     """Where the gap of a model against recordings of one stage lies.
 
     Args:
@@ -103,7 +101,7 @@ def locate(measured: Sequence[Measured], ratio: float = 0.1) -> Located:
         for cut in (_phases, _directions, _moves, _ranges, _frequencies, _pitches):
             cells += cut(s, total)
     kept = sorted((c for c in cells if c.share >= SMALLEST_SHARE), key=lambda c: -c.share)
-    return Located(tuple(kept[:_MOST]), excess, _repeatable(measured))
+    return Located(tuple(kept[:_MOST]), excess)
 
 
 def _gathered(measured: Sequence[Measured], axis: str, signal: str, ratio: float) -> _Signal:
@@ -113,9 +111,9 @@ def _gathered(measured: Sequence[Measured], axis: str, signal: str, ratio: float
     for m in measured:
         signals = m.replay.recording.axes[axis]
         demand = aligned_demand(signals, ratio)
-        phases = axis_phases(signals.position_demand, m.replay.period)
+        phases = split_phases(signals.position_demand, m.replay.period)
         of_move = np.zeros(len(demand), dtype=np.int64)
-        found = blocks(m.replay.recording, m.replay.period)
+        found = split_moves(m.replay.recording, m.replay.period)
         for block in found:
             of_move[block.start : block.stop] = moves + block.number
         moves += len(found)
@@ -142,7 +140,7 @@ def _gathered(measured: Sequence[Measured], axis: str, signal: str, ratio: float
 def _cell(
     s: _Signal, by: str, inside: NDArray[np.bool_], total: float, words: str, **place: object
 ) -> list[Where]:
-    """The cell of these samples, where it holds more than its samples' share."""
+    """The cell of these samples, where it holds more than its share of the samples."""
     share = float(s.energy[inside].sum()) / total
     own = max(float(s.energy.sum()), 1e-300)
     samples = float(inside[s.valid].sum() / max(s.valid.sum(), 1))
@@ -180,7 +178,7 @@ def _moves(s: _Signal, total: float) -> list[Where]:
 
 
 def _ranges(s: _Signal, total: float) -> list[Where]:
-    """Ranges of position, velocity and time; over position and velocity only what moves counts."""
+    """Ranges of position, velocity (samples in motion only) and time."""
     moving = s.valid & (s.phase != REST) & (s.phase != SETTLING)
     cells: list[Where] = []
     for by, values, counted, unit, scale, name in (
@@ -207,7 +205,7 @@ def _ranges(s: _Signal, total: float) -> list[Where]:
 
 
 def _densest(energy: Weights, samples: Weights) -> tuple[int, int]:
-    """First and last bin of the range whose energy exceeds most what its samples would hold."""
+    """First and last bin of the range whose energy most exceeds its share of the samples."""
     if energy.sum() <= 0 or samples.sum() <= 0:
         return 0, len(energy) - 1
     surplus = energy / energy.sum() - samples / samples.sum()
@@ -219,7 +217,7 @@ def _densest(energy: Weights, samples: Weights) -> tuple[int, int]:
 
 
 def _frequencies(s: _Signal, total: float) -> list[Where]:
-    """The band of temporal frequency that holds more than its width."""
+    """The band of temporal frequency that holds more than its share."""
 
     def spectrum(values: FloatArray) -> Weights:
         power = np.zeros(len(_BANDS) - 1)
@@ -244,7 +242,7 @@ def _frequencies(s: _Signal, total: float) -> list[Where]:
 
 
 def _pitches(s: _Signal, total: float) -> list[Where]:
-    """The spatial frequency that a wave over the position takes most energy out at."""
+    """The spatial frequency of the wave over position that explains most energy."""
     moving = s.valid & (np.abs(s.velocity) > _MOVING)
     travel = float(np.ptp(s.position[moving])) if moving.any() else 0.0
     if moving.sum() < 500 or travel < 0.02:
@@ -272,33 +270,6 @@ def _pitches(s: _Signal, total: float) -> list[Where]:
     return [
         Where(s.axis, s.signal, "frequency", min(share, 1.0), (low, high), unit="1/m", text=text)
     ]
-
-
-def _repeatable(measured: Sequence[Measured]) -> dict[str, dict[str, float]]:
-    """Share of the gap's energy over repeated moves that all repetitions have in common."""
-    shares: dict[str, dict[str, float]] = {}
-    for axis, signals in measured[0].residual.items():
-        for signal in signals:
-            common = total = 0.0
-            for m in measured:
-                for cut in _repeated(m):
-                    each = m.residual[axis][signal][cut]
-                    spread = each.var(axis=0, ddof=1).sum() * len(each)
-                    total += float(np.square(each).sum())
-                    common += float(np.square(each).sum() - spread)
-            if total > 0:
-                shares.setdefault(axis, {})[signal] = min(max(common / total, 0.0), 1.0)
-    return shares
-
-
-def _repeated(m: Measured) -> list[NDArray[np.int64]]:
-    """Samples of every group of moves that repeat one another, shape (moves, samples)."""
-    found = blocks(m.replay.recording, m.replay.period)
-    cuts = []
-    for group in repeats(m.replay.recording, found):
-        length = min(found[i].stop - found[i].moving for i in group)
-        cuts.append(np.array([np.arange(found[i].moving, found[i].moving + length) for i in group]))
-    return cuts
 
 
 def _percent(share: float) -> str:

@@ -1,7 +1,7 @@
 """The gap of a stage model against a recording; nothing is fitted.
 
-Gap: the recording's demands and offsets run through the closed-loop simulation of the model, free
-of noise (roundings stay); rms over valid samples of recorded minus simulated, in m or N. Combined:
+Gap: the recording's demands and offsets through the closed-loop simulation of the model, without
+noise (roundings stay); rms over valid samples of recorded minus simulated, in m or N. Combined:
 G^2, the sum over axes and signals of (gap/floor)^2. Definitions: docs/formats/gap-report.md.
 """
 
@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from hil_sim.settings import StageSettings
-from sim2real.gap.floor import DRAWS, Floor, RepeatCheck, check_repeats, floor
-from sim2real.gap.replay import Replay, Signals, prepare, residual, rms
+from sim2real.gap.floor import DRAWS, Floor, RepeatCheck, check_repeats, estimate_floor
+from sim2real.gap.replay import Replay, Signals, prepare_replay, rms, subtract_signals
 from sim2real.recording import Recording
 from sim2real.report import SIGNALS, GapFigures
 
@@ -21,19 +21,19 @@ Gap = dict[str, dict[str, GapFigures]]
 """Axis -> signal ("position", "force") -> figures."""
 
 NO_GAP_BELOW = 1.5
-"""Combined gap over floor, squared, below which no share of it can be called closed."""
+"""Squared combined gap over floor below which no share of it can be said to be closed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """Gap of a model against a recording, with what it was computed from.
+    """The gap of a model against a recording, with what it was computed from.
 
     Attributes:
         replay: the recording as fed to the model.
         floor: of the model.
         residual: recorded minus simulated, noise-free.
         gap: the figures.
-        repeats: floor against repeated moves; empty where none repeats.
+        repeats: floor against repeated moves; empty where no move repeats another.
     """
 
     replay: Replay
@@ -43,17 +43,17 @@ class Measured:
     repeats: dict[str, dict[str, RepeatCheck]]
 
 
-def measure(
+def measure_gap(
     recording: Recording,
     settings: StageSettings,
     draws: int = DRAWS,
     progress: Callable[[int, int], object] | None = None,
 ) -> Gap:
-    """The gap of a model against a recording; arguments and errors as `compare_with`."""
-    return compare_with(recording, settings, draws, progress).gap
+    """The gap of a model against a recording; arguments and errors as `compare_with_model`."""
+    return compare_with_model(recording, settings, draws, progress).gap
 
 
-def compare_with(
+def compare_with_model(
     recording: Recording,
     settings: StageSettings,
     draws: int = DRAWS,
@@ -65,14 +65,14 @@ def compare_with(
         recording: of a stage.
         settings: of the model; its axes must be those of the recording.
         draws: noisy draws for the floor.
-        progress: called with (simulations done, all).
+        progress: called with (simulations done, all simulations).
 
     Raises:
-        ValueError: axes or SYNC periods that differ, or a recording without a valid sample.
+        ValueError: axes or SYNC periods differ, or an axis has no valid sample.
     """
-    replay = prepare(recording, settings)
-    below = floor(replay, settings, draws, progress)
-    difference = residual(replay.measured(), below.nominal)
+    replay = prepare_replay(recording, settings)
+    below = estimate_floor(replay, settings, draws, progress)
+    difference = subtract_signals(replay.measured(), below.nominal)
     gap: Gap = {
         name: {
             signal: GapFigures(
@@ -86,10 +86,10 @@ def compare_with(
     return Measured(replay, below, difference, gap, checked)
 
 
-def combined(gap: Gap) -> float:
-    """G^2 over the number of signals: 1 where nothing is left but the floor.
+def combined_gap(gap: Gap) -> float:
+    """G^2 over the number of signals: 1 where nothing but the floor is left.
 
-    Signals whose floor is zero (a machine file without noise and repeatability) don't count.
+    Signals whose floor is zero (a machine file without noise and repeatability) do not count.
     """
     ratios = [
         (figures.nominal / figures.floor) ** 2
@@ -100,11 +100,11 @@ def combined(gap: Gap) -> float:
     return sum(ratios) / len(ratios) if ratios else float("nan")
 
 
-def pooled(gaps: Sequence[tuple[Gap, int]]) -> Gap:
-    """Figures of several recordings as of one: mean squares weighted by their samples.
+def pool_gaps(gaps: Sequence[tuple[Gap, int]]) -> Gap:
+    """Figures of several recordings taken together: mean squares weighted by their samples.
 
     Args:
-        gaps: (figures, samples) of each recording, the same axes in all.
+        gaps: (figures, number of samples) of each recording, with the same axes.
     """
     samples = sum(count for _, count in gaps)
 
@@ -123,7 +123,7 @@ def pooled(gaps: Sequence[tuple[Gap, int]]) -> Gap:
     }
 
 
-def closed(before: Gap, after: Gap) -> float | None:
+def gap_closed(before: Gap, after: Gap) -> float | None:
     """Gap closed from one model to another: 1 - (G1^2 - floor^2)/(G0^2 - floor^2).
 
     Args:
@@ -131,8 +131,8 @@ def closed(before: Gap, after: Gap) -> float | None:
         after: G1; the floors are those of `before`.
 
     Returns:
-        1 where nothing is left but the floor; None where G0^2 < 1.5 floor^2, or where one of the
-        gaps is beyond all numbers.
+        1 where nothing but the floor is left; None where G0^2 < 1.5 floor^2, or where a gap is not
+        finite.
     """
     same: Gap = {
         axis: {
@@ -141,7 +141,7 @@ def closed(before: Gap, after: Gap) -> float | None:
         }
         for axis, signals in after.items()
     }
-    first, second = combined(before), combined(same)
+    first, second = combined_gap(before), combined_gap(same)
     if not first >= NO_GAP_BELOW or not math.isfinite(first + second):
         return None
     return 1.0 - (second - 1.0) / (first - 1.0)

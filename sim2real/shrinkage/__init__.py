@@ -4,15 +4,16 @@
 fit did not see, and `bootstrap` the share of the gap closed there, with its interval.
 """
 
-from sim2real.shrinkage.closed_loop import SIGNALS, axis_gap
-from sim2real.shrinkage.held_out import FOLDS, HeldOut, closed, combined, given_back
+from sim2real.shrinkage.bootstrap import combined_energy, share_closed, share_given_back
+from sim2real.shrinkage.closed_loop import FLOOR_LEVEL, axis_gap
+from sim2real.shrinkage.held_out import FOLDS, HeldOut
 
 __all__ = [
+    "FLOOR_LEVEL",
     "FOLDS",
-    "SIGNALS",
     "HeldOut",
     "axis_gap",
-    "closed",
-    "combined",
-    "given_back",
+    "combined_energy",
+    "share_closed",
+    "share_given_back",
 ]

@@ -1,15 +1,15 @@
-"""The free closed-loop gap of one axis under a model: what people see of it."""
+"""The free-run gap of one axis under a model: the gap that users see."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 from hil_sim.settings import StageSettings
-from sim2real.fitting import AxisModel, composed
+from sim2real.fitting import AxisModel, compose_stage
 from sim2real.gap import Measured, rms
 from sim2real.recording import BoolArray
 
-SIGNALS = 2.0
+FLOOR_LEVEL = 2.0
 """Squared gap over floor of an axis that is explained: one for each signal."""
 
 
@@ -20,16 +20,16 @@ def axis_gap(
     settings: StageSettings,
     masks: Sequence[BoolArray] | None = None,
 ) -> float:
-    """Squared gap over floor of one axis, summed over its signals, mean over recordings.
+    """Squared gap over floor of one axis, summed over its signals, averaged over recordings.
 
     Args:
         name: of the axis.
-        models: axis -> its model; axes that are not in it are as the machine file says.
+        models: axis -> its model; axes without one are as the machine file says.
         measured: recordings, with their floors.
         settings: of the machine file.
-        masks: samples that count, of those that are valid, per recording; all by default.
+        masks: samples that count among the valid ones, per recording; None for all.
     """
-    stage = composed(settings, models)
+    stage = compose_stage(settings, models)
     total = samples = 0.0
     for number, m in enumerate(measured):
         recorded, simulated = m.replay.measured()[name], m.replay.run_axis(stage, name)

@@ -1,4 +1,4 @@
-"""Free closed-loop residuals on moves that took no part in a fit; how far a gap closes there."""
+"""Free-run residuals on moves that took no part in a fit."""
 
 from __future__ import annotations
 
@@ -10,19 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.settings import StageSettings
-from sim2real.fitting import AxisModel, AxisProblem, Fitted, composed, fit
-from sim2real.gap import NO_GAP_BELOW, Measured, Signals, residual
-from sim2real.phases import blocks
+from sim2real.fitting import AxisModel, AxisProblem, Fitted, compose_stage, fit
+from sim2real.gap import Measured, Signals, subtract_signals
+from sim2real.phases import split_moves
 from sim2real.recording import BoolArray
 from sim2real.shrinkage.closed_loop import axis_gap
 
 F64 = NDArray[np.float64]
 
 FOLDS = 2
-"""Parts the moves are dealt into; each is predicted by a fit to the others."""
-_DRAWS = 400
-"""Bootstrap draws of whole moves for intervals."""
-_SEED = 7
+"""Parts that the moves are divided into; each is predicted by a fit to the others."""
 
 
 class FittedAxis(Protocol):
@@ -37,17 +34,17 @@ class FittedAxis(Protocol):
         """The fitted model."""
 
     @property
-    def whole(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether the model leaves nothing but noise."""
 
 
 class HeldOut:
-    """Free closed-loop residuals on moves that a fit to the other moves predicts.
+    """Free-run residuals on moves predicted by a fit to the other moves.
 
     Attributes:
         before, after: recorded minus simulated, by the machine file and by the fits.
         fitted: the same by the fit to all moves.
-        without: (axis, index of effect) -> as `after`, that effect left out.
+        without: (axis, index of effect) -> as `after`, with that effect removed.
     """
 
     def __init__(
@@ -59,7 +56,7 @@ class HeldOut:
     ) -> None:
         self.measured = measured
         self._settings = settings
-        self.moves = [blocks(m.replay.recording, m.replay.period) for m in measured]
+        self.moves = [split_moves(m.replay.recording, m.replay.period) for m in measured]
         best = {name: found.best.model for name, found in searches.items()}
         folds = [self._masks(fold) for fold in range(FOLDS)]
 
@@ -76,7 +73,7 @@ class HeldOut:
                     return axis_gap(name, {**best, name: model}, measured, settings, others)
 
                 # What a model can't take up may bend a fit until it opens the gap of its own moves.
-                bent = not found.whole and gap(model) > gap(found.best.model)
+                bent = not found.is_complete and gap(model) > gap(found.best.model)
                 out.append(found.best.model if bent else model)
             return out
 
@@ -94,7 +91,7 @@ class HeldOut:
         }
 
     def _masks(self, fold: int) -> list[BoolArray]:
-        """Samples of the moves held out, per recording; moves are dealt in pairs."""
+        """Samples of the held-out moves, per recording; moves are assigned in pairs."""
         masks = []
         for m, moves in zip(self.measured, self.moves, strict=True):
             mask = np.zeros(len(m.replay.recording), dtype=np.bool_)
@@ -105,8 +102,8 @@ class HeldOut:
         return masks
 
     def _simulated(self, models: Mapping[str, AxisModel], measured: Measured) -> Signals:
-        stage = composed(self._settings, models)
-        return residual(measured.replay.measured(), measured.replay.run(stage))
+        stage = compose_stage(self._settings, models)
+        return subtract_signals(measured.replay.measured(), measured.replay.run(stage))
 
     def _composed(
         self, models: Sequence[Mapping[str, AxisModel]], folds: Sequence[Sequence[BoolArray]]
@@ -129,7 +126,7 @@ class HeldOut:
     def explained(self) -> tuple[Signals, ...]:
         """Signals of the fits to other moves, one entry per recording."""
         return tuple(
-            residual(m.replay.measured(), left)
+            subtract_signals(m.replay.measured(), left)
             for m, left in zip(self.measured, self.after, strict=True)
         )
 
@@ -168,52 +165,3 @@ def _to_periods(mask: BoolArray, measured: Measured) -> BoolArray:
     out = np.zeros(len(measured.replay.demand), dtype=np.bool_)
     out[measured.replay.place] = mask
     return out
-
-
-def combined(energies: F64, samples: F64) -> float:
-    """G^2: mean square over floor, summed over signals."""
-    return float((energies.sum(axis=0) / samples.sum(axis=0)).sum())
-
-
-def closed(
-    before: F64, after: F64, samples: F64
-) -> tuple[float | None, tuple[float, float] | None]:
-    """Gap closed and its 95 % interval by bootstrap over moves."""
-    signals = before.shape[1]
-
-    def share(rows: NDArray[np.int64]) -> float:
-        g0 = combined(before[rows], samples[rows])
-        g1 = combined(after[rows], samples[rows])
-        return float(1.0 - (g1 - signals) / max(g0 - signals, 1e-9))
-
-    everything = np.arange(len(before))
-    if combined(before, samples) < NO_GAP_BELOW * signals:
-        return None, None
-    rng = np.random.default_rng(_SEED)
-    draws = [share(rng.integers(0, len(before), len(before))) for _ in range(_DRAWS)]
-    low, high = np.quantile(draws, (0.025, 0.975))
-    return share(everything), (float(low), float(high))
-
-
-def given_back(
-    before: F64, without: F64, after: F64, samples: F64
-) -> tuple[float, tuple[float, float]]:
-    """Share of the gap that an effect's removal gives back, and its 95 % interval.
-
-    Args:
-        before: energies of the moves by the machine file, float64[moves, signals].
-        without: by the final model without the effect.
-        after: by the final model.
-        samples: of the moves, float64[moves, signals].
-    """
-    signals = before.shape[1]
-
-    def share(rows: NDArray[np.int64]) -> float:
-        gap = max(combined(before[rows], samples[rows]) - signals, 1e-9)
-        back = combined(without[rows], samples[rows]) - combined(after[rows], samples[rows])
-        return float(back / gap)
-
-    rng = np.random.default_rng(_SEED)
-    draws = [share(rng.integers(0, len(before), len(before))) for _ in range(_DRAWS)]
-    low, high = np.quantile(draws, (0.025, 0.975))
-    return share(np.arange(len(before))), (float(low), float(high))

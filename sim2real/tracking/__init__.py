@@ -4,13 +4,13 @@
 the linearised error model that its covariance and gains come from.
 """
 
-from sim2real.tracking.error_states import Gains, respond
+from sim2real.tracking.error_states import Gains, innovation_response
 from sim2real.tracking.tracker import Track, Tracker, needs_other_axes
 
 __all__ = [
     "Gains",
     "Track",
     "Tracker",
+    "innovation_response",
     "needs_other_axes",
-    "respond",
 ]

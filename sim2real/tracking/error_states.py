@@ -1,7 +1,9 @@
-"""The error equations of the tracking filter: how what it does not know yet grows and fades.
+"""The linearised error model of the tracking filter: how state errors grow, decay and mix.
 
-States, recorded minus simulated: position [m], velocity [m/s], force of the sticking and of the
-slipping friction elements [N], factor on the Coulomb level [1].
+Error states, recorded minus simulated: position [m], velocity [m/s], force of the sticking and of
+the slipping friction elements [N], factor on the Coulomb level [1].
+
+Kernels work on float64 arrays in place; a rate matrix or transition is [5, 5], an input [5].
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ STATES = 5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gains:
-    """The filter along a recording, kept from one run to serve the next ones near it.
+    """The filter along a recording of K samples; computed in one run and reused for models near it.
 
     Attributes:
         gain: float64[K, 5], Kalman gain, per metre of innovation.
@@ -37,8 +39,14 @@ class Gains:
 
 
 @numba.njit(cache=True, nogil=True)
-def propagate(covariance, transition, noise):  # type: ignore[no-untyped-def]
-    """P <- T P T' + diag(noise), in place."""
+def propagate_covariance(covariance, transition, noise):  # type: ignore[no-untyped-def]
+    """P <- T P T' + diag(noise), in place.
+
+    Args:
+        covariance: P, float64[5, 5], symmetric, in squares of the states' units.
+        transition: T, float64[5, 5].
+        noise: variances of the process noise over the step, float64[5].
+    """
     product = np.zeros((STATES, STATES))
     for i in range(STATES):
         for j in range(STATES):
@@ -57,8 +65,20 @@ def propagate(covariance, transition, noise):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def rates(matrix, mass, viscous, kp, damping, tangent, relaxation, goal, slope):  # type: ignore[no-untyped-def]
-    """Rate matrix of the error states: closed loop, friction of sticking and slipping elements."""
+def fill_rate_matrix(matrix, mass, viscous, loop, tangent, relaxation, goal, slope):  # type: ignore[no-untyped-def]
+    """Rate matrix of the error states under the closed loop, with sticking and slipping friction.
+
+    Args:
+        matrix: written, float64[5, 5] [state per state and second].
+        mass: [kg].
+        viscous: damping [N s/m].
+        loop: (proportional gain [N/m], damping [N s/m]) of the controller; zeros where it is open.
+        tangent: stiffness of the sticking elements [N/m].
+        relaxation: rate at which slipping elements approach their limit [1/s].
+        goal: limit of the slipping elements, with the sign of the velocity [N].
+        slope: decrease of that limit with speed, over the Stribeck velocity [N s/m].
+    """
+    kp, damping = loop
     matrix[:] = 0.0
     matrix[0, 1] = 1.0
     matrix[1, 0] = -kp / mass
@@ -72,11 +92,19 @@ def rates(matrix, mass, viscous, kp, damping, tangent, relaxation, goal, slope):
 
 
 @numba.njit(cache=True, nogil=True)
-def catch(transition, force, level, before, slipped, goal):  # type: ignore[no-untyped-def]
-    """What elements that began or ceased to slip within a period do to the error states.
+def transfer_slip(transition, force, level, before, slipped, goal):  # type: ignore[no-untyped-def]
+    """Move error states between sticking and slipping elements after a period.
 
-    An element starts to slip at its limit, whatever its force was before: the level counts at once
-    and the error it had is gone. Elements that stick again keep theirs.
+    An element starts to slip at its limit, whatever its force was before: its force error is gone
+    and the error of the level takes effect at once. Elements that stick again keep their error.
+
+    Args:
+        transition: of the error states, float64[5, 5], changed in place.
+        force: response to a unit force, float64[5], changed in place.
+        level: response to a unit level, float64[5], changed in place.
+        before: share of the Coulomb force held by slipping elements before the period [1].
+        slipped: that share after it [1].
+        goal: limit of all elements together, with the sign of the velocity [N].
     """
     if slipped > before:
         kept = max(0.0, 1.0 - (slipped - before) / (1.0 - before))
@@ -101,8 +129,18 @@ def catch(transition, force, level, before, slipped, goal):  # type: ignore[no-u
 
 
 @numba.njit(cache=True, nogil=True)
-def exponential(matrix, duration, transition, force, level, goal_rate, mass):  # type: ignore[no-untyped-def]
-    """Transition over `duration` by four steps of second order; and of unit inputs within it."""
+def discretise(matrix, duration, transition, force, level, goal_rate, mass):  # type: ignore[no-untyped-def]
+    """Transition over `duration` in four second-order steps, and responses to unit inputs.
+
+    Args:
+        matrix: rate matrix, float64[5, 5] [1/s].
+        duration: [s].
+        transition: written, float64[5, 5].
+        force: written, float64[5], response to 1 N on the carriage.
+        level: written, float64[5], response to a relative change of 1 of the Coulomb level.
+        goal_rate: rate of the slipping force per relative change of the level [N/s].
+        mass: [kg].
+    """
     h = duration / 4.0
     step = np.zeros((STATES, STATES))
     for i in range(STATES):
@@ -146,7 +184,18 @@ def exponential(matrix, duration, transition, force, level, goal_rate, mass):  #
 
 @numba.njit(cache=True, nogil=True)
 def _respond(transition, inputs, gain, deviation, signal):  # type: ignore[no-untyped-def]
-    """Innovations over their deviation that an unmodelled input leaves behind."""
+    """Normalised innovations that an unmodelled input leaves.
+
+    Args:
+        transition: float64[K, 5, 5].
+        inputs: error states per unit of the input, float64[K, 5].
+        gain: float64[K, 5], per metre.
+        deviation: float64[K] [m].
+        signal: the input, float64[K].
+
+    Returns:
+        float64[K], innovation over its standard deviation.
+    """
     error = np.zeros(STATES)
     moved = np.zeros(STATES)
     out = np.zeros(signal.shape[0])
@@ -164,13 +213,13 @@ def _respond(transition, inputs, gain, deviation, signal):  # type: ignore[no-un
     return out
 
 
-def respond(gains: Gains, per_unit: F64, signal: F64) -> F64:
-    """Innovations over their deviation that an input leaves in a model that lacks it, float64[K].
+def innovation_response(gains: Gains, per_unit: F64, signal: F64) -> F64:
+    """Normalised innovations that an input leaves in a model without it, float64[K].
 
     Args:
         gains: of the tracked run.
         per_unit: `gains.force` or `gains.level`.
-        signal: the input at each SYNC [N or 1].
+        signal: the input at each SYNC, float64[K] [N or 1].
     """
     found: F64 = _respond(
         gains.transition, per_unit, gains.gain, gains.deviation, np.ascontiguousarray(signal)

@@ -114,7 +114,7 @@ def _machine(path: Path | None) -> Machine:
 
 def _setup(model: Machine, seed: int, leave_out: bool, only: str | None) -> Setup:
     from hil_sim.effects.library import EffectError, library
-    from sim2real.blind import Setup, pool_of
+    from sim2real.blind import Setup, find_pool
     from stagectl.config.mapping import stage_settings
     from stagectl.errors import ConfigError, UnusableInput
 
@@ -124,7 +124,7 @@ def _setup(model: Machine, seed: int, leave_out: bool, only: str | None) -> Setu
         raise ConfigError(f"effects: {error}") from error
     if only is not None:
         try:
-            pool_of(only, effects)
+            find_pool(only, effects)
         except ValueError as error:
             raise UnusableInput(f"--only: {error}") from error
     tolerance = {name: axis.plant.tolerance for name, axis in model.axes.items()}
@@ -157,7 +157,7 @@ def _tried(setup: Setup, number: int, trials: int, console: Console) -> Outcome:
     """One trial, with what is printed of it."""
     from rich.progress import Progress, TimeElapsedColumn
 
-    from sim2real.blind import draw_trial, run_trial, told_text, truth_text, wrong
+    from sim2real.blind import describe_reported, describe_truth, draw_trial, is_wrong, run_trial
 
     def say(text: str, style: str = "") -> None:
         console.print(text, markup=False, highlight=False, soft_wrap=True, style=style)
@@ -177,10 +177,10 @@ def _tried(setup: Setup, number: int, trials: int, console: Console) -> Outcome:
             ),
         )  # fmt: skip
     say(f"  key {trial.sealed.text}\n  nonce {trial.sealed.nonce}")
-    missed = wrong(outcome)
+    missed = is_wrong(outcome)
     say(
-        f"  {truth_text(outcome)} -> {told_text(outcome)}: {outcome.error or outcome.verdict}, "
-        f"{outcome.seconds:.0f} s"
+        f"  {describe_truth(outcome)} -> {describe_reported(outcome)}: "
+        f"{outcome.error or outcome.verdict}, {outcome.seconds:.0f} s"
         f" ({outcome.processor:.0f} s of processor)",
         "red" if missed else "green",
     )
@@ -196,11 +196,11 @@ def _conclude(
     label: str,
 ) -> None:
     """Figures of this check on the console and as JSON; the page is of all lines."""
-    from sim2real.blind import figures, page, score
+    from sim2real.blind import score_outcomes, table_rows, write_page
 
-    counted = score(outcomes)
+    counted = score_outcomes(outcomes)
     if not quietly(json_out):
-        for row in figures(counted):
+        for row in table_rows(counted):
             console.print(row, markup=False, highlight=False, soft_wrap=True)
     if json_out is not None:
         values = asdict(counted)
@@ -219,4 +219,4 @@ def _conclude(
             if given:
                 count = sum(bool(line.get(option)) for line, _ in lines)
                 facts[f"with --{option} {', '.join(given)}"] = f"{count} of the trials"
-        docs.write_text(page(everything, facts), encoding="utf-8")
+        docs.write_text(write_page(everything, facts), encoding="utf-8")

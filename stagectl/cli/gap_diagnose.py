@@ -107,7 +107,7 @@ def diagnose(
 
 def _likeness(found: Diagnosis) -> dict[str, Pairs]:
     """How alike the most suspected effects are, on axes with causes; else on all."""
-    from sim2real.attribution import likeness
+    from sim2real.attribution import signature_similarity
 
     named = {cause.axis for cause in found.report.causes}
     alike = {}
@@ -117,7 +117,7 @@ def _likeness(found: Diagnosis) -> dict[str, Pairs]:
         causes = [cause.effect for cause in found.report.causes if cause.axis == axis]
         others = sorted(searched.scanned, key=lambda name: -searched.scanned[name])
         names = list(dict.fromkeys([*causes, *others]))[:_ALIKE_SHOWN]
-        alike[axis] = likeness(searched.signatures, names)
+        alike[axis] = signature_similarity(searched.signatures, names)
     return alike
 
 

@@ -61,7 +61,7 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
 
     Nothing is fitted. Gap closed is that of B over A, above A's floor.
     """
-    from sim2real.gap import closed, pooled
+    from sim2real.gap import gap_closed, pool_gaps
     from sim2real.report import FORMAT, VERSION, GapFigures, gap_json
     from stagectl.config.machine_file import load_machine
     from stagectl.config.mapping import stage_settings
@@ -76,9 +76,9 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
     with _simulating(console) as progress:
         for model in settings:
             each = [(_measured(r, model, progress).gap, len(r)) for r in recorded]
-            gaps.append(pooled(each))
+            gaps.append(pool_gaps(each))
     before, after = gaps
-    share = closed(before, after)
+    share = gap_closed(before, after)
     both: Gap = {
         axis: {
             signal: GapFigures(figures.nominal, figures.floor, figures.unit, other.nominal)
@@ -148,11 +148,11 @@ def machine_of(machine: Path | None, *recorded: Recording) -> Machine:
 def _measured(
     recorded: Recording, settings: StageSettings, progress: Callable[[int, int], object]
 ) -> Measured:
-    from sim2real.gap import compare_with
+    from sim2real.gap import compare_with_model
     from stagectl.errors import UnusableInput
 
     try:
-        return compare_with(recorded, settings, progress=progress)
+        return compare_with_model(recorded, settings, progress=progress)
     except ValueError as error:
         raise UnusableInput(f"{recorded.source}: {error}") from error
 

@@ -14,7 +14,7 @@ from markupsafe import Markup
 
 from sim2real.attribution import FrictionOverPosition, Pairs
 from sim2real.diagnosis import Examination
-from sim2real.gap import Signals, combined
+from sim2real.gap import Signals, combined_gap
 from sim2real.report import GapReport
 from stagectl.report import gap_traces
 from stagectl.report.content import Notice
@@ -134,7 +134,7 @@ def render_gap_page(
         candidates=ranked[:_CANDIDATES],
         more_candidates=max(len(ranked) - _CANDIDATES, 0),
         taken={(cause.axis, cause.effect) for cause in report.causes},
-        matrices=_matrices(report, likeness or {}),
+        matrices=_matrices(likeness or {}),
         next_moves=_yaml(moves),
         with_sigma=_with_sigma,
     )
@@ -165,7 +165,7 @@ def _figures(report: GapReport) -> list[tuple[str, str]]:
     """The few figures that are read from the last row."""
     figures = []
     if report.gap:
-        gap = combined(report.gap)  # type: ignore[arg-type]
+        gap = combined_gap(report.gap)  # type: ignore[arg-type]
         if math.isfinite(gap):
             figures.append((f"{gap**0.5:.1f} x", "the floor: the gap as given"))
     if report.gap_closed is not None:
@@ -219,12 +219,9 @@ def _repeats(examined: Examination) -> list[str]:
     return lines
 
 
-def _matrices(report: GapReport, likeness: Mapping[str, Pairs]) -> list[tuple[str, Markup]]:
+def _matrices(likeness: Mapping[str, Pairs]) -> list[tuple[str, Markup]]:
     """Likeness of the effects per axis, where it is known."""
     axes = {axis: dict(pairs) for axis, pairs in likeness.items() if pairs}
-    for group in report.confusable:
-        if group.likeness:
-            axes.setdefault(group.axis, {}).update(group.likeness)
     pictures = []
     for axis, pairs in axes.items():
         names = list(dict.fromkeys(name for pair in pairs for name in pair))

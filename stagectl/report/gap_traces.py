@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from sim2real.attribution import FrictionOverPosition
 from sim2real.gap import Measured, Signals
-from sim2real.phases import PHASES, REST, SETTLING, axis_phases, blocks
+from sim2real.phases import PHASES, REST, SETTLING, split_moves, split_phases
 from sim2real.recording import aligned_demand
 from stagectl.report.gap_charts import Curve, bars, chart, legend
 
@@ -71,13 +71,13 @@ def telling_move(
     """
     best, energy = (0, 0), -1.0
     for r, m in enumerate(measured):
-        for block in blocks(m.replay.recording, m.replay.period):
+        for block in split_moves(m.replay.recording, m.replay.period):
             cut = slice(block.moving, block.end)
             left = m.residual[axis]["force"][cut] / (m.gap[axis]["force"].floor or 1.0)
             if float(np.sum(left**2)) > energy:
                 best, energy = (r, block.number), float(np.sum(left**2))
     m = measured[best[0]]
-    found = blocks(m.replay.recording, m.replay.period)
+    found = split_moves(m.replay.recording, m.replay.period)
     if not found:
         return "", ()
     block = found[best[1]]
@@ -129,7 +129,7 @@ def section(
     valid = []
     for r, m in enumerate(measured):
         of_axis = m.replay.recording.axes[axis]
-        phases = axis_phases(of_axis.position_demand, m.replay.period)
+        phases = split_phases(of_axis.position_demand, m.replay.period)
         kinds["before"].append(scale * m.residual[axis][signal])
         kinds["floor"].append(scale * m.floor.draws[0][axis][signal])
         if explained is not None:

@@ -14,7 +14,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from sim2real.phases import blocks
+from sim2real.phases import split_moves
 from sim2real.recording import AxisSignals, Move, Recording
 from stagectl.config.import_map import UNITS, Column, ImportMap
 from stagectl.config.machine import Machine
@@ -193,5 +193,5 @@ def _moves(recording: Recording, period: float) -> tuple[Move, ...]:
             {name: float(d[max(block.moving - 1, 0)]) for name, d in demands.items()},
             {name: float(d[block.end - 1]) for name, d in demands.items()},
         )
-        for block in blocks(recording, period)
+        for block in split_moves(recording, period)
     )

@@ -75,11 +75,11 @@ def test_report_is_one_file_that_opens_offline(finished):
 
 
 def test_its_own_recording_has_no_gap_worth_the_name(finished, machine):
-    from sim2real.gap import measure
+    from sim2real.gap import measure_gap
     from stagectl.config import stage_settings
 
     recording = read_recording(finished[1] / "recording.h5")
-    for signals in measure(recording, stage_settings(machine), draws=1).values():
+    for signals in measure_gap(recording, stage_settings(machine), draws=1).values():
         # After homing the first onset is not known exactly.
         assert signals["position"].nominal < 0.5e-6
         assert signals["force"].nominal < 0.5

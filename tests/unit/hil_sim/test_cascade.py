@@ -7,8 +7,8 @@ import pytest
 
 from hil_sim.plant.simulate import simulate
 from hil_sim.settings import CascadeSettings
-from sim2real.audit import law_of
-from sim2real.gap import prepare
+from sim2real.audit import reconstruct_law
+from sim2real.gap import prepare_replay
 from sim2real.recording import AxisSignals, Recording
 from stagectl.config import load_machine, stage_settings
 
@@ -55,7 +55,7 @@ def test_one_tick_per_sync_is_the_published_law():
 def test_the_law_recomputed_from_the_log_is_the_cascade(span, integral, feedforward):
     settings = stage(span, integral, feedforward)
     recorded = moved(settings)
-    law = law_of(prepare(recorded, settings), settings, "x")
+    law = reconstruct_law(prepare_replay(recorded, settings), settings, "x")
     left = (law.force - law.terms().sum(axis=0))[law.usable]
     assert np.std(left) < 1.2 * 0.04 / np.sqrt(12)
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim2real.attribution import FrictionOverPosition, likeness
-from sim2real.diagnosis import examine, without_causes
+from sim2real.attribution import FrictionOverPosition, signature_similarity
+from sim2real.diagnosis import examine, report_without_causes
 from sim2real.report import (
     Candidate,
     Cause,
@@ -72,7 +72,7 @@ def explained(examined):
         for axis, of in examined.gap.items()
     }
     return replace(
-        without_causes(examined),
+        report_without_causes(examined),
         verdict="explained",
         reason="nothing <else> is left",
         where=examined.located.cells,
@@ -90,9 +90,7 @@ def explained(examined):
             Candidate("y", "force_ripple", 0.98, 0.9), Candidate("x", "cogging", 0.01, None),
         ),
         confusable=(
-            Confusable(
-                "y", ("force_ripple", "cogging"), "both waves", {("force_ripple", "cogging"): 0.8}
-            ),
+            Confusable("y", ("force_ripple", "cogging"), "both waves"),
         ),
         next_experiment=NextExperiment(
             "move slowly", ({"kind": "macro", "to": [0.0, 0.1]},), {}, {}
@@ -132,7 +130,7 @@ def test_verdict_comes_first(examined, explained):
 
 
 def test_without_causes_there_is_no_after(examined):
-    report = replace(without_causes(examined), verdict="no_gap")
+    report = replace(report_without_causes(examined), verdict="no_gap")
     page = render_gap_page(report, examined, "m")
     Balanced().feed(page)
     assert 'class="line after"' not in page
@@ -141,7 +139,7 @@ def test_without_causes_there_is_no_after(examined):
 
 def test_a_recording_that_supports_nothing_is_a_page_all_the_same(examined, tmp_path):
     none = replace(examined, insufficient="no motion", measured=(), gap=None, located=None)
-    report = without_causes(none)
+    report = report_without_causes(none)
     write_gap_page(tmp_path / "a.html", report, none, "m")
     page = (tmp_path / "a.html").read_text()
     Balanced().feed(page)
@@ -173,7 +171,7 @@ def test_likeness_of_signatures_is_drawn(examined, explained):
         "stribeck": np.array([3.0, 4.0]),
         "none": np.zeros(2),
     }
-    alike = likeness(signatures, ["cogging", "stribeck", "none", "unknown"])
+    alike = signature_similarity(signatures, ["cogging", "stribeck", "none", "unknown"])
     assert alike == {("cogging", "stribeck"): pytest.approx(0.6)}
     page = render_gap_page(replace(explained, confusable=()), examined, "m", likeness={"x": alike})
     Balanced().feed(page)

@@ -12,9 +12,10 @@ from hil_sim.effects.library import library
 from hil_sim.plant.simulate import simulate
 from hil_sim.settings import StageSettings
 from sim2real.blind import VARIANTS
-from sim2real.fitting import NUISANCES, AxisModel, Term
-from sim2real.gap import prepare
+from sim2real.fitting import NUISANCES, AxisModel, AxisProblem, Term
+from sim2real.gap import prepare_replay
 from sim2real.recording import Recording
+from sim2real.tracking import Tracker
 from stagectl.config.machine import parse_machine
 from stagectl.config.mapping import stage_settings
 from stagectl.store.recording import read_recording
@@ -52,7 +53,7 @@ def stage_with(
         axes.append(
             AxisModel(TOLERANCE[axis.name] * rng.standard_normal(NUISANCES), terms).settings(axis)
         )
-    replay = prepare(recording, settings)
+    replay = prepare_replay(recording, settings)
     run = simulate(
         replace(settings, axes=tuple(axes)), replay.demand[:count], replay.offset[:count], seed,
         substeps=FINER,
@@ -73,3 +74,8 @@ def stage_with(
     return replace(
         recording, time=recording.time[:count], axes=signals, moves=moves, source=f"seed {seed}"
     )
+
+
+def problem_of(recording: Recording, settings: StageSettings, axis: str = "x") -> AxisProblem:
+    """One axis of a recording, tracked."""
+    return AxisProblem([Tracker(prepare_replay(recording, settings), settings, axis)], 0.003)

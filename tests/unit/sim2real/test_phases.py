@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sim2real import phases
-from sim2real.phases import PHASES, axis_phases, blocks, repeats
+from sim2real.phases import PHASES, group_repeated_moves, split_moves, split_phases
 from sim2real.recording import AxisSignals, Recording
 from stagectl.store.recording import read_recording
 
@@ -33,7 +33,7 @@ def recording(demand, moves=()):
 
 
 def named(demand):
-    found = axis_phases(demand, PERIOD)
+    found = split_phases(demand, PERIOD)
     return [PHASES[i] for i in found.phase], found
 
 
@@ -70,19 +70,19 @@ def test_a_turn_starts_a_new_onset():
 
 def test_steps_of_one_nanometre_are_one_slow_motion():
     demand = np.round(np.arange(3000) * 0.2) * 1e-9  # 0.2 um/s: five samples a step
-    assert len(axis_phases(demand, PERIOD).strokes) == 1
+    assert len(split_phases(demand, PERIOD).strokes) == 1
 
 
 def test_no_motion_has_neither_strokes_nor_moves():
     still = np.full(500, 0.01)
-    assert (axis_phases(still, PERIOD).phase == phases.REST).all()
-    assert blocks(recording(still), PERIOD) == ()
+    assert (split_phases(still, PERIOD).phase == phases.REST).all()
+    assert split_moves(recording(still), PERIOD) == ()
 
 
 def test_moves_cover_the_recording_whether_listed_or_found():
     recorded = read_recording(DATA / "null-1.h5")
-    listed = blocks(recorded, PERIOD)
-    found = blocks(replace(recorded, moves=()), PERIOD)
+    listed = split_moves(recorded, PERIOD)
+    found = split_moves(replace(recorded, moves=()), PERIOD)
     assert len(listed) == len(found) == len(recorded.moves)
     assert [b.kind for b in listed] == [b.kind for b in found]
     for a, b in zip(listed, found, strict=True):
@@ -95,7 +95,7 @@ def test_moves_cover_the_recording_whether_listed_or_found():
 
 def test_motion_without_rest_is_cut_where_it_turns():
     time = np.arange(6000) * PERIOD
-    wave = blocks(recording(0.05 * np.sin(2 * np.pi * time)), PERIOD)
+    wave = split_moves(recording(0.05 * np.sin(2 * np.pi * time)), PERIOD)
     assert len(wave) == pytest.approx(12, abs=1)
 
 
@@ -104,6 +104,6 @@ def test_repeats_are_found_and_nothing_else():
     lap = np.concatenate((there, there[::-1]))
     other = np.concatenate((ramp(14e-3), ramp(14e-3)[::-1]))
     made = recording(np.concatenate((lap, other, lap)))
-    assert repeats(made, blocks(made, PERIOD)) == ((0, 4), (1, 5))
+    assert group_repeated_moves(made, split_moves(made, PERIOD)) == ((0, 4), (1, 5))
     recorded = read_recording(DATA / "null-1.h5")
-    assert repeats(recorded, blocks(recorded, PERIOD)) == ()
+    assert group_repeated_moves(recorded, split_moves(recorded, PERIOD)) == ()

@@ -8,7 +8,7 @@ import pytest
 from scipy.io import savemat
 
 from hil_sim.plant.simulate import simulate
-from sim2real.gap import measure
+from sim2real.gap import measure_gap
 from stagectl.config import stage_settings
 from stagectl.config.import_map import load_map
 from stagectl.errors import ConfigError, UnusableInput
@@ -56,7 +56,7 @@ def test_mat_and_csv_give_the_recording_of_the_machine(example, columns, tmp_pat
         csv_of(columns, tmp_path / "b.csv", delimiter=";"),
     ):
         recording = import_recording(path, *example)
-        gap = measure(recording, stage_settings(example[1]), draws=1)["slide"]
+        gap = measure_gap(recording, stage_settings(example[1]), draws=1)["slide"]
         assert gap["force"].nominal < 0.01
         assert gap["position"].nominal < 1e-8
         assert len(recording.moves) == 6
@@ -139,6 +139,6 @@ def test_a_map_that_does_not_fit_its_machine(tmp_path):
 def test_the_published_model_of_a_real_axis_is_as_close_as_published(example):
     recording = import_recording(Path(os.environ[DATA]) / "DATA_EMPS.mat", *example)
     slide = recording.axes["slide"]
-    gap = measure(recording, stage_settings(example[1]), draws=1)["slide"]
+    gap = measure_gap(recording, stage_settings(example[1]), draws=1)["slide"]
     relative = gap["force"].nominal / np.sqrt(np.mean(slide.force_actual[slide.valid] ** 2))
     assert relative < 0.0585  # what its authors report for their closed-loop simulation

@@ -6,33 +6,33 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim2real.gap import compare_with, locate
-from sim2real.phases import ONSET, axis_phases
+from sim2real.gap import compare_with_model, locate_gap
+from sim2real.phases import ONSET, split_phases
 from stagectl.config import load_machine, stage_settings
 from stagectl.store.recording import read_recording
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[3] / "data"
 
 
 @pytest.fixture(scope="module")
 def sound():
     """A recording without a gap: its residual is one draw of the floor."""
     stage = stage_settings(load_machine())
-    measured = compare_with(read_recording(DATA / "null-2.h5"), stage, draws=2)
+    measured = compare_with_model(read_recording(DATA / "null-2.h5"), stage, draws=2)
     return replace(measured, residual=measured.floor.draws[0])
 
 
 def with_force(sound, put, axis="x", signal="force"):
     """The force (or position) residual of one axis with something put on it."""
     signals = sound.replay.recording.axes[axis]
-    phases = axis_phases(signals.position_demand, 1e-3)
+    phases = split_phases(signals.position_demand, 1e-3)
     added = put(signals.position_demand, phases, np.arange(len(signals)) * 1e-3)
     changed = {**sound.residual[axis], signal: sound.residual[axis][signal] + added}
     return replace(sound, residual={**sound.residual, axis: changed})
 
 
 def cell(sound, by, put, **where):
-    located = locate([with_force(sound, put, **where)])
+    located = locate_gap([with_force(sound, put, **where)])
     top = located.cells[0]
     assert (top.axis, top.by) == (where.get("axis", "x"), "axis")
     assert top.share > 0.8
@@ -48,7 +48,7 @@ def test_a_bump_over_the_position(sound):
 
 
 def test_a_wave_over_the_position(sound):
-    found = locate([with_force(sound, lambda x, p, t: np.sin(2 * np.pi * x / 0.032))])
+    found = locate_gap([with_force(sound, lambda x, p, t: np.sin(2 * np.pi * x / 0.032))])
     (wave,) = [c for c in found.cells if c.unit == "1/m"]
     assert wave.range[0] < 1 / 0.032 < wave.range[1]
 
@@ -89,7 +89,7 @@ def test_high_speed(sound):
 
 
 def test_shares_are_of_all_axes_and_signals(sound):
-    located = locate([with_force(sound, lambda x, p, t: 1.0, signal="force")])
+    located = locate_gap([with_force(sound, lambda x, p, t: 1.0, signal="force")])
     total = sum(share for signals in located.excess.values() for share in signals.values())
     assert total == pytest.approx(1, abs=0.05)
     assert list(located.cells) == sorted(located.cells, key=lambda c: -c.share)
@@ -98,5 +98,5 @@ def test_shares_are_of_all_axes_and_signals(sound):
 
 def test_several_recordings_are_one_gap(sound):
     two = [with_force(sound, lambda x, p, t: 2.0 * (p.phase == ONSET)), sound]
-    (found,) = [c for c in locate(two).cells if c.by == "phase" and c.axis == "x"]
+    (found,) = [c for c in locate_gap(two).cells if c.by == "phase" and c.axis == "x"]
     assert found.value == "onset"

@@ -8,7 +8,7 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.attribution import FreeForm, InMotion
+from sim2real.attribution import FreeForm, FreeFormTest
 from sim2real.diagnosis import examine
 from sim2real.recording import Recording
 from tests.unit.sim2real.conftest import stage_with
@@ -22,7 +22,7 @@ def likeliest(nominal: tuple[Recording, StageSettings]) -> Likeliest:
     def form(effects: Effects) -> FreeForm:
         recording = stage_with(nominal, 21, 10.0, x=effects)
         examined = examine([recording], nominal[1])
-        found = InMotion("x", examined.measured, nominal[1]).likeliest(library().values())
+        found = FreeFormTest("x", examined.measured, nominal[1]).most_likely(library().values())
         assert found is not None
         return found
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from hil_sim.plant.simulate import simulate
-from sim2real.diagnosis import examine, insufficient, without_causes
+from sim2real.diagnosis import examine, report_without_causes, why_insufficient
 from stagectl.config import load_machine, stage_settings
 from stagectl.store.recording import read_recording
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[3] / "data"
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def on_x(recorded, **channels):
 
 
 def test_a_sound_recording_has_hardly_a_gap(stage, recorded):
-    report = without_causes(examine([recorded], stage))
+    report = report_without_causes(examine([recorded], stage))
     for signals in report.gap.values():
         for figures in signals.values():
             assert figures.nominal < 4.0 * figures.floor
@@ -59,7 +59,7 @@ def test_a_stage_that_is_otherwise_has_one_and_it_is_not_given_a_name(stage, rec
     made = on_x(
         recorded, position_actual=response.position[:, 0], force_actual=response.force[:, 0]
     )
-    report = without_causes(examine([made], stage))
+    report = report_without_causes(examine([made], stage))
     assert (report.verdict, report.causes) == ("unexplained", ())
     assert report.where[0].axis == "x"
 
@@ -79,14 +79,14 @@ def test_recordings_that_support_no_diagnosis(stage, recorded, spoil, words):
     made = spoil(recorded)
     if words == "no motion":
         made = replace(made, time=np.arange(len(made)) * 1e-3)
-    report = without_causes(examine([made], stage))
+    report = report_without_causes(examine([made], stage))
     assert report.verdict == "insufficient"
     assert words in report.reason
     assert report.to_json()["gap"] == {}
 
 
 def test_one_move_is_not_enough(stage, recorded):
-    assert "1 move" in insufficient(
+    assert "1 move" in why_insufficient(
         replace(recorded, moves=read_recording(DATA / "null-2.h5").moves[:1]), stage
     )
 
@@ -94,11 +94,11 @@ def test_one_move_is_not_enough(stage, recorded):
 def test_a_fault_of_a_channel_is_no_physics_unless_it_is_corrected(stage, recorded):
     first = replace(cut(recorded, slice(0, 1200)), moves=())
     bad = on_x(first, force_actual=-first.axes["x"].force_actual)
-    told = without_causes(examine([bad], stage))
+    told = report_without_causes(examine([bad], stage))
     assert told.verdict == "insufficient"
     assert "force_actual has the wrong sign" in told.reason
     assert [(f.finding, f.applied) for f in told.channels] == [("sign", False)]
-    corrected = without_causes(examine([bad], stage, correct=True))
+    corrected = report_without_causes(examine([bad], stage, correct=True))
     assert corrected.verdict != "insufficient"
     assert [(f.finding, f.applied) for f in corrected.channels] == [("sign", True)]
 

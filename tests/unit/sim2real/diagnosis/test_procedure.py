@@ -4,22 +4,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from pathlib import Path
 from signal import SIGINT, default_int_handler, pthread_kill, signal
 
-import numpy as np
 import pytest
-import yaml
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
 from sim2real.diagnosis import Diagnosis, diagnose, examine
-from sim2real.experiment import next_experiment
-from sim2real.fitting import NUISANCES, AxisModel, Term
-from sim2real.gap import compare_with
 from sim2real.recording import Recording
-from stagectl.config.machine_file import load_machine
-from stagectl.recipe.load import load_recipe
 from tests.unit.sim2real.conftest import TOLERANCE, stage_with
 
 
@@ -119,21 +111,3 @@ def test_an_effect_in_another_shape_keeps_its_name_and_leaves_something(
     assert [(c.axis, c.effect) for c in found.report.causes] == [("y", "cogging")]
     assert found.report.causes[0].probability > 0.9
     assert "another shape" in found.report.reason
-
-
-def test_moves_that_would_tell_two_models_apart_are_a_recipe(
-    nominal: tuple[Recording, StageSettings], tmp_path: Path
-) -> None:
-    recording, settings = nominal
-    known = library()
-    measured = [compare_with(recording, settings)]
-    plain = {axis.name: AxisModel(np.zeros(NUISANCES)) for axis in settings.axes}
-    coupled = {**plain, "y": plain["y"].added(Term(known["cross_coupling"], (0.4,)))}
-    asked = next_experiment("y is pulled", plain, coupled, "y", measured, settings)
-    assert asked is not None
-    assert asked.why.startswith("y is pulled")
-    assert len({move["to"][0] for move in asked.moves if "to" in move}) > 1  # x moves
-    path = tmp_path / "next.yaml"
-    path.write_text(yaml.safe_dump(asked.recipe()), encoding="utf-8")
-    assert load_recipe(path, load_machine()).name == "next-experiment"
-    assert next_experiment("nothing", plain, plain, "y", measured, settings) is None

@@ -13,7 +13,7 @@ from sim2real.blind import UNLISTED, UNLISTED_VARIANTS
 from stagectl.config import load_machine, stage_settings
 from stagectl.store.recording import read_recording
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[3] / "data"
 
 
 @pytest.fixture(scope="module")

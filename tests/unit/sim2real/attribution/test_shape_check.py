@@ -7,7 +7,7 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.attribution import in_free_form, is_one_profile, nearest
+from sim2real.attribution import free_form_repeat, is_one_profile, nearest_model
 from sim2real.fitting import NUISANCES, AxisModel, Term
 from sim2real.recording import Recording
 
@@ -30,7 +30,7 @@ def test_the_nearest_effect_is_where_the_loop_is_least(
         return 2.0 + sum((away[key] / true[key] - 1.0) ** 2 for key in true)
 
     starts = [model(Term(BELL, (a, 0.013, 0.02))) for a in (-0.3, 0.35)]
-    found = nearest(starts, axis, loop).terms[0].mapping()
+    found = nearest_model(starts, axis, loop).terms[0].mapping()
     assert found == pytest.approx(true, rel=0.1)
 
 
@@ -64,6 +64,6 @@ def test_a_level_against_a_bell_is_one_profile_where_either_alone_opens_the_loop
 def test_a_form_of_its_own_departs_where_more_than_noise_is_left(
     shares: tuple[float, float], gaps: tuple[float, float], departs: bool, closed: float
 ) -> None:
-    found = in_free_form(model(Term(BELL, (0.4, 0.0, 0.03))), shares, gaps)
+    found = free_form_repeat(model(Term(BELL, (0.4, 0.0, 0.03))), shares, gaps)
     assert found.departs is departs
     assert found.gap == pytest.approx(closed)

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from hil_sim.plant.simulate import simulate
-from sim2real.gap import check_repeats, closed, combined, floor, pooled, prepare, residual
+from sim2real.gap import (
+    check_repeats,
+    estimate_floor,
+    prepare_replay,
+    subtract_signals,
+)
 from sim2real.recording import AxisSignals, Recording
 from sim2real.report import GapFigures
 from stagectl.config import load_machine, stage_settings
@@ -47,9 +52,9 @@ def wandering(stage, factor):
 
 def test_the_floor_is_what_another_draw_of_the_same_stage_shows(stage):
     recorded = laps(stage, 77)
-    replay = prepare(recorded, stage)
-    below = floor(replay, stage)
-    left = residual(replay.measured(), below.nominal)
+    replay = prepare_replay(recorded, stage)
+    below = estimate_floor(replay, stage)
+    left = subtract_signals(replay.measured(), below.nominal)
     ratios = [
         np.sqrt(np.mean(left[axis][signal] ** 2)) / figure
         for axis, signals in below.rms.items()
@@ -62,10 +67,10 @@ def test_the_floor_is_what_another_draw_of_the_same_stage_shows(stage):
 def test_repeated_moves_confirm_the_floor_or_refute_it(stage):
     for factor, low, high in ((1.0, 0.7, 1.4), (4.0, 2.0, 6.0)):
         recorded = laps(wandering(stage, factor), 5)
-        replay = prepare(recorded, stage)
-        below = floor(replay, stage)
+        replay = prepare_replay(recorded, stage)
+        below = estimate_floor(replay, stage)
         checks = check_repeats(
-            recorded, 1e-3, residual(replay.measured(), below.nominal), below.draws
+            recorded, 1e-3, subtract_signals(replay.measured(), below.nominal), below.draws
         )
         for axis in ("x", "y"):
             assert checks[axis]["force"].moves == 12
@@ -74,8 +79,8 @@ def test_repeated_moves_confirm_the_floor_or_refute_it(stage):
 
 def test_without_repeats_there_is_nothing_to_check(stage):
     recorded = laps(stage, 5, laps=1)
-    replay = prepare(recorded, stage)
-    below = floor(replay, stage, draws=1)
+    replay = prepare_replay(recorded, stage)
+    below = estimate_floor(replay, stage, draws=1)
     assert check_repeats(recorded, 1e-3, replay.measured(), below.draws) == {}
 
 
@@ -83,17 +88,3 @@ def gap(position, force):
     return {
         "x": {"position": GapFigures(position, 1e-7, "m"), "force": GapFigures(force, 0.1, "N")}
     }
-
-
-def test_gap_closed_counts_above_the_floor_only():
-    assert combined(gap(1e-7, 0.1)) == pytest.approx(1.0)
-    assert closed(gap(1e-6, 1.0), gap(1e-7, 0.1)) == pytest.approx(1.0)
-    assert closed(gap(1e-6, 1.0), gap(1e-6, 1.0)) == pytest.approx(0.0)
-    assert closed(gap(1e-6, 1.0), gap(2e-6, 2.0)) < 0
-    assert closed(gap(1.1e-7, 0.11), gap(1e-7, 0.1)) is None
-
-
-def test_figures_of_several_recordings_pool_as_mean_squares():
-    both = pooled([(gap(1e-6, 3.0), 100), (gap(1e-6, 0.0), 300)])
-    assert both["x"]["position"].nominal == pytest.approx(1e-6)
-    assert both["x"]["force"].nominal == pytest.approx(1.5)

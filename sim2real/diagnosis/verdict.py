@@ -1,0 +1,237 @@
+"""The conclusions of a diagnosis: verdict, reason, causes, figures, next experiment."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hil_sim.settings import StageSettings
+from sim2real.attribution import (
+    AxisSearch,
+    FreeFormTest,
+    FrictionOverPosition,
+    find_causes,
+    list_candidates,
+    of_size,
+)
+from sim2real.diagnosis.examination import Examination
+from sim2real.experiment import propose_experiment
+from sim2real.fitting import (
+    BASE,
+    AxisModel,
+    coordinate,
+    with_base,
+)
+from sim2real.gap import Signals
+from sim2real.report import (
+    EXPLAINED,
+    NO_GAP,
+    PARTLY_EXPLAINED,
+    UNEXPLAINED,
+    Cause,
+    GapFigures,
+    GapReport,
+    NextExperiment,
+)
+from sim2real.shrinkage import HeldOut, combined_energy, share_closed
+
+_ENOUGH = 0.9
+"""Gap closed from which a gap counts as explained."""
+_SMALL, _SMALLER = 3.0, 2.0
+"""Squared combined gap over floor, left by base parameters alone, up to which there is no gap:
+where the innovations are white, and where they are not quite."""
+_POOR, _DOUBT = 0.15, 3.0
+"""A figure is poorly known when sigma exceeds this share of it; and the sigmas by which an
+experiment must be able to tell it from another value."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Diagnosis:
+    """A diagnosis and what it is based on.
+
+    Attributes:
+        report: its results.
+        models: axis -> base parameters and effects, fitted to all moves.
+        searches: axis -> the search.
+        explained: signals of the model with the causes found, each move by a fit to other moves,
+            one entry per recording; empty where no cause was found.
+        plant: axis -> figure -> value moved within tolerance, for the twin.
+        profiles: friction over position, where it was named as a cause.
+    """
+
+    report: GapReport
+    models: Mapping[str, AxisModel]
+    searches: Mapping[str, AxisSearch]
+    explained: tuple[Signals, ...] = ()
+    plant: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    profiles: tuple[FrictionOverPosition, ...] = ()
+
+
+def conclude(
+    examined: Examination,
+    plain: GapReport,
+    searches: Mapping[str, AxisSearch],
+    held_out: HeldOut,
+    settings: StageSettings,
+) -> Diagnosis:
+    """Draw the conclusions of all searches.
+
+    Args:
+        examined: the recordings.
+        plain: report without causes.
+        searches: axis -> its search.
+        held_out: residuals on held-out moves.
+        settings: of the machine file.
+    """
+    samples = held_out.samples()
+    before = held_out.energies(held_out.before)
+    after = held_out.energies(held_out.after)
+    signals = before.shape[1]
+    total = combined_energy(before, samples)
+    share, interval = share_closed(before, after, samples)
+    in_sample, _ = share_closed(before, held_out.energies(held_out.fitted), samples)
+    causes, candidates, confusable = [], [], []
+    whole = True
+    for name, found in searches.items():
+        own, alike = find_causes(name, found, held_out, before, after, samples)
+        causes += own
+        confusable += alike
+        candidates += list_candidates(name, found, own, total - signals)
+        whole &= found.is_complete and not any(r.departs for r in found.repeats.values())
+    causes.sort(key=lambda cause: -(cause.gap_closed or 0.0))
+    models = {name: found.best.model for name, found in searches.items()}
+    confident = [cause for cause in causes if cause.probability > 0.5]
+    remaining = combined_energy(after, samples) / signals
+    if not confident:
+        small = not causes and remaining < (_SMALL if whole else _SMALLER)
+        verdict = NO_GAP if small else UNEXPLAINED
+        causes = [] if small else causes
+    elif whole and share is not None and share >= _ENOUGH:
+        verdict = EXPLAINED
+    else:
+        verdict = PARTLY_EXPLAINED
+    reason = _reason(verdict, confident, share, total / signals, whole)
+    report = replace(
+        plain,
+        verdict=verdict,
+        reason=reason + _departed(searches) if confident else reason,
+        gap=_figures(examined, held_out, bool(confident)),
+        gap_closed=share if confident else None,
+        gap_closed_interval=interval if confident else None,
+        gap_closed_in_sample=in_sample if confident else None,
+        where=() if verdict == NO_GAP else plain.where,
+        causes=tuple(confident),
+        candidates=tuple(candidates),
+        confusable=tuple(confusable),
+    )
+    report = replace(report, next_experiment=_next(report, searches, models, examined, settings))
+    if not confident:
+        return Diagnosis(report, models, searches)
+    in_motion = (FreeFormTest(name, examined.measured, settings) for name in models)
+    profiles = [profile for each in in_motion for profile in each.profiles(models)]
+    plant = _plant(settings, models)
+    return Diagnosis(report, models, searches, held_out.explained(), plant, tuple(profiles))
+
+
+def _next(
+    report: GapReport,
+    searches: Mapping[str, AxisSearch],
+    models: Mapping[str, AxisModel],
+    examined: Examination,
+    settings: StageSettings,
+) -> NextExperiment | None:
+    """Moves that would decide what these recordings leave open; None where nothing is open."""
+
+    def between(why: str, axis: str, one: AxisModel, other: AxisModel) -> NextExperiment | None:
+        return propose_experiment(
+            why, {**models, axis: one}, {**models, axis: other}, axis, examined.measured, settings
+        )
+
+    for alike in report.confusable:
+        found = searches[alike.axis]
+        effect, kin = alike.effects[:2]
+        swapped = {*found.best.model.names(), kin} - {effect}
+        for rival in found.rivals:
+            if set(rival.model.names()) == swapped:
+                why = f"{effect} and {kin} on {alike.axis} fit nearly as well"
+                return between(why, alike.axis, found.best.model, rival.model)
+    if report.verdict == UNEXPLAINED:
+        axis = max(searches, key=lambda name: searches[name].open_gap)
+        nearest = [rival.model for rival in of_size(searches[axis].rivals, 1)[:2]]
+        if len(nearest) == 2:
+            names = " nor ".join(model.names()[0] for model in nearest)
+            return between(f"neither {names} explains {axis}", axis, *nearest)
+    for cause in report.causes:
+        model = models[cause.axis]
+        index = model.names().index(cause.effect)
+        for key, poor in cause.parameters.items():
+            if poor.sigma > _POOR * abs(poor.value) and model.terms[index].is_size_or_shape(key):
+                why = f"{key} of {cause.effect} on {cause.axis} is known to {poor.sigma:.2g} only"
+                within = coordinate(
+                    model.terms[index].effect, key, searches[cause.axis].problem.axis
+                )
+                farther = within.clipped(poor.value + _DOUBT * poor.sigma)
+                other = model.with_value(index, key, farther)
+                return between(why, cause.axis, model, other)
+    return None
+
+
+def _plant(settings: StageSettings, models: Mapping[str, AxisModel]) -> dict[str, dict[str, float]]:
+    """Plant figures of the fitted models, axis -> figure -> value."""
+    out = {}
+    for axis in settings.axes:
+        moved = with_base(axis, models[axis.name].base)
+        out[axis.name] = {
+            name: float(moved.mass if name == "mass" else getattr(moved.friction, name))
+            for name in BASE
+        }
+    return out
+
+
+def _departed(searches: Mapping[str, AxisSearch]) -> str:
+    """For the reason: effects whose shape is not the library's."""
+    names = [
+        f"{effect} on {axis}"
+        for axis, found in searches.items()
+        for effect, repeat in found.repeats.items()
+        if repeat.departs
+    ]
+    return f"; {' and '.join(names)} in another shape than the library's" if names else ""
+
+
+def _figures(
+    examined: Examination, held_out: HeldOut, explained: bool
+) -> Mapping[str, Mapping[str, GapFigures]]:
+    """The gap's figures, with those of the causes where it is explained."""
+    gap = examined.gap or {}
+    if not explained:
+        return gap
+    out: dict[str, dict[str, GapFigures]] = {}
+    for axis, signals in gap.items():
+        out[axis] = {}
+        for signal, figures in signals.items():
+            energy = count = 0.0
+            for m, left in zip(held_out.measured, held_out.after, strict=True):
+                valid = m.replay.valid(axis)
+                energy += float(np.square(left[axis][signal][valid]).sum())
+                count += float(valid.sum())
+            out[axis][signal] = replace(figures, explained=math.sqrt(energy / count))
+    return out
+
+
+def _reason(
+    verdict: str, causes: Sequence[Cause], share: float | None, gap: float, whole: bool
+) -> str:
+    """The reason for a verdict, in one sentence."""
+    size = f"the combined gap is {math.sqrt(gap):.3g} times the floor"
+    if verdict == NO_GAP:
+        return f"{size}: no more than the machine file's tolerance and repeatability give"
+    if verdict == UNEXPLAINED:
+        return f"{size}, and no effect of the library explains it"
+    named = ", ".join(f"{cause.effect} on {cause.axis}" for cause in causes)
+    closed = "" if share is None else f" closes {100 * share:.0f} % of it on held-out moves"
+    rest = "" if whole else "; what is left still has structure"
+    return f"{size}; {named}{closed}{rest}"

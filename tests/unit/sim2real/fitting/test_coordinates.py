@@ -1,0 +1,33 @@
+"""Scaled coordinates of an effect's parameters."""
+
+from __future__ import annotations
+
+import pytest
+
+from hil_sim.effects.library import library
+from hil_sim.settings import StageSettings
+from sim2real.fitting import (
+    Term,
+    coordinates,
+    from_coordinates,
+    to_coordinates,
+)
+from sim2real.recording import Recording
+
+
+@pytest.mark.parametrize("name", sorted(library()))
+def test_coordinates_go_there_and_back(nominal: tuple[Recording, StageSettings], name: str) -> None:
+    axis = nominal[1].axes[0]
+    effect = library()[name]
+    values = []
+    for parameter in effect.parameters:
+        low, high = parameter.ranges(axis)[-1]
+        values.append(0.4 * low + 0.6 * high)
+    term = Term(effect, tuple(values))
+    assert from_coordinates(term, axis, to_coordinates(term, axis)).values == pytest.approx(
+        term.values
+    )
+    for entry, value in zip(coordinates(effect, axis), values, strict=True):
+        step = 1e-6
+        slope = (entry.outward(entry.inward(value) + step) - value) / step
+        assert slope == pytest.approx(entry.slope(value), rel=1e-3)
