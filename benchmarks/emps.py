@@ -38,7 +38,7 @@ Written by `python benchmarks/emps.py`; every figure below is computed there.
 
 The Electro-Mechanical Positioning System: DC motor, ball screw, carriage of 95 kg, 1 kHz, 24.8 s
 each of `DATA_EMPS.mat` (strokes there and back at several speeds) and
-`DATA_EMPS_PULSES.mat` (force pulses besides). A. Janot, M. Gautier, M. Brunot, *Data Set and
+`DATA_EMPS_PULSES.mat` (force pulses added). A. Janot, M. Gautier, M. Brunot, *Data Set and
 Reference Models of EMPS*, 2019 Workshop on Nonlinear System Identification Benchmarks;
 nonlinearbenchmark.org. The data are not part of this project.
 
@@ -49,11 +49,11 @@ $ stagectl gap diagnose DATA_EMPS.h5
 ```
 
 [machine.yaml](../examples/emps/machine.yaml) is the model as published: mass, viscous and Coulomb
-friction, an offset, and the rig's cascaded controller. What is not published is set so that it does
-not matter (bus, limits, a current loop of 5 kHz); friction breaks away within 2 µm, as good as at
-once. Its `repeatability` of 1.5 % is the only figure taken from the data: it makes the model's
-scatter from draw to draw that of the strokes that the axis repeats. The first 0.3 s don't count:
-the axis is moving already when the data begin.
+friction, an offset, and the rig's cascaded controller. What is not published is set so that it has
+no influence (bus, limits, a current loop of 5 kHz); friction breaks away within 2 µm, practically
+at once. Its `repeatability` of 1.5 % is the only figure taken from the data: with it, the model
+scatters between draws as much as the axis does between repeated strokes. The first 0.3 s are
+excluded: the axis is already moving when the data begin.
 """
 
 
@@ -105,14 +105,14 @@ def _gap(found: dict[str, Examination]) -> list[str]:
         )
     checks = found["DATA_EMPS"].measured[0].repeats[AXIS]
     scatter = " and ".join(
-        f"{c.repeated * s:.2g} {u} in {signal} (floor taken the same way: {c.floor * s:.2g} {u})"
+        f"{c.repeated * s:.2g} {u} in {signal} (floor computed alike: {c.floor * s:.2g} {u})"
         for (signal, c), s, u in zip(checks.items(), (1e6, 1.0), ("µm", "N"), strict=True)
     )
     return [
         *lines,
         "",
         "Gap and floor: [formats/gap-report.md](formats/gap-report.md); rms, in closed loop,",
-        "nothing fitted. The last columns compare with the authors' closed-loop simulation.",
+        "nothing is fitted. The last columns compare with the authors' closed-loop simulation.",
         f"{checks['force'].moves} strokes repeat another; they scatter by {scatter}.",
         "",
     ]
@@ -127,8 +127,8 @@ def _channels(found: dict[str, Examination]) -> list[str]:
     return [
         *lines,
         "",
-        "The published controller, recomputed from logged reference and position, gives the logged",
-        "control signal but for these remainders: sign, timing and units are as the map says.",
+        "The published controller, recomputed from the logged reference and position, gives the",
+        "logged control signal except for these remainders: sign, timing and units are as mapped.",
         "",
     ]
 
@@ -140,14 +140,14 @@ def _where(examined: Examination) -> list[str]:
     return [
         *lines,
         "",
-        "![Measured and simulated force, and what is left](images/emps.svg)",
+        "![Measured and simulated force, and the residual](images/emps.svg)",
     ]
 
 
 def _causes(
     found: dict[str, Examination], settings: StageSettings, tolerance: dict[str, float]
 ) -> list[str]:
-    """The diagnosis of DATA_EMPS, and what its model is worth on the data that took no part."""
+    """The diagnosis of DATA_EMPS, and how its model does on held-out data."""
     effects = library()
     diagnosed = diagnose(found["DATA_EMPS"], tolerance, effects, jobs=1)
     report = diagnosed.report
@@ -172,7 +172,7 @@ def _causes(
         *_closed(found, replace(settings, axes=(model,))),
         "",
         "Fitted to `DATA_EMPS` alone, base parameters within the tolerance included;",
-        "`DATA_EMPS_PULSES` took no part. What isn't closed is a remainder without a name.",
+        "`DATA_EMPS_PULSES` is held out. What is not closed has no known cause.",
     ]
 
 
@@ -215,7 +215,7 @@ class ViscousAsymmetry(Effect):
 
 
 def _beyond(found: dict[str, Examination], settings: StageSettings) -> list[str]:
-    """What the mean remainder over speed suggests, tested on the data that took no part."""
+    """What the mean remainder over speed suggests, tested on held-out data."""
     measured = found["DATA_EMPS"].measured[0]
     signals = measured.replay.recording.axes[AXIS]
     left = measured.residual[AXIS]["force"][signals.valid]
@@ -232,18 +232,18 @@ def _beyond(found: dict[str, Examination], settings: StageSettings) -> list[str]
         "",
         "## Beyond the library",
         "",
-        "Over speed the remainder is a V (picture): an offset that vanishes as the axis moves.",
-        f"By least squares {force:+.2f} N and {difference:+.1f} N s/m times speed take up",
-        f"{100 * share:.0f} % of what is left in the force. So the published offset of",
+        "Over speed the residual is a V (picture): an offset that vanishes as the axis moves.",
+        f"By least squares {force:+.2f} N and {difference:+.1f} N s/m times speed explain",
+        f"{100 * share:.0f} % of the residual force. So the published offset of",
         f"{axis_offset(settings):.2f} N is mostly viscous friction that differs between the",
         f"directions: {one:.0f} N s/m forward and {other:.0f} N s/m backward. No effect of the",
-        "library is like that; as one more (a class of ten lines in this benchmark, as in",
-        "[sim-to-real.md](sim-to-real.md)), in closed loop:",
+        "library does that. Added as one (a class of ten lines in this benchmark, as in",
+        "[sim-to-real.md](sim-to-real.md)), it gives in closed loop:",
         "",
         *_closed(found, twin),
         "",
-        "The figures are from `DATA_EMPS` alone. The rest has no name yet: it lies between 5 and",
-        "40 Hz, behind reversals and steps of force.",
+        "The figures are fitted to `DATA_EMPS` alone. The rest is not explained yet: it lies between",
+        "5 and 40 Hz, after reversals and steps of force.",
     ]
 
 

@@ -89,7 +89,7 @@ class Ranking:
         self._kept: dict[tuple[str, ...], Alternative] = {}
 
     def enter(self, fitted: Fitted) -> Alternative:
-        """Enter a fit, or a more plausible version; kept if it is the best of its set of effects."""
+        """Enter a fit, or a more plausible version; kept if it is the best of its effects."""
         rival = self._more_plausible(Alternative(fitted, self._loop(fitted.model)))
         key = tuple(sorted(fitted.model.names()))
         if key not in self._kept or self.score(rival) < self.score(self._kept[key]):

@@ -86,31 +86,10 @@ def find_causes(
         left_out = held_out.energies(held_out.without[name, index])
         gives_back, interval = share_given_back(before, left_out, after, samples)
         probability, rivals = _probability(found, term.name)
-        values = reported_values(term)
-        figures = {
-            entry.parameter.key: Parameter(
-                values[entry.parameter.key],
-                _sigma(term.effect, entry, values, float(s), problem.axis),
-                entry.parameter.unit,
-            )
-            for entry, s in zip(entries, spread, strict=True)
-        }
-        # In another shape it is seen in the closed loop, whatever its innovations' sigma; and
-        # the nearest to a form of its own may be any.
-        repeat = found.repeats.get(term.name)
-        bent = repeat is not None and repeat.departs
-        none = not bent and any(
-            _is_size_uncertain(entry, figures, problem.axis) for entry in entries
-        )
-        free = repeat is not None and repeat.is_free
-        if none or (not free and implausibility(term, problem.axis) > _STRANGE):
-            probability = min(probability, _DOUBTED)
-        if (
-            not free
-            and is_coulomb_level(term, problem.axis)
-            and any(_is_duration_uncertain(entry, figures) for entry in entries)
-        ):
-            probability = min(probability, _VAGUE)
+        figures = _figures(term, spread, problem.axis)
+        limit, is_vague = _largest_probability(found, term, figures)
+        probability = min(probability, limit)
+        if is_vague:
             rivals = rivals or _alternative_levels(found, term, problem.axis)[:1]
         causes.append(
             Cause(
@@ -128,10 +107,48 @@ def find_causes(
                 Confusable(
                     name,
                     (term.name, *rivals),
-                    "on these moves either fits nearly as well in the other's place",
+                    "on these moves one fits nearly as well as the other",
                 )
             )
     return causes, alike
+
+
+def _figures(term: Term, spread: F64, axis: AxisSettings) -> dict[str, Parameter]:
+    """Key -> value and sigma of a term; `spread` are sigmas of its coordinates, float64[n]."""
+    values = reported_values(term)
+    return {
+        entry.parameter.key: Parameter(
+            values[entry.parameter.key],
+            _sigma(term.effect, entry, values, float(s), axis),
+            entry.parameter.unit,
+        )
+        for entry, s in zip(coordinates(term.effect, axis), spread, strict=True)
+    }
+
+
+def _largest_probability(
+    found: AxisSearch, term: Term, figures: Mapping[str, Parameter]
+) -> tuple[float, bool]:
+    """Largest probability that a term's figures allow, and whether it may be another level.
+
+    An effect in another shape shows in the closed loop, whatever the sigma of its innovations; the
+    nearest to a free form may have any values.
+    """
+    axis = found.problem.axis
+    entries = coordinates(term.effect, axis)
+    repeat = found.repeats.get(term.name)
+    departs = repeat is not None and repeat.departs
+    is_free = repeat is not None and repeat.is_free
+    limit = 1.0
+    uncertain = not departs and any(_is_size_uncertain(e, figures, axis) for e in entries)
+    if uncertain or (not is_free and implausibility(term, axis) > _STRANGE):
+        limit = _DOUBTED
+    is_vague = (
+        not is_free
+        and is_coulomb_level(term, axis)
+        and any(_is_duration_uncertain(entry, figures) for entry in entries)
+    )
+    return (min(limit, _VAGUE) if is_vague else limit), is_vague
 
 
 def _is_size_uncertain(
@@ -192,7 +209,7 @@ def _sigma(
     if not math.isfinite(neutral):
         return math.hypot(own, _RELATIVE * abs(value))
     wander = _WANDERS * axis.friction.wander
-    if effect.group != "friction":  # a force is told from friction's mean over the directions
+    if effect.group != "friction":  # a force shows in the mean over both directions
         slow = not any(p.role == "phase" for p in effect.parameters)
         wander *= axis.friction.coulomb if slow and parameter.unit == "N" else 0.0
     step = _STEP * axis.control.period if parameter.unit == "s" else 0.0
@@ -207,9 +224,9 @@ def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
     rest = tuple(sorted(n for n in names if n != effect))
     reached = [r for r in found.rivals if set(r.model.names()) == set(names)] or found.rivals[:1]
     least = min(score_alternative(problem, r, _SIMPLER) for r in reached)
-    # Of models that all leave structure, innovations do not tell the likelier one: the loop does.
-    bent = effect in found.repeats and found.repeats[effect].departs
-    widest = min(r.gap for r in reached) if bent else math.inf
+    # Among models that all leave structure the closed loop decides, not the innovations.
+    departs = effect in found.repeats and found.repeats[effect].departs
+    widest = min(r.gap for r in reached) if departs else math.inf
     weight, rivals = 0.0, []
     for rival in found.rivals:
         others = tuple(sorted(rival.model.names()))
@@ -227,8 +244,8 @@ def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
         weight += odds
         if odds > 0.05 and len(others) == len(names) and len(swapped) == 1:
             rivals.append(swapped[0])
-    told = 1.0 / (1.0 + min(weight, _RIVALRY))
-    return told * _confidence(found, effect), rivals
+    preference = 1.0 / (1.0 + min(weight, _RIVALRY))
+    return preference * _confidence(found, effect), rivals
 
 
 def _confidence(found: AxisSearch, effect: str) -> float:

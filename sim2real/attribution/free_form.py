@@ -81,7 +81,7 @@ class FreeFormTest:
         return next(a for a in self.settings.axes if a.name == self.name)
 
     def most_likely(self, library: Iterable[Effect]) -> FreeForm | None:
-        """The kind that explains most of what the machine file leaves; None if the library has none."""
+        """The kind that explains most of what the machine file leaves; None if there is none."""
         axis = self._axis
         forms = []
         for effect in library:

@@ -89,8 +89,8 @@ class Scanner:
         fewer = [model.without(term) for term in range(len(model.terms))]
         for without in problem.residuals_or_worst(fewer):
             nuisance.append(((without - residual) * self._root)[:, None])
-        # The prior of the base parameters stands beside the data as rows of its own.
-        # Stiffer than it is: else a mass 5 % off would be taken for a base parameter's.
+        # The prior of the base parameters adds rows to the data. It is stiffened: otherwise a
+        # mass 5 % off would be explained by a base parameter.
         self._rows = np.diag(_PRIOR_STIFFNESS / problem.spread)
         beside = np.vstack(
             [
@@ -129,8 +129,8 @@ class Scanner:
         if not cheap:
             found = self._actual(found)
         elif linear and not given:
-            # A node in the wrong phase may make elements slip that do not: then the error
-            # equations know better than a simulation, which the cost at their start shows.
+            # A node in the wrong phase may make elements slip that really stick: then the error
+            # equations are more accurate than a simulation, as the cost at their start shows.
             found += self._proven(linear[0])
         if cheap and not given and (followed := self._followed(effect)) is not None:
             found.append(followed)
@@ -180,7 +180,7 @@ class Scanner:
         return [replace(start, gain=gain)] if gain is not None and gain > 0.0 else []
 
     def _actual(self, starts: Sequence[Start]) -> list[Start]:
-        """The starts with the actual gain of their node or their fitted size, whichever is larger."""
+        """The starts with the actual gain of their node or fitted size, whichever is larger."""
         tried = [t for s in starts for t in (s.term, Term(s.term.effect, s.node))]
         gains = self._gains(tried)
         best = []

@@ -58,10 +58,10 @@ def refine_contenders(
         before, wide = ranking.score(order[0]), problem.outlier
         left = max(before - problem.expected_cost(), 0.0)
         last = before + max(_CLOSE, _CLOSE_SHARE * before, left)
-        # And those that would come near if they went on falling as they did in the end.
+        # And those that would come close if their cost kept falling at its last rate.
         near = [r for r in order if ranking.score(r) - _ITERATIONS * r.fitted.last_gain <= last]
         starts = [_share_figures(problem, ranking, rival, near[0]).model for rival in near]
-        # Beside one effect or another the base parameters do much the same.
+        # The derivatives by base parameters hardly depend on which effect is beside them.
         columns = problem.base_columns(near[0].model, near[0].fitted.residual)
         fit_alternatives(problem, ranking, starts, _ITERATIONS, columns)
         best = ranked()[0]

@@ -81,7 +81,7 @@ def explain_residual_force(
         time = m.replay.recording.time
         position = signals.position_actual
         speed = np.gradient(signals.position_demand, time)
-        # Where friction changes faster than the controller follows, it moves the stage instead.
+        # Where friction changes faster than the controller can follow, it accelerates the stage.
         moved = np.gradient(np.gradient(left["position"], time), time)
         moving = m.replay.valid(name) & (np.abs(speed) > _MOVING)
         number = strokes + np.cumsum(np.diff(moving.astype(np.int64), prepend=0) == 1)

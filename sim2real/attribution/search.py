@@ -109,9 +109,9 @@ def search_effects(
     ranking = Ranking(problem, loop)
     path = [_shrink_base(problem, ranking, plain)]
     promising: dict[str, Effect] = {}
-    # What nobody sees in the closed loop is no gap, whatever the innovations say.
+    # What does not show in the closed loop is no gap, whatever the innovations say.
     for depth in range(MOST_EFFECTS if found.open_gap > _OPEN * FLOOR_LEVEL else 0):
-        # A plain fit to a stage with an effect bends the base parameters: start from none.
+        # Fitted to a stage with an effect, the base parameters are distorted: start from nominal.
         current = path[-1].fitted if depth else problem.nominal_fit()
         problem.rescale(current.residual)
         is_open = path[-1].gap > _OPEN * FLOOR_LEVEL
@@ -213,7 +213,7 @@ def _candidates(
     least = max(needed, _PROMISING * starts[0].gain)
     most = _FITTED_FAINT if starts[0].gain < 10.0 * LEAST_GAIN else _FITTED
     chosen = [start for start in starts[:most] if start.gain >= least]
-    if is_open:  # a wander weighs little beside innovations, whatever it does to the loop
+    if is_open:  # wander weighs little beside innovations, whatever it does to the loop
         wanders = [s for s in starts if s.from_wander and s.gain >= needed and s not in chosen]
         chosen += wanders[:_WANDERS]
     return chosen, columns

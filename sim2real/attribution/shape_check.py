@@ -230,7 +230,7 @@ def nearest_model(
     def gap(where: F64) -> float:
         try:
             return float(np.log(loop(at(where))))
-        except ValueError:  # not possible
+        except ValueError:  # physics does not allow it
             return np.inf
 
     first = np.array([e.inward(v) for e, v in zip(entries, start.terms[0].values, strict=True)])

@@ -118,7 +118,7 @@ def audit_channels(recording: Recording, settings: StageSettings) -> Audit:
         found = check_demand_units(recording.axes[axis.name], axis)
         findings += found
         recording = rescale(recording, found)
-        for _ in range(2):  # behind a factor of units or sign there may be a scale or an offset
+        for _ in range(2):  # a wrong unit or sign may hide a scale or an offset
             signals = recording.axes[axis.name]
             found = check_position(signals, axis, settings.sync_period)
             findings += found
@@ -248,8 +248,8 @@ def _check_law(
     findings += gains
     if found.remainder > _REMAINDER * ACCEPTED * expected:
         text = (
-            f"{axis}: the force is not what the controller of the machine file gives: "
-            f"{found.remainder:.3g} N rms remain ({expected:.2g} N would)"
+            f"{axis}: the force does not match the machine file's controller: "
+            f"{found.remainder:.3g} N rms remain ({expected:.2g} N expected)"
         )
         findings.append(
             ChannelFinding(axis, "force_actual", "controller", found.remainder, "N", text=text)
@@ -272,7 +272,7 @@ def _check_gains(
         if abs(factor - 1.0) < _GAIN_TOLERANCE:
             continue
         if term == "force_offset":
-            # A part that weighs twice was logged at half its size.
+            # A part with a factor of two was logged at half its size.
             logged = 1.0 / factor if abs(factor) > 1e-3 else 0.0
             if logged == 0.0:
                 kind, value, text = "scale", 0.0, "is not applied by the drive"

@@ -100,7 +100,7 @@ def find_hypothesis(law: ControllerLaw, expected: float) -> LawHypothesis:
     found = _simplest(tried[:-1], enough)
     if found.remainder <= enough:
         return found
-    # The search looks at one stretch only; what it finds is fitted to all of the recording.
+    # The search uses one part of the recording; what it finds is fitted to all of it.
     part = law.most_travelled(_SEARCHED)
     best: dict[str, LawHypothesis] = {}
     for timing, grid in _GRIDS.items():
@@ -205,7 +205,7 @@ def _fit_products(products: FloatArray, timing: str, value: float, gains: str) -
     """Least squares on the products: force = fixed parts + free columns x factors."""
     count = len(TERMS)
     size = len(products)
-    free = np.eye(size)[:, count:-1]  # constant and slips
+    free = np.eye(size)[:, count:-1]  # constant and position errors
     own = free.shape[1]
     target = np.zeros(size)
     target[-1] = 1.0
@@ -273,6 +273,6 @@ def _inertia_remainder(law: ControllerLaw, lag: float) -> float | None:
     )  # fmt: skip
     columns /= np.abs(columns).max(axis=1, keepdims=True) + 1e-300
     force = law.force[moving]
-    # By normal equations: the columns are few and scaled, and this is done often.
+    # Normal equations: the columns are few and scaled, and this is called often.
     found = np.linalg.lstsq(columns @ columns.T, columns @ force, rcond=1e-12)[0]
     return float(np.std(force - found @ columns))

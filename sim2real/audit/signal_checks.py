@@ -76,7 +76,7 @@ def check_constant(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFind
         values = getattr(signals, channel)[signals.valid]
         if np.ptp(values) == 0.0:
             value = float(values[0])
-            text = f"{axis.name}: {channel} stands still at {value:.4g} {unit}"
+            text = f"{axis.name}: {channel} is constant at {value:.4g} {unit}"
             found.append(ChannelFinding(axis.name, channel, "constant", value, unit, text=text))
     return found
 
@@ -168,7 +168,7 @@ def quantisation_step(values: FloatArray) -> float | None:
     smallest = float(gaps[gaps > 1e-9 * np.ptp(levels) + 1e-15].min(initial=math.inf))
     if not math.isfinite(smallest):
         return None
-    # The smallest gap has its rounding: the step is refined over the whole range.
+    # The smallest gap is rounded: the step is refined over the whole range.
     multiples = np.rint((levels - levels[0]) / smallest)
     if multiples[-1] > 1e7:
         return smallest if _is_on_grid(gaps, smallest) else None

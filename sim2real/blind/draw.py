@@ -151,7 +151,7 @@ def _draw_visible(
 
 def family_of(effect: Effect) -> str:
     """Name in the library that an effect should be given; "" where there is none."""
-    return effect.kin if isinstance(effect, UnlistedEffect) else effect.name
+    return effect.family if isinstance(effect, UnlistedEffect) else effect.name
 
 
 def draw_values(rng: np.random.Generator, effect: Effect, axis: AxisSettings) -> dict[str, float]:

@@ -107,7 +107,12 @@ def draw_demands(
         now += len(part)
         at = to
         kind = "micro" if kind == "macro" and rng.uniform() < micro_share else "macro"
-    position = np.concatenate(parts)
+    return _rounded_demands(np.concatenate(parts), moves, settings)
+
+
+def _rounded_demands(position: F64, moves: Sequence[Move], settings: StageSettings) -> Demands:
+    """Demands as they go over the bus; positions float64[K, axes] [m]."""
+    period, axes = settings.sync_period, settings.axes
     acceleration = np.zeros_like(position)
     acceleration[1:-1] = np.diff(position, 2, axis=0) / period**2
     offset = acceleration * np.array([axis.mass for axis in axes])

@@ -16,9 +16,10 @@ _READING = f"""\
 
 `stagectl gap blind --trials N --seed S --lines F --docs docs/blind.md` wrote this page. Each trial
 draws what is wrong with a stage, seals the answer (a SHA-256 of key and nonce is printed before the
-diagnosis starts, both after it; `printf %s%s KEY NONCE | sha256sum` checks it), records ten seconds
-of it, diagnoses the recording, and holds what was promised against a second recording of the same
-stage with other moves. It can be stopped with Ctrl-C and goes on from F; F may hold several seeds.
+diagnosis starts, both after it; `printf %s%s KEY NONCE | sha256sum` verifies it), records the stage
+for ten seconds, diagnoses the recording, and compares what was promised with a second recording of
+the same stage with other moves. Ctrl-C interrupts the check, and the next run continues from F; F
+may hold several seeds.
 
 ## What is drawn
 
@@ -29,33 +30,33 @@ stage with other moves. It can be stopped with Ctrl-C and goes on from F; F may 
 | {SHARES["none"]:.2f} | none | `no_gap` |
 | {SHARES["outside"]:.2f} | one of no family (quadratic drag, force bump, random walk, ...) | \
 `unexplained`, `partly_explained`, or no cause above 0.5 |
-| {SHARES["departing"]:.2f} | one of a family in another shape (cogging with harmonics, another \
-profile, another warm-up law, ...) | the family's name, and that something is left |
+| {SHARES["departing"]:.2f} | one of a family, in another shape (cogging with harmonics, another \
+profile, another warm-up law, ...) | the family's name, and that a remainder is left |
 
 - Names are equally likely, sizes uniform over the ranges of docs/formats/effects.md (in the
-  logarithm where these span a ratio), drawn again until each effect alone opens a combined gap of
+  logarithm where these span a ratio), redrawn until each effect alone opens a combined gap of
   {LEAST:g} floors.
 - Moves: jerk-limited macro-moves up to 0.5 m/s and 3 m/s^2, micro-moves up to 80 um, 0.01 m/s and
-  0.2 m/s^2, rests of 0.05 to 0.3 s, both axes at a time; speeds, jerk, reach and order are drawn.
+  0.2 m/s^2, rests of 0.05 to 0.3 s, both axes at a time; speeds, jerk, reach and order are random.
   The force offset is the nominal mass times the demanded acceleration.
 - The stage takes 8 or 10 plant steps per control tick where the machine file's model takes 5; its
-  seven plant figures are off by the machine file's `tolerance`, each on its own; encoder noise and
-  friction wander have seeds of their own. Friction elements are as many as the machine file says
-  (`--elements` changes that; the diagnosis then faces a stage that its model can't describe).
-- The model's own step is not converged; how much finer the stage's is, the diagnosis has to find
-  out. `--substeps 5` takes the model's step, and so tells what is due to that.
-- With `--leave-out` the true effects are taken out of the library before the diagnosis. The right
-  answer is then as for one of no family, or a near kin at a probability below 0.9.
+  seven plant figures deviate independently by the machine file's `tolerance`; encoder noise and
+  friction wander have seeds of their own. The number of friction elements is the machine file's
+  (`--elements` changes it; the diagnosis then faces a stage that its model cannot describe).
+- The model's own step is not converged; how much finer the stage's is, the diagnosis has to
+  estimate. `--substeps 5` takes the model's step, which shows how much is due to that.
+- With `--leave-out` the true effects are removed from the library before the diagnosis. The right
+  answer is then as for an effect of no family, or a near relative at a probability below 0.9.
 
 ## How to read it
 
 A cause counts as right where axis and family are those of the key. Calibration: causes of all
 trials in order of probability, in bins of at least {BIN}; the error is the mean distance between
-what a bin was given and the share of it that is right. Parameters count against their own sigma;
-a sigma that is not given counts as outside. The promise is `gap_closed` of the report; it is held
-against the gap closed by the same twin on the second run. A trial that gives no report is wrong.
-Seconds include channels, floor and where; where the machine had other work, only the processor
-seconds (of all cores together) say something.
+a bin's mean probability and its share of right causes. Parameters are measured in their own sigma;
+a missing sigma counts as outside. The promise is the report's `gap_closed`; it is compared with the
+gap closed by the same twin on the second run. A trial without a report is wrong. Seconds include
+channels, floor and location; where the machine had other work, only the processor seconds (of all
+cores together) are meaningful.
 """
 
 _ROWS: tuple[tuple[str, str, float | None], ...] = (
@@ -67,9 +68,9 @@ _ROWS: tuple[tuple[str, str, float | None], ...] = (
     ("outside the library: safe answer", "outside", 0.90),
     ("two effects: both named", "two", 0.90),
     ("two effects: at least one right and none wrong", "two_safe", 0.96),
-    ("departing shape: family named", "family", None),
-    ("departing shape: family named, remainder admitted", "remainder", 0.85),
-    ("true effects left out of the library: safe or honest kin", "left_out", None),
+    ("another shape: family named", "family", None),
+    ("another shape: family named, remainder admitted", "remainder", 0.85),
+    ("true effects left out of the library: safe or honest relative", "left_out", None),
     ("true parameters within 3 sigma", "parameters", 0.97),
     ("gap closed as promised, within 0.08, on the second run", "promise", 0.90),
 )
@@ -97,7 +98,7 @@ def write_page(outcomes: Sequence[Outcome], facts: Mapping[str, str]) -> str:
 def table_rows(counted: Score) -> list[str]:
     """The rows of the table and of the calibration."""
     lines = [
-        "| on effects that were sealed | trials | found | asked |",
+        "| on sealed effects | trials | found | asked |",
         "| --- | --- | --- | --- |",
     ]
     for text, name, asked in _ROWS:
@@ -132,7 +133,12 @@ def table_rows(counted: Score) -> list[str]:
 def _confusion(counted: Score) -> list[str]:
     if not counted.confusion:
         return []
-    lines = ["One effect, first name told:", "", "| true | told | trials |", "| --- | --- | --- |"]
+    lines = [
+        "One effect, first name reported:",
+        "",
+        "| true | reported | trials |",
+        "| --- | --- | --- |",
+    ]
     for (true, told), count in sorted(counted.confusion.items()):
         lines.append(f"| {true} | {'right' if told == true else told} | {count} |")
     return [*lines, ""]
@@ -143,8 +149,8 @@ def _failures(outcomes: Sequence[Outcome]) -> list[str]:
     if not failed:
         return []
     lines = [
-        "Trials that count as wrong (an effect beside the right ones counts, too):", "",
-        "| seed, trial | true | verdict | told |", "| --- | --- | --- | --- |",
+        "Trials that count as wrong (so does an additional effect beside the right ones):", "",
+        "| seed, trial | true | verdict | reported |", "| --- | --- | --- | --- |",
     ]  # fmt: skip
     lines += [
         f"| {o.seed}, {o.number} | {describe_truth(o)} | {o.error or o.verdict} "

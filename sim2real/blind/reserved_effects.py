@@ -28,7 +28,7 @@ class TentProfile(UnlistedEffect):
 
     name = "tent_profile"
     group = "friction"
-    kin = "friction_position"
+    family = "friction_position"
     parameters = (
         Parameter("amplitude", "", "surplus of Fc", (0.25, 0.6)),
         _CENTER,
@@ -46,7 +46,7 @@ class TwoStageWarmUp(UnlistedEffect):
 
     name = "two_stage_warm_up"
     group = "friction"
-    kin = "thermal_drift"
+    family = "thermal_drift"
     parameters = (
         Parameter("amplitude", "", "surplus of Fc at the start", (0.15, 0.4)),
         Parameter("fast", "s", "first time constant", (1.0, 4.0), role="shape", log=True),
@@ -66,7 +66,7 @@ class WornHalf(UnlistedEffect):
 
     name = "worn_half"
     group = "friction"
-    kin = "friction_position"
+    family = "friction_position"
     parameters = (
         Parameter("amplitude", "", "change of Fc there", (0.15, 0.5), signed=True, above=-1.0),
         Parameter("center", "m", "where it changes", (-0.04, 0.04), role="place"),
@@ -84,7 +84,7 @@ class SlopedFriction(UnlistedEffect):
 
     name = "sloped_friction"
     group = "friction"
-    kin = "friction_position"
+    family = "friction_position"
     parameters = (
         Parameter("slope", "", "change of Fc 60 mm off the middle", (0.1, 0.35), signed=True),
     )
@@ -99,7 +99,7 @@ class PeriodicFriction(UnlistedEffect):
 
     name = "periodic_friction"
     group = "friction"
-    kin = "friction_position"
+    family = "friction_position"
     parameters = (
         Parameter("amplitude", "", "of the factor on Fc", (0.1, 0.4)),
         Parameter("pitch", "m", "period", (6e-3, 25e-3), role="shape", log=True),
@@ -131,7 +131,7 @@ class SoftCable(UnlistedEffect):
     """A cable loop of two parts, the second so soft that it takes millimetres to slide."""
 
     name = "soft_cable"
-    kin = "cable_hysteresis"
+    family = "cable_hysteresis"
     parameters = (
         Parameter("force", "N", "of each part", (0.3, 1.0)),
         Parameter("stiffness", "N/m", "of the stiff part", (1e3, 5e3), role="shape", log=True),
@@ -149,6 +149,6 @@ VARIANTS: tuple[UnlistedEffect, ...] = (
     *UNLISTED_VARIANTS, TentProfile(), TwoStageWarmUp(), WornHalf(), SlopedFriction(),
     PeriodicFriction(), SoftCable(),
 )  # fmt: skip
-"""Of a family in the library."""
+"""Of a family in the library, in another shape."""
 OUTSIDE: tuple[UnlistedEffect, ...] = (*UNLISTED, TautHose())
 """Of no family in the library."""

@@ -209,7 +209,7 @@ def is_safe(outcome: Outcome) -> bool:
 
 
 def is_honest(outcome: Outcome) -> bool:
-    """Whether an answer is safe, or names only relatives of what was left out, with less certainty."""
+    """Whether an answer is safe, or names near relatives of what was left out, hesitantly."""
     if is_safe(outcome):
         return True
     true = true_pairs(outcome)

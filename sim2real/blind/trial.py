@@ -235,7 +235,7 @@ def deviations_in_sigmas(
     out = {}
     for drawn in key.effects:
         if drawn.effect != drawn.kin:
-            continue  # another shape: its figures have other meanings
+            continue  # another shape: its figures mean something else
         for cause in report.causes:
             if (cause.axis, cause.effect) != (drawn.axis, drawn.effect):
                 continue

@@ -31,7 +31,7 @@ class UnlistedEffect(Effect):
     """An effect that no diagnosis searches for.
 
     Attributes:
-        kin: name of the library's effect whose family it belongs to; "" for none.
+        family: name of the library's effect whose family it belongs to; "" for none.
     """
 
     group: ClassVar[Group] = "force"
@@ -39,7 +39,7 @@ class UnlistedEffect(Effect):
     enters = "Checks only."
     remedy = "None: it is not to be found."
     searched = False
-    kin: ClassVar[str] = ""
+    family: ClassVar[str] = ""
 
 
 class QuadraticDrag(UnlistedEffect):
@@ -199,7 +199,7 @@ class CoggingHarmonics(UnlistedEffect):
     """Cogging with second and third harmonic."""
 
     name = "cogging_harmonics"
-    kin = "cogging"
+    family = "cogging"
     parameters = (
         Parameter("amplitude", "N", "of the fundamental", (0.6, 2.0), neutral=0.0),
         Parameter("pitch", "m", "period", (24e-3, 40e-3), role="shape", least=3e-3, log=True),
@@ -222,7 +222,7 @@ class RippleHarmonics(UnlistedEffect):
 
     name = "ripple_harmonics"
     group = "motor"
-    kin = "force_ripple"
+    family = "force_ripple"
     parameters = (
         Parameter("ratio", "", "of the fundamental", (0.03, 0.08), neutral=0.0, below=0.5),
         Parameter("pitch", "m", "period", (8e-3, 14e-3), role="shape", least=2e-3, log=True),
@@ -242,7 +242,7 @@ class RoughStretch(UnlistedEffect):
 
     name = "rough_stretch"
     group = "friction"
-    kin = "friction_position"
+    family = "friction_position"
     parameters = (
         Parameter("amplitude", "", "surplus on the stretch", (0.2, 0.6), neutral=0.0, above=-1.0),
         _CENTER,
@@ -262,7 +262,7 @@ class SlowWarmUp(UnlistedEffect):
 
     name = "slow_warm_up"
     group = "friction"
-    kin = "thermal_drift"
+    family = "thermal_drift"
     parameters = (
         Parameter("amplitude", "", "surplus at the start", (0.15, 0.4), neutral=0.0, above=-1.0),
         Parameter("time", "s", "until half of it is gone", (1.0, 20.0), role="shape", above=0.0),
@@ -278,7 +278,7 @@ class TwoStrandCable(UnlistedEffect):
     """A cable of which one part slides early and another late."""
 
     name = "two_strand_cable"
-    kin = "cable_hysteresis"
+    family = "cable_hysteresis"
     parameters = (
         Parameter("force", "N", "of both", (0.6, 1.6), neutral=0.0, least=0.0),
         Parameter("stiffness", "N/m", "of the stiff one", (2e3, 6e3), role="shape", above=0.0),
@@ -294,7 +294,7 @@ class HummingFloor(UnlistedEffect):
     """Vibration with its second harmonic."""
 
     name = "humming_floor"
-    kin = "floor_vibration"
+    family = "floor_vibration"
     parameters = (
         Parameter("amplitude", "N", "of the fundamental", (0.3, 0.7), neutral=0.0),
         Parameter("frequency", "Hz", "", (12.0, 60.0), role="shape", above=0.0, log=True),

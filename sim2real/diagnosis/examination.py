@@ -99,9 +99,9 @@ def examine(
     beyond = [f for f in misleading if f.finding in UNCORRECTABLE]
     if beyond or (misleading and not correct):
         worst = (beyond or misleading)[0]
-        way = "no physics can be told from that"
+        way = "no diagnosis is possible"
         if worst.finding not in UNCORRECTABLE:
-            way = "until that is put right (--correct) physics can't be told"
+            way = "correct it first, or go on with --correct"
         reason = f"{worst.text}; {way}"
         return Examination(names, findings, reason, settings)
     if correct:
@@ -145,16 +145,18 @@ def why_insufficient(recording: Recording, settings: StageSettings) -> str | Non
         for channel in ("position_demand", "force_offset", "position_actual", "force_actual"):
             largest = float(np.abs(getattr(axis, channel)).max())
             if largest > _LARGEST:
-                return f"axis {name}: {channel} reaches {largest:.3g}, which nothing measures"
+                return (
+                    f"axis {name}: {channel} reaches {largest:.3g}, more than any sensor measures"
+                )
         share = float(axis.valid.mean())
         if share < _FEWEST_VALID:
             return f"axis {name}: only {100 * share:.0f} % of the samples are valid"
     demands = [axis.position_demand for axis in recording.axes.values()]
     if max(float(np.ptp(demand)) for demand in demands) < _EXCITED:
-        return "no motion: the demand stands still, and nothing is excited"
+        return "no motion: the demand stands still and excites nothing"
     moves = split_moves(recording, settings.sync_period)
     if len(moves) < _FEWEST_MOVES:
-        return f"{len(moves)} move: at least {_FEWEST_MOVES} are needed to hold one back"
+        return f"{len(moves)} move: at least {_FEWEST_MOVES} are needed to hold one out"
     return None
 
 

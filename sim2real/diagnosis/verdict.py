@@ -152,11 +152,11 @@ def _next(
 
     for alike in report.confusable:
         found = searches[alike.axis]
-        effect, kin = alike.effects[:2]
-        swapped = {*found.best.model.names(), kin} - {effect}
+        effect, substitute = alike.effects[:2]
+        swapped = {*found.best.model.names(), substitute} - {effect}
         for rival in found.rivals:
             if set(rival.model.names()) == swapped:
-                why = f"{effect} and {kin} on {alike.axis} fit nearly as well"
+                why = f"{effect} and {substitute} on {alike.axis} fit nearly as well"
                 return between(why, alike.axis, found.best.model, rival.model)
     if report.verdict == UNEXPLAINED:
         axis = max(searches, key=lambda name: searches[name].open_gap)
@@ -169,7 +169,7 @@ def _next(
         index = model.names().index(cause.effect)
         for key, poor in cause.parameters.items():
             if poor.sigma > _POOR * abs(poor.value) and model.terms[index].is_size_or_shape(key):
-                why = f"{key} of {cause.effect} on {cause.axis} is known to {poor.sigma:.2g} only"
+                why = f"{key} of {cause.effect} on {cause.axis} is known only to {poor.sigma:.2g}"
                 within = coordinate(
                     model.terms[index].effect, key, searches[cause.axis].problem.axis
                 )
@@ -199,7 +199,7 @@ def _departed(searches: Mapping[str, AxisSearch]) -> str:
         for effect, repeat in found.repeats.items()
         if repeat.departs
     ]
-    return f"; {' and '.join(names)} in another shape than the library's" if names else ""
+    return f"; the shape of {' and '.join(names)} is not the library's" if names else ""
 
 
 def _figures(
@@ -228,10 +228,10 @@ def _reason(
     """The reason for a verdict, in one sentence."""
     size = f"the combined gap is {math.sqrt(gap):.3g} times the floor"
     if verdict == NO_GAP:
-        return f"{size}: no more than the machine file's tolerance and repeatability give"
+        return f"{size}: within the machine file's tolerance and repeatability"
     if verdict == UNEXPLAINED:
         return f"{size}, and no effect of the library explains it"
     named = ", ".join(f"{cause.effect} on {cause.axis}" for cause in causes)
     closed = "" if share is None else f" closes {100 * share:.0f} % of it on held-out moves"
-    rest = "" if whole else "; what is left still has structure"
+    rest = "" if whole else "; the residual still has structure"
     return f"{size}; {named}{closed}{rest}"

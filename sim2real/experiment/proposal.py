@@ -102,10 +102,10 @@ def _reach(measured: Sequence[Measured], axis: str) -> Reach:
         velocity = np.diff(demand) / m.replay.period
         low, high = min(low, float(demand.min())), max(high, float(demand.max()))
         speed = max(speed, float(np.abs(velocity).max()))
-        # Over ten periods: setpoints are rounded.
+        # Over ten periods, as setpoints are rounded.
         steep = np.abs(velocity[10:] - velocity[:-10]) / (10 * m.replay.period)
         acceleration = max(acceleration, float(steep.max()) if len(steep) else 0.0)
-    # A hair inside, for setpoints are rounded.
+    # Slightly inside, as setpoints are rounded.
     return Reach(
         round_up(low), -round_up(-high), -round_up(-speed), -round_up(-0.99 * acceleration)
     )

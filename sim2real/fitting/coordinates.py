@@ -76,7 +76,7 @@ def coordinates(effect: Effect, axis: AxisSettings) -> tuple[Coordinate, ...]:
             entry = Coordinate(parameter, 1.0, False, -math.inf, math.inf, 0.01, 0.7)
         elif parameter.role == "place":
             margin = 0.5 * width
-            # Where nothing is wide or narrow, the place is only an offset and may go far.
+            # Without a width, the place is a mere offset and may move far.
             reach = 0.5 if any(p.role == "shape" for p in effect.parameters) else 5.0
             entry = Coordinate(parameter, 0.01, False, low - margin, high + margin, 0.01, reach)
         elif parameter.log:

@@ -32,7 +32,7 @@ def information_matrix(jacobian: F64, gradient: F64, blocks: Sequence[int]) -> t
     back = np.zeros((count, count))
     for j in range(NUISANCES):
         size = np.linalg.norm(jacobian[:, j])
-        back[j, j] = 1.0 / size if size > 1e-100 else 0.0  # nothing is known of it
+        back[j, j] = 1.0 / size if size > 1e-100 else 0.0  # the data say nothing of it
     at = NUISANCES
     for width in blocks:
         own = slice(at, at + width)

@@ -96,6 +96,6 @@ class Workers:
             return [function(item) for item in items]
         try:
             return list(self._pool.map(function, items))
-        except (RuntimeError, CancelledError):  # of a pool that was shut down meanwhile, too
+        except (RuntimeError, CancelledError):  # also of a pool that was shut down meanwhile
             self.check()
             raise

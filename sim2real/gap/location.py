@@ -264,8 +264,8 @@ def _pitches(s: _Signal, total: float) -> list[Where]:
     half = 0.5 / travel
     low, high = float(lines[best] - half), float(lines[best] + half)
     text = (
-        f"{s.axis} {s.signal}: {_percent(share)} of the gap is a wave over the position, "
-        f"{1e3 / lines[best]:.3g} mm long"
+        f"{s.axis} {s.signal}: {_percent(share)} of the gap is a wave over position "
+        f"with a period of {1e3 / lines[best]:.3g} mm"
     )
     return [
         Where(s.axis, s.signal, "frequency", min(share, 1.0), (low, high), unit="1/m", text=text)

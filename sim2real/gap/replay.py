@@ -102,7 +102,7 @@ def prepare_replay(recording: Recording, settings: StageSettings) -> Replay:
         if not axis.valid.any():
             raise ValueError(f"axis {name}: no valid sample")
     place = match_periods(recording.time, settings.sync_period)
-    # Where whole periods were passed over, the drives held the setpoint they had.
+    # Where whole periods were skipped, the drives held their setpoint.
     sent = np.searchsorted(place, np.arange(place[-1] + 1), side="right") - 1
     return Replay(
         recording,

@@ -72,9 +72,9 @@ class HeldOut:
                 def gap(model: AxisModel, others: Sequence[BoolArray] = others) -> float:
                     return axis_gap(name, {**best, name: model}, measured, settings, others)
 
-                # What a model can't take up may bend a fit until it opens the gap of its own moves.
-                bent = not found.is_complete and gap(model) > gap(found.best.model)
-                out.append(found.best.model if bent else model)
+                # What a model cannot explain may distort its fit, even on the moves fitted.
+                distorted = not found.is_complete and gap(model) > gap(found.best.model)
+                out.append(found.best.model if distorted else model)
             return out
 
         by_axis = dict(zip(searches, pool.map(refitted, searches), strict=True))

@@ -186,7 +186,7 @@ class Tracker:
             try:
                 own = [stage_substeps[i] for i in group]
                 run = self._tracked(axes, columns, [gains] * len(group), own)
-            except ValueError:  # of one of them, and only alone does it tell which
+            except ValueError:  # of one of them: tracked alone, it shows which
                 for i in group:
                     found[i] = self._if_possible(models[i], gains, stage_substeps[i])
             else:

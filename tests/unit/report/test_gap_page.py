@@ -109,7 +109,10 @@ def test_friction_over_position_is_drawn_where_it_was_named(examined, explained)
 
 def test_the_page_says_all_of_it_and_loads_nothing(examined, explained):
     model = [m.floor.nominal for m in examined.measured]
-    page = render_gap_page(explained, examined, "wafer <xy>", explained=model, left=["no <more>"])
+    page = render_gap_page(
+        explained, examined, "wafer <xy>", explained=model, left=["no <more>"],
+        likeness={"y": {("force_ripple", "cogging"): 0.8}},
+    )  # fmt: skip
     Balanced().feed(page)
     assert "The gap is force ripple on y: closes 93 % of it." in page
     for text in (

@@ -31,13 +31,13 @@ def middle(axis, effect):
     return values
 
 
-def test_they_are_outside_the_library_and_kin_is_inside():
+def test_they_are_outside_the_library_and_their_families_inside():
     known = own_effects()
     names = [e.name for e in (*UNLISTED, *UNLISTED_VARIANTS)]
     assert len(set(names)) == len(names)
     assert not set(names) & set(known)
-    assert all(e.kin in known for e in UNLISTED_VARIANTS)
-    assert all(not e.kin and not e.searched for e in UNLISTED)
+    assert all(e.family in known for e in UNLISTED_VARIANTS)
+    assert all(not e.family and not e.searched for e in UNLISTED)
 
 
 def test_each_shows_in_a_recording(recorded):
