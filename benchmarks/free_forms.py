@@ -1,9 +1,8 @@
-"""How well friction over position and hysteresis over travel are told without a shape.
+"""How well friction over position and hysteresis over travel are recognised in any shape.
 
-Stages are drawn as the blind check draws them; what the machine file leaves in motion is held
-against a friction profile and a hysteresis of any shape (`sim2real.left_in_motion`). The share that
-each foretells on strokes it was not fitted to should be near 1 for its own kind, and far below a
-half for everything else.
+Stages are drawn as in the blind check. A friction profile and a hysteresis of any shape are fitted
+to the residual force in motion (`sim2real.attribution.residual_force`); the share that each
+predicts on held-out strokes should be near 1 for its own kind, and far below a half for all others.
 
     python benchmarks/free_forms.py [--trials 110] [--seed 4100]
 """
