@@ -242,8 +242,8 @@ def _beyond(found: dict[str, Examination], settings: StageSettings) -> list[str]
         "",
         *_closed(found, twin),
         "",
-        "The figures are fitted to `DATA_EMPS` alone. The rest is not explained yet: it lies between",
-        "5 and 40 Hz, after reversals and steps of force.",
+        "The figures are fitted to `DATA_EMPS` alone. The rest is still unexplained: it lies",
+        "between 5 and 40 Hz, after reversals and steps of force.",
     ]
 
 

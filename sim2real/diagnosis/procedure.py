@@ -80,7 +80,7 @@ def diagnose(
         list(pool.map(lambda name: stage.fit_repeats(name, searches[name].best.model), names))
         progress("held-out moves", 0, FOLDS)
         held_out = HeldOut(examined.measured, settings, searches, pool)
-    return conclude(examined, plain, searches, held_out, settings)
+    return conclude(examined, plain, searches, held_out)
 
 
 class _StageSearch:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil_sim.settings import StageSettings
 from sim2real.attribution import (
@@ -31,12 +32,16 @@ from sim2real.report import (
     NO_GAP,
     PARTLY_EXPLAINED,
     UNEXPLAINED,
+    Candidate,
     Cause,
+    Confusable,
     GapFigures,
     GapReport,
     NextExperiment,
 )
 from sim2real.shrinkage import HeldOut, combined_energy, share_closed
+
+F64 = NDArray[np.float64]
 
 _ENOUGH = 0.9
 """Gap closed from which a gap counts as explained."""
@@ -75,7 +80,6 @@ def conclude(
     plain: GapReport,
     searches: Mapping[str, AxisSearch],
     held_out: HeldOut,
-    settings: StageSettings,
 ) -> Diagnosis:
     """Draw the conclusions of all searches.
 
@@ -84,56 +88,87 @@ def conclude(
         plain: report without causes.
         searches: axis -> its search.
         held_out: residuals on held-out moves.
-        settings: of the machine file.
     """
     samples = held_out.samples()
-    before = held_out.energies(held_out.before)
-    after = held_out.energies(held_out.after)
+    before, after = held_out.energies(held_out.before), held_out.energies(held_out.after)
     signals = before.shape[1]
     total = combined_energy(before, samples)
     share, interval = share_closed(before, after, samples)
     in_sample, _ = share_closed(before, held_out.energies(held_out.fitted), samples)
-    causes, candidates, confusable = [], [], []
-    whole = True
-    for name, found in searches.items():
-        own, alike = find_causes(name, found, held_out, before, after, samples)
-        causes += own
-        confusable += alike
-        candidates += list_candidates(name, found, own, total - signals)
-        whole &= found.is_complete and not any(r.departs for r in found.repeats.values())
-    causes.sort(key=lambda cause: -(cause.gap_closed or 0.0))
+    causes, candidates, confusable = _gather(searches, held_out, (before, after, samples))
+    whole = all(
+        found.is_complete and not any(r.departs for r in found.repeats.values())
+        for found in searches.values()
+    )
     models = {name: found.best.model for name, found in searches.items()}
     confident = [cause for cause in causes if cause.probability > 0.5]
-    remaining = combined_energy(after, samples) / signals
-    if not confident:
-        small = not causes and remaining < (_SMALL if whole else _SMALLER)
-        verdict = NO_GAP if small else UNEXPLAINED
-        causes = [] if small else causes
-    elif whole and share is not None and share >= _ENOUGH:
-        verdict = EXPLAINED
+    if confident:
+        enough = whole and share is not None and share >= _ENOUGH
+        verdict = EXPLAINED if enough else PARTLY_EXPLAINED
     else:
-        verdict = PARTLY_EXPLAINED
+        remaining = combined_energy(after, samples) / signals
+        verdict = _verdict_without_causes(causes, remaining, whole)
     reason = _reason(verdict, confident, share, total / signals, whole)
     report = replace(
         plain,
         verdict=verdict,
-        reason=reason + _departed(searches) if confident else reason,
-        gap=_figures(examined, held_out, bool(confident)),
-        gap_closed=share if confident else None,
-        gap_closed_interval=interval if confident else None,
-        gap_closed_in_sample=in_sample if confident else None,
+        reason=reason,
         where=() if verdict == NO_GAP else plain.where,
-        causes=tuple(confident),
         candidates=tuple(candidates),
         confusable=tuple(confusable),
     )
-    report = replace(report, next_experiment=_next(report, searches, models, examined, settings))
+    if confident:
+        report = replace(
+            report,
+            reason=reason + _departed(searches),
+            gap=_explained_gap(examined, held_out),
+            gap_closed=share,
+            gap_closed_interval=interval,
+            gap_closed_in_sample=in_sample,
+            causes=tuple(confident),
+        )
+    report = replace(report, next_experiment=_next(report, searches, models, examined))
     if not confident:
         return Diagnosis(report, models, searches)
-    in_motion = (FreeFormTest(name, examined.measured, settings) for name in models)
-    profiles = [profile for each in in_motion for profile in each.profiles(models)]
-    plant = _plant(settings, models)
-    return Diagnosis(report, models, searches, held_out.explained(), plant, tuple(profiles))
+    tests = (FreeFormTest(name, examined.measured, examined.settings) for name in models)
+    profiles = tuple(profile for test in tests for profile in test.profiles(models))
+    plant = _plant(examined.settings, models)
+    return Diagnosis(report, models, searches, held_out.explained(), plant, profiles)
+
+
+def _verdict_without_causes(causes: Sequence[Cause], remaining: float, whole: bool) -> str:
+    """Verdict where no cause is probable: `no_gap` if little remains, else `unexplained`.
+
+    Args:
+        causes: improbable ones.
+        remaining: squared combined gap over floor of the base parameters alone.
+        whole: whether the innovations are white.
+    """
+    small = not causes and remaining < (_SMALL if whole else _SMALLER)
+    return NO_GAP if small else UNEXPLAINED
+
+
+def _gather(
+    searches: Mapping[str, AxisSearch], held_out: HeldOut, energies: tuple[F64, F64, F64]
+) -> tuple[list[Cause], list[Candidate], list[Confusable]]:
+    """Causes, largest share of the gap first, candidates and confusable effects of all axes.
+
+    Args:
+        searches: axis -> its search.
+        held_out: residuals on held-out moves.
+        energies: of the moves by the machine file and by the final model, and their samples,
+            float64[moves, signals] each.
+    """
+    before, after, samples = energies
+    above_floor = combined_energy(before, samples) - before.shape[1]
+    causes, candidates, confusable = [], [], []
+    for name, found in searches.items():
+        own, alike = find_causes(name, found, held_out, before, after, samples)
+        causes += own
+        confusable += alike
+        candidates += list_candidates(name, found, own, above_floor)
+    causes.sort(key=lambda cause: -(cause.gap_closed or 0.0))
+    return causes, candidates, confusable
 
 
 def _next(
@@ -141,13 +176,17 @@ def _next(
     searches: Mapping[str, AxisSearch],
     models: Mapping[str, AxisModel],
     examined: Examination,
-    settings: StageSettings,
 ) -> NextExperiment | None:
     """Moves that would decide what these recordings leave open; None where nothing is open."""
 
     def between(why: str, axis: str, one: AxisModel, other: AxisModel) -> NextExperiment | None:
         return propose_experiment(
-            why, {**models, axis: one}, {**models, axis: other}, axis, examined.measured, settings
+            why,
+            {**models, axis: one},
+            {**models, axis: other},
+            axis,
+            examined.measured,
+            examined.settings,
         )
 
     for alike in report.confusable:
@@ -202,15 +241,12 @@ def _departed(searches: Mapping[str, AxisSearch]) -> str:
     return f"; the shape of {' and '.join(names)} is not the library's" if names else ""
 
 
-def _figures(
-    examined: Examination, held_out: HeldOut, explained: bool
+def _explained_gap(
+    examined: Examination, held_out: HeldOut
 ) -> Mapping[str, Mapping[str, GapFigures]]:
-    """The gap's figures, with those of the causes where it is explained."""
-    gap = examined.gap or {}
-    if not explained:
-        return gap
+    """The gap's figures with what the causes leave on held-out moves."""
     out: dict[str, dict[str, GapFigures]] = {}
-    for axis, signals in gap.items():
+    for axis, signals in (examined.gap or {}).items():
         out[axis] = {}
         for signal, figures in signals.items():
             energy = count = 0.0
