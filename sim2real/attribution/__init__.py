@@ -14,6 +14,7 @@ from sim2real.attribution.closed_loop_check import drop_ineffective
 from sim2real.attribution.free_form import FreeForm, FreeFormTest, FrictionOverPosition
 from sim2real.attribution.friction_profile import fit_friction_profile
 from sim2real.attribution.parameter_scan import Scanner
+from sim2real.attribution.residual_force import stop_operators
 from sim2real.attribution.search import AxisSearch, refit_beside, search_effects
 from sim2real.attribution.shape_check import (
     fit_repeats,
@@ -44,4 +45,5 @@ __all__ = [
     "refit_beside",
     "search_effects",
     "signature_similarity",
+    "stop_operators",
 ]

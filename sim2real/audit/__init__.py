@@ -7,6 +7,7 @@ error that explains the difference, and `corrections` removes it from the record
 
 from sim2real.audit.channels import UNCORRECTABLE, Audit, audit_channels, mark_applied
 from sim2real.audit.controller_law import reconstruct_law
+from sim2real.audit.corrections import remove_delay, rescale
 
 __all__ = [
     "UNCORRECTABLE",
@@ -14,4 +15,6 @@ __all__ = [
     "audit_channels",
     "mark_applied",
     "reconstruct_law",
+    "remove_delay",
+    "rescale",
 ]

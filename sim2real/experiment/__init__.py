@@ -5,9 +5,13 @@ move.
 """
 
 from sim2real.experiment.proposal import propose_experiment
+from sim2real.experiment.sequences import Reach, candidate_sequences, setpoints
 from sim2real.experiment.strokes import stroke
 
 __all__ = [
+    "Reach",
+    "candidate_sequences",
     "propose_experiment",
+    "setpoints",
     "stroke",
 ]

@@ -26,6 +26,12 @@ from sim2real.fitting.coordinates import (
     to_coordinates,
 )
 from sim2real.fitting.gauss_newton import fit
+from sim2real.fitting.normal_equations import (
+    information_matrix,
+    invert_scaled,
+    sandwich_covariance,
+    solve_scaled,
+)
 from sim2real.fitting.plausibility import (
     clip_to_plausible,
     implausibility,
@@ -53,11 +59,15 @@ __all__ = [
     "fit",
     "from_coordinates",
     "implausibility",
+    "information_matrix",
+    "invert_scaled",
     "is_coulomb_drift",
     "is_coulomb_level",
     "is_within_tolerance",
     "reported_values",
+    "sandwich_covariance",
     "slow_energy",
+    "solve_scaled",
     "to_coordinates",
     "with_base",
     "with_effects",

@@ -18,7 +18,7 @@ from sim2real.gap.measure import (
     pool_gaps,
 )
 from sim2real.gap.replay import Replay, Signals, prepare_replay, rms, subtract_signals
-from sim2real.gap.sync_grid import number_periods
+from sim2real.gap.sync_grid import match_periods, number_periods
 
 __all__ = [
     "NO_GAP_BELOW",
@@ -33,6 +33,7 @@ __all__ = [
     "estimate_floor",
     "gap_closed",
     "locate_gap",
+    "match_periods",
     "measure_gap",
     "number_periods",
     "pool_gaps",

@@ -1,0 +1,26 @@
+"""Candidate sequences stay within what the recordings did."""
+
+import numpy as np
+
+from sim2real.experiment import Reach, candidate_sequences, setpoints
+from stagectl.config import load_machine, stage_settings
+
+REACH = {"x": Reach(-0.05, 0.06, 0.4, 3.0), "y": Reach(-0.02, 0.03, 0.4, 3.0)}
+MACRO = {"velocity": 0.4, "acceleration": 3.0, "jerk": 100.0}
+
+
+def test_every_sequence_keeps_to_range_speed_and_acceleration():
+    settings = stage_settings(load_machine())
+    found = candidate_sequences(settings, "x", REACH)
+    assert len({name for name, _ in found}) == 7
+    for _, moves in found:
+        demand = setpoints(moves, settings, MACRO)
+        for a, name in enumerate(("x", "y")):
+            low, high = REACH[name].low, REACH[name].high
+            assert low - 1e-4 <= demand[:, a].min()
+            assert demand[:, a].max() <= high + 1e-4
+        speed = np.abs(np.diff(demand, axis=0)) / settings.sync_period
+        acceleration = np.abs(np.diff(demand, 2, axis=0)) / settings.sync_period**2
+        assert speed.max() <= 0.4 + 1e-6
+        assert acceleration.max() <= 3.0 + 1e-6
+        assert np.ptp(demand, axis=0).max() > 0.0
