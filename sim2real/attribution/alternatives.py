@@ -50,7 +50,9 @@ class Alternative:
         return self.fitted.model
 
 
-def score_alternative(problem: AxisProblem, rival: Alternative, each: float = _OCCAM) -> float:
+def score_alternative(
+    problem: AxisProblem, alternative: Alternative, each: float = _OCCAM
+) -> float:
     """Score of an explanation, to be minimised: cost of the innovations and of the closed-loop gap.
 
     The gap counts as twice a negative log likelihood too, of as many samples as are independent;
@@ -61,18 +63,18 @@ def score_alternative(problem: AxisProblem, rival: Alternative, each: float = _O
 
     Args:
         problem: the axis.
-        rival: the explanation.
+        alternative: the explanation.
         each: score that each further parameter must save.
     """
     samples = sum(int(mask.sum()) for mask in problem.masks)
-    loop = samples / _COHERENT * rival.gap
+    loop = samples / _COHERENT * alternative.gap
     simpler = sum(
         (min(each, _OCCAM_COURSE) if is_coulomb_drift(term, problem.axis) else each)
         * (len(term.values) - 1)
-        for term in rival.model.terms
+        for term in alternative.model.terms
     )
-    far = _IMPLAUSIBLE * sum(implausibility(term, problem.axis) for term in rival.model.terms)
-    return problem.cost(rival.model, rival.fitted.residual) + loop + simpler + far
+    far = _IMPLAUSIBLE * sum(implausibility(term, problem.axis) for term in alternative.model.terms)
+    return problem.cost(alternative.model, alternative.fitted.residual) + loop + simpler + far
 
 
 class Ranking:
@@ -90,30 +92,30 @@ class Ranking:
 
     def enter(self, fitted: Fitted) -> Alternative:
         """Enter a fit, or a more plausible version; kept if it is the best of its effects."""
-        rival = self._more_plausible(Alternative(fitted, self._loop(fitted.model)))
+        alternative = self._more_plausible(Alternative(fitted, self._loop(fitted.model)))
         key = tuple(sorted(fitted.model.names()))
-        if key not in self._kept or self.score(rival) < self.score(self._kept[key]):
-            self._kept[key] = rival
-        return rival
+        if key not in self._kept or self.score(alternative) < self.score(self._kept[key]):
+            self._kept[key] = alternative
+        return alternative
 
-    def _more_plausible(self, rival: Alternative) -> Alternative:
+    def _more_plausible(self, alternative: Alternative) -> Alternative:
         """The fit, or the same with values clipped to what is plausible where that scores better.
 
         Where the data say nothing a fit may end anywhere.
         """
         axis = self._problem.axis
-        terms = tuple(clip_to_plausible(term, axis) for term in rival.model.terms)
-        if terms == rival.model.terms:
-            return rival
-        model = replace(rival.model, terms=terms)
+        terms = tuple(clip_to_plausible(term, axis) for term in alternative.model.terms)
+        if terms == alternative.model.terms:
+            return alternative
+        model = replace(alternative.model, terms=terms)
         residual = self._problem.residual_or_worst(model)
         cost = self._problem.cost(model, residual)
         other = Alternative(Fitted(model, cost, residual, None), self._loop(model))
-        return min(rival, other, key=self.score)
+        return min(alternative, other, key=self.score)
 
-    def score(self, rival: Alternative) -> float:
+    def score(self, alternative: Alternative) -> float:
         """As `score_alternative`, of this axis."""
-        return score_alternative(self._problem, rival)
+        return score_alternative(self._problem, alternative)
 
     def reweigh(self, model: AxisModel) -> Alternative:
         """Recompute all sets with the filter tuned to a model that was entered; returns that one.
@@ -122,8 +124,10 @@ class Ranking:
         assumes.
         """
         self._problem.retune(model)
-        for key, rival in self._kept.items():
-            self._kept[key] = replace(rival, fitted=self._problem.reweighted(rival.fitted))
+        for key, alternative in self._kept.items():
+            self._kept[key] = replace(
+                alternative, fitted=self._problem.reweighted(alternative.fitted)
+            )
         return self.best(model.names())
 
     def best(self, names: tuple[str, ...]) -> Alternative:
@@ -135,6 +139,6 @@ class Ranking:
         return sorted(self._kept.values(), key=self.score)
 
 
-def of_size(rivals: Sequence[Alternative], size: int) -> list[Alternative]:
+def of_size(alternatives: Sequence[Alternative], size: int) -> list[Alternative]:
     """The alternatives with this many effects, in their order."""
-    return [rival for rival in rivals if len(rival.model.terms) == size]
+    return [alternative for alternative in alternatives if len(alternative.model.terms) == size]

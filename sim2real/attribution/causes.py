@@ -85,12 +85,12 @@ def find_causes(
         at += len(entries)
         left_out = held_out.energies(held_out.without[name, index])
         gives_back, interval = share_given_back(before, left_out, after, samples)
-        probability, rivals = _probability(found, term.name)
+        probability, alternatives = _probability(found, term.name)
         figures = _figures(term, spread, problem.axis)
         limit, is_vague = _largest_probability(found, term, figures)
         probability = min(probability, limit)
         if is_vague:
-            rivals = rivals or _alternative_levels(found, term, problem.axis)[:1]
+            alternatives = alternatives or _alternative_levels(found, term, problem.axis)[:1]
         causes.append(
             Cause(
                 name,
@@ -102,11 +102,11 @@ def find_causes(
                 term.effect.remedy,
             )
         )
-        if rivals:
+        if alternatives:
             alike.append(
                 Confusable(
                     name,
-                    (term.name, *rivals),
+                    (term.name, *alternatives),
                     "on these moves one fits nearly as well as the other",
                 )
             )
@@ -173,9 +173,9 @@ def _alternative_levels(found: AxisSearch, term: Term, axis: AxisSettings) -> li
     rest = {name for name in found.best.model.names() if name != term.name}
     return [
         other.name
-        for rival in of_size(found.rivals, len(rest) + 1)
-        for other in rival.model.terms
-        if rest < set(rival.model.names())
+        for alternative in of_size(found.alternatives, len(rest) + 1)
+        for other in alternative.model.terms
+        if rest < set(alternative.model.names())
         and other.name not in (*rest, term.name)
         and is_coulomb_level(other, axis)
     ]
@@ -222,30 +222,32 @@ def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
     best = found.best
     names = best.model.names()
     rest = tuple(sorted(n for n in names if n != effect))
-    reached = [r for r in found.rivals if set(r.model.names()) == set(names)] or found.rivals[:1]
+    reached = [
+        r for r in found.alternatives if set(r.model.names()) == set(names)
+    ] or found.alternatives[:1]
     least = min(score_alternative(problem, r, _SIMPLER) for r in reached)
     # Among models that all leave structure the closed loop decides, not the innovations.
     departs = effect in found.repeats and found.repeats[effect].departs
     widest = min(r.gap for r in reached) if departs else math.inf
-    weight, rivals = 0.0, []
-    for rival in found.rivals:
-        others = tuple(sorted(rival.model.names()))
-        if effect in others or rival.gap > widest:
+    weight, alternatives = 0.0, []
+    for alternative in found.alternatives:
+        others = tuple(sorted(alternative.model.names()))
+        if effect in others or alternative.gap > widest:
             continue
-        worse = score_alternative(problem, rival, _SIMPLER) - least
+        worse = score_alternative(problem, alternative, _SIMPLER) - least
         swapped = [n for n in others if n not in rest]
         courses = len(swapped) == 1 and all(
             is_coulomb_level(term, problem.axis)
-            for model in (best.model, rival.model)
+            for model in (best.model, alternative.model)
             for term in model.terms
             if term.name in (effect, *swapped)
         )
         odds = math.exp(-max(worse, 0.0) / (2.0 * (_LEVELS if courses else _TEMPER)))
         weight += odds
         if odds > 0.05 and len(others) == len(names) and len(swapped) == 1:
-            rivals.append(swapped[0])
+            alternatives.append(swapped[0])
     preference = 1.0 / (1.0 + min(weight, _RIVALRY))
-    return preference * _confidence(found, effect), rivals
+    return preference * _confidence(found, effect), alternatives
 
 
 def _confidence(found: AxisSearch, effect: str) -> float:
@@ -276,8 +278,8 @@ def list_candidates(
     """
     probabilities = {cause.effect: cause.probability for cause in causes}
     closes = {
-        rival.model.names()[0]: (found.open_gap - rival.gap) / max(gap, 1e-9)
-        for rival in of_size(found.rivals, 1)
+        alternative.model.names()[0]: (found.open_gap - alternative.gap) / max(gap, 1e-9)
+        for alternative in of_size(found.alternatives, 1)
     }
     closes |= {cause.effect: cause.gap_closed or 0.0 for cause in causes}
     ranked = sorted(found.scanned.items(), key=lambda item: -item[1])[:_SHOWN]

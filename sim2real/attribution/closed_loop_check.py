@@ -115,7 +115,7 @@ def _best_closing(
     best = found.problem.start
     least = axis_gap(name, {**models, name: best}, measured, settings)
     for size in (1, 2):
-        sets = [r.model for r in of_size(found.rivals, size)][:_SETS]
+        sets = [r.model for r in of_size(found.alternatives, size)][:_SETS]
         gaps = [_gap(name, found, {**models, name: m}, measured, settings) for m in sets]
         if not gaps:
             continue

@@ -60,7 +60,9 @@ def refine_contenders(
         last = before + max(_CLOSE, _CLOSE_SHARE * before, left)
         # And those that would come close if their cost kept falling at its last rate.
         near = [r for r in order if ranking.score(r) - _ITERATIONS * r.fitted.last_gain <= last]
-        starts = [_share_figures(problem, ranking, rival, near[0]).model for rival in near]
+        starts = [
+            _share_figures(problem, ranking, alternative, near[0]).model for alternative in near
+        ]
         # The derivatives by base parameters hardly depend on which effect is beside them.
         columns = problem.base_columns(near[0].model, near[0].fitted.residual)
         fit_alternatives(problem, ranking, starts, _ITERATIONS, columns)
@@ -76,17 +78,17 @@ def refine_contenders(
 
 
 def _share_figures(
-    problem: AxisProblem, ranking: Ranking, rival: Alternative, best: Alternative
+    problem: AxisProblem, ranking: Ranking, alternative: Alternative, best: Alternative
 ) -> Alternative:
     """The alternative, or the same with the best one's values for what they share, if better.
 
     Fits of different names stop at different figures of the same plant.
     """
-    if rival.model.names() == best.model.names():
-        return rival
+    if alternative.model.names() == best.model.names():
+        return alternative
     shared = {term.name: term for term in best.model.terms}
-    terms = tuple(shared.get(term.name, term) for term in rival.model.terms)
+    terms = tuple(shared.get(term.name, term) for term in alternative.model.terms)
     model = AxisModel(best.model.base, terms)
     residual = problem.residual_or_worst(model)
     ranking.enter(Fitted(model, problem.cost(model, residual), residual, None))
-    return ranking.best(rival.model.names())
+    return ranking.best(alternative.model.names())

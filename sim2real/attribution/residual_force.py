@@ -60,7 +60,7 @@ def explain_residual_force(
     models: Mapping[str, AxisModel],
     measured: Sequence[Measured],
     settings: StageSettings,
-    felt: Regressors,
+    regressors: Regressors,
 ) -> Explanation:
     """Fit what a model leaves in motion by regressors of one kind.
 
@@ -69,7 +69,7 @@ def explain_residual_force(
         models: axis -> its model; axes without one are as the machine file says.
         measured: recordings.
         settings: of the machine file.
-        felt: the regressors.
+        regressors: the regressors.
     """
     stage = compose_stage(settings, models)
     axis = next(a for a in settings.axes if a.name == name)
@@ -89,7 +89,7 @@ def explain_residual_force(
         parts.append(
             (
                 _base_regressors(position, speed, np.gradient(speed, time))[moving],
-                felt(position, speed, float(time[1] - time[0]))[moving],
+                regressors(position, speed, float(time[1] - time[0]))[moving],
                 (left["force"] - axis.mass * moved)[moving],
                 number[moving],
             )

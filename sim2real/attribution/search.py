@@ -60,7 +60,7 @@ class AxisSearch:
         is_complete: whether `best` leaves nothing but noise, or there was nothing to explain.
         closes: share of the axis' free-run gap that `best` closes (`closed_loop_check`).
         repeats: effects found, each once more beside itself (`shape_check`).
-        rivals: sets of effects that were fitted, without duplicates, best first.
+        alternatives: sets of effects that were fitted, without duplicates, best first.
         scanned: effect -> first-order gain in the first scan.
         signatures: effect -> signature in the first scan (`parameter_scan.Start`).
     """
@@ -72,20 +72,20 @@ class AxisSearch:
     is_complete: bool = True
     closes: float = 0.0
     repeats: dict[str, Repeat] = field(default_factory=dict)
-    rivals: list[Alternative] = field(default_factory=list)
+    alternatives: list[Alternative] = field(default_factory=list)
     scanned: dict[str, float] = field(default_factory=dict)
     signatures: dict[str, F64] = field(default_factory=dict)
 
     def discard(self, names: tuple[str, ...]) -> None:
         """Discard a set of effects, as if it had never been considered."""
         self.is_complete = False
-        self.rivals = [r for r in self.rivals if set(r.model.names()) != set(names)]
+        self.alternatives = [r for r in self.alternatives if set(r.model.names()) != set(names)]
 
     def prefer(self, model: AxisModel, gap: float) -> None:
         """Rank a model before all alternatives."""
         residual = self.problem.residual_or_worst(model)
         cost = self.problem.cost(model, residual)
-        self.rivals.insert(0, Alternative(Fitted(model, cost, residual, None), gap))
+        self.alternatives.insert(0, Alternative(Fitted(model, cost, residual, None), gap))
 
 
 def search_effects(
@@ -150,7 +150,7 @@ def search_effects(
     found.best = fit(fine, model, 2) if model.terms else settled.fitted
     nothing = not model.terms and settled.gap < _OPEN * FLOOR_LEVEL
     found.is_complete = nothing or problem.is_nearly_white(found.best.residual)
-    found.rivals = ranking.ranked()
+    found.alternatives = ranking.ranked()
     return found
 
 
@@ -171,9 +171,9 @@ def refit_beside(found: AxisSearch, others: Sequence[AxisSettings]) -> None:
     found.best = fit(problem.finer_if_close(again.residual), again.model, 2)
     found.is_complete = problem.is_nearly_white(found.best.residual)
     own = set(model.names())
-    found.rivals = [
+    found.alternatives = [
         replace(r, fitted=again if set(r.model.names()) == own else problem.reweighted(r.fitted))
-        for r in found.rivals
+        for r in found.alternatives
     ]
 
 

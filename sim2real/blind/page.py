@@ -139,8 +139,8 @@ def _confusion(counted: Score) -> list[str]:
         "| true | reported | trials |",
         "| --- | --- | --- |",
     ]
-    for (true, told), count in sorted(counted.confusion.items()):
-        lines.append(f"| {true} | {'right' if told == true else told} | {count} |")
+    for (true, named), count in sorted(counted.confusion.items()):
+        lines.append(f"| {true} | {'right' if named == true else named} | {count} |")
     return [*lines, ""]
 
 

@@ -158,7 +158,7 @@ class _StageSearch:
             found.discard(pair.names())
         if found.is_complete:
             return
-        single = of_size(found.rivals, 1)[:1]
+        single = of_size(found.alternatives, 1)[:1]
         if single:
             self.fit_repeats(name, single[0].model)
         if self._take_free_form(name):
@@ -177,7 +177,7 @@ class _StageSearch:
             return False
         kind = form.effect
         starts = [start.added(term) for term in form.starts]
-        starts += [r.model for r in found.rivals if r.model.names() == (kind.name,)]
+        starts += [r.model for r in found.alternatives if r.model.names() == (kind.name,)]
         model = nearest_model(starts, axis, loop)
         shares = (form.share, self._free_forms[name].share(kind, {name: model}))
         repeat = free_form_repeat(model, shares, (found.open_gap, loop(model)))

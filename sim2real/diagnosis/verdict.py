@@ -193,13 +193,13 @@ def _next(
         found = searches[alike.axis]
         effect, substitute = alike.effects[:2]
         swapped = {*found.best.model.names(), substitute} - {effect}
-        for rival in found.rivals:
-            if set(rival.model.names()) == swapped:
+        for alternative in found.alternatives:
+            if set(alternative.model.names()) == swapped:
                 why = f"{effect} and {substitute} on {alike.axis} fit nearly as well"
-                return between(why, alike.axis, found.best.model, rival.model)
+                return between(why, alike.axis, found.best.model, alternative.model)
     if report.verdict == UNEXPLAINED:
         axis = max(searches, key=lambda name: searches[name].open_gap)
-        nearest = [rival.model for rival in of_size(searches[axis].rivals, 1)[:2]]
+        nearest = [alternative.model for alternative in of_size(searches[axis].alternatives, 1)[:2]]
         if len(nearest) == 2:
             names = " nor ".join(model.names()[0] for model in nearest)
             return between(f"neither {names} explains {axis}", axis, *nearest)

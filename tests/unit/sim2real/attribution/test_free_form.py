@@ -49,7 +49,7 @@ def likeliest(nominal: tuple[Recording, StageSettings]) -> Likeliest:
     ],
     ids=lambda of: next(iter(of)) if isinstance(of, dict) else None,
 )
-def test_its_kind_is_told_whatever_its_shape(
+def test_its_kind_is_recognised_in_any_shape(
     likeliest: Likeliest, effects: Effects, kind: str
 ) -> None:
     form = likeliest(effects)

@@ -43,7 +43,7 @@ def test_a_controller_with_other_gains_is_named_and_corrected_for(stage, recorde
     assert {f.finding for f in both.findings} == {"controller_kd", "controller_ki"}
 
 
-def test_a_controller_of_another_kind_is_told_by_what_is_left(stage, recorded):
+def test_a_controller_of_another_kind_shows_in_the_remainder(stage, recorded):
     odd = spoilt(recorded, force_actual=lambda f: f + 2 * np.sin(np.arange(len(f))))
     (finding,) = [f for f in audit_channels(odd, stage).findings if f.finding != "quantisation"]
     assert (finding.finding, finding.unit) == ("controller", "N")

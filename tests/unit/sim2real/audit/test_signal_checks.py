@@ -9,7 +9,7 @@ from sim2real.audit import audit_channels
 from tests.unit.sim2real.audit.conftest import SAMPLES, single, spoilt
 
 
-def test_a_coarse_encoder_is_told_beside_what_it_does_to_nothing_else(stage, recorded):
+def test_a_coarse_encoder_is_reported_with_its_step(stage, recorded):
     coarse = spoilt(recorded, position_actual=lambda y: np.rint(y / 2e-8) * 2e-8)
     found = {(f.channel, f.finding): f.value for f in audit_channels(coarse, stage).findings}
     assert found[("position_actual", "quantisation")] == pytest.approx(2e-8)
@@ -31,7 +31,7 @@ def test_time_axis(stage, recorded, spoil, kind, value):
     np.testing.assert_allclose(found.recording.time, recorded.time, atol=1e-9)
 
 
-def test_saturation_is_told_with_its_duty(stage, recorded):
+def test_saturation_is_reported_with_its_duty(stage, recorded):
     clipped = spoilt(recorded, force_actual=lambda f: np.clip(f, -20, 20))
     found = {f.finding: f.value for f in audit_channels(clipped, stage).findings}
     duty = np.mean(np.abs(recorded.axes["x"].force_actual) >= 20)

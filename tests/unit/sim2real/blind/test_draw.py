@@ -67,7 +67,7 @@ def test_two_effects_never_are_one_and_the_key_says_which_family(stage: StageSet
     assert all(not e.kin for seed in range(5) for e in drawn(stage, seed, "outside").effects)
 
 
-def test_what_cannot_be_seen_is_drawn_again_and_given_up(stage: StageSettings) -> None:
+def test_effects_that_open_no_gap_are_drawn_again_then_refused(stage: StageSettings) -> None:
     with pytest.raises(ValueError, match="opens no gap"):
         draw_key(
             np.random.default_rng(1), stage, TOLERANCE, LIBRARY, lambda _: 1.0, only="force_offset"

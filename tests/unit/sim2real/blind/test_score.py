@@ -91,7 +91,7 @@ def test_none_outside_two_and_departing() -> None:
     assert "| 1, 0 | x cogging_harmonics | explained | x cogging 0.90 |" in text
 
 
-def test_without_the_true_effect_a_near_kin_must_be_hesitant() -> None:
+def test_without_the_true_effect_a_near_relative_must_be_hesitant() -> None:
     def left(told: str, verdict: str) -> Outcome:
         return outcome("one", "x dead_time", told, verdict, leave_out=True)
 

@@ -15,7 +15,7 @@ from sim2real.recording import Recording
 from tests.unit.sim2real.conftest import TOLERANCE, stage_with
 
 
-def told(recording: Recording, settings: StageSettings, *names: str) -> Diagnosis:
+def diagnosed(recording: Recording, settings: StageSettings, *names: str) -> Diagnosis:
     """The diagnosis with a library of these effects."""
     known = library()
     examined = examine([recording], settings)
@@ -24,7 +24,7 @@ def told(recording: Recording, settings: StageSettings, *names: str) -> Diagnosi
 
 def test_an_effect_is_named_with_its_figures(nominal: tuple[Recording, StageSettings]) -> None:
     recording = stage_with(nominal, 11, y={"dead_time": {"delay": 4e-4}})
-    found = told(
+    found = diagnosed(
         recording, nominal[1], "dead_time", "current_bandwidth", "payload_mass", "force_offset"
     )
     assert [(c.axis, c.effect) for c in found.report.causes] == [("y", "dead_time")]
@@ -61,7 +61,9 @@ def test_ctrl_c_ends_the_searches(nominal: tuple[Recording, StageSettings]) -> N
 
 def test_a_stage_within_tolerance_has_no_gap(nominal: tuple[Recording, StageSettings]) -> None:
     recording = stage_with(nominal, 12)
-    found = told(recording, nominal[1], "payload_mass", "coulomb_level", "force_offset", "cogging")
+    found = diagnosed(
+        recording, nominal[1], "payload_mass", "coulomb_level", "force_offset", "cogging"
+    )
     assert found.report.verdict == "no_gap"
     assert found.report.causes == ()
 
@@ -72,16 +74,16 @@ def test_an_effect_outside_the_library_is_not_explained(
     recording = stage_with(
         nominal, 13, x={"cogging": {"amplitude": 1.5, "pitch": 0.03, "phase": 0.5}}
     )
-    found = told(recording, nominal[1], "force_constant", "dead_time", "cross_coupling")
+    found = diagnosed(recording, nominal[1], "force_constant", "dead_time", "cross_coupling")
     assert found.report.verdict in ("unexplained", "partly_explained")
 
 
-def test_what_the_filter_follows_is_told_by_the_closed_loop(
+def test_what_the_filter_follows_is_found_in_the_closed_loop(
     nominal: tuple[Recording, StageSettings],
 ) -> None:
     """Innovations hardly see another friction level: it is a state of the filter."""
     recording = stage_with(nominal, 14, x={"coulomb_level": {"ratio": 0.87}})
-    found = told(recording, nominal[1], "coulomb_level", "dead_time", "force_constant")
+    found = diagnosed(recording, nominal[1], "coulomb_level", "dead_time", "force_constant")
     assert [(c.axis, c.effect) for c in found.report.causes] == [("x", "coulomb_level")]
     assert found.report.gap_closed is not None
     assert found.report.gap_closed > 0.9
@@ -94,7 +96,7 @@ def test_a_spring_with_a_far_center_is_no_offset(
 ) -> None:
     spring = {"stiffness": 12.0, "center": -0.09}
     recording = stage_with(nominal, 15, y={"cable_stiffness": spring})
-    found = told(recording, nominal[1], "cable_stiffness", "force_offset")
+    found = diagnosed(recording, nominal[1], "cable_stiffness", "force_offset")
     assert [(c.axis, c.effect) for c in found.report.causes] == [("y", "cable_stiffness")]
     for key, true in spring.items():
         parameter = found.report.causes[0].parameters[key]
@@ -106,7 +108,7 @@ def test_an_effect_in_another_shape_keeps_its_name_and_leaves_something(
 ) -> None:
     harmonics = {"amplitude": 1.5, "pitch": 0.03, "phase": 0.7, "second": 0.4, "third": 0.2}
     recording = stage_with(nominal, 16, y={"cogging_harmonics": harmonics})
-    found = told(recording, nominal[1], "cogging", "payload_mass")
+    found = diagnosed(recording, nominal[1], "cogging", "payload_mass")
     assert found.report.verdict == "partly_explained"
     assert [(c.axis, c.effect) for c in found.report.causes] == [("y", "cogging")]
     assert found.report.causes[0].probability > 0.9

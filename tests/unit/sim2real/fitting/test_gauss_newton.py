@@ -40,7 +40,9 @@ def test_how_finely_a_stage_is_stepped_is_found_beside_its_figures(
     assert np.abs(found.model.base[:STEP]).max() < 5.0 * 0.003
 
 
-def test_a_fit_steps_back_from_what_cannot_be(nominal: tuple[Recording, StageSettings]) -> None:
+def test_a_fit_steps_back_from_what_physics_forbids(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
     problem = problem_of(*nominal)
     stiff = AxisModel(np.zeros(NUISANCES), (Term(library()["presliding_stiffness"], (1e4,)),))
     with pytest.raises(ValueError, match="too stiff"):

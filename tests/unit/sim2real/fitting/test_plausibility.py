@@ -49,7 +49,7 @@ def test_a_figure_off_by_tolerance_is_no_effect(
         ("force_saturation", (90.0,), 0.0, (90.0,)),
     ],
 )
-def test_values_beyond_what_is_plausible_are_told(
+def test_values_beyond_what_is_plausible_are_counted(
     nominal: tuple[Recording, StageSettings],
     effect: str,
     values: tuple[float, ...],
@@ -62,7 +62,7 @@ def test_values_beyond_what_is_plausible_are_told(
     assert clip_to_plausible(term, axis).values == near
 
 
-def test_courses_of_the_coulomb_level_are_told_from_other_friction(
+def test_effects_on_the_coulomb_level_are_distinguished_from_other_friction(
     nominal: tuple[Recording, StageSettings],
 ) -> None:
     axis = nominal[1].axes[0]

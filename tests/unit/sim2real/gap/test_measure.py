@@ -68,7 +68,7 @@ def test_the_models_own_noise_free_run_has_no_gap(stage, recorded):
         assert signals["force"].nominal == 0.0
 
 
-def test_a_gap_beyond_all_numbers_is_told_without_a_share(stage, recorded):
+def test_a_gap_that_is_not_finite_has_no_share(stage, recorded):
     x = recorded.axes["x"]
     far = replace(x, force_actual=np.full_like(x.force_actual, 1e300))
     gap = measure_gap(replace(recorded, axes={**recorded.axes, "x": far}), stage, draws=1)
