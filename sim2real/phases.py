@@ -261,6 +261,6 @@ def _stroke_phases(demand: FloatArray, acceleration: FloatArray, stroke: Stroke)
 
 
 def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """(first, one past last) of every run of True."""
+    """First sample and one past the last of every run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

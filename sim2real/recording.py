@@ -1,8 +1,8 @@
 """A recording of a run in memory: the samples of every axis and the moves they belong to.
 
-What it holds: per SYNC k the setpoint pair sent (0x607A, 0x60B2) and the actual values sampled
-(0x6064, 0x6077, 0x6041), SI units, on the timing of docs/reference-stage.md. It knows no files:
-`stagectl.store.recording` reads and writes them. Homing and jogging are not part of the samples.
+For each SYNC k it holds the setpoint pair sent (0x607A, 0x60B2) and the actual values sampled
+(0x6064, 0x6077, 0x6041), in SI units, on the timing of docs/reference-stage.md. Files are read and
+written by `stagectl.store.recording`. Homing and jogging are not part of the samples.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class Recording:
     """One run: its samples and what they were made with.
 
     Attributes:
-        machine: text of the machine file (YAML) the host believed in.
+        machine: text of the machine file (YAML) that the host used.
         recipe: text of the recipe, "" where there was none.
         started: ISO 8601 time with zone.
         time: float64[K], host time of SYNC k since the first [s].
@@ -125,7 +125,7 @@ class Recording:
         return len(self.time)
 
     def rest_end(self, move: int) -> int:
-        """One past the last sample that belongs to move number `move` (from 0) and its rest.
+        """One past the last sample of move number `move` (from 0) and the rest after it.
 
         That is the start of the next move, or K for the last one.
         """

@@ -22,7 +22,7 @@ LoopGap = Callable[[AxisModel], float]
 """Squared closed-loop gap over floor of the axis under a model (`sim2real.shrinkage.axis_gap`)."""
 
 _OCCAM = 20.0
-"""Score that each parameter of an effect but the first must save: more than chance does."""
+"""Score that each parameter of an effect after the first must save: more than chance does."""
 _OCCAM_COURSE = 6.0
 """The same for a Coulomb level that changes with time, against one that does not: within ten
 seconds most warm-ups change little, and constant levels are no more probable a priori."""

@@ -19,7 +19,7 @@ from sim2real.gap import Measured
 from sim2real.shrinkage import FLOOR_LEVEL, axis_gap
 
 _CLOSES = 0.4
-"""Share of the gap, or of what is left of it, that an effect must close where structure is left."""
+"""Share of the gap, or of its remainder, that an effect must close where structure is left."""
 _VISIBLE = 0.25
 """Rise of the squared gap over floor that an effect's removal must cause."""
 _SETS = 4

@@ -83,7 +83,7 @@ class Repeat:
 
     @property
     def is_free(self) -> bool:
-        """Whether what is left is of the same kind in another shape, and more than nothing."""
+        """Whether what is left is of the same kind in another shape, and more than noise."""
         return self.share > _MOST and self.before > _CLOSED
 
     @property
@@ -286,7 +286,7 @@ def _harmonic_starts(
 
 
 def _split_half(term: Term, side: float, axis: AxisSettings) -> Term:
-    """One of two: side by side and narrower where there is a place, else a fast and a slow one."""
+    """One of two halves: side by side and narrower if there is a place, else a fast and a slow one."""
     values = term.mapping()
     roles = {p.role: p.key for p in term.effect.parameters}
     if "place" in roles:

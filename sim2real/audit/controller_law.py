@@ -24,7 +24,7 @@ from sim2real.gap import Replay
 from sim2real.recording import BoolArray, FloatArray
 
 TERMS = ("kp", "ki", "kd", "force_offset")
-"""Parts of the commanded force, in the order of `Law.terms`."""
+"""Parts of the commanded force, in the order of `ControllerLaw.terms`."""
 _NEAR_PEAK = 0.9
 """Share of the peak force from which the output may have been clamped next to a sample."""
 _WARM_UP = 20
@@ -56,7 +56,7 @@ class Timing:
 
 
 AS_STATED = Timing()
-"""As the machine file has it."""
+"""The timing of the machine file."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

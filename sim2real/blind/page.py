@@ -81,7 +81,7 @@ def write_page(outcomes: Sequence[Outcome], facts: Mapping[str, str]) -> str:
 
     Args:
         outcomes: of any seeds; those with the true effects left out have a row of their own.
-        facts: what was checked and where, name -> value.
+        facts: version and machine that were checked, name -> value.
     """
     counted = score_outcomes(outcomes)
     seeds = sorted({o.seed for o in outcomes})

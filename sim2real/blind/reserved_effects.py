@@ -24,7 +24,7 @@ _CENTER = Parameter("center", "m", "where", role="place")
 
 
 class TentProfile(UnlistedEffect):
-    """Friction that rises to one place in straight lines: a rail that is bent there."""
+    """Friction that rises linearly to one place: a rail that is bent there."""
 
     name = "tent_profile"
     group = "friction"
@@ -80,7 +80,7 @@ class WornHalf(UnlistedEffect):
 
 
 class SlopedFriction(UnlistedEffect):
-    """Friction that grows along the rail: a preload that is not even."""
+    """Friction that grows along the rail: an uneven preload."""
 
     name = "sloped_friction"
     group = "friction"
@@ -113,7 +113,7 @@ class PeriodicFriction(UnlistedEffect):
 
 
 class TautHose(UnlistedEffect):
-    """A hose that hangs loose until it is pulled taut towards one end of the travel."""
+    """A hose that hangs loose until it becomes taut towards one end of the travel."""
 
     name = "taut_hose"
     parameters = (

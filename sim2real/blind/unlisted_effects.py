@@ -100,7 +100,7 @@ class ForceBump(UnlistedEffect):
 
 
 class ForceStep(UnlistedEffect):
-    """A cable that catches, and stays caught."""
+    """A cable that snags and stays snagged."""
 
     name = "force_step"
     parameters = (
@@ -131,7 +131,7 @@ class RandomWalk(UnlistedEffect):
 
 
 class FrictionStep(UnlistedEffect):
-    """Dirt or a drop of lubricant: another friction level from one moment on."""
+    """Dirt or a drop of lubricant: another friction level from then on."""
 
     name = "friction_step"
     group = "friction"
@@ -164,7 +164,7 @@ class FrictionPulsing(UnlistedEffect):
 
 
 class Sweep(UnlistedEffect):
-    """A machine nearby that runs up: vibration whose frequency rises."""
+    """A machine nearby that runs up: vibration of rising frequency."""
 
     name = "sweep"
     parameters = (
@@ -181,7 +181,7 @@ class Sweep(UnlistedEffect):
 
 
 class ScaleError(UnlistedEffect):
-    """A scale that is not straight: the encoder reads too much here, too little there."""
+    """A nonlinear encoder scale: it reads too much here, too little there."""
 
     name = "scale_error"
     parameters = (
@@ -218,7 +218,7 @@ class CoggingHarmonics(UnlistedEffect):
 
 
 class RippleHarmonics(UnlistedEffect):
-    """Force ripple with twice the frequency besides."""
+    """Force ripple with its second harmonic."""
 
     name = "ripple_harmonics"
     group = "motor"
@@ -275,7 +275,7 @@ class SlowWarmUp(UnlistedEffect):
 
 
 class TwoStrandCable(UnlistedEffect):
-    """A cable of which one part slides early and another late."""
+    """A cable with one strand that slides early and another that slides late."""
 
     name = "two_strand_cable"
     family = "cable_hysteresis"

@@ -29,7 +29,7 @@ from sim2real.report import NextExperiment
 F64 = NDArray[np.float64]
 
 _JERK = 100.0
-"""Of the other moves [m/s^3]."""
+"""Jerk of the macro-moves [m/s^3]."""
 
 
 def propose_experiment(

@@ -45,7 +45,7 @@ class Term:
 
     @property
     def name(self) -> str:
-        """Of the effect."""
+        """Name of the effect."""
         return self.effect.name
 
     def is_size_or_shape(self, key: str) -> bool:
@@ -83,7 +83,7 @@ class AxisModel:
         return SUBSTEPS / (1.0 - float(self.base[STEP]))
 
     def names(self) -> tuple[str, ...]:
-        """Of the effects."""
+        """Names of the effects."""
         return tuple(term.name for term in self.terms)
 
     def added(self, term: Term) -> AxisModel:

@@ -118,7 +118,7 @@ class AxisProblem:
 
         Raises:
             ValueError: values that physics does not allow.
-            Stopped: nobody waits for it any more.
+            Stopped: the result is no longer wanted.
         """
         settings = model.settings(self.axis)
         tracks = []

@@ -124,7 +124,7 @@ class HeldOut:
         return out
 
     def explained(self) -> tuple[Signals, ...]:
-        """Signals of the fits to other moves, one entry per recording."""
+        """Signals predicted by the fits to other moves, one entry per recording."""
         return tuple(
             subtract_signals(m.replay.measured(), left)
             for m, left in zip(self.measured, self.after, strict=True)

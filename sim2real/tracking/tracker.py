@@ -66,18 +66,18 @@ class Track:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Run:
-    """What the kernel found of K samples and some axes.
+    """Results of the kernel for K samples of some axes.
 
     Attributes:
-        out: name of `_OUTPUTS` -> float64[K, axes].
-        filter: name of `_GAINS` -> float64[K, axes, ...], where gains were worked out.
+        out: field of `Tracked` -> float64[K, axes].
+        filter: field of `Filter` -> float64[K, axes, ...], where gains were computed.
     """
 
     out: dict[str, F64]
     filter: dict[str, F64]
 
     def gains(self, at: int) -> Gains:
-        """Of one axis."""
+        """Gains of one axis."""
         return Gains(**{name: np.ascontiguousarray(v[:, at]) for name, v in self.filter.items()})
 
 
