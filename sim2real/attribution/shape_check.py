@@ -286,7 +286,7 @@ def _harmonic_starts(
 
 
 def _split_half(term: Term, side: float, axis: AxisSettings) -> Term:
-    """One of two halves: side by side and narrower if there is a place, else a fast and a slow one."""
+    """One of two halves: side by side and narrower if placed, else a fast and a slow one."""
     values = term.mapping()
     roles = {p.role: p.key for p in term.effect.parameters}
     if "place" in roles:
