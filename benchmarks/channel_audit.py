@@ -61,7 +61,7 @@ def main() -> None:
             wrong = [f.text for f in found.findings if f.finding not in TOLD]
             sound += not wrong
             false += [(name, values, wrong)] if wrong else []
-            if path := found.path.get(axis.name):
+            if path := found.current_paths.get(axis.name):
                 if name == "dead_time" and path.dead_time is not None:
                     paths.append(("dead time [us]", 1e6 * (path.dead_time - values["delay"])))
                 if name == "current_bandwidth" and path.bandwidth is not None:

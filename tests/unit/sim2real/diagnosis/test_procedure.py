@@ -112,4 +112,4 @@ def test_an_effect_in_another_shape_keeps_its_name_and_leaves_something(
     assert found.report.verdict == "partly_explained"
     assert [(c.axis, c.effect) for c in found.report.causes] == [("y", "cogging")]
     assert found.report.causes[0].probability > 0.9
-    assert "another shape" in found.report.reason
+    assert "shape of cogging on y is not the library's" in found.report.reason
