@@ -16,7 +16,7 @@ from sim2real.fitting import NUISANCES, AxisModel, AxisProblem, Term
 from sim2real.gap import prepare_replay
 from sim2real.recording import Recording
 from sim2real.tracking import Tracker
-from stagectl.config.machine import parse_machine
+from stagectl.config.machine_file import parse_machine
 from stagectl.config.mapping import stage_settings
 from stagectl.store.recording import read_recording
 

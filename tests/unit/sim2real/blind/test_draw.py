@@ -19,7 +19,7 @@ from sim2real.blind import (
     draw_values,
     family_of,
 )
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import stage_settings
 
 LIBRARY = own_effects()

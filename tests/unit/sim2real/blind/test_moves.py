@@ -13,7 +13,7 @@ from sim2real.blind import (
     draw_demands,
     moves,
 )
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import stage_settings
 
 

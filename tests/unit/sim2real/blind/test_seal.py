@@ -18,7 +18,7 @@ from sim2real.blind import (
     key_json,
     seal_key,
 )
-from stagectl.config.machine import load_machine
+from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import stage_settings
 
 LIBRARY = own_effects()
