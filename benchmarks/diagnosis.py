@@ -31,10 +31,10 @@ from sim2real.blind import Drawn, Key, build_stage, draw_base, draw_demands, rec
 from sim2real.diagnosis import Examination, diagnose, examine
 from sim2real.fitting import STEP, AxisModel, Term, coordinates, from_coordinates
 from sim2real.gap import Measured
-from sim2real.recording import Recording
 from stagectl.config.machine_file import load_machine, parse_machine
 from stagectl.config.mapping import stage_settings
 from stagectl.store.recording import read_recording
+from stagedata import Recording
 
 F64 = NDArray[np.float64]
 EFFECT = "cogging"

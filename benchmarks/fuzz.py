@@ -46,7 +46,6 @@ from hil_sim.bus.world import World
 from hil_sim.cia301.dictionary import EDS_PATH
 from hil_sim.cia402.state_machine import State
 from hil_sim.stage import VirtualStage
-from sim2real.recording import AxisSignals, Move, Recording
 from stagectl.config.fault_plan import parse_faults
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import load_machine, parse_machine
@@ -59,6 +58,7 @@ from stagectl.store.ledger import CycleLedger
 from stagectl.store.log_reader import read_log
 from stagectl.store.recording import read_ledger, read_notes, read_recording, write_recording
 from stagectl.store.recovery import recover
+from stagedata import AxisSignals, Move, Recording
 
 ROOT = Path(__file__).parents[1]
 LIMIT = 20

@@ -42,7 +42,6 @@ from drivers import Stage
 from estimation.trajectory import Limits
 from hil_sim.bus.world import World
 from hil_sim.stage import VirtualStage
-from sim2real.recording import AxisSignals, Move, Recording
 from stagectl.calibration.sites import load_calibration
 from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import driver_settings, stage_settings
@@ -64,6 +63,7 @@ from stagectl.sequencer.mover import MovingAxis
 from stagectl.sequencer.places import Places
 from stagectl.sequencer.settling import summarise_moves
 from stagectl.store.journal import SAMPLE_TAG, sample_codec, sample_dtype
+from stagedata import AxisSignals, Move, Recording
 
 F64 = NDArray[np.float64]
 ROOT = Path(__file__).parents[1]

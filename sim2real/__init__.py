@@ -2,8 +2,7 @@
 
 The rooms, each importing only from those above it:
 
-- `recording`, `phases`, `report`: a run in memory, its moves and phases of motion, what a diagnosis
-  reports
+- `phases`, `report`: the phases of motion of a recorded move; what a diagnosis reports
 - `gap`: free-run simulation against a recording
 - `audit`: whether the channels mean what the machine file says
 - `tracking`: a simulation kept on the recorded course, and its innovations
@@ -24,7 +23,6 @@ __all__ = [
     "fitting",
     "gap",
     "phases",
-    "recording",
     "report",
     "shrinkage",
     "tracking",

@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from sim2real.recording import FloatArray, Recording
+from stagedata import FloatArray, Recording
 
 REST, ONSET, ACCELERATION, CRUISE, DECELERATION, SETTLING, MICRO = range(7)
 PHASES = ("rest", "onset", "acceleration", "cruise", "deceleration", "settling", "micro")

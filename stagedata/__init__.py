@@ -4,6 +4,13 @@ What two packages share and neither owns lives here, as frozen dataclasses in SI
 may import this package; it imports none of the others.
 """
 
+from stagedata.recording import (
+    MOVE_KINDS,
+    AxisSignals,
+    Move,
+    Recording,
+    aligned_demand,
+)
 from stagedata.samples import Samples
 
-__all__ = ["Samples"]
+__all__ = ["MOVE_KINDS", "AxisSignals", "Move", "Recording", "Samples", "aligned_demand"]

@@ -35,8 +35,8 @@ from sim2real.audit.signal_checks import (
     quantisation_step,
 )
 from sim2real.gap import number_periods, prepare_replay
-from sim2real.recording import Recording
 from sim2real.report import ChannelFinding
+from stagedata import Recording
 
 MISLEADING = (
     "units", "sign", "scale", "offset", "delay", "clock", "controller_kp", "controller_ki",

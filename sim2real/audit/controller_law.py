@@ -21,7 +21,7 @@ from scipy.signal import lfilter
 from hil_sim.plant.port_arrays import opened
 from hil_sim.settings import ControlSettings, StageSettings
 from sim2real.gap import Replay
-from sim2real.recording import BoolArray, FloatArray
+from stagedata import BoolArray, FloatArray
 
 TERMS = ("kp", "ki", "kd", "force_offset")
 """Parts of the commanded force, in the order of `ControllerLaw.terms`."""

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hil_sim.settings import StageSettings
-from sim2real.recording import AxisSignals, BoolArray, FloatArray, Recording
 from sim2real.report import ChannelFinding
+from stagedata import AxisSignals, BoolArray, FloatArray, Recording
 
 
 def scale_gain(settings: StageSettings, axis: str, term: str, factor: float) -> StageSettings:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 
 from sim2real.audit.controller_law import AS_STATED, TERMS, ControllerLaw
-from sim2real.recording import FloatArray
+from stagedata import FloatArray
 
 ACCEPTED = 1.5
 """A hypothesis holds where its remainder is at most this many times that of the model's own run."""

@@ -14,8 +14,8 @@ import numpy as np
 from hil_sim.settings import AxisSettings
 from sim2real.gap import number_periods
 from sim2real.phases import REST, split_phases
-from sim2real.recording import AxisSignals, BoolArray, FloatArray
 from sim2real.report import ChannelFinding
+from stagedata import AxisSignals, BoolArray, FloatArray
 
 ALL_AXES = "all"
 """Axis of a finding about time, which all axes share."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hil_sim.settings import StageSettings
 from sim2real.experiment import stroke
-from sim2real.recording import Move
+from stagedata import Move
 
 F64 = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import numpy as np
 from hil_sim.plant.simulate import simulate
 from hil_sim.settings import StageSettings
 from sim2real.blind.moves import Demands
-from sim2real.recording import AxisSignals, Recording
+from stagedata import AxisSignals, Recording
 
 SUBSTEPS = (8, 10)
 """Plant steps per control tick; a stage has one of these."""

@@ -26,8 +26,8 @@ from sim2real.gap import (
     measure_gap,
     prepare_replay,
 )
-from sim2real.recording import Recording
 from sim2real.report import GapReport
+from stagedata import Recording
 
 _FLOOR_DRAWS = 3
 

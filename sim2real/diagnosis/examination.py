@@ -23,13 +23,13 @@ from sim2real.gap import (
     pool_gaps,
 )
 from sim2real.phases import split_moves
-from sim2real.recording import Recording
 from sim2real.report import (
     INSUFFICIENT,
     UNEXPLAINED,
     ChannelFinding,
     GapReport,
 )
+from stagedata import Recording
 
 SLOWEST = 0.01
 """Longest sample period at which a diagnosis is attempted [s]: friction and loops are faster."""

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from hil_sim.settings import AxisSettings
 from sim2real.fitting.axis_model import MAX_REFINEMENT, NUISANCES, STEP, AxisModel
 from sim2real.fitting.workers import Workers
-from sim2real.recording import BoolArray
 from sim2real.tracking import Gains, Track, Tracker
+from stagedata import BoolArray
 
 F64 = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ import numpy as np
 from hil_sim.settings import StageSettings
 from sim2real.gap.replay import Replay, Signals, rms, subtract_signals
 from sim2real.phases import group_repeated_moves, split_moves
-from sim2real.recording import FloatArray, Recording
+from stagedata import FloatArray, Recording
 
 DRAWS = 4
 _SEED = 1

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from sim2real.gap.measure import Measured
 from sim2real.phases import PHASES, REST, SETTLING, split_moves, split_phases
-from sim2real.recording import FloatArray, aligned_demand
 from sim2real.report import Where
+from stagedata import FloatArray, aligned_demand
 
 BINS = 24
 SMALLEST_SHARE = 0.05

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from hil_sim.settings import StageSettings
 from sim2real.gap.floor import DRAWS, Floor, RepeatCheck, check_repeats, estimate_floor
 from sim2real.gap.replay import Replay, Signals, prepare_replay, rms, subtract_signals
-from sim2real.recording import Recording
 from sim2real.report import SIGNALS, GapFigures
+from stagedata import Recording
 
 Gap = dict[str, dict[str, GapFigures]]
 """Axis -> signal ("position", "force") -> figures."""

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from hil_sim.plant.simulate import Response, needs_all_axes, simulate
 from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.gap.sync_grid import match_periods
-from sim2real.recording import AxisSignals, BoolArray, FloatArray, Recording
 from sim2real.report import SIGNALS
+from stagedata import AxisSignals, BoolArray, FloatArray, Recording
 
 _REST_UNITS = 4
 """A force beyond this many force units at the first sample is the friction's initial state."""

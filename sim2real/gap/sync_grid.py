@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sim2real.recording import FloatArray
+from stagedata import FloatArray
 
 _LEVEL = 15
 """Samples before and after a jump in time whose medians tell whether the jump lasts."""

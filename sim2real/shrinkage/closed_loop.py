@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from hil_sim.settings import StageSettings
 from sim2real.fitting import AxisModel, compose_stage
 from sim2real.gap import Measured, rms
-from sim2real.recording import BoolArray
+from stagedata import BoolArray
 
 FLOOR_LEVEL = 2.0
 """Squared gap over floor of an axis that is explained: one for each signal."""

@@ -13,8 +13,8 @@ from hil_sim.settings import StageSettings
 from sim2real.fitting import AxisModel, AxisProblem, Fitted, compose_stage, fit
 from sim2real.gap import Measured, Signals, subtract_signals
 from sim2real.phases import split_moves
-from sim2real.recording import BoolArray
 from sim2real.shrinkage.closed_loop import axis_gap
+from stagedata import BoolArray
 
 F64 = NDArray[np.float64]
 

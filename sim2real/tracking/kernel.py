@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.plant.mechanics import advance, command
-from sim2real.recording import BoolArray
 from sim2real.tracking.error_states import (
     STATES,
     discretise,
@@ -22,6 +21,7 @@ from sim2real.tracking.error_states import (
     propagate_covariance,
     transfer_slip,
 )
+from stagedata import BoolArray
 
 F64 = NDArray[np.float64]
 Record = NDArray[np.void]

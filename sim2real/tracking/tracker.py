@@ -25,12 +25,12 @@ from hil_sim.effects.ports import EffectPorts
 from hil_sim.plant.arrays import Arrays
 from hil_sim.settings import SUBSTEPS, AxisSettings, StageSettings
 from sim2real.gap import Replay
-from sim2real.recording import BoolArray
 from sim2real.tracking.error_states import (
     STATES,
     Gains,
 )
 from sim2real.tracking.kernel import Deviations, Filter, Mechanics, Recorded, Tracked, track
+from stagedata import BoolArray
 
 F64 = NDArray[np.float64]
 

@@ -17,10 +17,10 @@ from estimation.offline.identify import Identification, OfflineSettings, identif
 from estimation.offline.records import Samples
 from estimation.sampled_force import kink_share, with_mean_force
 from estimation.settings import MoveData
-from sim2real.recording import Recording
 from stagectl.config.host_model import friction_model, kink_tip
 from stagectl.config.machine import Axis, Machine
 from stagectl.errors import UnusableInput
+from stagedata import Recording
 
 ANOTHER = 0.05
 """Friction that is off by more than this share changes its mean around a SYNC noticeably."""

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
     from hil_sim.settings import StageSettings
     from sim2real.gap import Gap, Measured
-    from sim2real.recording import Recording
     from sim2real.report import GapFigures
     from stagectl.config.machine import Machine
+    from stagedata import Recording
 
 
 @click.command("measure", short_help="The gap of a machine file against a recording.")

@@ -16,8 +16,8 @@ from markupsafe import Markup
 from sim2real.attribution import FrictionOverPosition
 from sim2real.gap import Measured, Signals
 from sim2real.phases import PHASES, REST, SETTLING, split_moves, split_phases
-from sim2real.recording import aligned_demand
 from stagectl.report.gap_charts import Curve, bars, chart, legend
+from stagedata import aligned_demand
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -10,10 +10,10 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from sim2real.recording import Recording
 from stagectl.report import content
 from stagectl.report.traces import chart_data
 from stagectl.store.atomic import write_atomically
+from stagedata import Recording
 
 _HERE = Path(__file__).parent
 _INLINE = ("uPlot.min.css", "uPlot.iife.min.js", "report.css", "report.js")

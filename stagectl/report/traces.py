@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from sim2real.recording import AxisSignals, Recording, aligned_demand
 from stagectl.report.content import windows
 from stagectl.report.friction import friction_panels
 from stagectl.sequencer.settling import RESOLUTION, arrival
+from stagedata import AxisSignals, Recording, aligned_demand
 
 BEFORE = 20  # samples shown before a move
 MAX_SAMPLES = 400_000  # embedded, of all moves together: some 10 MB of page

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from hil_sim.bus.fault_rules import Injected
-from sim2real.recording import AxisSignals, Move, Recording
 from stagectl.errors import Aborted, StagectlError
 from stagectl.history.noted import note_of_estimate, note_of_run
 from stagectl.history.opening import open_history, without_password
@@ -45,6 +44,7 @@ from stagectl.store.summary import (
     build_summary,
     write_summary,
 )
+from stagedata import AxisSignals, Move, Recording
 
 OUTPUTS = ("recording.h5", "summary.json", "report.html", "bus.asc")
 """Files that a run writes."""

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from hil_sim.bus.faults import FaultPlan
-from sim2real.recording import Recording
 from stagectl.config.machine import Machine
 from stagectl.errors import StagectlError
 from stagectl.recipe.model import Recipe
 from stagectl.sequencer.compensation import Figures, Mode
 from stagectl.sequencer.verdict import SiteVerdict
+from stagedata import Recording
 
 
 @dataclass(frozen=True, slots=True)

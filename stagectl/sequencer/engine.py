@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from estimation.trajectory import Limits
-from sim2real.recording import Move
 from stagectl.errors import Aborted, RunFault
 from stagectl.recipe.fiducial import Fiducial
 from stagectl.recipe.plan import (
@@ -37,6 +36,7 @@ from stagectl.sequencer.events import (
 )
 from stagectl.sequencer.mover import Mover, MovingAxis, StagePort
 from stagectl.sequencer.places import Places
+from stagedata import Move
 
 LEAD_IN = 0.1
 """Rest before the first move, in which the force at rest is measured [s]."""

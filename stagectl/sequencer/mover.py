@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from estimation.split_horizon import MoveData
 from estimation.trajectory import Limits, Trajectory, plan, plan_stop
-from sim2real.recording import Move
 from stagectl.errors import RunFault
 from stagectl.sequencer import late_setpoint_mask
 from stagectl.sequencer.compensation import AxisCompensation, Learned
@@ -30,7 +29,7 @@ from stagectl.sequencer.sample_validity import (
     without_stale,
     without_unpunctual,
 )
-from stagedata import Samples
+from stagedata import Move, Samples
 
 F64 = NDArray[np.float64]
 Until = Callable[[tuple[float, ...]], bool]

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from sim2real.recording import AxisSignals, Move, Recording, aligned_demand
+from stagedata import AxisSignals, Move, Recording, aligned_demand
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -9,9 +9,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sim2real.recording import Recording
 from stagectl.recipe.model import SiteLimits
 from stagectl.sequencer.settling import MoveResult, summarise_moves
+from stagedata import Recording
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from sim2real.phases import split_moves
-from sim2real.recording import AxisSignals, Move, Recording
 from stagectl.config.import_map import UNITS, Column, ImportMap
 from stagectl.config.machine import Machine
 from stagectl.errors import UnusableInput
+from stagedata import AxisSignals, Move, Recording
 
 FloatArray = npt.NDArray[np.float64]
 _OFF_PERIOD = 0.1

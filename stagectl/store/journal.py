@@ -25,8 +25,8 @@ from typing import BinaryIO
 
 import numpy as np
 
-from sim2real.recording import Move
 from stagectl.errors import StagectlError, UnusableInput
+from stagedata import Move
 
 FILE_NAME = "recording.journal"
 MAGIC = b"stagectl-journal 3 "

@@ -18,7 +18,6 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from sim2real.recording import MOVE_KINDS, AxisSignals, Move, Recording
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.store.atomic import write_atomically
 from stagectl.store.hdf5 import (
@@ -32,6 +31,7 @@ from stagectl.store.hdf5 import (
     text_of,
 )
 from stagectl.store.ledger import CycleLedger
+from stagedata import MOVE_KINDS, AxisSignals, Move, Recording
 
 FORMAT = "stagectl-recording"
 VERSION = 1

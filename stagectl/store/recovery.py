@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from sim2real.recording import AxisSignals, Move, Recording
 from stagectl.errors import UnusableInput
 from stagectl.store.bus_log import recover_log
 from stagectl.store.journal import (
@@ -32,6 +31,7 @@ from stagectl.store.journal import (
 )
 from stagectl.store.ledger import CycleLedger
 from stagectl.store.recording import RunNotes, read_recording, write_recording
+from stagedata import AxisSignals, Move, Recording
 
 RECORDING_NAME = "recording.h5"
 RECOVERED_NAME = "recording-recovered.h5"

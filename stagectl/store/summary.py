@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim2real.recording import Recording
 from stagectl.sequencer.settling import (
     WINDOWS,
     MoveResult,
@@ -28,6 +27,7 @@ from stagectl.sequencer.settling import (
 )
 from stagectl.store.atomic import write_atomically
 from stagectl.store.ledger import CycleLedger
+from stagedata import Recording
 
 FORMAT = "stagectl-run-summary"
 VERSION = 1

@@ -9,8 +9,8 @@ from hil_sim.plant.simulate import simulate
 from hil_sim.settings import CascadeSettings
 from sim2real.audit import reconstruct_law
 from sim2real.gap import prepare_replay
-from sim2real.recording import AxisSignals, Recording
 from stagectl.config import load_machine, stage_settings
+from stagedata import AxisSignals, Recording
 
 KP, KV, KI = 60.0, 2500.0, 30_000.0
 

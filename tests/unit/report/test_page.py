@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim2real.recording import Recording, aligned_demand
 from stagectl.errors import StagectlError
 from stagectl.report import content
 from stagectl.report.page import render, write_report
 from stagectl.report.traces import BEFORE, chart_data
 from stagectl.store.recording import read_recording
 from stagectl.store.summary import FrictionEntry, ParameterEstimate, RunFacts, build_summary
+from stagedata import Recording, aligned_demand
 
 TC, TS = 1e-4, 1e-3
 FACTS = RunFacts("inspection", "wafer-xy", "estimated", 1, True, None, 9.7, 0.6, "completed")

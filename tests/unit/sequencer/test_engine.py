@@ -7,7 +7,6 @@ import pytest
 
 from estimation.trajectory import Limits
 from hil_sim.plant.stepped import Plant
-from sim2real.recording import Move
 from stagectl.config import load_machine, stage_settings
 from stagectl.errors import Aborted, RunFault
 from stagectl.recipe.model import Profile
@@ -30,7 +29,7 @@ from stagectl.sequencer.events import (
     Stopping,
 )
 from stagectl.sequencer.mover import MovingAxis
-from stagedata import Samples
+from stagedata import Move, Samples
 
 TS = 1e-3
 MACRO, MICRO = Profile(0.5, 3.0, 200.0), Profile(0.01, 0.2, 20.0)

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim2real.recording import AxisSignals, Move, Recording, aligned_demand
 from stagectl.sequencer.settling import (
     MoveResult,
     arrival,
@@ -17,6 +16,7 @@ from stagectl.sequencer.settling import (
     summarise_moves,
 )
 from stagectl.store.recording import read_recording
+from stagedata import AxisSignals, Move, Recording, aligned_demand
 
 TS, TC = 1e-3, 1e-4
 DATA = Path(__file__).parents[2] / "data"

@@ -14,11 +14,11 @@ from hil_sim.settings import StageSettings
 from sim2real.blind import VARIANTS
 from sim2real.fitting import NUISANCES, AxisModel, AxisProblem, Term
 from sim2real.gap import prepare_replay
-from sim2real.recording import Recording
 from sim2real.tracking import Tracker
 from stagectl.config.machine_file import parse_machine
 from stagectl.config.mapping import stage_settings
 from stagectl.store.recording import read_recording
+from stagedata import Recording
 
 DATA = Path(__file__).parents[2] / "data"
 TOLERANCE = {"x": 0.003, "y": 0.003}

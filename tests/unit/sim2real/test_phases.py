@@ -9,8 +9,8 @@ import pytest
 
 from sim2real import phases
 from sim2real.phases import PHASES, group_repeated_moves, split_moves, split_phases
-from sim2real.recording import AxisSignals, Recording
 from stagectl.store.recording import read_recording
+from stagedata import AxisSignals, Recording
 
 DATA = Path(__file__).parents[2] / "data"
 PERIOD = 1e-3

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim2real.recording import AxisSignals, Move, Recording, aligned_demand
+from stagedata import AxisSignals, Move, Recording, aligned_demand
 
 
 def signals(length: int, **changed: np.ndarray) -> AxisSignals:

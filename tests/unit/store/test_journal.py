@@ -13,7 +13,6 @@ import h5py
 import numpy as np
 import pytest
 
-from sim2real.recording import Move
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.store.journal import (
     TEXT_TAG,
@@ -25,6 +24,7 @@ from stagectl.store.journal import (
 )
 from stagectl.store.recording import read_ledger, read_recording
 from stagectl.store.recovery import read_journal, recover, recover_left_over
+from stagedata import Move
 
 HEADER = JournalHeader(
     "machine: µ\n",

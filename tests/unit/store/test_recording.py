@@ -9,10 +9,10 @@ import h5py
 import numpy as np
 import pytest
 
-from sim2real.recording import AxisSignals, Move, Recording
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.store.ledger import CycleLedger
 from stagectl.store.recording import read_ledger, read_recording, write_recording
+from stagedata import AxisSignals, Move, Recording
 
 DATA = Path(__file__).parents[2] / "data"
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim2real.recording import Recording
 from stagectl.errors import StagectlError
 from stagectl.store.ledger import CycleLedger
 from stagectl.store.recording import read_recording
@@ -20,6 +19,7 @@ from stagectl.store.summary import (
     build_summary,
     write_summary,
 )
+from stagedata import Recording
 
 FACTS = RunFacts("r", "wafer-xy", "estimated", 1, True, None, 9.7, 0.6, "completed")
 PERIODS = {"control_period": 1e-4, "sync_period": 1e-3}

@@ -10,7 +10,7 @@ from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
 from sim2real.attribution import FreeForm, FreeFormTest
 from sim2real.diagnosis import examine
-from sim2real.recording import Recording
+from stagedata import Recording
 from tests.unit.sim2real.conftest import stage_with
 
 Effects = dict[str, dict[str, float]]

@@ -7,7 +7,7 @@ import pytest
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
 from sim2real.attribution import Scanner, signature_similarity
-from sim2real.recording import Recording
+from stagedata import Recording
 from tests.unit.sim2real.conftest import problem_of, stage_with
 
 

@@ -9,7 +9,7 @@ from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
 from sim2real.attribution import free_form_repeat, is_one_profile, nearest_model
 from sim2real.fitting import NUISANCES, AxisModel, Term
-from sim2real.recording import Recording
+from stagedata import Recording
 
 BELL = library()["friction_position"]
 LEVEL = library()["coulomb_level"]

@@ -11,7 +11,7 @@ import pytest
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
 from sim2real.diagnosis import Diagnosis, diagnose, examine
-from sim2real.recording import Recording
+from stagedata import Recording
 from tests.unit.sim2real.conftest import TOLERANCE, stage_with
 
 

@@ -15,9 +15,9 @@ from hil_sim.settings import StageSettings
 from sim2real.experiment import propose_experiment
 from sim2real.fitting import NUISANCES, AxisModel, Term
 from sim2real.gap import compare_with_model
-from sim2real.recording import Recording
 from stagectl.config.machine_file import load_machine
 from stagectl.recipe.load import load_recipe
+from stagedata import Recording
 
 
 @pytest.fixture

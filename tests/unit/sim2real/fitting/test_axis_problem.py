@@ -14,7 +14,7 @@ from sim2real.fitting import (
     fit,
     slow_energy,
 )
-from sim2real.recording import Recording
+from stagedata import Recording
 from tests.unit.sim2real.conftest import problem_of, stage_with
 
 

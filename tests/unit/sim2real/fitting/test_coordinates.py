@@ -12,7 +12,7 @@ from sim2real.fitting import (
     from_coordinates,
     to_coordinates,
 )
-from sim2real.recording import Recording
+from stagedata import Recording
 
 
 @pytest.mark.parametrize("name", sorted(library()))

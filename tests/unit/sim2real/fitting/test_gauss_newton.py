@@ -14,7 +14,7 @@ from sim2real.fitting import (
     Term,
     fit,
 )
-from sim2real.recording import Recording
+from stagedata import Recording
 from tests.unit.sim2real.conftest import FINER, problem_of, stage_with
 
 

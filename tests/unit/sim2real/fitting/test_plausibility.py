@@ -13,7 +13,7 @@ from sim2real.fitting import (
     is_coulomb_level,
     is_within_tolerance,
 )
-from sim2real.recording import Recording
+from stagedata import Recording
 
 
 @pytest.mark.parametrize(

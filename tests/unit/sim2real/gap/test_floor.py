@@ -12,9 +12,9 @@ from sim2real.gap import (
     prepare_replay,
     subtract_signals,
 )
-from sim2real.recording import AxisSignals, Recording
 from sim2real.report import GapFigures
 from stagectl.config import load_machine, stage_settings
+from stagedata import AxisSignals, Recording
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ from sim2real.fitting import (
     AxisModel,
     Term,
 )
-from sim2real.recording import Recording
 from sim2real.tracking import innovation_response
+from stagedata import Recording
 from tests.unit.sim2real.conftest import problem_of, stage_with
 
 
