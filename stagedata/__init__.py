@@ -7,10 +7,23 @@ may import this package; it imports none of the others.
 from stagedata.recording import (
     MOVE_KINDS,
     AxisSignals,
+    BoolArray,
+    FloatArray,
     Move,
     Recording,
+    StatusArray,
     aligned_demand,
 )
 from stagedata.samples import Samples
 
-__all__ = ["MOVE_KINDS", "AxisSignals", "Move", "Recording", "Samples", "aligned_demand"]
+__all__ = [
+    "MOVE_KINDS",
+    "AxisSignals",
+    "BoolArray",
+    "FloatArray",
+    "Move",
+    "Recording",
+    "Samples",
+    "StatusArray",
+    "aligned_demand",
+]
