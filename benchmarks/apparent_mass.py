@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from estimation.trajectory import Limits, plan
-from hil_sim.plant.simulate import simulate
+from hil_sim.plant import simulate
 from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import stage_settings
 

@@ -20,10 +20,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hil_sim.effects.library import library
-from hil_sim.plant.simulate import simulate
+from hil_sim.plant import simulate
 from sim2real.audit import Audit, audit_channels
 from stagectl.config import load_machine, stage_settings
-from stagectl.store.recording import read_recording
+from stagectl.store import read_recording
 from stagedata import Recording
 
 DEMANDS = Path(__file__).parents[1] / "tests" / "data" / "null-1.h5"

@@ -30,9 +30,8 @@ from machine_facts import machine_facts
 
 from drivers import objects as od
 from drivers.stage import Stage
-from hil_sim.bus.server import serve
-from hil_sim.bus.world import World
-from hil_sim.cia301.dictionary import EDS_PATH
+from hil_sim.bus import World, serve
+from hil_sim.cia301 import EDS_PATH
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import driver_settings, stage_settings

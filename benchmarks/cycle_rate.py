@@ -23,14 +23,13 @@ from machine_facts import machine_facts
 from numpy.typing import NDArray
 
 from drivers.stage import Stage
-from hil_sim.bus.world import World
-from hil_sim.plant.simulate import simulate
+from hil_sim.bus import World
+from hil_sim.plant import simulate
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import driver_settings, stage_settings
-from stagectl.store.bus_log import BusLog
-from stagectl.store.journal import AxisScaling, Journal, JournalHeader
+from stagectl.store import AxisScaling, BusLog, Journal, JournalHeader
 
 CYCLES = 4000
 STROKE = 0.01

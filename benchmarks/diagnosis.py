@@ -33,7 +33,7 @@ from sim2real.fitting import STEP, AxisModel, Term, coordinates, from_coordinate
 from sim2real.gap import Measured
 from stagectl.config.machine_file import load_machine, parse_machine
 from stagectl.config.mapping import stage_settings
-from stagectl.store.recording import read_recording
+from stagectl.store import read_recording
 from stagedata import Recording
 
 F64 = NDArray[np.float64]

@@ -38,18 +38,16 @@ from types import FrameType
 
 import numpy as np
 
+from hil_sim.bus import World
 from hil_sim.bus import faults as f
-from hil_sim.bus.world import World
-from hil_sim.cia402.state_machine import State
+from hil_sim.cia402 import State
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import load_machine
-from stagectl.recipe.load import parse_recipe
-from stagectl.recipe.model import Recipe
-from stagectl.run.request import RunRequest, RunResult
-from stagectl.run.session import Listener, execute
-from stagectl.sequencer.compensation import Mode, make_compensation
-from stagectl.store.recording import read_recording
+from stagectl.recipe import Recipe, parse_recipe
+from stagectl.run import Listener, RunRequest, RunResult, execute
+from stagectl.sequencer import Mode, make_compensation
+from stagectl.store import read_recording
 
 RECIPE = """\
 recipe: four-sites

@@ -39,25 +39,34 @@ import can
 import numpy as np
 from fuzz_input import AT_DRIVER, AT_DRIVES, Frame, calm, edited, random_edits, random_frames
 
-from drivers.canopen.remote_objects import load_dictionary
+from drivers.canopen import load_dictionary
 from drivers.errors import DriverError
 from drivers.stage import Stage
-from hil_sim.bus.world import World
-from hil_sim.cia301.dictionary import EDS_PATH
-from hil_sim.cia402.state_machine import State
+from hil_sim.bus import World
+from hil_sim.cia301 import EDS_PATH
+from hil_sim.cia402 import State
 from hil_sim.stage import VirtualStage
 from stagectl.config.fault_plan import parse_faults
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import load_machine, parse_machine
 from stagectl.config.mapping import driver_settings, stage_settings
 from stagectl.errors import ConfigError, StagectlError
-from stagectl.recipe.load import parse_recipe
-from stagectl.store.bus_log import BusLog, recover_log
-from stagectl.store.journal import AxisScaling, Journal, JournalHeader, sample_dtype
-from stagectl.store.ledger import CycleLedger
-from stagectl.store.log_reader import read_log
-from stagectl.store.recording import read_ledger, read_notes, read_recording, write_recording
-from stagectl.store.recovery import recover
+from stagectl.recipe import parse_recipe
+from stagectl.store import (
+    AxisScaling,
+    BusLog,
+    CycleLedger,
+    Journal,
+    JournalHeader,
+    read_ledger,
+    read_log,
+    read_notes,
+    read_recording,
+    recover,
+    recover_log,
+    sample_dtype,
+    write_recording,
+)
 from stagedata import AxisSignals, Move, Recording
 
 ROOT = Path(__file__).parents[1]

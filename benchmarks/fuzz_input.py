@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from hil_sim.cia301.dictionary import Dictionary
+from hil_sim.cia301 import Dictionary
 
 Edit = tuple[str, float, float, int]
 """What is done, from where to where (shares of the file), and a byte."""

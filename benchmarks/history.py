@@ -29,15 +29,10 @@ from typing import Literal
 
 from machine_facts import machine_facts
 
-from stagectl.calibration.due import due_sites
-from stagectl.calibration.sites import DueSection
+from stagectl.calibration import DueSection, due_sites
 from stagectl.config.machine_file import load_machine
-from stagectl.history.opening import open_history
-from stagectl.history.port import History
-from stagectl.history.records import EstimateRecord, RunEntry, StageKey
-from stagectl.maps.active import load_active
-from stagectl.maps.build import build_map
-from stagectl.maps.model import to_json
+from stagectl.history import EstimateRecord, History, RunEntry, StageKey, open_history
+from stagectl.maps import build_map, load_active, to_json
 
 WEEK = 7 * 86400.0
 STAGE = StageKey("wafer-xy", False)

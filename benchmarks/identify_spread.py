@@ -26,9 +26,9 @@ from estimation.offline.identify import Identification
 from estimation.offline.records import Samples
 from estimation.trajectory import Limits, plan
 from hil_sim.effects.library import own_effects
-from hil_sim.plant.simulate import simulate
+from hil_sim.plant import simulate
 from hil_sim.settings import SUBSTEPS, AxisSettings
-from stagectl.calibration.identify import identify_pieces
+from stagectl.calibration import identify_pieces
 from stagectl.config import load_machine, stage_settings
 from stagectl.config.host_model import friction_model
 

@@ -23,8 +23,8 @@ from run_figures import RECIPE, Case, run
 from estimation.gms import F64
 from estimation.trajectory import Trajectory
 from stagectl.config.machine_file import load_machine
-from stagectl.recipe.load import load_recipe
-from stagectl.sequencer.compensation import TAKE_OVER, AxisCompensation, Mode
+from stagectl.recipe import load_recipe
+from stagectl.sequencer import TAKE_OVER, AxisCompensation, Mode
 
 FAR = 1e-3
 DEMAND = 0.5

@@ -32,7 +32,7 @@ from hil_sim.effects.library import library
 from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import stage_settings
 from stagectl.config.plausible import RANGES
-from stagectl.store.recording import read_recording
+from stagectl.store import read_recording
 
 VALUES: tuple[object, ...] = (
     1e-300, 1e-12, 1e12, 1e300, float("nan"), float("inf"), -1.0, 0.0, "abc", [], None,

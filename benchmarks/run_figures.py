@@ -22,11 +22,9 @@ from machine_facts import machine_facts
 
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import load_machine
-from stagectl.recipe.load import load_recipe
-from stagectl.recipe.model import Recipe
-from stagectl.run.request import RunRequest
-from stagectl.run.session import Listener, execute
-from stagectl.sequencer.compensation import Mode
+from stagectl.recipe import Recipe, load_recipe
+from stagectl.run import Listener, RunRequest, execute
+from stagectl.sequencer import Mode
 
 RECIPE = Path(__file__).parents[1] / "recipes" / "inspection-20.yaml"
 WINDOWS = ("5e-08", "2e-07")

@@ -20,8 +20,8 @@ from run_figures import RECIPE, Case, run
 
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import load_machine
-from stagectl.recipe.load import load_recipe
-from stagectl.sequencer.compensation import Mode
+from stagectl.recipe import load_recipe
+from stagectl.sequencer import Mode
 
 FIRST_SITE = 4
 LEAST, MOST = 0.6, 1.6

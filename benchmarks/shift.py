@@ -40,29 +40,29 @@ from shift_table import Table
 
 from drivers import Stage
 from estimation.trajectory import Limits
-from hil_sim.bus.world import World
+from hil_sim.bus import World
 from hil_sim.stage import VirtualStage
-from stagectl.calibration.sites import load_calibration
+from stagectl.calibration import load_calibration
 from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import driver_settings, stage_settings
-from stagectl.history.opening import open_history
-from stagectl.history.records import RunEntry, StageKey
-from stagectl.maps.active import load_active
-from stagectl.maps.build import build_map
-from stagectl.maps.model import to_json
-from stagectl.recipe.fiducial import make_fiducial
-from stagectl.recipe.load import load_recipe
-from stagectl.recipe.model import Recipe
-from stagectl.recipe.plan import plan
-from stagectl.run.run_history import RunHistory, software
-from stagectl.sequencer.compensation import AxisCompensation, Mode, make_compensation
-from stagectl.sequencer.engine import Engine
-from stagectl.sequencer.events import Event, FrictionUpdated, LevelStepped
-from stagectl.sequencer.fresh_places import FreshPlaces
-from stagectl.sequencer.mover import MovingAxis
-from stagectl.sequencer.places import Places
-from stagectl.sequencer.settling import summarise_moves
-from stagectl.store.journal import SAMPLE_TAG, sample_codec, sample_dtype
+from stagectl.history import RunEntry, StageKey, open_history
+from stagectl.maps import build_map, load_active, to_json
+from stagectl.recipe import Recipe, load_recipe, make_fiducial, plan
+from stagectl.run import RunHistory, software
+from stagectl.sequencer import (
+    AxisCompensation,
+    Engine,
+    Event,
+    FreshPlaces,
+    FrictionUpdated,
+    LevelStepped,
+    Mode,
+    MovingAxis,
+    Places,
+    make_compensation,
+    summarise_moves,
+)
+from stagectl.store import SAMPLE_TAG, sample_codec, sample_dtype
 from stagedata import AxisSignals, Move, Recording
 
 F64 = NDArray[np.float64]

@@ -13,7 +13,7 @@ from scipy.interpolate import RegularGridInterpolator
 from hil_sim.effects.friction_map import field_factor
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import parse_machine
-from stagectl.sequencer.places import Expectation
+from stagectl.sequencer import Expectation
 
 F64 = NDArray[np.float64]
 SWING, LENGTH, WARM, TAU = 0.25, 0.04, 0.3, 120.0

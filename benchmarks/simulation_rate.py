@@ -20,10 +20,10 @@ from machine_facts import machine_facts
 
 from hil_sim.effects import AppliedEffect
 from hil_sim.effects.library import own_effects
-from hil_sim.plant.simulate import simulate
+from hil_sim.plant import simulate
 from hil_sim.settings import StageSettings
 from stagectl.config import load_machine, stage_settings
-from stagectl.store.recording import read_recording
+from stagectl.store import read_recording
 
 RECORDING = Path(__file__).parents[1] / "tests" / "data" / "null-2.h5"
 SPAN = 10.0  # s

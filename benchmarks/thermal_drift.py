@@ -25,11 +25,9 @@ from hil_sim.stage import VirtualStage
 from stagectl.config.host_model import friction_model
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import load_machine, parse_machine
-from stagectl.recipe.load import parse_recipe
-from stagectl.run.request import RunRequest
-from stagectl.run.session import Listener, execute
-from stagectl.sequencer.compensation import Mode
-from stagectl.sequencer.events import Event, FrictionUpdated
+from stagectl.recipe import parse_recipe
+from stagectl.run import Listener, RunRequest, execute
+from stagectl.sequencer import Event, FrictionUpdated, Mode
 
 FIRST_SITE = 5
 MOST_RMS, MOST = 0.015, 0.05

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from drivers.canopen.clock import Clock, MonotonicClock
-    from drivers.cyclic.samples import Sample
+    from drivers.canopen import Clock, MonotonicClock
+    from drivers.cyclic import Sample
     from drivers.errors import (
         AxisFault,
         BusError,

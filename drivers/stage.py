@@ -19,20 +19,21 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.canopen.bus import Network, Tap, open_bus
-from drivers.canopen.clock import Clock, MonotonicClock
-from drivers.canopen.other_host import LISTENING
-from drivers.cyclic.cycle import Cycle, Sink, Until
-from drivers.cyclic.realtime import RealTime
-from drivers.drive.axis import Axis
+from drivers.canopen import LISTENING, Clock, MonotonicClock, Network, Tap, open_bus
+from drivers.cyclic import Cycle, RealTime, Sink, Until
+from drivers.drive import Axis
 from drivers.errors import BusError, ConfigurationError, DriverError, NodeError
-from drivers.motion.csp import CyclicPosition
-from drivers.motion.csv_cst import CyclicForce, CyclicVelocity
-from drivers.motion.homing import Homing
-from drivers.motion.power import HOLDING_TIMEOUT, Power
-from drivers.motion.pp import ProfilePosition
-from drivers.motion.profile_moves import ProfileMoves
-from drivers.motion.safe_stop import SafeStop
+from drivers.motion import (
+    HOLDING_TIMEOUT,
+    CyclicForce,
+    CyclicPosition,
+    CyclicVelocity,
+    Homing,
+    Power,
+    ProfileMoves,
+    ProfilePosition,
+    SafeStop,
+)
 from drivers.settings import AxisSettings, BusSettings
 from stagedata import Samples
 

@@ -11,21 +11,21 @@ from __future__ import annotations
 from canopen import SdoAbortedError
 from canopen.sdo import constants as abort
 
-from hil_sim.cia301.dictionary import Dictionary
-from hil_sim.cia301.emergency import (
+from hil_sim.cia301 import (
     CONNECTION_ABORTED,
     HEARTBEAT_LOST,
     RPDO_TIMEOUT,
     SYNC_LENGTH,
+    Dictionary,
+    DriveSdoServer,
     Emergency,
+    NmtSlave,
+    NmtState,
+    PdoEngine,
 )
-from hil_sim.cia301.nmt import NmtSlave, NmtState
-from hil_sim.cia301.pdo_engine import PdoEngine
-from hil_sim.cia301.sdo_server import DriveSdoServer
+from hil_sim.cia402 import MotionControl, State
 from hil_sim.cia402 import objects as o
-from hil_sim.cia402.device_profile import MotionControl
-from hil_sim.cia402.state_machine import State
-from hil_sim.plant.motor import Motor
+from hil_sim.plant import Motor
 from hil_sim.ports import CanSegment, PlantPort
 from hil_sim.settings import StageSettings
 

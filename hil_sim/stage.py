@@ -59,7 +59,7 @@ class VirtualStage:
             raise ValueError(f"start: one position per axis ({len(nodes)}), are {len(start)}")
         self.settings = settings
         if plant is None:
-            from hil_sim.plant.stepped import Plant  # compiles: only where it is needed
+            from hil_sim.plant import Plant  # compiles: only where it is needed
 
             plant = Plant(
                 settings, seed, start_positions(settings, seed) if start is None else start

@@ -56,8 +56,7 @@ def stage_bus(virtual_drives: VirtualStage) -> Iterator[can.BusABC]:
 
     `bus.clock.now_ns()` is its time; only waiting (`recv`, `clock.sleep_until_ns`) moves it.
     """
-    from hil_sim.bus.lockstep import LockstepBus
-    from hil_sim.bus.world import World
+    from hil_sim.bus import LockstepBus, World
 
     world = World(f"pytest-{next(_channels)}")
     virtual_drives.attach(world)

@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 
 from canopen import SdoAbortedError, SdoCommunicationError
 
-from drivers.canopen.bus import Network
-from drivers.canopen.sdo_channel import SdoChannel
-from drivers.drive.cia402 import decode
+from drivers.canopen import Network, SdoChannel
+from drivers.drive import decode
 
 LISTEN = 0.25
 """How long to listen for heartbeats before and after asking [s]: two of our own periods."""

@@ -8,9 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from drivers import objects as od
-from drivers.canopen.emcy import error_text, register_text
-from drivers.drive.axis import Axis
-from drivers.drive.cia402 import State, Status, decode
+from drivers.canopen import error_text, register_text
+from drivers.drive import Axis, State, Status, decode
 from drivers.errors import ConfigurationError, NodeError
 from drivers.objects import ObjectRef
 

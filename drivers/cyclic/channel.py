@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from drivers.canopen.bus import OwnFrame
-from drivers.drive.axis import Axis
+from drivers.canopen import OwnFrame
+from drivers.drive import Axis
 from drivers.objects import TARGET_POSITION
 
 _MOST_EXTRA = 255

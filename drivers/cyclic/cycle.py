@@ -18,14 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers import objects as od
-from drivers.canopen.bus import Network
-from drivers.canopen.clock import Clock
-from drivers.canopen.node import Node
+from drivers.canopen import Clock, Network, Node
 from drivers.cyclic.channel import Channel
 from drivers.cyclic.exchange import Exchange
 from drivers.cyclic.samples import FIELDS, HEAD, VALID, Sample
-from drivers.drive.axis import Axis
-from drivers.drive.cia402 import ENABLED_MASK, ENABLED_VALUE, decode
+from drivers.drive import ENABLED_MASK, ENABLED_VALUE, Axis, decode
 from drivers.errors import AxisFault, BusError, ConfigurationError
 from drivers.settings import BusSettings
 

@@ -10,11 +10,10 @@ from collections.abc import Callable, Sequence
 
 import can
 
-from drivers.canopen.bus import Network, OwnFrame
-from drivers.canopen.clock import MonotonicClock, delivers_at_once, stamps_of
+from drivers.canopen import MonotonicClock, Network, OwnFrame, delivers_at_once, stamps_of
 from drivers.cyclic.channel import Channel
 from drivers.cyclic.sync import KernelSync, hear_own_frames
-from drivers.drive.axis import Axis
+from drivers.drive import Axis
 from drivers.errors import ConfigurationError
 from drivers.objects import SYNC_ID
 from drivers.settings import BusSettings

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drivers.drive.units import Scale
+from drivers.drive import Scale
 from stagedata import Samples
 
 Sample = tuple[int, ...]

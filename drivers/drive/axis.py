@@ -9,9 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from drivers import objects as od
-from drivers.canopen.bus import Network
-from drivers.canopen.node import Node
-from drivers.canopen.pdo import MappedObject, PdoMapping, PdoRecord
+from drivers.canopen import MappedObject, Network, Node, PdoMapping, PdoRecord
 from drivers.drive import dcf, parameters
 from drivers.drive.cia402 import Mode
 from drivers.drive.host_watch import unwatched

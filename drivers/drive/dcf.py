@@ -11,8 +11,7 @@ from collections.abc import Iterator
 
 import canopen
 
-from drivers.canopen.node import Node
-from drivers.canopen.remote_objects import Value
+from drivers.canopen import Node, Value
 from drivers.drive.parameters import Parameter, Rule
 from drivers.errors import ConfigurationError, NodeError, shown
 from drivers.objects import ObjectRef

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from drivers import objects as od
-from drivers.canopen.node import Node
+from drivers.canopen import Node
 from drivers.errors import NodeError
 from drivers.objects import ObjectRef
 from drivers.settings import HOST_NODE

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from enum import Enum, auto
 
 from drivers import objects as od
-from drivers.canopen.remote_objects import RemoteObjects
+from drivers.canopen import RemoteObjects
 from drivers.errors import ConfigurationError, NodeError
 from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings

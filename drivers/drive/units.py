@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from drivers import objects as od
-from drivers.canopen.node import Node
+from drivers.canopen import Node
 from drivers.errors import ConfigurationError
 from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings

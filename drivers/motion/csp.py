@@ -7,10 +7,8 @@ from array import array
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.cyclic.cycle import Cycle, Sink, Until
-from drivers.cyclic.realtime import RealTime
-from drivers.cyclic.samples import decode_rows
-from drivers.drive.cia402 import Mode
+from drivers.cyclic import Cycle, RealTime, Sink, Until, decode_rows
+from drivers.drive import Mode
 from drivers.errors import AxisFault
 from drivers.motion.limits import checked_counts
 from drivers.motion.power import Power

@@ -16,12 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers import objects as od
-from drivers.canopen.clock import Clock
-from drivers.cyclic.channel import Channel
-from drivers.cyclic.cycle import Cycle, Until
-from drivers.cyclic.realtime import RealTime
-from drivers.cyclic.samples import decode_rows
-from drivers.drive.cia402 import Mode
+from drivers.canopen import Clock
+from drivers.cyclic import Channel, Cycle, RealTime, Until, decode_rows
+from drivers.drive import Mode
 from drivers.errors import AxisFault
 from drivers.motion.limits import checked_forces, checked_velocities
 from drivers.motion.power import Power

@@ -8,10 +8,9 @@ has to be asked for is read when nothing moves any more (`explained`).
 from __future__ import annotations
 
 from drivers import objects as od
-from drivers.canopen.emcy import error_text, register_text
-from drivers.canopen.node import REBOOTED
-from drivers.cyclic.channel import Channel
-from drivers.drive.cia402 import Command, Control, Status, decode
+from drivers.canopen import REBOOTED, error_text, register_text
+from drivers.cyclic import Channel
+from drivers.drive import Command, Control, Status, decode
 from drivers.errors import (
     AxisFault,
     ConfigurationError,

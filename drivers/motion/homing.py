@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from enum import Enum, auto
 
 from drivers import objects as od
-from drivers.canopen.emcy import error_text
-from drivers.cyclic.channel import Channel
-from drivers.cyclic.cycle import Cycle
-from drivers.drive.cia402 import Command, Control, Mode, State, Status
+from drivers.canopen import error_text
+from drivers.cyclic import Channel, Cycle
+from drivers.drive import Command, Control, Mode, State, Status
 from drivers.errors import HomingError
 from drivers.motion.power import HOLDING_TIMEOUT, Cycles, Power, state_of
 from drivers.motion.safe_stop import SafeStop

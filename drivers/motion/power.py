@@ -10,9 +10,8 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 
 from drivers import objects as od
-from drivers.cyclic.channel import Channel
-from drivers.cyclic.cycle import Cycle
-from drivers.drive.cia402 import Command, Control, Mode, State, decode, next_controlword
+from drivers.cyclic import Channel, Cycle
+from drivers.drive import Command, Control, Mode, State, decode, next_controlword
 from drivers.errors import AxisFault, DriverError, NodeError
 
 TIMEOUT = 2.0

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
-from drivers.cyclic.cycle import Cycle
-from drivers.drive.cia402 import Mode
+from drivers.cyclic import Cycle
+from drivers.drive import Mode
 from drivers.motion import profile_position
 from drivers.motion.limits import checked_profile
 from drivers.motion.power import Power

@@ -9,9 +9,8 @@ and that each axis ends where it was told to is checked.
 from __future__ import annotations
 
 from drivers import objects as od
-from drivers.cyclic.channel import Channel
-from drivers.cyclic.cycle import Cycle
-from drivers.drive.cia402 import Control, State, Status
+from drivers.cyclic import Channel, Cycle
+from drivers.drive import Control, State, Status
 from drivers.errors import AxisFault, ConfigurationError, NodeError
 from drivers.motion.limits import checked_profile
 from drivers.motion.power import HOLDING_TIMEOUT, Cycles, Power, fault, state_of

@@ -11,9 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from drivers import objects as od
-from drivers.cyclic.channel import Channel
-from drivers.cyclic.cycle import Cycle
-from drivers.drive.cia402 import Command, Control, State, Status
+from drivers.cyclic import Channel, Cycle
+from drivers.drive import Command, Control, State, Status
 from drivers.errors import AxisFault
 from drivers.motion.power import Cycles, fault, state_of
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from drivers import objects as od
-from drivers.cyclic.cycle import Cycle
-from drivers.drive.cia402 import Command
+from drivers.cyclic import Cycle
+from drivers.drive import Command
 from drivers.errors import AxisFault, BusError
 from drivers.motion.fault_report import explained, gather
 from drivers.motion.power import Power

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
-from hil_sim.cia301.emergency import (
+from hil_sim.cia301 import (
     ENCODER_LOST,
     FOLLOWING_ERROR,
     HARDWARE,

@@ -1,1 +1,9 @@
 """The device profile of a virtual drive (CiA 402): power states, modes of operation, stops."""
+
+from hil_sim.cia402.device_profile import MotionControl
+from hil_sim.cia402.state_machine import State
+
+__all__ = [
+    "MotionControl",
+    "State",
+]

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from canopen import SdoAbortedError
 from canopen.sdo import constants as abort
 
-from hil_sim.cia301.dictionary import Dictionary
+from hil_sim.cia301 import Dictionary
 from hil_sim.cia402 import objects as o
 
 _SET = 1

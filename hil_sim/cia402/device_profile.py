@@ -23,12 +23,12 @@ from collections.abc import Callable
 from canopen import SdoAbortedError
 from canopen.sdo import constants as abort
 
-from hil_sim.cia301.dictionary import Dictionary
-from hil_sim.cia301.emergency import (
+from hil_sim.cia301 import (
     FOLLOWING_ERROR,
     HEARTBEAT_LOST,
     UNDER_VOLTAGE,
     WITHOUT_CONTROL,
+    Dictionary,
     Emergency,
 )
 from hil_sim.cia402 import objects as o
@@ -49,7 +49,7 @@ from hil_sim.cia402.state_machine import FAULT_RESET, HALT, Command, State, comm
 from hil_sim.cia402.supervision import Supervision
 from hil_sim.cia402.torque import CyclicTorque
 from hil_sim.cia402.velocity import CyclicVelocity, ProfileVelocity
-from hil_sim.plant.motor import Motor
+from hil_sim.plant import Motor
 from hil_sim.ports import CanSegment, Timer
 
 _VOLTAGE, _REMOTE = 1 << 4, 1 << 9

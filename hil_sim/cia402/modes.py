@@ -11,10 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
-from hil_sim.cia301.dictionary import Dictionary
+from hil_sim.cia301 import Dictionary
 from hil_sim.cia402 import objects as o
 from hil_sim.cia402.profile_generator import ProfileGenerator
-from hil_sim.plant.motor import Motor
+from hil_sim.plant import Motor
 from hil_sim.ports import CanSegment
 
 TICK_NS = 1_000_000  # period of the profile generator and of supervision outside csp

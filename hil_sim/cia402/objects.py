@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from hil_sim.cia301.dictionary import Value, key
+from hil_sim.cia301 import Value, key
 from hil_sim.settings import AxisSettings
 
 CYCLE_PERIOD = key(0x1006)

@@ -9,10 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from hil_sim.cia301.dictionary import Dictionary
-from hil_sim.cia301.emergency import OVER_CURRENT, OVER_TRAVEL
+from hil_sim.cia301 import OVER_CURRENT, OVER_TRAVEL, Dictionary
 from hil_sim.cia402 import objects as o
-from hil_sim.plant.motor import Motor
+from hil_sim.plant import Motor
 from hil_sim.ports import CanSegment
 
 SWITCH_DISTANCE = 5e-3

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from hil_sim.plant.port_arrays import opened
+from hil_sim.plant import opened
 from hil_sim.settings import ControlSettings, StageSettings
 from sim2real.gap import Replay
 from stagedata import BoolArray, FloatArray

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil_sim.plant.simulate import simulate
+from hil_sim.plant import simulate
 from hil_sim.settings import StageSettings
 from sim2real.blind.moves import Demands
 from stagedata import AxisSignals, Recording

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hil_sim.effects.effect import Effect
-from hil_sim.plant.simulate import simulate
+from hil_sim.plant import simulate
 from hil_sim.settings import StageSettings
 from sim2real.blind.draw import Key, build_stage, draw_key
 from sim2real.blind.moves import Demands, draw_demands

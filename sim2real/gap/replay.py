@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.plant.simulate import Response, needs_all_axes, simulate
+from hil_sim.plant import Response, needs_all_axes, simulate
 from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.gap.sync_grid import match_periods
 from sim2real.report import SIGNALS

@@ -13,7 +13,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.plant.mechanics import advance, command
+from hil_sim.plant import advance, command
 from sim2real.tracking.error_states import (
     STATES,
     discretise,

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects.ports import EffectPorts
-from hil_sim.plant.arrays import Arrays
+from hil_sim.plant import Arrays
 from hil_sim.settings import SUBSTEPS, AxisSettings, StageSettings
 from sim2real.gap import Replay
 from sim2real.tracking.error_states import (

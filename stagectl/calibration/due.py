@@ -8,13 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stagectl.calibration.sites import DAY, Calibration, DueSection
-from stagectl.history.opening import is_server, open_history
-from stagectl.history.port import History
-from stagectl.history.records import Pair, StageKey, StepRecord, Wear
-from stagectl.maps.active import load_active
-from stagectl.maps.places import NEAR, TrackedPlaces
-from stagectl.run.request import RunRequest
-from stagectl.run.run_history import begins
+from stagectl.history import History, Pair, StageKey, StepRecord, Wear, is_server, open_history
+from stagectl.maps import NEAR, TrackedPlaces, load_active
+from stagectl.run import RunRequest, begins
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.errors import UnusableInput
-from stagectl.recipe.model import Pair
-from stagectl.store.recording import RunNotes, read_notes
-from stagectl.store.recovery import RECORDING_NAME
+from stagectl.recipe import Pair
+from stagectl.store import RECORDING_NAME, RunNotes, read_notes
 
 
 @dataclass(frozen=True, slots=True)

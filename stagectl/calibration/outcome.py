@@ -9,9 +9,8 @@ from statistics import median
 from typing import Any
 
 from stagectl.calibration.sequence import START, Gain, SiteSequence
-from stagectl.history.records import Pair
-from stagectl.maps.compare import AxisChange
-from stagectl.maps.model import FrictionMap
+from stagectl.history import Pair
+from stagectl.maps import AxisChange, FrictionMap
 
 WATCH, ACT = 0.03, 0.10
 """Relative change of a site beside the common one from which it is to be watched, or seen to."""

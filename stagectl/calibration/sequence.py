@@ -20,8 +20,8 @@ from estimation.split_horizon import MoveData, SplitHorizonEstimator
 from estimation.trajectory import Limits, plan
 from stagectl.config.host_model import friction_model
 from stagectl.config.machine import Axis, Machine
-from stagectl.recipe.model import Excursion, Profile
-from stagectl.sequencer.compensation import AxisCompensation, Mode
+from stagectl.recipe import Excursion, Profile
+from stagectl.sequencer import AxisCompensation, Mode
 
 GOALS = {"coulomb": 0.01, "viscous": 0.03, "stiffness": 0.01, "relaxation_rate": 0.035}
 """Relative standard deviations that a calibration is to reach."""

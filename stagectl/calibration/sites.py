@@ -14,10 +14,7 @@ from stagectl.config.machine import Label, Machine
 from stagectl.config.units import PositiveLength, PositiveNumber, PositiveTime
 from stagectl.config.yaml_nodes import load_document
 from stagectl.errors import ConfigError
-from stagectl.recipe import schema
-from stagectl.recipe.load import grid_positions, parse_recipe
-from stagectl.recipe.model import NoMark, Pair, Recipe
-from stagectl.recipe.tables import read_sites
+from stagectl.recipe import NoMark, Pair, Recipe, grid_positions, parse_recipe, read_sites, schema
 
 DAY = 86400.0
 

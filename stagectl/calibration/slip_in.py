@@ -14,7 +14,7 @@ from estimation.trajectory import Limits
 from estimation.trajectory import plan as motion
 from stagectl.calibration.due import DueSite
 from stagectl.calibration.sequence import REST, SiteSequence
-from stagectl.recipe.model import Pair, Recipe
+from stagectl.recipe import Pair, Recipe
 
 
 def slip_in(

@@ -18,7 +18,7 @@ import click
 from stagectl.cli.options import FILE, BusType
 
 if TYPE_CHECKING:
-    from drivers.canopen.bus import Network
+    from drivers.canopen import Network
     from drivers.settings import AxisSettings, BusSettings
     from drivers.stage import Stage
     from stagectl.config.machine import Machine
@@ -86,7 +86,7 @@ class Bench:
             if not self._simulate:
                 yield self.bus
                 return
-            from hil_sim.bus.world import World
+            from hil_sim.bus import World
             from hil_sim.stage import VirtualStage
             from stagectl.config.mapping import stage_settings
 
@@ -104,7 +104,7 @@ class Bench:
         Raises:
             RunFault: bus, node or axis failed.
         """
-        from drivers.canopen.bus import Network, open_bus
+        from drivers.canopen import Network, open_bus
 
         with self.on_bus() as settings:
             bus = open_bus(settings)

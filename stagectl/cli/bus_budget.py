@@ -10,7 +10,7 @@ import click
 from stagectl.cli.options import FILE, JSON_FILE, NumberRange, quietly, write_json
 
 if TYPE_CHECKING:
-    from drivers.bench.bus_budget import BusBudget
+    from drivers.bench import BusBudget
 
 _BYTES = click.IntRange(0, 8)
 
@@ -31,7 +31,7 @@ def command(
 
     Exit code 0 when the worst cycle fits, 1 when it does not. Arithmetic: no bus is opened.
     """
-    from drivers.bench.bus_budget import stage_budget
+    from drivers.bench import stage_budget
     from stagectl.config.machine_file import load_machine
     from stagectl.errors import StagectlError
 

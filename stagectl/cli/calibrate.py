@@ -15,14 +15,11 @@ from stagectl.cli.options import FILE, JSON_FILE, quietly, write_json
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from stagectl.calibration.outcome import SiteOutcome
-    from stagectl.calibration.sequence import SiteSequence
-    from stagectl.calibration.sites import Calibration
-    from stagectl.history.records import Pair, StageKey
-    from stagectl.maps.compare import AxisChange
-    from stagectl.maps.model import FrictionMap
-    from stagectl.recipe.model import Recipe
-    from stagectl.run.request import Resumed, RunRequest
+    from stagectl.calibration import Calibration, SiteOutcome, SiteSequence
+    from stagectl.history import Pair, StageKey
+    from stagectl.maps import AxisChange, FrictionMap
+    from stagectl.recipe import Recipe
+    from stagectl.run import Resumed, RunRequest
 
 _STYLES = {"good": "green", "watch": "yellow", "act": "red", "failed": "red"}
 
@@ -64,9 +61,8 @@ def command(
     The new map is kept in the history; 'stagectl map activate' puts it into use. Nothing of the
     drives is changed, and the stage ends at the first site.
     """  # noqa: D301
-    from stagectl.calibration.outcome import predicted_line
-    from stagectl.calibration.sites import load_calibration
-    from stagectl.history.opening import FILE_NAME, default_history
+    from stagectl.calibration import load_calibration, predicted_line
+    from stagectl.history import FILE_NAME, default_history
 
     believed, truth = machines_of(machine, simulate, bus, moves=not dry_run)
     calibration = load_calibration(sites, believed)
@@ -85,8 +81,8 @@ def command(
             click.echo(f"  {line}")
         if not calibration.sequence.reaches():
             click.echo("  not as well as it should: a larger 'reach' may help")
-    from stagectl.run.request import RunRequest
-    from stagectl.sequencer.compensation import Mode
+    from stagectl.run import RunRequest
+    from stagectl.sequencer import Mode
 
     request = RunRequest(
         calibration.recipe, believed, truth, bus, Mode.ESTIMATED, 1.0, seed, folder, started,
@@ -122,8 +118,8 @@ def _gone_on_with(
     calibration: Calibration, folder: Path
 ) -> tuple[Recipe, Resumed, list[dict[str, Any]]]:
     """The sites of an interrupted calibration, whatever is due now, and what it has found."""
-    from stagectl.calibration.interrupted import load_interrupted_calibration
-    from stagectl.run.resume import load_interrupted
+    from stagectl.calibration import load_interrupted_calibration
+    from stagectl.run import load_interrupted
 
     resumed = load_interrupted(folder, calibration.recipe)
     interrupted = load_interrupted_calibration(folder)
@@ -135,7 +131,7 @@ def _chosen(
     calibration: Calibration, request: RunRequest, due: bool, quiet: bool
 ) -> tuple[Pair, ...]:
     """All sites, or those that are due."""
-    from stagectl.calibration.due import due_now
+    from stagectl.calibration import due_now
 
     sites = calibration.recipe.sites
     if not due:
@@ -158,11 +154,11 @@ def _measure(
     """
     from rich.console import Console
 
-    from stagectl.calibration.outcome import outcomes, overall, reached_lines, visited
+    from stagectl.calibration import outcomes, overall, reached_lines, visited
     from stagectl.cli.progress import RunProgress
     from stagectl.errors import StagectlError, UnusableInput
-    from stagectl.history.records import StageKey
-    from stagectl.run.session import Listener, execute
+    from stagectl.history import StageKey
+    from stagectl.run import Listener, execute
 
     console = Console(stderr=quiet)
     machine = request.machine
@@ -219,12 +215,8 @@ def _new_map(
         UnusableInput: there is too little to make one of.
         StagectlError: the history cannot be read, or written.
     """
-    from stagectl.history.opening import open_history
-    from stagectl.maps.active import map_versions
-    from stagectl.maps.build import build_map
-    from stagectl.maps.compare import compare
-    from stagectl.maps.learning import tracking_settings
-    from stagectl.maps.model import to_json
+    from stagectl.history import open_history
+    from stagectl.maps import build_map, compare, map_versions, to_json, tracking_settings
 
     history = open_history(str(request.history), write=True)
     try:

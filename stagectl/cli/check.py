@@ -34,7 +34,7 @@ def command(
     while another host is on the bus. Exit code 0 when nothing failed, else 1.
     """
     from drivers.bench.conformance import Verdict, run
-    from drivers.canopen.other_host import LISTENING
+    from drivers.canopen import LISTENING
     from stagectl.errors import StagectlError
 
     bench = Bench(machine, bus, simulate, seed)

@@ -14,9 +14,9 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from stagectl.run.request import RunResult
-from stagectl.sequencer.verdict import SiteVerdict
-from stagectl.store.bus_log import SPOOL_NAME
+from stagectl.run import RunResult
+from stagectl.sequencer import SiteVerdict
+from stagectl.store import SPOOL_NAME
 
 _STYLES = {"completed": "green", "aborted": "yellow", "fault": "red"}
 _ORDER = {"macro": 0, "micro": 1}

@@ -68,7 +68,7 @@ def diagnose(
     from sim2real.diagnosis import examine
     from stagectl.config.mapping import stage_settings
     from stagectl.errors import ConfigError, UnusableInput
-    from stagectl.store.recording import read_recording
+    from stagectl.store import read_recording
 
     recorded = [read_recording(path) for path in recordings]
     model = machine_of(machine, *recorded)
@@ -89,7 +89,7 @@ def diagnose(
     if json_out is not None:
         write_json(report.to_json(), json_out)
     if html_out is not None:
-        from stagectl.report.gap_page import write_gap_page
+        from stagectl.report import write_gap_page
 
         write_gap_page(
             html_out, report, examined, model.name,

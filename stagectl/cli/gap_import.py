@@ -20,8 +20,7 @@ def import_data(data: Path, how: Path, out: Path | None) -> None:
     goes into the recording; its drives may have a PID or a cascade. Example: examples/emps.
     """
     from stagectl.config.import_map import load_map
-    from stagectl.store.foreign import import_recording
-    from stagectl.store.recording import write_recording
+    from stagectl.store import import_recording, write_recording
 
     columns, machine = load_map(how)
     recording = import_recording(data, columns, machine)

@@ -34,7 +34,7 @@ def measure(recording: Path, machine: Path | None, json_out: Path | None) -> Non
     """
     from sim2real.report import FORMAT, VERSION, gap_json
     from stagectl.config.mapping import stage_settings
-    from stagectl.store.recording import read_recording
+    from stagectl.store import read_recording
 
     recorded = read_recording(recording)
     model = machine_of(machine, recorded)
@@ -65,7 +65,7 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
     from sim2real.report import FORMAT, VERSION, GapFigures, gap_json
     from stagectl.config.machine_file import load_machine
     from stagectl.config.mapping import stage_settings
-    from stagectl.store.recording import read_recording
+    from stagectl.store import read_recording
 
     machines = [load_machine(path) for path in (first, second)]
     settings = [stage_settings(machine) for machine in machines]

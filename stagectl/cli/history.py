@@ -29,8 +29,7 @@ def import_run(run: Path, history: str | None) -> None:
     folder is where it was. Importing twice adds nothing.
     """
     from stagectl.errors import UnusableInput
-    from stagectl.history.filing import file_run, runs_in
-    from stagectl.history.opening import open_history
+    from stagectl.history import file_run, open_history, runs_in
 
     for noted in runs_in(run):
         where = history or noted.where

@@ -10,9 +10,8 @@ import click
 
 if TYPE_CHECKING:
     from stagectl.config.machine import Machine
-    from stagectl.history.port import History
-    from stagectl.history.records import StageKey
-    from stagectl.maps.model import MapVersion
+    from stagectl.history import History, StageKey
+    from stagectl.maps import MapVersion
 
 USUAL = ("runs/stage.db", "stage.db")
 """Where a history is looked for."""
@@ -47,7 +46,7 @@ def open_for(
         UnusableInput: there is no history, or not just one such stage in it.
     """
     from stagectl.errors import UnusableInput
-    from stagectl.history.opening import open_history
+    from stagectl.history import open_history
 
     if where is None:
         where = next((name for name in USUAL if Path(name).is_file()), None)
@@ -82,7 +81,7 @@ def machine_of(path: Path | None) -> Machine:
 
 def versions_of(history: History, stage: StageKey) -> list[MapVersion]:
     """All versions of a stage's map."""
-    from stagectl.maps.active import map_versions
+    from stagectl.maps import map_versions
 
     return map_versions(history, stage)
 

@@ -44,10 +44,10 @@ def command(
     """
     from rich.console import Console
 
-    from stagectl.calibration.identify import identify_axis
+    from stagectl.calibration import identify_axis
     from stagectl.config.machine_file import load_machine, parse_machine
     from stagectl.errors import UnusableInput
-    from stagectl.store.recording import read_recording
+    from stagectl.store import read_recording
 
     read = [read_recording(path) for path in recordings]
     model = (

@@ -11,7 +11,7 @@ from stagectl.cli.history_access import chosen, history_options, open_for, versi
 from stagectl.cli.options import JSON_OUT, OUTPUT, NumberRange, quietly, write_json
 
 if TYPE_CHECKING:
-    from stagectl.maps.model import MapVersion
+    from stagectl.maps import MapVersion
 
 
 @click.command("show", short_help="A version: its figures, sites, and an HTML page.")
@@ -29,8 +29,7 @@ def show(
 
     from rich.console import Console
 
-    from stagectl.maps.plain import shown
-    from stagectl.maps.tables import at_place, summary
+    from stagectl.maps import at_place, shown, summary
 
     if at is not None and not all(map(isfinite, at)):
         raise click.BadParameter("must be two finite numbers, in m", param_hint="--at")
@@ -44,7 +43,7 @@ def show(
         if at is not None:
             console.print(at_place(version, at), crop=False)
         if html is not None:
-            from stagectl.maps.report import write_map_report
+            from stagectl.maps import write_map_report
 
             write_map_report(html, opened, stage, version, _before(versions, version))
             click.echo(f"written: {html}", err=quietly(json_out))
@@ -63,8 +62,7 @@ def list_versions(
     """All versions and their use."""
     from rich.console import Console
 
-    from stagectl.maps.plain import listed
-    from stagectl.maps.tables import versions_table
+    from stagectl.maps import listed, versions_table
 
     opened, stage = open_for(history, stage_name, simulated)
     try:
@@ -88,9 +86,8 @@ def compare(
     """What has changed from version OLD to version NEW."""
     from rich.console import Console
 
-    from stagectl.maps.compare import compare as changes
-    from stagectl.maps.plain import changed
-    from stagectl.maps.tables import changes_table
+    from stagectl.maps import changed, changes_table
+    from stagectl.maps import compare as changes
 
     opened, stage = open_for(history, stage_name, simulated)
     try:

@@ -11,9 +11,8 @@ from stagectl.cli.history_access import chosen, history_options, machine_of, ope
 from stagectl.cli.options import FILE, JSON_OUT, NumberRange, quietly, write_json
 
 if TYPE_CHECKING:
-    from stagectl.history.port import History
-    from stagectl.history.records import StageKey
-    from stagectl.maps.model import MapVersion
+    from stagectl.history import History, StageKey
+    from stagectl.maps import MapVersion
 
 MAX_AGE = 365.0
 """A map of so long ago [days] is not put into use without being asked for."""
@@ -31,8 +30,7 @@ def build(
     """Make a new version out of what is in the history; it is not put into use by this."""
     from datetime import UTC, datetime
 
-    from stagectl.maps.build import build_map
-    from stagectl.maps.model import to_json
+    from stagectl.maps import build_map, to_json
 
     def seconds(value: object, default: float) -> float:
         return value.replace(tzinfo=UTC).timestamp() if isinstance(value, datetime) else default
@@ -87,7 +85,7 @@ def rollback(
         if before is None:
             from datetime import UTC, datetime
 
-            from stagectl.maps.plain import applied
+            from stagectl.maps import applied
 
             opened.activate(stage, None, datetime.now(UTC).timestamp(), "rolled back")
             click.echo(f"{stage}: no map in use", err=quietly(json_out))
@@ -124,8 +122,7 @@ def _apply(
     from datetime import UTC, datetime
 
     from stagectl.errors import UnusableInput
-    from stagectl.maps.applicable import outdated, problems
-    from stagectl.maps.plain import applied
+    from stagectl.maps import applied, outdated, problems
 
     now, quiet = datetime.now(UTC).timestamp(), quietly(json_out)
     found = [*problems(version.map, machine_of(machine)), *outdated(version.map, now, max_age)]

@@ -12,8 +12,7 @@ from stagectl.cli.options import JSON_FILE, OUTPUT, quietly, write_json
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from stagectl.paper.study import Study
-    from stagectl.paper.tables import Case
+    from stagectl.paper import Case, Study
 
 
 @click.command(short_help="The source paper's tables and claims, reproduced.")
@@ -86,10 +85,7 @@ def command(json_out: Path | None, out: Path | None, quick: bool, **chosen: Any)
 
 
 def _case(chosen: dict[str, Any]) -> Case:
-    from stagectl.paper.signals import Processing
-    from stagectl.paper.simulate import Setup
-    from stagectl.paper.tables import Case
-    from stagectl.paper.window import Options
+    from stagectl.paper import Case, Options, Processing, Setup
 
     return Case(
         Setup(

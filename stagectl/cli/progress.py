@@ -12,9 +12,8 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from stagectl.recipe.model import Recipe
-from stagectl.recipe.plan import MoveStep, plan
-from stagectl.sequencer.events import (
+from stagectl.recipe import MoveStep, Recipe, plan
+from stagectl.sequencer import (
     DriveLimited,
     Event,
     Exposed,

@@ -14,7 +14,7 @@ def command(folder: Path) -> None:
 
     `stagectl run --out FOLDER` does this by itself before it writes there.
     """
-    from stagectl.store.recovery import recover_folder
+    from stagectl.store import recover_folder
 
     recovered, log = recover_folder(folder)
     if recovered is not None:

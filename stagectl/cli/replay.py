@@ -11,7 +11,7 @@ from stagectl.cli.options import JSON_FILE, quietly, write_json
 
 if TYPE_CHECKING:
     from stagectl.run.replay.rerun import Replayed
-    from stagectl.store.log_reader import LoggedFrame
+    from stagectl.store import LoggedFrame
 
 
 @click.command(short_help="A recorded bus log drives the host again.")
@@ -30,9 +30,9 @@ def command(run: Path, json_out: Path | None) -> None:
     """
     from rich.console import Console
 
+    from stagectl.run import Listener
     from stagectl.run.replay.rerun import replay
-    from stagectl.run.session import Listener
-    from stagectl.sequencer.events import Event, MoveStarted
+    from stagectl.sequencer import Event, MoveStarted
 
     with Console(stderr=True).status("reading") as status:
 

@@ -12,10 +12,10 @@ from stagectl.cli.motion import machines_of, simulated_or_real, stop_on_signal
 from stagectl.cli.options import FILE, JSON_FILE, NumberRange, quietly, write_json
 
 if TYPE_CHECKING:
-    from hil_sim.bus.faults import FaultPlan
+    from hil_sim.bus import FaultPlan
     from stagectl.config.machine import Machine
-    from stagectl.recipe.model import Recipe
-    from stagectl.run.request import RunRequest
+    from stagectl.recipe import Recipe
+    from stagectl.run import RunRequest
 
 USUAL_BUDGET = 5.0
 """Time for sites slipped into a run, where neither option nor file says [s]."""
@@ -125,7 +125,7 @@ def command(
     Ctrl-C brings the stage to a controlled stop and keeps what was recorded; a second one
     does not hurry it. Exit code 0 completed, 2 unusable input, 3 fault, 130 stopped.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
-    from stagectl.recipe.load import load_recipe
+    from stagectl.recipe import load_recipe
 
     if faults is not None and simulate is None:
         raise click.UsageError("--faults needs --simulate: real faults come by themselves")
@@ -142,10 +142,9 @@ def command(
     started = datetime.now(UTC).astimezone()
     folder = out or Path("runs") / f"{loaded.name}-{started:%Y%m%d-%H%M%S}"
     _check_apart(folder, resume)
-    from stagectl.history.opening import default_history
-    from stagectl.run.request import RunRequest
-    from stagectl.run.resume import load_interrupted
-    from stagectl.sequencer.compensation import Mode
+    from stagectl.history import default_history
+    from stagectl.run import RunRequest, load_interrupted
+    from stagectl.sequencer import Mode
 
     request = RunRequest(
         loaded,
@@ -172,9 +171,7 @@ def _with_due_sites(request: RunRequest, path: Path, budget: float | None) -> Ru
     """The run with the due sites of a calibration in it that there is time for."""
     from dataclasses import replace
 
-    from stagectl.calibration.due import due_now
-    from stagectl.calibration.sites import load_calibration
-    from stagectl.calibration.slip_in import slip_in
+    from stagectl.calibration import due_now, load_calibration, slip_in
 
     if request.history is None:
         raise click.UsageError("--calibrate needs a history: what is due is known from it")
@@ -202,7 +199,7 @@ def _faults(path: Path, machine: Machine, seed: int) -> FaultPlan:
 
 
 def _dry_run(recipe: Recipe, machine: Machine, json_out: Path | None) -> None:
-    from stagectl.recipe.dry_run import dry_run
+    from stagectl.recipe import dry_run
 
     outcome = dry_run(recipe, machine)
     if json_out is not None:
@@ -226,7 +223,7 @@ def _run(request: RunRequest, json_out: Path | None) -> None:
 
     from stagectl.cli.closing import closing
     from stagectl.cli.progress import RunProgress
-    from stagectl.run.session import Listener, execute
+    from stagectl.run import Listener, execute
 
     quiet = quietly(json_out)
     console = Console(stderr=quiet)

@@ -11,7 +11,7 @@ from stagectl.cli.bus_access import Bench, bus_options
 from stagectl.cli.options import JSON_FILE, NumberRange, write_json
 
 if TYPE_CHECKING:
-    from drivers.bench.scan import Found
+    from drivers.bench import Found
 
 
 @click.command(short_help="Who is on the bus.")
@@ -29,7 +29,7 @@ def command(
     Nodes are found by boot-up message, heartbeat, and by asking every id for its device type
     (SDO read of 0x1000). Nothing is written, nothing moves.
     """
-    from drivers.bench.scan import scan
+    from drivers.bench import scan
 
     bench = Bench(machine, bus, simulate, seed)
     with bench.onlooker() as network:
@@ -66,7 +66,7 @@ def _entry(node: Found, axes: dict[int, str]) -> dict[str, Any]:
 def _table(found: list[Found], axes: dict[int, str], label: str) -> Any:
     from rich.table import Table
 
-    from drivers.canopen.emcy import error_text
+    from drivers.canopen import error_text
 
     if not found:
         return f"nobody was heard on {label}: power, wiring, termination, bit rate?"

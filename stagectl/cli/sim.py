@@ -35,11 +35,11 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
     The drives boot at once (boot-up message, then heartbeat); their EDS is packaged with
     stagectl, the command prints where. They wait for a bus that goes away.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
-    from drivers.canopen.bus import open_bus
-    from drivers.cyclic.realtime import RealTime
+    from drivers.canopen import open_bus
+    from drivers.cyclic import RealTime
     from drivers.errors import BusError
-    from hil_sim.bus.server import serve
-    from hil_sim.plant.stepped import warm_up
+    from hil_sim.bus import serve
+    from hil_sim.plant import warm_up
     from hil_sim.stage import VirtualStage
     from stagectl.config.machine_file import load_machine
     from stagectl.config.mapping import driver_settings, eds_path, stage_settings

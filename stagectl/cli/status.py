@@ -11,7 +11,7 @@ from stagectl.cli.bus_access import Bench, bus_options
 from stagectl.cli.options import JSON_FILE, write_json
 
 if TYPE_CHECKING:
-    from drivers.bench.status import AxisStatus
+    from drivers.bench import AxisStatus
 
 _LISTEN = 0.25  # two heartbeats [s]
 
@@ -28,8 +28,8 @@ def command(
     Positions count from the drive's zero, which is the stage's only after homing. Works beside a
     host that runs the stage, unless that one talks by SDO at the same moment.
     """
-    from drivers.bench.status import status_of
-    from drivers.drive.axis import Axis
+    from drivers.bench import status_of
+    from drivers.drive import Axis
 
     bench = Bench(machine, bus, simulate, seed)
     with bench.onlooker() as network:
@@ -60,7 +60,7 @@ def _entry(status: AxisStatus) -> dict[str, Any]:
 def _table(statuses: list[AxisStatus], machine: str) -> Any:
     from rich.table import Table
 
-    from drivers.bench.status import error_line
+    from drivers.bench import error_line
 
     table = Table(title=f"Status of {machine}", title_justify="left")
     for name in ("axis", "node", "NMT", "status", "mode", "position", "force", "errors"):

@@ -14,9 +14,7 @@ from stagectl.errors import StagectlError, UnusableInput
 from stagectl.history.noted import NotedRun, noted_run
 from stagectl.history.port import History
 from stagectl.history.records import StageKey
-from stagectl.store.journal import FILE_NAME
-from stagectl.store.recording import read_notes
-from stagectl.store.recovery import RECORDING_NAME, RECOVERED_NAME, read_journal_notes
+from stagectl.store import FILE_NAME, RECORDING_NAME, RECOVERED_NAME, read_journal_notes, read_notes
 
 BATCH = 500
 """So many estimates are filed in one transaction."""

@@ -13,7 +13,7 @@ from typing import Any
 
 from stagectl.errors import UnusableInput
 from stagectl.history.records import EstimateRecord, RunEntry, StageKey, StepRecord
-from stagectl.store.recording import RunNotes
+from stagectl.store import RunNotes
 
 _IN_EVENT = ("run", "axis", "site", "accepted", "reason")
 """What of an estimate its event has anyway, or only the database knows."""

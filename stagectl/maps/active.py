@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from stagectl.config.machine import Machine
-from stagectl.history.port import History
-from stagectl.history.records import EstimateRecord, Pair, StageKey
+from stagectl.history import EstimateRecord, History, Pair, StageKey
 from stagectl.maps.applicable import problems
 from stagectl.maps.learning import figure_drift, of_each, tracking_settings
 from stagectl.maps.model import FrictionMap, MapVersion, from_json
 from stagectl.maps.places import TrackedPlaces
-from stagectl.sequencer.compensation import Figures
+from stagectl.sequencer import Figures
 
 REPLAYED = 60
 """So many of the last measurements of each place and axis are gone through to bring a map up to

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stagectl.config.machine import Axis, Machine
-from stagectl.history.records import Pair
+from stagectl.history import Pair
 from stagectl.maps.build import LEAST_SITES
 from stagectl.maps.model import FrictionMap, MapAxis, MapVersion
 

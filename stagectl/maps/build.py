@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from estimation.friction_field import KERNELS, FrictionField
 from estimation.site_tracking import COMMON, SITES, SiteTracker, TrackingSettings
 from stagectl.errors import UnusableInput
-from stagectl.history.port import History
-from stagectl.history.records import F64, Measurement, Pair, StageKey
+from stagectl.history import F64, History, Measurement, Pair, StageKey
 from stagectl.maps.learning import of_each
 from stagectl.maps.model import FrictionMap, MapAxis, MapSite
 

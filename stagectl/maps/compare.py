@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stagectl.history.records import Pair
+from stagectl.history import Pair
 from stagectl.maps.model import FrictionMap, MapAxis
 
 MEANS_SOMETHING = 3.5

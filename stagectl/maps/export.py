@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.history.port import History
-from stagectl.history.records import RunEntry, StageKey
+from stagectl.history import History, RunEntry, StageKey
 from stagectl.maps.model import MapVersion
 
 _ALL = 10**9

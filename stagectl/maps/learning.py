@@ -15,8 +15,7 @@ import numpy as np
 from estimation.process_noise import DAY, ProcessNoise, Series, learn
 from estimation.site_tracking import TrackingSettings
 from stagectl.config.machine import Machine
-from stagectl.history.port import History
-from stagectl.history.records import Measurement, Pair, StageKey
+from stagectl.history import History, Measurement, Pair, StageKey
 
 HOUR = 3600.0
 MOST_STEPS = 400

@@ -16,7 +16,7 @@ import numpy as np
 
 from estimation.friction_field import KERNELS, FrictionField, Node
 from stagectl.errors import UnusableInput
-from stagectl.history.records import Pair, StageKey
+from stagectl.history import Pair, StageKey
 
 FORMAT = "stagectl-friction-map"
 VERSION = 1

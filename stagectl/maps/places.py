@@ -16,11 +16,9 @@ from numpy.typing import NDArray
 from estimation.friction_field import FrictionField
 from estimation.site_tracking import Observation, SiteTracker, TrackingSettings
 from estimation.split_horizon import Estimate
-from stagectl.history.measured import doubt, measured_level
-from stagectl.history.records import Measurement, Pair
+from stagectl.history import Measurement, Pair, doubt, measured_level
 from stagectl.maps.model import FrictionMap
-from stagectl.sequencer.events import LevelStepped
-from stagectl.sequencer.places import Expectation
+from stagectl.sequencer import Expectation, LevelStepped
 
 F64 = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from stagectl.history.records import Activation, Pair, StageKey
+from stagectl.history import Activation, Pair, StageKey
 from stagectl.maps.applicable import Problem
 from stagectl.maps.compare import AxisChange
 from stagectl.maps.model import MapVersion

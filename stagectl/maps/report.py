@@ -9,15 +9,14 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
-from stagectl.history.port import History
-from stagectl.history.records import StageKey
+from stagectl.history import History, StageKey
 from stagectl.maps.compare import AxisChange, compare
 from stagectl.maps.heat_map import HeatMap, draw_heat_map
 from stagectl.maps.learning import figure_noise
 from stagectl.maps.model import MapAxis, MapVersion
 from stagectl.maps.tables import FIGURES, day
 from stagectl.maps.trend_chart import MOST, draw_trend
-from stagectl.store.atomic import write_atomically
+from stagectl.store import write_atomically
 
 _STYLE = Path(__file__).parents[1] / "report" / "static" / "report.css"
 _TEMPLATES = Path(__file__).parents[1] / "report" / "templates"

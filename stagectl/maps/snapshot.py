@@ -18,7 +18,7 @@ from stagectl.config.machine import Machine
 from stagectl.maps.active import ActiveMap
 from stagectl.maps.model import MapVersion, from_json, to_json
 from stagectl.maps.places import TrackedPlaces
-from stagectl.sequencer.compensation import Figures
+from stagectl.sequencer import Figures
 
 _SETTINGS = {field.name for field in fields(TrackingSettings)}
 """Of another version's settings those that there still are: a replay then shows the difference."""

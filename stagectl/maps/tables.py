@@ -10,7 +10,7 @@ from rich import box
 from rich.console import Group, RenderableType
 from rich.table import Table
 
-from stagectl.history.records import Activation, StageKey
+from stagectl.history import Activation, StageKey
 from stagectl.maps.compare import AxisChange
 from stagectl.maps.model import MapVersion
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from stagectl.history.records import Trend
+from stagectl.history import Trend
 from stagectl.maps.tables import day
-from stagectl.paper.svg import ticks
+from stagectl.paper import ticks
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 44, 8, 22, 22
 MOST = 200

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from estimation.trajectory import Limits, plan
-from hil_sim.plant.friction import element_shares, slip_step, stribeck
+from hil_sim.plant import element_shares, slip_step, stribeck
 from stagectl.paper import published
 
 F64 = NDArray[np.float64]

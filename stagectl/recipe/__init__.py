@@ -1,6 +1,43 @@
 """Recipes: files checked against a machine, and the flat plan of steps they come to."""
 
-from stagectl.recipe.load import load_recipe as load_recipe
-from stagectl.recipe.load import parse_recipe as parse_recipe
-from stagectl.recipe.model import Recipe as Recipe
-from stagectl.recipe.plan import plan as plan
+from stagectl.recipe.dry_run import dry_run
+from stagectl.recipe.fiducial import Fiducial, make_fiducial
+from stagectl.recipe.load import grid_positions, load_recipe, parse_recipe
+from stagectl.recipe.model import Excursion, NoMark, Pair, Profile, Recipe, SiteLimits
+from stagectl.recipe.plan import (
+    DoneStep,
+    DwellStep,
+    ExposeStep,
+    FiducialStep,
+    MarkedStep,
+    MoveStep,
+    SettleStep,
+    plan,
+    plan_from,
+)
+from stagectl.recipe.tables import read_sites
+
+__all__ = [
+    "DoneStep",
+    "DwellStep",
+    "Excursion",
+    "ExposeStep",
+    "Fiducial",
+    "FiducialStep",
+    "MarkedStep",
+    "MoveStep",
+    "NoMark",
+    "Pair",
+    "Profile",
+    "Recipe",
+    "SettleStep",
+    "SiteLimits",
+    "dry_run",
+    "grid_positions",
+    "load_recipe",
+    "make_fiducial",
+    "parse_recipe",
+    "plan",
+    "plan_from",
+    "read_sites",
+]

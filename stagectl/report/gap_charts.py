@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from stagectl.paper.svg import thinned, ticks
+from stagectl.paper import thinned, ticks
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from sim2real.report import GapReport
 from stagectl.report import gap_traces
 from stagectl.report.content import Notice
 from stagectl.report.gap_charts import legend, matrix
-from stagectl.store.atomic import write_atomically
+from stagectl.store import write_atomically
 
 _HERE = Path(__file__).parent
 _CANDIDATES = 12

@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from stagectl.report import content
 from stagectl.report.traces import chart_data
-from stagectl.store.atomic import write_atomically
+from stagectl.store import write_atomically
 from stagedata import Recording
 
 _HERE = Path(__file__).parent

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from stagectl.report.content import windows
 from stagectl.report.friction import friction_panels
-from stagectl.sequencer.settling import RESOLUTION, arrival
+from stagectl.sequencer import RESOLUTION, arrival
 from stagedata import AxisSignals, Recording, aligned_demand
 
 BEFORE = 20  # samples shown before a move

@@ -14,17 +14,21 @@ from typing import Any
 
 import numpy as np
 
-from hil_sim.bus.fault_rules import Injected
+from hil_sim.bus import Injected
 from stagectl.errors import Aborted, StagectlError
-from stagectl.history.noted import note_of_estimate, note_of_run
-from stagectl.history.opening import open_history, without_password
-from stagectl.history.port import History
-from stagectl.history.records import EstimateRecord
-from stagectl.history.temperature import LatestTemperature
-from stagectl.report.page import write_report
+from stagectl.history import (
+    EstimateRecord,
+    History,
+    LatestTemperature,
+    note_of_estimate,
+    note_of_run,
+    open_history,
+    without_password,
+)
+from stagectl.report import write_report
 from stagectl.run.request import RunRequest, RunResult
 from stagectl.run.run_history import RunHistory, begins, run_entry
-from stagectl.sequencer.events import (
+from stagectl.sequencer import (
     Event,
     FrictionUpdated,
     LevelStepped,
@@ -32,16 +36,18 @@ from stagectl.sequencer.events import (
     Retrying,
     StopNoticed,
     StretchDone,
+    judge,
 )
-from stagectl.sequencer.verdict import judge
-from stagectl.store.journal import AxisScaling, Journal, JournalHeader
-from stagectl.store.recovery import recover
-from stagectl.store.summary import (
+from stagectl.store import (
+    AxisScaling,
     FrictionEntry,
+    Journal,
+    JournalHeader,
     ParameterEstimate,
     Retry,
     RunFacts,
     build_summary,
+    recover,
     write_summary,
 )
 from stagedata import AxisSignals, Move, Recording

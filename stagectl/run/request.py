@@ -8,12 +8,11 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from hil_sim.bus.faults import FaultPlan
+from hil_sim.bus import FaultPlan
 from stagectl.config.machine import Machine
 from stagectl.errors import StagectlError
-from stagectl.recipe.model import Recipe
-from stagectl.sequencer.compensation import Figures, Mode
-from stagectl.sequencer.verdict import SiteVerdict
+from stagectl.recipe import Recipe
+from stagectl.sequencer import Figures, Mode, SiteVerdict
 from stagedata import Recording
 
 

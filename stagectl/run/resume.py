@@ -14,11 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.errors import UnusableInput
-from stagectl.recipe.model import Recipe
+from stagectl.recipe import Recipe
 from stagectl.run.request import Resumed
-from stagectl.sequencer.compensation import Figures
-from stagectl.store.recording import RunNotes, read_notes
-from stagectl.store.recovery import RECORDING_NAME, recover_folder
+from stagectl.sequencer import Figures
+from stagectl.store import RECORDING_NAME, RunNotes, read_notes, recover_folder
 
 
 def load_interrupted(folder: Path, recipe: Recipe) -> Resumed:

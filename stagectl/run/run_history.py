@@ -14,13 +14,18 @@ from pathlib import Path
 from uuid import uuid4
 
 from estimation.belief import FIGURES, MASS
-from stagectl.history.measured import measured_level
-from stagectl.history.noted import step_record
-from stagectl.history.port import History
-from stagectl.history.records import EstimateRecord, RunEntry, StageKey, StepRecord
-from stagectl.history.writer import HistoryWriter
+from stagectl.history import (
+    EstimateRecord,
+    History,
+    HistoryWriter,
+    RunEntry,
+    StageKey,
+    StepRecord,
+    measured_level,
+    step_record,
+)
 from stagectl.run.request import RunRequest
-from stagectl.sequencer.events import FrictionUpdated, LevelStepped
+from stagectl.sequencer import FrictionUpdated, LevelStepped
 
 LOCAL = 5e-3
 """A move within this distance meets the friction of one place [m]."""

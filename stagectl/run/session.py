@@ -18,34 +18,40 @@ import can
 from drivers import AxisFault, DriverError, Stage
 from drivers.settings import AxisSettings, BusSettings
 from estimation.trajectory import Limits
-from hil_sim.bus.fault_rules import Injected
-from hil_sim.bus.fault_world import FaultyWorld
-from hil_sim.bus.world import World
+from hil_sim.bus import FaultyWorld, Injected, World
 from hil_sim.stage import VirtualStage
 from stagectl.config.mapping import driver_settings, stage_settings
 from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError, UnusableInput
-from stagectl.history.filing import file_left_behind
-from stagectl.history.opening import open_history
-from stagectl.history.port import History
-from stagectl.history.records import StageKey
-from stagectl.history.temperature import Thermometer, plugin_thermometer, stage_temperature
-from stagectl.recipe.fiducial import Fiducial, make_fiducial
-from stagectl.recipe.model import Pair
-from stagectl.recipe.plan import plan_from
+from stagectl.history import (
+    History,
+    StageKey,
+    Thermometer,
+    file_left_behind,
+    open_history,
+    plugin_thermometer,
+    stage_temperature,
+)
+from stagectl.recipe import Fiducial, Pair, make_fiducial, plan_from
 from stagectl.run.record import RunRecord
 from stagectl.run.request import RunRequest, RunResult
 from stagectl.run.retries import recover
-from stagectl.sequencer.compensation import AxisCompensation, Figures, Mode, make_compensation
-from stagectl.sequencer.engine import Engine
-from stagectl.sequencer.events import DriveLimited, Event, Retrying
-from stagectl.sequencer.fresh_places import FreshPlaces
-from stagectl.sequencer.mover import MovingAxis
-from stagectl.sequencer.places import Places
-from stagectl.store.bus_log import BusLog
-from stagectl.store.recovery import recover_left_over
+from stagectl.sequencer import (
+    AxisCompensation,
+    DriveLimited,
+    Engine,
+    Event,
+    Figures,
+    FreshPlaces,
+    Mode,
+    MovingAxis,
+    Places,
+    Retrying,
+    make_compensation,
+)
+from stagectl.store import BusLog, recover_left_over
 
 if TYPE_CHECKING:
-    from stagectl.maps.active import ActiveMap
+    from stagectl.maps import ActiveMap
 
 
 @dataclass(slots=True)
@@ -158,7 +164,7 @@ def _active_map(request: RunRequest, history: History | None) -> ActiveMap | Non
     """The map to go by, where there is one and the run learns."""
     if history is None or not request.use_map or request.mode is not Mode.ESTIMATED:
         return None
-    from stagectl.maps.active import load_active
+    from stagectl.maps import load_active
     from stagectl.run.run_history import begins
 
     return load_active(
@@ -172,14 +178,14 @@ def _stage_key(request: RunRequest) -> StageKey:
 
 
 def _noted(active: ActiveMap) -> dict[str, Any]:
-    from stagectl.maps.snapshot import as_noted
+    from stagectl.maps import as_noted
 
     return as_noted(active)
 
 
 def _short_of(active: ActiveMap, request: RunRequest) -> list[str]:
     """Where the run will be beyond its map."""
-    from stagectl.maps.applicable import short_of
+    from stagectl.maps import short_of
 
     return short_of(active.version, request.recipe.sites)
 

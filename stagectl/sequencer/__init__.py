@@ -1,1 +1,73 @@
 """Runs a recipe on a stage: engine, moves, events, settling statistics."""
+
+from stagectl.sequencer.compensation import (
+    TAKE_OVER,
+    AxisCompensation,
+    Figures,
+    Mode,
+    make_compensation,
+)
+from stagectl.sequencer.engine import Engine
+from stagectl.sequencer.events import (
+    DriveLimited,
+    Event,
+    Exposed,
+    FrictionUpdated,
+    LevelStepped,
+    MarkFound,
+    MarkNotFound,
+    MoveStarted,
+    Retrying,
+    Settled,
+    StopNoticed,
+    Stopping,
+    StretchDone,
+)
+from stagectl.sequencer.fresh_places import FreshPlaces
+from stagectl.sequencer.mover import MovingAxis
+from stagectl.sequencer.places import Expectation, Places
+from stagectl.sequencer.settling import (
+    RESOLUTION,
+    WINDOWS,
+    MoveResult,
+    MoveStatistics,
+    arrival,
+    statistics,
+    summarise_moves,
+)
+from stagectl.sequencer.verdict import SiteVerdict, judge
+
+__all__ = [
+    "RESOLUTION",
+    "TAKE_OVER",
+    "WINDOWS",
+    "AxisCompensation",
+    "DriveLimited",
+    "Engine",
+    "Event",
+    "Expectation",
+    "Exposed",
+    "Figures",
+    "FreshPlaces",
+    "FrictionUpdated",
+    "LevelStepped",
+    "MarkFound",
+    "MarkNotFound",
+    "Mode",
+    "MoveResult",
+    "MoveStarted",
+    "MoveStatistics",
+    "MovingAxis",
+    "Places",
+    "Retrying",
+    "Settled",
+    "SiteVerdict",
+    "StopNoticed",
+    "Stopping",
+    "StretchDone",
+    "arrival",
+    "judge",
+    "make_compensation",
+    "statistics",
+    "summarise_moves",
+]

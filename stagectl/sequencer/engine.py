@@ -12,11 +12,11 @@ from collections.abc import Callable, Sequence
 
 from estimation.trajectory import Limits
 from stagectl.errors import Aborted, RunFault
-from stagectl.recipe.fiducial import Fiducial
-from stagectl.recipe.plan import (
+from stagectl.recipe import (
     DoneStep,
     DwellStep,
     ExposeStep,
+    Fiducial,
     FiducialStep,
     MarkedStep,
     MoveStep,

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from stagectl.recipe.model import SiteLimits
+from stagectl.recipe import SiteLimits
 from stagectl.sequencer.settling import MoveResult, summarise_moves
 from stagedata import Recording
 

@@ -1,1 +1,75 @@
 """What a run leaves behind: journal, recording, summary, bus log."""
+
+from stagectl.store.atomic import write_atomically
+from stagectl.store.bus_log import LOG_NAME, SPOOL_NAME, BusLog, recover_log
+from stagectl.store.foreign import import_recording
+from stagectl.store.journal import (
+    FILE_NAME,
+    SAMPLE_TAG,
+    AxisScaling,
+    Journal,
+    JournalHeader,
+    sample_codec,
+    sample_dtype,
+)
+from stagectl.store.ledger import CycleLedger
+from stagectl.store.log_reader import LoggedFrame, read_log
+from stagectl.store.recording import (
+    RunNotes,
+    read_ledger,
+    read_notes,
+    read_recording,
+    write_recording,
+)
+from stagectl.store.recovery import (
+    RECORDING_NAME,
+    RECOVERED_NAME,
+    read_journal_notes,
+    recover,
+    recover_folder,
+    recover_left_over,
+)
+from stagectl.store.summary import (
+    FrictionEntry,
+    ParameterEstimate,
+    Retry,
+    RunFacts,
+    build_summary,
+    write_summary,
+)
+
+__all__ = [
+    "FILE_NAME",
+    "LOG_NAME",
+    "RECORDING_NAME",
+    "RECOVERED_NAME",
+    "SAMPLE_TAG",
+    "SPOOL_NAME",
+    "AxisScaling",
+    "BusLog",
+    "CycleLedger",
+    "FrictionEntry",
+    "Journal",
+    "JournalHeader",
+    "LoggedFrame",
+    "ParameterEstimate",
+    "Retry",
+    "RunFacts",
+    "RunNotes",
+    "build_summary",
+    "import_recording",
+    "read_journal_notes",
+    "read_ledger",
+    "read_log",
+    "read_notes",
+    "read_recording",
+    "recover",
+    "recover_folder",
+    "recover_left_over",
+    "recover_log",
+    "sample_codec",
+    "sample_dtype",
+    "write_atomically",
+    "write_recording",
+    "write_summary",
+]

@@ -18,13 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.sequencer.settling import (
-    WINDOWS,
-    MoveResult,
-    MoveStatistics,
-    statistics,
-    summarise_moves,
-)
+from stagectl.sequencer import WINDOWS, MoveResult, MoveStatistics, statistics, summarise_moves
 from stagectl.store.atomic import write_atomically
 from stagectl.store.ledger import CycleLedger
 from stagedata import Recording

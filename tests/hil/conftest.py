@@ -31,8 +31,8 @@ import can
 import numpy as np
 import pytest
 
-from drivers.canopen.bus import Tap
-from drivers.cyclic.realtime import RealTime
+from drivers.canopen import Tap
+from drivers.cyclic import RealTime
 from drivers.settings import AxisSettings, BusSettings, RealTimeSettings
 from drivers.stage import Stage
 from stagectl.config.machine import Machine
@@ -116,7 +116,7 @@ class Rig:
 
 
 def _lockstep(machine: Machine) -> Iterator[Rig]:
-    from hil_sim.bus.world import World
+    from hil_sim.bus import World
     from hil_sim.stage import VirtualStage
 
     bus, axes = driver_settings(machine)
@@ -126,7 +126,7 @@ def _lockstep(machine: Machine) -> Iterator[Rig]:
 
 
 def _virtual(machine: Machine) -> Iterator[Rig]:
-    from hil_sim.bus.server import serve
+    from hil_sim.bus import serve
     from hil_sim.stage import VirtualStage
 
     bus, axes = driver_settings(machine)

@@ -13,9 +13,9 @@ import threading
 
 import can
 
-from drivers.cyclic.realtime import RealTime
+from drivers.cyclic import RealTime
 from drivers.settings import RealTimeSettings
-from hil_sim.bus.server import serve
+from hil_sim.bus import serve
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import stage_settings

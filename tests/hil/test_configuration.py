@@ -13,7 +13,7 @@ from drivers.errors import AxisFault, ConfigurationError
 from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings, OptionCodes
 from drivers.stage import Stage
-from hil_sim.bus.world import World
+from hil_sim.bus import World
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import parse_machine

@@ -13,12 +13,12 @@ import can
 import pytest
 from canopen import SdoAbortedError
 
+from drivers.bench import scan
 from drivers.bench.conformance import Finding, Verdict, run
-from drivers.bench.scan import scan
-from drivers.canopen.bus import Network
+from drivers.canopen import Network
 from drivers.errors import NodeError
-from hil_sim.bus.world import World
-from hil_sim.cia301.dictionary import key
+from hil_sim.bus import World
+from hil_sim.cia301 import key
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import load_machine

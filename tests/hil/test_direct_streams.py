@@ -9,12 +9,12 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from drivers.drive.cia402 import Mode
+from drivers.drive import Mode
 from drivers.errors import AxisFault, ConfigurationError, LimitError
 from drivers.objects import MODE_DISPLAY
 from drivers.stage import Stage
-from hil_sim.bus.world import World
-from hil_sim.cia301.dictionary import key
+from hil_sim.bus import World
+from hil_sim.cia301 import key
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.mapping import driver_settings, stage_settings

@@ -13,11 +13,10 @@ from canopen import SdoAbortedError
 
 from drivers.errors import AxisFault, ConfigurationError, DriverError, LimitError, NodeError
 from drivers.stage import Stage
+from hil_sim.bus import FaultyWorld, World
 from hil_sim.bus import faults as f
-from hil_sim.bus.fault_world import FaultyWorld
-from hil_sim.bus.world import World
-from hil_sim.cia301.dictionary import key
-from hil_sim.cia402.state_machine import State
+from hil_sim.cia301 import key
+from hil_sim.cia402 import State
 from hil_sim.drive import Drive
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine

@@ -22,8 +22,7 @@ import pytest
 import yaml
 
 from stagectl.config.machine_file import load_machine
-from stagectl.store.recording import read_recording
-from stagectl.store.recovery import recover_left_over
+from stagectl.store import read_recording, recover_left_over
 from tests.multicast import require_multicast
 
 INTERFACE = os.environ.get("STAGECTL_HIL_SOCKETCAN")

@@ -13,8 +13,8 @@ import pytest
 from drivers.errors import BusError, ConfigurationError
 from drivers.objects import SYNC_WINDOW
 from drivers.stage import Stage
+from hil_sim.bus import FaultyWorld
 from hil_sim.bus import faults as f
-from hil_sim.bus.fault_world import FaultyWorld
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.mapping import driver_settings, stage_settings

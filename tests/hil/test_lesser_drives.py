@@ -14,8 +14,8 @@ import pytest
 
 from drivers.errors import AxisFault
 from drivers.stage import Stage
-from hil_sim.bus.world import World
-from hil_sim.cia301.dictionary import key
+from hil_sim.bus import World
+from hil_sim.cia301 import key
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import driver_settings, stage_settings

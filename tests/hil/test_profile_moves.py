@@ -13,7 +13,7 @@ import pytest
 
 from drivers.errors import AxisFault, ConfigurationError, LimitError
 from drivers.stage import Stage
-from hil_sim.bus.world import World
+from hil_sim.bus import World
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.mapping import driver_settings, stage_settings

@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from canopen import SdoAbortedError
 
-from drivers.canopen.bus import Network
-from drivers.canopen.sdo_channel import SdoChannel
+from drivers.canopen import Network, SdoChannel
 from drivers.errors import ConfigurationError
 from drivers.settings import BusSettings
 from drivers.stage import Stage
-from hil_sim.bus.world import World
+from hil_sim.bus import World
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import load_machine

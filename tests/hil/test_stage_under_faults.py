@@ -7,13 +7,12 @@ import can
 import numpy as np
 import pytest
 
-from drivers.bench.status import status_of
+from drivers.bench import status_of
 from drivers.errors import AxisFault, BusError
 from drivers.stage import Stage
+from hil_sim.bus import FaultyWorld, World
 from hil_sim.bus import faults as f
-from hil_sim.bus.fault_world import FaultyWorld
-from hil_sim.bus.world import World
-from hil_sim.cia402.state_machine import State
+from hil_sim.cia402 import State
 from hil_sim.stage import VirtualStage
 from stagectl.config.mapping import driver_settings, stage_settings
 

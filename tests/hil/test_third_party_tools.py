@@ -20,8 +20,8 @@ import pytest
 from canopen.profiles.p402 import BaseNode402
 from canopen.sdo import SdoClient
 
-from hil_sim.bus.server import serve
-from hil_sim.cia301.dictionary import EDS_PATH
+from hil_sim.bus import serve
+from hil_sim.cia301 import EDS_PATH
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine_file import load_machine
 from stagectl.config.mapping import stage_settings

@@ -18,10 +18,9 @@ import pytest
 
 from drivers.errors import AxisFault, NodeError
 from drivers.stage import Stage
+from hil_sim.bus import FaultyWorld, World
 from hil_sim.bus import faults as f
-from hil_sim.bus.fault_world import FaultyWorld
-from hil_sim.bus.world import World
-from hil_sim.cia402.state_machine import State
+from hil_sim.cia402 import State
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.mapping import driver_settings, stage_settings

@@ -10,8 +10,8 @@ import pytest
 
 from drivers.errors import AxisFault, ConfigurationError, HomingError
 from drivers.stage import Stage
+from hil_sim.bus import FaultyWorld
 from hil_sim.bus import faults as f
-from hil_sim.bus.fault_world import FaultyWorld
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import parse_machine

@@ -14,9 +14,9 @@ from canopen import SdoAbortedError
 from drivers.errors import ConfigurationError
 from drivers.settings import AxisSettings
 from drivers.stage import Stage
-from hil_sim.bus.world import World
-from hil_sim.cia301.dictionary import Dictionary, key
-from hil_sim.cia402.state_machine import State
+from hil_sim.bus import World
+from hil_sim.cia301 import Dictionary, key
+from hil_sim.cia402 import State
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import parse_machine

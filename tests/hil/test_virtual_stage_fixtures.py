@@ -10,8 +10,7 @@ import canopen
 import numpy as np
 
 from drivers.stage import Stage
-from hil_sim.bus.lockstep import LockstepBus
-from hil_sim.bus.world import World
+from hil_sim.bus import LockstepBus, World
 from hil_sim.stage import VirtualStage
 from stagectl.config.mapping import driver_settings, stage_settings
 

@@ -12,10 +12,9 @@ import pytest
 
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import load_machine, parse_machine
-from stagectl.recipe.load import load_recipe
-from stagectl.run.request import RunRequest, RunResult
-from stagectl.run.session import Listener, execute
-from stagectl.sequencer.compensation import Mode
+from stagectl.recipe import load_recipe
+from stagectl.run import Listener, RunRequest, RunResult, execute
+from stagectl.sequencer import Mode
 from tests.postgres import Server, serve
 
 ROOT = Path(__file__).parents[2]

@@ -12,18 +12,15 @@ from multiprocessing import get_context
 import pytest
 from click.testing import CliRunner
 
-from stagectl.calibration.sites import load_calibration
+from stagectl.calibration import load_calibration
 from stagectl.cli import cli
 from stagectl.config.machine_file import load_machine
 from stagectl.errors import StagectlError
-from stagectl.history.opening import open_history
-from stagectl.history.records import StageKey
-from stagectl.maps.active import map_versions
-from stagectl.run.request import RunRequest
-from stagectl.run.session import Listener, execute
-from stagectl.sequencer.compensation import Mode
-from stagectl.sequencer.events import StretchDone
-from stagectl.store.recording import read_notes
+from stagectl.history import StageKey, open_history
+from stagectl.maps import map_versions
+from stagectl.run import Listener, RunRequest, execute
+from stagectl.sequencer import Mode, StretchDone
+from stagectl.store import read_notes
 from tests.system.short_recipe import short_recipe
 
 STAGE = StageKey("wafer-xy", True)

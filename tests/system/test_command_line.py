@@ -13,7 +13,7 @@ import pytest
 
 from stagectl.cli import COMMANDS
 from stagectl.config import load_machine
-from stagectl.store.recording import read_recording
+from stagectl.store import read_recording
 from tests.multicast import require_multicast
 from tests.system.short_recipe import short_recipe
 

@@ -11,13 +11,11 @@ import numpy as np
 import pytest
 
 from hil_sim.bus import faults as f
-from hil_sim.cia402.state_machine import State
-from stagectl.recipe.load import parse_recipe
-from stagectl.run.request import RunRequest
-from stagectl.run.session import Listener, execute
-from stagectl.sequencer.compensation import Mode
-from stagectl.sequencer.events import FrictionUpdated
-from stagectl.store.recording import read_recording
+from hil_sim.cia402 import State
+from stagectl.recipe import parse_recipe
+from stagectl.run import Listener, RunRequest, execute
+from stagectl.sequencer import FrictionUpdated, Mode
+from stagectl.store import read_recording
 
 ROOT = Path(__file__).parents[2]
 

@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from stagectl.store.recording import read_recording
+from stagectl.store import read_recording
 
 
 @pytest.fixture(scope="module")

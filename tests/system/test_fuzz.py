@@ -11,11 +11,8 @@ from hypothesis import strategies as st
 from stagectl.config.fault_plan import parse_faults
 from stagectl.config.machine_file import parse_machine
 from stagectl.errors import UnusableInput
-from stagectl.recipe.load import parse_recipe
-from stagectl.store.bus_log import recover_log
-from stagectl.store.log_reader import read_log
-from stagectl.store.recording import read_ledger, read_notes, read_recording
-from stagectl.store.recovery import recover
+from stagectl.recipe import parse_recipe
+from stagectl.store import read_ledger, read_log, read_notes, read_recording, recover, recover_log
 
 
 def _fuzz():

@@ -10,15 +10,11 @@ import pytest
 
 from stagectl.config.machine_file import parse_machine
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.history.filing import file_left_behind, runs_in
-from stagectl.history.opening import open_history
-from stagectl.history.records import StageKey
-from stagectl.recipe.load import parse_recipe
+from stagectl.history import StageKey, file_left_behind, open_history, runs_in
+from stagectl.recipe import parse_recipe
+from stagectl.run import Listener, RunRequest, execute
 from stagectl.run.record import RunRecord
-from stagectl.run.request import RunRequest
-from stagectl.run.session import Listener, execute
-from stagectl.sequencer.compensation import Mode
-from stagectl.sequencer.events import FrictionUpdated, LevelStepped
+from stagectl.sequencer import FrictionUpdated, LevelStepped, Mode
 from tests.sqlite_lock import locked
 from tests.system.short_recipe import short_recipe
 

@@ -7,15 +7,13 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from hil_sim.bus.lockstep import LockstepBus
-from hil_sim.bus.world import World
+from hil_sim.bus import LockstepBus, World
 from hil_sim.stage import VirtualStage
 from stagectl.config.mapping import stage_settings
-from stagectl.recipe.fiducial import make_fiducial
-from stagectl.recipe.load import parse_recipe
-from stagectl.run.request import RunRequest
-from stagectl.run.session import Listener, Rig, execute
-from stagectl.sequencer.compensation import Mode
+from stagectl.recipe import make_fiducial, parse_recipe
+from stagectl.run import Listener, RunRequest, execute
+from stagectl.run.session import Rig
+from stagectl.sequencer import Mode
 
 RECIPE = """\
 recipe: slow

@@ -13,15 +13,13 @@ from estimation.friction_field import Node
 from hil_sim.bus import faults as f
 from stagectl.cli import cli
 from stagectl.errors import UnusableInput
-from stagectl.history.opening import open_history
-from stagectl.history.records import StageKey
-from stagectl.maps.model import FrictionMap, MapAxis, MapSite, to_json
-from stagectl.recipe.load import parse_recipe
+from stagectl.history import StageKey, open_history
+from stagectl.maps import FrictionMap, to_json
+from stagectl.maps.model import MapAxis, MapSite
+from stagectl.recipe import parse_recipe
+from stagectl.run import Listener, RunRequest, execute
 from stagectl.run.replay.rerun import replay
-from stagectl.run.request import RunRequest
-from stagectl.run.session import Listener, execute
-from stagectl.sequencer.compensation import Mode
-from stagectl.sequencer.events import MoveStarted
+from stagectl.sequencer import Mode, MoveStarted
 from tests.system.short_recipe import short_recipe
 
 RECIPE = short_recipe((0.004, -0.003), (0.01, 0.002))

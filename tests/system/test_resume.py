@@ -11,20 +11,14 @@ import pytest
 from click.testing import CliRunner
 
 from hil_sim.bus import faults as f
-from hil_sim.cia402.state_machine import State
+from hil_sim.cia402 import State
 from stagectl.cli import cli
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.recipe.load import parse_recipe
+from stagectl.recipe import parse_recipe
+from stagectl.run import Listener, RunRequest, execute, load_interrupted
 from stagectl.run.replay.rerun import replay
-from stagectl.run.request import RunRequest
-from stagectl.run.resume import load_interrupted
-from stagectl.run.session import Listener, execute
-from stagectl.sequencer.compensation import Mode
-from stagectl.sequencer.events import Exposed, MoveStarted
-from stagectl.store.bus_log import recover_log
-from stagectl.store.log_reader import read_log
-from stagectl.store.recording import read_notes, read_recording
-from stagectl.store.recovery import recover_folder
+from stagectl.sequencer import Exposed, Mode, MoveStarted
+from stagectl.store import read_log, read_notes, read_recording, recover_folder, recover_log
 
 HEAD = """\
 recipe: short

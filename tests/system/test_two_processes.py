@@ -17,7 +17,7 @@ import pytest
 import yaml
 
 from stagectl.config.machine_file import load_machine
-from stagectl.store.recording import read_recording
+from stagectl.store import read_recording
 from tests.system.short_recipe import short_recipe
 
 INTERFACE = os.environ.get("STAGECTL_HIL_SOCKETCAN")

@@ -3,11 +3,11 @@
 import pytest
 from click.testing import CliRunner
 
-from hil_sim.cia301.dictionary import EDS_PATH
+from hil_sim.cia301 import EDS_PATH
 from stagectl.cli import cli
 from stagectl.config.machine_file import load_machine
 from stagectl.errors import RunFault
-from stagectl.store.recording import read_notes
+from stagectl.store import read_notes
 from tests.system.short_recipe import short_recipe
 
 SAID = "axis x: 0x1016:01 consumer heartbeat time"

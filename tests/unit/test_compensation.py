@@ -9,7 +9,7 @@ from estimation.trajectory import Limits, plan
 from estimation.update import update_move
 from stagectl.config import load_machine, parse_machine
 from stagectl.config.host_model import friction_model
-from stagectl.sequencer.compensation import Mode, make_compensation
+from stagectl.sequencer import Mode, make_compensation
 
 TS = 1e-3
 MOVE = plan(0.0, 25e-3, Limits(0.5, 3.0, 200.0))

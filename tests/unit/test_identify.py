@@ -11,19 +11,18 @@ from click.testing import CliRunner
 
 from estimation.offline.records import Samples
 from estimation.trajectory import Limits, plan
-from hil_sim.plant.simulate import simulate
+from hil_sim.plant import simulate
 from hil_sim.settings import SUBSTEPS
-from stagectl.calibration.identify import identify_axis, identify_pieces
+from stagectl.calibration import identify_axis, identify_pieces
 from stagectl.cli.identify import command
 from stagectl.config import stage_settings
 from stagectl.config.host_model import friction_model
 from stagectl.config.machine_file import load_machine
 from stagectl.errors import UnusableInput
-from stagectl.recipe.load import load_recipe
-from stagectl.run.request import RunRequest
-from stagectl.run.session import Listener, execute
-from stagectl.sequencer.compensation import Mode
-from stagectl.store.recording import read_recording, write_recording
+from stagectl.recipe import load_recipe
+from stagectl.run import Listener, RunRequest, execute
+from stagectl.sequencer import Mode
+from stagectl.store import read_recording, write_recording
 
 DATA = Path(__file__).parents[1] / "data"
 RECIPE = Path(__file__).parents[2] / "recipes" / "inspection-20.yaml"

@@ -14,7 +14,7 @@ from drivers.bench.conformance.probe import (
     Probe,
     Verdict,
 )
-from drivers.drive.cia402 import Command, State
+from drivers.drive import Command, State
 
 _READ_ONLY, _UNSUPPORTED = 0x06010002, 0x06010000
 _LENGTH = (0x06070010, 0x06070012)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from drivers.bench.conformance.probe import Check, Finding, Probe
-from drivers.drive.cia402 import TRANSITIONS, Command, State, Status, next_command
+from drivers.drive import TRANSITIONS, Command, State, Status, next_command
 
 _OTHER_HOST = 126
 _FAULT_OPTION = 1

@@ -9,7 +9,7 @@ from canopen import SdoAbortedError, SdoCommunicationError
 
 from drivers.bench.conformance import communication, device, motion
 from drivers.bench.conformance.probe import Check, Finding, Probe
-from drivers.canopen.bus import Network
+from drivers.canopen import Network
 from drivers.errors import NodeError
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from drivers.bench.conformance.probe import Check, Finding, Probe, Verdict
-from drivers.drive.cia402 import Command, Control, State, Status
+from drivers.drive import Command, Control, State, Status
 
 _ENABLED = int(Command.ENABLE_OPERATION)
 _PP, _PV, _HM, _CSP, _CSV = 1, 3, 6, 8, 9

@@ -13,10 +13,8 @@ from enum import Enum
 
 from canopen import SdoAbortedError
 
-from drivers.canopen.bus import Network
-from drivers.canopen.emcy import error_text
-from drivers.canopen.sdo_channel import SdoChannel
-from drivers.drive.cia402 import Command, State, decode
+from drivers.canopen import Network, SdoChannel, error_text
+from drivers.drive import Command, State, decode
 
 Check = Callable[["Probe"], Iterator["Finding"]]
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import can
 
-from stagectl.store.log_reader import LoggedFrame
+from stagectl.store import LoggedFrame
 
 
 @dataclass(frozen=True, slots=True)

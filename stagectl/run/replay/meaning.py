@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import struct
 
-from drivers.canopen.emcy import error_text
-from drivers.drive.cia402 import decode
-from drivers.motion.fault_report import command_text
+from drivers.canopen import error_text
+from drivers.drive import decode
+from drivers.motion import command_text
 from drivers.settings import HOST_NODE
 from stagectl.config.machine import Machine
 

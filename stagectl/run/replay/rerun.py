@@ -15,17 +15,13 @@ from typing import Any
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import parse_machine
 from stagectl.errors import UnusableInput
-from stagectl.maps.snapshot import noted
-from stagectl.recipe.load import parse_recipe
-from stagectl.recipe.model import Pair
+from stagectl.maps import noted
+from stagectl.recipe import Pair, parse_recipe
 from stagectl.run.replay.bus import Difference, ReplayBus
 from stagectl.run.request import Resumed, RunRequest
 from stagectl.run.session import Listener, Rig, execute
-from stagectl.sequencer.compensation import Mode
-from stagectl.store.bus_log import LOG_NAME
-from stagectl.store.log_reader import read_log
-from stagectl.store.recording import RunNotes, read_notes
-from stagectl.store.recovery import RECORDING_NAME, recover_folder
+from stagectl.sequencer import Mode
+from stagectl.store import LOG_NAME, RECORDING_NAME, RunNotes, read_log, read_notes, recover_folder
 
 
 @dataclass(frozen=True, slots=True)

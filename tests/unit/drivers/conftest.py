@@ -16,7 +16,8 @@ import can
 import numpy as np
 import pytest
 
-from drivers.drive.cia402 import AUTOMATIC, TRANSITIONS, Command, State
+from drivers.drive import TRANSITIONS, Command, State
+from drivers.drive.cia402 import AUTOMATIC
 from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
 

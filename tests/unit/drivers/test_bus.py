@@ -10,9 +10,8 @@ from typing import Any
 import can
 import pytest
 
-from drivers.canopen.bus import Network, open_bus
-from drivers.canopen.clock import Clock, MonotonicClock, clock_of
-from drivers.canopen.remote_objects import load_dictionary
+from drivers.canopen import Clock, MonotonicClock, Network, load_dictionary, open_bus
+from drivers.canopen.clock import clock_of
 from drivers.errors import BusError, ConfigurationError
 from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage

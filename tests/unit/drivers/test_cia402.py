@@ -6,16 +6,8 @@ import itertools
 
 import pytest
 
-from drivers.drive.cia402 import (
-    AUTOMATIC,
-    HOLD,
-    TRANSITIONS,
-    Command,
-    State,
-    decode,
-    next_command,
-    next_controlword,
-)
+from drivers.drive import TRANSITIONS, Command, State, decode, next_command, next_controlword
+from drivers.drive.cia402 import AUTOMATIC, HOLD
 
 REACHABLE = [
     State.SWITCH_ON_DISABLED,

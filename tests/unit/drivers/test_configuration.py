@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.drive.cia402 import Mode
+from drivers.drive import Mode
 from drivers.errors import (
     ConfigurationError,
     NodeError,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from drivers.canopen.emcy import ERROR_TEXTS, error_text, register_text
+from drivers.canopen import error_text, register_text
+from drivers.canopen.emcy import ERROR_TEXTS
 from drivers.errors import AxisFault, BusError, DriverError, HomingError, NodeError
 from drivers.objects import ObjectRef
 

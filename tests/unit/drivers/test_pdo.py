@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.canopen.pdo import MappedObject, PdoMapping, PdoRecord
+from drivers.canopen import MappedObject, PdoMapping, PdoRecord
 from drivers.errors import ConfigurationError
 from drivers.objects import ObjectRef
 

@@ -11,8 +11,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from drivers.canopen.clock import MonotonicClock, stamps_of
-from drivers.cyclic.realtime import SWITCH_INTERVAL, RealTime
+from drivers.canopen import MonotonicClock, stamps_of
+from drivers.cyclic import RealTime
+from drivers.cyclic.realtime import SWITCH_INTERVAL
 from drivers.errors import ConfigurationError
 from drivers.settings import BusSettings, RealTimeSettings
 

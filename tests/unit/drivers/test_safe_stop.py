@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from drivers.drive.cia402 import State
+from drivers.drive import State
 from drivers.errors import AxisFault
 from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage

@@ -15,9 +15,7 @@ from canopen import SdoAbortedError, SdoCommunicationError
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.canopen import sdo
-from drivers.canopen.bus import Network
-from drivers.canopen.sdo_channel import SdoChannel
+from drivers.canopen import Network, SdoChannel, sdo
 from drivers.errors import DriverError
 from drivers.objects import ObjectRef
 from drivers.stage import Stage

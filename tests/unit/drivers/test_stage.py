@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.drive.cia402 import State
+from drivers.drive import State
 from drivers.errors import (
     AxisFault,
     BusError,

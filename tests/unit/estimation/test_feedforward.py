@@ -10,7 +10,7 @@ from estimation.feedforward import (
 )
 from estimation.gms import Friction, FrictionState, follow
 from estimation.trajectory import Limits, plan
-from hil_sim.plant.simulate import simulate
+from hil_sim.plant import simulate
 from stagectl.config import load_machine, stage_settings
 
 TS = 1e-3

@@ -153,7 +153,7 @@ def test_impossible_figures_are_named(change, word):
 
 def test_agrees_with_the_plants_own_friction():
     # Two programs, two step sizes: the estimator's 1 kHz model against the simulator's 20 us one.
-    from hil_sim.plant.friction import slip_step, stribeck
+    from hil_sim.plant import slip_step, stribeck
 
     t = np.arange(0, 0.35, 2e-5)
     x = 2e-3 * (t / 0.1) ** 2 * np.exp(-t / 0.03) * np.sin(2 * np.pi * 8 * t)

@@ -327,7 +327,7 @@ def test_23_nothing_is_compiled_in_the_first_gap():
     """A compiler inside the first move's pause takes seconds."""
     from estimation import update
     from stagectl.config import load_machine
-    from stagectl.sequencer.compensation import Mode, make_compensation
+    from stagectl.sequencer import Mode, make_compensation
 
     kernels = [k for k in vars(update).values() if hasattr(k, "nopython_signatures")]
     axis = make_compensation(load_machine(), Mode.ESTIMATED)[0]

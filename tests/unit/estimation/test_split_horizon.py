@@ -10,7 +10,7 @@ from estimation.noise import encoder_noise, quantisation
 from estimation.split_horizon import EstimatorSettings, MoveData, SplitHorizonEstimator
 from estimation.trajectory import Limits, plan
 from estimation.update import update_move
-from hil_sim.plant.simulate import simulate
+from hil_sim.plant import simulate
 from hil_sim.settings import StageSettings
 from stagectl.config import load_machine, stage_settings
 

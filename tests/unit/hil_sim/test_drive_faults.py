@@ -6,7 +6,7 @@ import struct
 
 import pytest
 
-from hil_sim.cia301.emergency import ENCODER_LOST, OVER_CURRENT, OVER_TRAVEL, UNDER_VOLTAGE
+from hil_sim.cia301 import ENCODER_LOST, OVER_CURRENT, OVER_TRAVEL, UNDER_VOLTAGE
 
 FAULT, DISABLED, ENABLED = 0x08, 0x40, 0x27
 

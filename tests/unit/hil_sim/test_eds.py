@@ -10,7 +10,7 @@ import canopen
 import pytest
 from canopen.objectdictionary import ODVariable, datatypes
 
-from hil_sim.cia301.dictionary import EDS_PATH
+from hil_sim.cia301 import EDS_PATH
 
 PROMISED = (
     "1000 1001 1003 1005 1006 1007 1008 1009 100A 1014 1016 1017 1018 1200 6040 6041 6060 6061 "

@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator
 import can
 import pytest
 
+from hil_sim.bus import FaultyWorld
 from hil_sim.bus import faults as f
-from hil_sim.bus.fault_world import FaultyWorld
-from hil_sim.cia402.state_machine import State
+from hil_sim.cia402 import State
 from hil_sim.stage import VirtualStage
 
 _names = (f"faults-{n}" for n in itertools.count())
@@ -375,7 +375,7 @@ def test_without_a_fault_that_strikes_all_is_as_without_faults(
                 host.cycle(1000 * k, node=1 + k % 2)
             return host.frames
 
-    from hil_sim.bus.world import World
+    from hil_sim.bus import World
 
     plain = World(next(_names))
     VirtualStage(stage_settings, seed=1, plant=make_following_plant()).attach(plain)

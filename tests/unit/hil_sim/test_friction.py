@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from hil_sim.plant.friction import element_shares, slip_step, stribeck
+from hil_sim.plant import element_shares, slip_step, stribeck
 
 
 def drive(positions, *, elements=1, coulomb=2.0, stiffness=1e5, alpha=0.0, rate=100.0, dt=1e-5):

@@ -6,7 +6,7 @@ import dataclasses
 
 import pytest
 
-from hil_sim.plant.motor import Motor
+from hil_sim.plant import Motor
 
 
 @pytest.fixture

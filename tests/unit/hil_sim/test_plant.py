@@ -7,8 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from hil_sim.plant.simulate import simulate
-from hil_sim.plant.stepped import Plant
+from hil_sim.plant import Plant, simulate
 from hil_sim.settings import StageSettings
 from stagectl.config import load_machine, stage_settings
 

@@ -10,7 +10,7 @@ import can
 import numpy as np
 import pytest
 
-from hil_sim.bus.server import serve
+from hil_sim.bus import serve
 from hil_sim.stage import START_RANGE, VirtualStage, start_positions
 
 
@@ -36,7 +36,7 @@ def test_wrong_number_of_start_positions(stage_settings, plant):
 
 def test_csp_over_can_is_the_compiled_simulation(stage_settings, world, make_host):
     """Frames add nothing: the same samples as `simulate`, to the nanometre and the permille."""
-    from hil_sim.plant.simulate import simulate
+    from hil_sim.plant import simulate
 
     stage = VirtualStage(stage_settings, seed=None, start=(0.0, 0.0))
     stage.attach(world)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from hil_sim.cia402.state_machine import Command, State, commanded, decode
+from hil_sim.cia402 import State
+from hil_sim.cia402.state_machine import Command, commanded, decode
 
 # CiA 402 "command coding": bits 7, 3, 2, 1, 0; x is either.
 CODING = {

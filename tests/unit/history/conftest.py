@@ -8,9 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.history.opening import open_history
-from stagectl.history.port import History
-from stagectl.history.records import EstimateRecord, RunEntry, StageKey
+from stagectl.history import EstimateRecord, History, RunEntry, StageKey, open_history
 from tests.postgres import Server, serve
 
 STAGE = StageKey("wafer-xy", True)

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from stagectl.errors import StagectlError
-from stagectl.history.records import StageKey, StepRecord
+from stagectl.history import StageKey, StepRecord
 
 BEGIN = 1.7e9
 STAGE = StageKey("wafer-xy", True)

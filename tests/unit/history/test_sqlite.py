@@ -12,9 +12,7 @@ import pytest
 
 from stagectl.config.machine_file import load_machine, parse_machine
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.history import database
-from stagectl.history.opening import default_history, open_history
-from stagectl.history.records import StageKey
+from stagectl.history import StageKey, database, default_history, open_history
 from stagectl.history.schema import MIGRATIONS, READABLE
 
 

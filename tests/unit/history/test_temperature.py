@@ -5,7 +5,8 @@ import sys
 import pytest
 
 from stagectl.errors import ConfigError
-from stagectl.history.temperature import EVERY, LatestTemperature, load_plugin
+from stagectl.history import LatestTemperature
+from stagectl.history.temperature import EVERY, load_plugin
 
 MODULE = """
 class Probe:

@@ -6,9 +6,7 @@ import threading
 import pytest
 
 from stagectl.errors import StagectlError
-from stagectl.history.opening import open_history, without_password
-from stagectl.history.records import StageKey, StepRecord
-from stagectl.history.writer import HistoryWriter
+from stagectl.history import HistoryWriter, StageKey, StepRecord, open_history, without_password
 from tests.sqlite_lock import locked
 
 BEGIN = 1.7e9

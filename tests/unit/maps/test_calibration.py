@@ -6,19 +6,25 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.calibration.due import DueSite, due_sites
-from stagectl.calibration.outcome import outcomes, visited
-from stagectl.calibration.sequence import GOALS, START, SiteSequence
-from stagectl.calibration.sites import DAY, Calibration, DueSection, load_calibration
-from stagectl.calibration.slip_in import slip_in
+from stagectl.calibration import (
+    Calibration,
+    DueSection,
+    SiteSequence,
+    due_sites,
+    load_calibration,
+    outcomes,
+    slip_in,
+    visited,
+)
+from stagectl.calibration.due import DueSite
+from stagectl.calibration.sequence import GOALS, START
+from stagectl.calibration.sites import DAY
 from stagectl.config.machine_file import load_machine
 from stagectl.errors import ConfigError
-from stagectl.history.opening import open_history
-from stagectl.history.records import EstimateRecord, RunEntry, StageKey, StepRecord
-from stagectl.maps.compare import AxisChange, SiteChange
-from stagectl.recipe.load import parse_recipe
-from stagectl.recipe.model import Excursion, Profile
-from stagectl.recipe.plan import MoveStep, plan
+from stagectl.history import EstimateRecord, RunEntry, StageKey, StepRecord, open_history
+from stagectl.maps import AxisChange
+from stagectl.maps.compare import SiteChange
+from stagectl.recipe import Excursion, MoveStep, Profile, parse_recipe, plan
 
 STAGE = StageKey("wafer-xy", True)
 SITES = ((0.0, 0.0), (0.02, 0.0), (0.02, 0.02), (0.0, 0.02))

@@ -9,17 +9,23 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from stagectl.calibration.due import due_sites
-from stagectl.calibration.sites import DueSection
+from stagectl.calibration import DueSection, due_sites
 from stagectl.config.machine_file import load_machine
 from stagectl.errors import UnusableInput
-from stagectl.history.measured import doubt, measured_level
-from stagectl.history.opening import open_history
-from stagectl.history.records import EstimateRecord, RunEntry, StageKey
-from stagectl.maps.active import REPLAYED, load_active, map_versions
-from stagectl.maps.applicable import outdated, problems, short_of
-from stagectl.maps.build import build_map
-from stagectl.maps.compare import compare
+from stagectl.history import EstimateRecord, RunEntry, StageKey, doubt, measured_level, open_history
+from stagectl.maps import (
+    MapVersion,
+    TrackedPlaces,
+    build_map,
+    compare,
+    load_active,
+    map_versions,
+    outdated,
+    problems,
+    short_of,
+    to_json,
+)
+from stagectl.maps.active import REPLAYED
 from stagectl.maps.export import (
     grid_table,
     refused_table,
@@ -28,8 +34,7 @@ from stagectl.maps.export import (
     write_table,
 )
 from stagectl.maps.learning import figure_drift
-from stagectl.maps.model import MapVersion, from_json, to_json
-from stagectl.maps.places import TrackedPlaces
+from stagectl.maps.model import from_json
 from stagectl.maps.report import render
 
 STAGE = StageKey("wafer-xy", True)

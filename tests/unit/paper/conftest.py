@@ -2,8 +2,7 @@
 
 import pytest
 
-from stagectl.paper import study
-from stagectl.paper.tables import Case
+from stagectl.paper import Case, study
 
 
 @pytest.fixture(scope="session")

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stagectl.paper import published
+from stagectl.paper import Case, Options, published
 from stagectl.paper.fit import METHODS, one_window, two_windows, zone_a
 from stagectl.paper.published import PARAMETERS
-from stagectl.paper.tables import Case, error
-from stagectl.paper.window import ALPHA, Options
+from stagectl.paper.tables import error
+from stagectl.paper.window import ALPHA
 
 BOTH = pytest.mark.parametrize("method", METHODS)
 

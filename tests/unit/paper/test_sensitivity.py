@@ -2,9 +2,8 @@
 
 import pytest
 
-from stagectl.paper import sensitivity
-from stagectl.paper.simulate import Setup
-from stagectl.paper.tables import Case, error
+from stagectl.paper import Case, Setup, sensitivity
+from stagectl.paper.tables import error
 
 WANTED = {
     "sample rate", "profile", "gains", "filter", "start of zone A", "border of A and B",

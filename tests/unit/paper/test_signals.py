@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stagectl.paper.signals import Borders, Processing, prepare
-from stagectl.paper.simulate import Setup, simulate
+from stagectl.paper import Processing, Setup
+from stagectl.paper.signals import Borders, prepare
+from stagectl.paper.simulate import simulate
 
 
 @pytest.fixture(scope="module")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from stagectl.paper import published
-from stagectl.paper.simulate import Setup, demand, duration, gains, simulate
+from stagectl.paper import Setup, published
+from stagectl.paper.simulate import demand, duration, gains, simulate
 
 
 @pytest.mark.parametrize("bandwidth", [20.0, 100.0, 300.0])

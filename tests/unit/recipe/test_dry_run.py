@@ -10,8 +10,7 @@ import pytest
 from rich.console import Console
 
 from stagectl.config import Machine
-from stagectl.recipe import Recipe
-from stagectl.recipe.dry_run import dry_run
+from stagectl.recipe import Recipe, dry_run
 
 RecipeOf = Callable[[str], Recipe]
 HEAD = """recipe: a

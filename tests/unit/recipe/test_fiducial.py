@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from stagectl.errors import ConfigError, RunFault
-from stagectl.recipe.fiducial import Plugin, make_fiducial
-from stagectl.recipe.model import ListedMarks, NoMark, PluginMark, SimulatedMark
+from stagectl.recipe import NoMark, make_fiducial
+from stagectl.recipe.fiducial import Plugin
+from stagectl.recipe.model import ListedMarks, PluginMark, SimulatedMark
 
 
 def test_simulated_marks_depend_on_seed_and_site_only() -> None:

@@ -10,9 +10,9 @@ import pytest
 from estimation.trajectory import duration
 from stagectl.config import Machine
 from stagectl.errors import ConfigError
-from stagectl.recipe import Recipe, load_recipe
+from stagectl.recipe import NoMark, Profile, Recipe, load_recipe
 from stagectl.recipe.length import at_least
-from stagectl.recipe.model import ListedMarks, NoMark, Profile, SimulatedMark
+from stagectl.recipe.model import ListedMarks, SimulatedMark
 
 Problems = Callable[..., tuple[str, ...]]
 RecipeOf = Callable[[str], Recipe]

@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from stagectl.recipe import Recipe, plan
-from stagectl.recipe.model import Profile
-from stagectl.recipe.plan import DwellStep, ExposeStep, FiducialStep, MoveStep, SettleStep
+from stagectl.recipe import (
+    DwellStep,
+    ExposeStep,
+    FiducialStep,
+    MoveStep,
+    Profile,
+    Recipe,
+    SettleStep,
+    plan,
+)
 
 RecipeOf = Callable[[str], Recipe]
 HEAD = """recipe: a

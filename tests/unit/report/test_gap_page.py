@@ -20,9 +20,10 @@ from sim2real.report import (
     Parameter,
 )
 from stagectl.config import load_machine, stage_settings
+from stagectl.report import write_gap_page
 from stagectl.report.gap_charts import Curve, bars, chart, matrix
-from stagectl.report.gap_page import headline, render_gap_page, write_gap_page
-from stagectl.store.recording import read_recording
+from stagectl.report.gap_page import headline, render_gap_page
+from stagectl.store import read_recording
 
 DATA = Path(__file__).parents[2] / "data"
 VOID = {"meta", "br", "link", "img"}

@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 
 from stagectl.errors import StagectlError
-from stagectl.report import content
-from stagectl.report.page import render, write_report
+from stagectl.report import content, write_report
+from stagectl.report.page import render
 from stagectl.report.traces import BEFORE, chart_data
-from stagectl.store.recording import read_recording
-from stagectl.store.summary import FrictionEntry, ParameterEstimate, RunFacts, build_summary
+from stagectl.store import FrictionEntry, ParameterEstimate, RunFacts, build_summary, read_recording
 from stagedata import Recording, aligned_demand
 
 TC, TS = 1e-4, 1e-3

@@ -6,29 +6,23 @@ import numpy as np
 import pytest
 
 from estimation.trajectory import Limits
-from hil_sim.plant.stepped import Plant
+from hil_sim.plant import Plant
 from stagectl.config import load_machine, stage_settings
 from stagectl.errors import Aborted, RunFault
-from stagectl.recipe.model import Profile
-from stagectl.recipe.plan import (
-    DwellStep,
-    ExposeStep,
-    FiducialStep,
-    MoveStep,
-    SettleStep,
-)
-from stagectl.sequencer.compensation import Mode, make_compensation
-from stagectl.sequencer.engine import Engine
-from stagectl.sequencer.events import (
+from stagectl.recipe import DwellStep, ExposeStep, FiducialStep, MoveStep, Profile, SettleStep
+from stagectl.sequencer import (
+    Engine,
     Exposed,
     FrictionUpdated,
     MarkFound,
     MarkNotFound,
+    Mode,
     MoveStarted,
+    MovingAxis,
     Settled,
     Stopping,
+    make_compensation,
 )
-from stagectl.sequencer.mover import MovingAxis
 from stagedata import Move, Samples
 
 TS = 1e-3

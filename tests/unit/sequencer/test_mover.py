@@ -9,7 +9,8 @@ import pytest
 
 from estimation.trajectory import Limits
 from stagectl.errors import RunFault
-from stagectl.sequencer.mover import Mover, MovingAxis
+from stagectl.sequencer import MovingAxis
+from stagectl.sequencer.mover import Mover
 from stagectl.sequencer.sample_validity import without_late
 from stagedata import Samples
 

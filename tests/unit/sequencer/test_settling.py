@@ -7,15 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stagectl.sequencer.settling import (
-    MoveResult,
-    arrival,
-    peak_error,
-    settling,
-    statistics,
-    summarise_moves,
-)
-from stagectl.store.recording import read_recording
+from stagectl.sequencer import MoveResult, arrival, statistics, summarise_moves
+from stagectl.sequencer.settling import peak_error, settling
+from stagectl.store import read_recording
 from stagedata import AxisSignals, Move, Recording, aligned_demand
 
 TS, TC = 1e-3, 1e-4

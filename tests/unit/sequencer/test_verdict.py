@@ -3,9 +3,9 @@
 from dataclasses import replace
 from pathlib import Path
 
-from stagectl.recipe.model import SiteLimits
-from stagectl.sequencer.verdict import judge
-from stagectl.store.recording import read_recording
+from stagectl.recipe import SiteLimits
+from stagectl.sequencer import judge
+from stagectl.store import read_recording
 
 RECORDING = read_recording(Path(__file__).parents[2] / "data" / "null-1.h5")
 SITED = replace(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hil_sim.effects.library import library
-from hil_sim.plant.simulate import simulate
+from hil_sim.plant import simulate
 from hil_sim.settings import StageSettings
 from sim2real.blind import VARIANTS
 from sim2real.fitting import NUISANCES, AxisModel, AxisProblem, Term
@@ -17,7 +17,7 @@ from sim2real.gap import prepare_replay
 from sim2real.tracking import Tracker
 from stagectl.config.machine_file import parse_machine
 from stagectl.config.mapping import stage_settings
-from stagectl.store.recording import read_recording
+from stagectl.store import read_recording
 from stagedata import Recording
 
 DATA = Path(__file__).parents[2] / "data"

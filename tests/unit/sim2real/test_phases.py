@@ -9,7 +9,7 @@ import pytest
 
 from sim2real import phases
 from sim2real.phases import PHASES, group_repeated_moves, split_moves, split_phases
-from stagectl.store.recording import read_recording
+from stagectl.store import read_recording
 from stagedata import AxisSignals, Recording
 
 DATA = Path(__file__).parents[2] / "data"

@@ -6,7 +6,7 @@ import threading
 import pytest
 
 from stagectl.errors import StagectlError
-from stagectl.store.atomic import write_atomically
+from stagectl.store import write_atomically
 
 
 def test_a_file_is_replaced_and_nothing_is_left_beside_it(tmp_path):

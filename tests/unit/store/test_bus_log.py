@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.store.bus_log import BusLog, recover_log
+from stagectl.store import BusLog, recover_log
 
 STARTED = datetime(2026, 11, 2, 8, 5, 6, 7000, tzinfo=UTC)
 

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from hil_sim.plant.simulate import simulate
+from hil_sim.plant import simulate
 from sim2real.gap import measure_gap
 from stagectl.config import stage_settings
 from stagectl.config.import_map import load_map
 from stagectl.errors import ConfigError, UnusableInput
-from stagectl.store.foreign import import_recording
-from stagectl.store.recording import read_recording, write_recording
+from stagectl.store import import_recording, read_recording, write_recording
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "emps"
 DATA = "STAGECTL_EMPS"

@@ -14,16 +14,19 @@ import numpy as np
 import pytest
 
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.store.journal import (
-    TEXT_TAG,
+from stagectl.store import (
     AxisScaling,
     Journal,
     JournalHeader,
+    read_ledger,
+    read_recording,
+    recover,
+    recover_left_over,
     sample_codec,
     sample_dtype,
 )
-from stagectl.store.recording import read_ledger, read_recording
-from stagectl.store.recovery import read_journal, recover, recover_left_over
+from stagectl.store.journal import TEXT_TAG
+from stagectl.store.recovery import read_journal
 from stagedata import Move
 
 HEADER = JournalHeader(

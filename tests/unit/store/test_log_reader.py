@@ -8,8 +8,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from stagectl.errors import UnusableInput
-from stagectl.store.bus_log import BUS_FAILED, BusLog
-from stagectl.store.log_reader import LoggedFrame, read_log
+from stagectl.store import BusLog, LoggedFrame, read_log
+from stagectl.store.bus_log import BUS_FAILED
 
 STARTED = datetime(2026, 11, 2, 8, 5, 6, tzinfo=UTC)
 FRAMES = st.lists(

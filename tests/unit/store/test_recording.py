@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.store.ledger import CycleLedger
-from stagectl.store.recording import read_ledger, read_recording, write_recording
+from stagectl.store import CycleLedger, read_ledger, read_recording, write_recording
 from stagedata import AxisSignals, Move, Recording
 
 DATA = Path(__file__).parents[2] / "data"

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from stagectl.errors import StagectlError
-from stagectl.store.ledger import CycleLedger
-from stagectl.store.recording import read_recording
-from stagectl.store.summary import (
+from stagectl.store import (
+    CycleLedger,
     FrictionEntry,
     ParameterEstimate,
     RunFacts,
     build_summary,
+    read_recording,
     write_summary,
 )
 from stagedata import Recording

@@ -11,8 +11,7 @@ from estimation.offline.identify import BOUND, ESTIMATED, PRIOR, OfflineSettings
 from estimation.offline.records import Samples, joined
 from estimation.trajectory import Limits, plan
 from hil_sim.effects.library import own_effects
-from hil_sim.plant.friction import slip_step, stribeck
-from hil_sim.plant.simulate import simulate
+from hil_sim.plant import simulate, slip_step, stribeck
 from stagectl.config import load_machine, stage_settings
 
 TS, MASS = 1e-3, 8.0

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hil_sim.effects import AppliedEffect, Effect
 from hil_sim.effects.library import own_effects
-from hil_sim.plant.simulate import simulate
+from hil_sim.plant import simulate
 from hil_sim.settings import StageSettings
 from stagectl.config import load_machine, stage_settings
 

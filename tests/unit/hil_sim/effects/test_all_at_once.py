@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil_sim.plant.simulate import simulate
+from hil_sim.plant import simulate
 
 VALUES = {
     "payload_mass": {"mass": 0.5},

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil_sim.plant.simulate import simulate
+from hil_sim.plant import simulate
 
 FC, VISCOUS = 6.0, 20.0  # of axis x
 SPEED = 0.1

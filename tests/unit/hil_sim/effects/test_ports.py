@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 
 from hil_sim.effects import Effect
 from hil_sim.effects.ports import EffectPorts
-from hil_sim.plant.simulate import needs_all_axes, simulate, simulate_variants
-from hil_sim.plant.stepped import Plant
+from hil_sim.plant import Plant, needs_all_axes, simulate
+from hil_sim.plant.simulate import simulate_variants
 
 MASS = 8.0
 

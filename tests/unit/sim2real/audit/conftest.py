@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from stagectl.config import load_machine, stage_settings
-from stagectl.store.recording import read_recording
+from stagectl.store import read_recording
 
 DATA = Path(__file__).parents[3] / "data"
 SAMPLES = 1000

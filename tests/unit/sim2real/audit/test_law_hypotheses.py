@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from hil_sim.plant.simulate import simulate
+from hil_sim.plant import simulate
 from sim2real.audit import audit_channels
 from tests.unit.sim2real.audit.conftest import SAMPLES, single, spoilt
 

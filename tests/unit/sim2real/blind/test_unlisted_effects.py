@@ -11,7 +11,7 @@ from hil_sim.effects.library import own_effects
 from hil_sim.plant.simulate import simulate_variants
 from sim2real.blind import UNLISTED, UNLISTED_VARIANTS
 from stagectl.config import load_machine, stage_settings
-from stagectl.store.recording import read_recording
+from stagectl.store import read_recording
 
 DATA = Path(__file__).parents[3] / "data"
 

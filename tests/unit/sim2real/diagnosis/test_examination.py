@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil_sim.plant.simulate import simulate
+from hil_sim.plant import simulate
 from sim2real.diagnosis import examine, report_without_causes, why_insufficient
 from stagectl.config import load_machine, stage_settings
-from stagectl.store.recording import read_recording
+from stagectl.store import read_recording
 
 DATA = Path(__file__).parents[3] / "data"
 

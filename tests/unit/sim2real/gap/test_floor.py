@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil_sim.plant.simulate import simulate
+from hil_sim.plant import simulate
 from sim2real.gap import (
     check_repeats,
     estimate_floor,

@@ -9,7 +9,7 @@ import pytest
 from sim2real.gap import compare_with_model, locate_gap
 from sim2real.phases import ONSET, split_phases
 from stagectl.config import load_machine, stage_settings
-from stagectl.store.recording import read_recording
+from stagectl.store import read_recording
 
 DATA = Path(__file__).parents[3] / "data"
 

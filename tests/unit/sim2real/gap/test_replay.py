@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from hil_sim.effects.library import library
-from hil_sim.plant.simulate import simulate
+from hil_sim.plant import simulate
 from sim2real.gap import measure_gap, prepare_replay
 from stagectl.config import load_machine, stage_settings
-from stagectl.store.recording import read_recording
+from stagectl.store import read_recording
 from stagedata import AxisSignals, Recording
 
 DATA = Path(__file__).parents[3] / "data"
