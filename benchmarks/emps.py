@@ -24,7 +24,7 @@ from sim2real.diagnosis import Examination, diagnose, examine, report_without_ca
 from sim2real.gap import gap_closed, measure_gap
 from stagectl.config import stage_settings
 from stagectl.config.import_map import load_map
-from stagectl.paper import Line, Panel, draw
+from stagectl.report import Line, Panel, draw
 from stagectl.store import import_recording
 
 MAP = Path(__file__).parents[1] / "examples" / "emps" / "map.yaml"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.paper import ticks
+from stagectl.report import ticks
 
 F64 = NDArray[np.float64]
 

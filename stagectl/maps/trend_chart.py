@@ -6,7 +6,7 @@ import numpy as np
 
 from stagectl.history import Trend
 from stagectl.maps.tables import day
-from stagectl.paper import ticks
+from stagectl.report import ticks
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 44, 8, 22, 22
 MOST = 200

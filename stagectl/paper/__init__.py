@@ -12,19 +12,13 @@ Not the estimator of a run: that one whitens the residual and keeps an arrival c
 from stagectl.paper.signals import Processing
 from stagectl.paper.simulate import Setup
 from stagectl.paper.study import Study
-from stagectl.paper.svg import Line, Panel, draw, thinned, ticks
 from stagectl.paper.tables import Case
 from stagectl.paper.window import Options
 
 __all__ = [
     "Case",
-    "Line",
     "Options",
-    "Panel",
     "Processing",
     "Setup",
     "Study",
-    "draw",
-    "thinned",
-    "ticks",
 ]

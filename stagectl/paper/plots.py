@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from stagectl.paper.study import Study
-from stagectl.paper.svg import Line, Panel, Span, draw
+from stagectl.report import Line, Panel, Span, draw
 
 _ZONE_A, _ZONE_B = "#e8f1e4", "#fbeede"
 _MEASURED, _PREDICTED, _DEMAND = "#1f5fa8", "#c8452b", "#777777"

@@ -2,8 +2,14 @@
 
 from stagectl.report.gap_page import write_gap_page
 from stagectl.report.page import write_report
+from stagectl.report.svg import Line, Panel, Span, draw, ticks
 
 __all__ = [
+    "Line",
+    "Panel",
+    "Span",
+    "draw",
+    "ticks",
     "write_gap_page",
     "write_report",
 ]

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from stagectl.paper import thinned, ticks
+from stagectl.report.svg import thinned, ticks
 
 FloatArray = npt.NDArray[np.float64]
 

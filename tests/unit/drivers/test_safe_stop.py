@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from drivers.drive import State
+from drivers.drive import State, decode
 from drivers.errors import AxisFault
 from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
@@ -104,4 +104,4 @@ def test_a_fault_tells_the_commands_before_the_stop(stage: Stage, scripted: Any)
     assert "enable operation" in commands
     assert "quick stop" not in commands
     assert caught.value.report is not None
-    assert caught.value.report.evidence.state is State.SWITCHED_ON
+    assert decode(caught.value.report.evidence.statusword) is State.SWITCHED_ON
