@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stagectl.paper import plots
-from stagectl.report import Line, Panel, Span, draw, thinned, ticks
+from stagectl.report.svg import Line, Panel, Span, draw, thinned, ticks
 
 SVG = "{http://www.w3.org/2000/svg}"
 
