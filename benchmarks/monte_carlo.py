@@ -1,7 +1,7 @@
 """How close the estimator's spread comes to the Cramer-Rao bound, and how honest its sigma is.
 
 The N = 4 model on its own data at 1 kHz, no wander: about 25 mm out of rest and settling, encoder
-noise 1 nm rms, force exact or in steps of 0.04 N, through `SplitHorizonEstimator.update`, started
+noise 1 nm rms, force in steps of 0.04 N, through `SplitHorizonEstimator.update`, started
 at half of all figures. Every run draws the true figures (10 %), the length of the move, its
 direction and where the samples fall anew; errors count in units of that run's bound, so the spread
 over the bound is their rms about their mean.
@@ -42,8 +42,8 @@ from estimation.trajectory import Limits, plan
 
 F64 = NDArray[np.float64]
 TS, ENCODER, REST, FASTEST = 1e-3, 1e-9, 5, 0.5
-EXACT = 1e-9
-"""What is left of the force's noise where it is exact [N]."""
+STEP = 0.04
+"""Resolution of the force [N]."""
 JITTERS = 5e-3
 """A motion slower than that does not jitter: it would turn back [m/s]."""
 NAMES = ("coulomb", "viscous", "stiffness", "mass")
@@ -59,7 +59,7 @@ class Case:
 
     Attributes:
         stage, profile: of `STAGES`; sine or s-curve.
-        step, noise: resolution of the force, 0: none; its white noise [N].
+        noise: white noise of the force instead of steps, 0: steps of `STEP` [N].
         jitter: of the true motion [m].
         velocity: most of an s-curve [m/s].
         elements: N.
@@ -69,7 +69,6 @@ class Case:
 
     stage: str
     profile: str
-    step: float = 0.0
     noise: float = 0.0
     jitter: float = 0.0
     velocity: float = FASTEST
@@ -181,11 +180,11 @@ def one(case: Case, number: int) -> tuple[F64, F64] | None:
         moving = np.abs(np.gradient(clean)) / TS > JITTERS
         clean += moving * np.random.default_rng([number, 1]).normal(0.0, case.jitter, len(clean))
     exact = force(clean, model, truth[3])
-    noise = quantisation(case.step) if case.step else case.noise or EXACT
-    phase = rng.uniform(0.0, case.step) if case.step else 0.0
-    seen = np.round((exact + phase) / case.step) * case.step - phase if case.step else exact
-    if case.noise and not case.step:
+    noise, phase = case.noise or quantisation(STEP), rng.uniform(0.0, STEP)
+    if case.noise:
         seen = exact + np.random.default_rng([number, 2]).normal(0.0, case.noise, len(exact))
+    else:
+        seen = np.round((exact + phase) / STEP) * STEP - phase
     measured = clean + rng.normal(0.0, ENCODER, len(clean))
     settings = EstimatorSettings(
         mass, TS, ENCODER, noise, model_error=0.0, belief=BeliefSettings(wander=0.0),
@@ -224,9 +223,7 @@ def table(case: Case, jobs: int) -> None:
             results = [result for part in pool.map(some, parts) for result in part]
     kept = [result for result in results if result is not None]
     errors, scores = np.array([e for e, _ in kept]), np.array([s for _, s in kept])
-    force = f"steps of {case.step:g} N" if case.step else "exact"
-    if case.noise:
-        force = f"with {case.noise:g} N of noise"
+    force = f"with {case.noise:g} N of noise" if case.noise else f"in steps of {STEP:g} N"
     force += f", jitter {case.jitter:g} m" if case.jitter else ""
     force += f", {case.velocity:g} m/s" if case.velocity < FASTEST else ""
     force += f", N = {case.elements}" if case.elements != 4 else ""
@@ -258,12 +255,11 @@ def main() -> None:
     print(f"{given.runs} runs each; {machine_facts()}\n")
     for stage in [given.stage] if given.stage else list(STAGES):
         for profile in ("s-curve",) if given.velocity < FASTEST else ("sine", "s-curve"):
-            for step in (0.0,) if given.force_noise else (0.0, 0.04):
-                case = Case(
-                    stage, profile, step, given.force_noise, given.jitter, given.velocity,
-                    given.elements, given.wide, 0, given.runs,
-                )  # fmt: skip
-                table(case, given.jobs)
+            case = Case(
+                stage, profile, given.force_noise, given.jitter, given.velocity, given.elements,
+                given.wide, 0, given.runs,
+            )  # fmt: skip
+            table(case, given.jobs)
 
 
 if __name__ == "__main__":

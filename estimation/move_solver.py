@@ -8,20 +8,13 @@ from numpy.typing import NDArray
 from estimation.belief import RATE, STIFFNESS, Belief
 from estimation.gms import F64, Friction, FrictionState, element_shares
 from estimation.move_tables import floats_for, marks_for
-from estimation.refinement import refine_move
 from estimation.settings import EstimatorSettings, MoveData
-from estimation.update import UNEQUAL, UNREFINED, update_move
-from estimation.update_tables import AXIS, BELIEFS, C_PEAK, C_TYPICAL, CONSTANTS, UPDATE_SIZE
+from estimation.update import UNEQUAL, update_move
+from estimation.update_tables import AXIS, BELIEFS, C_TYPICAL, CONSTANTS, UPDATE_SIZE
 
 _LEAST_ROOM, _MANY_ELEMENTS = 512, 16
 _rooms: list[_Room] = []
 """Not in use; for all axes, as nothing in them outlives an update."""
-
-
-def compile_all() -> None:
-    """Have ready what only some moves need, once a first move was solved; it can take seconds."""
-    for types in update_move.signatures:
-        refine_move.compile(types)
 
 
 _NONE = np.zeros(0, np.bool_)
@@ -109,14 +102,11 @@ class MoveSolver:
         upset = _NONE if move.upset is None else move.upset
         room = _room_for(len(move.position), self._elements)
         result = np.empty(UPDATE_SIZE)
-        arguments = (
+        verdict, misfit, doubt = update_move(
             move.position, move.force, move.valid, upset, rest, move.rest_force, elapsed, restless,
             known, whole, self._axis, self._masks, belief.mean, belief.covariance, state.forces,
             state.slipping, state.memory, room.floats, room.marks, result,
         )  # fmt: skip
-        verdict, misfit, doubt = update_move(*arguments)
-        if verdict == UNREFINED:
-            verdict, misfit, doubt = refine_move(*arguments)
         _rooms.append(room)
         if verdict < 0:
             raise ValueError(

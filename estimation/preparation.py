@@ -97,23 +97,6 @@ def clean(position, force, valid, rest, x, f, good):  # type: ignore[no-untyped-
 
 
 @kernel()
-def rounding_step(force, noise):  # type: ignore[no-untyped-def]
-    """The step that all forces are whole multiples of, where it alone makes the noise; else 0.
-
-    A force noise that is nothing but rounding has a step of sqrt(12) times its rms.
-    """
-    step = noise * math.sqrt(12.0)
-    if not step > 0.0:
-        return 0.0
-    first = force[0]
-    for k in range(force.shape[0]):
-        codes = (force[k] - first) / step
-        if not abs(codes - math.floor(codes + 0.5)) < 1e-3:
-            return 0.0
-    return step
-
-
-@kernel()
 def prepare(  # type: ignore[no-untyped-def]
     constants, units, shares, mean, state_known, zone_b, tables, marks, report
 ):

@@ -3,7 +3,7 @@
 The samples are cleaned, the belief aged, the force at rest taken as the sum of the element forces,
 the zones found (`preparation`) and solved (`window.fit`, once or twice); `conclusion` decides what
 is believed, and carries the friction state on. All that is one compiled call on few arrays, cut up
-inside: each argument of one costs time. What few axes need (`refinement`) is a call of its own.
+inside: each argument of one costs time.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from estimation.arrival_cost import age, knots_of
-from estimation.belief import ALPHA, COULOMB, LEVEL, MASS
+from estimation.belief import ALPHA, COULOMB, LEVEL
 from estimation.compiled import kernel
 from estimation.conclusion import settle, square
 from estimation.elements import ELEMENT_ROWS, SHARES, correct_forces
@@ -29,7 +29,7 @@ from estimation.move_tables import (
     T_POSITION,
     TABLES,
 )
-from estimation.preparation import clean, prepare, rounding_step
+from estimation.preparation import clean, prepare
 from estimation.update_tables import (
     AXIS,
     B_BEFORE,
@@ -43,14 +43,12 @@ from estimation.update_tables import (
     C_FORCE_NOISE,
     C_MODEL_ERROR,
     C_PERIOD,
-    C_POSITION_NOISE,
     C_STEP,
     C_WANDER,
     CALM,
     CONSTANTS,
     F_UNIT,
     FIGURE_ROWS,
-    R_ASKS,
     R_BOUND,
     R_CODES,
     R_FAILED,
@@ -58,7 +56,6 @@ from estimation.update_tables import (
     R_KNOWN,
     R_REST_FORCE,
     R_SLIDE,
-    R_STEP,
     R_STICK,
     R_TOLD,
     SHORT,
@@ -68,9 +65,9 @@ from estimation.update_tables import (
     UPDATE_SIZE,
     USUAL,
 )
-from estimation.window import QUIET, fit
+from estimation.window import fit
 
-FEW, UNEQUAL, UNREFINED = -1, -2, -3
+FEW, UNEQUAL = -1, -2
 
 
 @kernel()
@@ -106,8 +103,8 @@ def update_move(  # type: ignore[no-untyped-def]
 
     Returns:
         The verdict, or less than 0: FEW samples are valid, or the arrays differ (UNEQUAL), and
-        nothing is done; UNREFINED leaves the rest to `refinement.refine_move`. The misfit. The
-        variance of the sliding level as expected before the move, relative.
+        nothing is done. The misfit. The variance of the sliding level as expected before the move,
+        relative.
     """
     samples = position.shape[0]
     if force.shape[0] != samples or valid.shape[0] != samples:
@@ -126,8 +123,6 @@ def update_move(  # type: ignore[no-untyped-def]
     if counted < 3:
         return FEW, 0.0, 0.0
     _solve(samples, constants, units, shares, masks, forces, beliefs, room, small, result)
-    if result[R_ASKS] != 0.0:
-        return UNREFINED, 0.0, 0.0
     doubt = settle(
         samples, whole, constants, units, shares, masks, mean, covariance, forces, slips, beliefs,
         room, small, result,
@@ -172,15 +167,7 @@ def _begin(  # type: ignore[no-untyped-def]
     step, assumed = constants[C_STEP], math.sqrt(12.0) * constants[C_FORCE_NOISE]
     # Where the model misses more than that, rounding is not what matters.
     missed = constants[C_MODEL_ERROR] * known > 2.0 * constants[C_FORCE_NOISE]
-    if step < 0.0:
-        # The same where the encoder's noise is far more, as a force (see `window.QUIET`), and would
-        # be with a fifth less mass: sqrt(12) and that.
-        jitter = units[F_UNIT, MASS] * before[MASS] * constants[C_POSITION_NOISE]
-        drowned = jitter > 4.5 * QUIET * constants[C_FORCE_NOISE] * constants[C_PERIOD] ** 2
-        step = (
-            0.0 if missed or drowned else rounding_step(tables[T_FORCE], constants[C_FORCE_NOISE])
-        )
-    result[R_STEP], result[R_KNOWN], result[R_REST_FORCE] = step, known, rest_force
+    result[R_KNOWN], result[R_REST_FORCE] = known, rest_force
     prepare(constants, units, shares, before, state_known, whole, tables, marks, result)
     result[R_CODES] = step if constants[C_STEP] >= 0.0 else 0.0 if missed else assumed
     marks[M_READY] = 0
@@ -220,14 +207,14 @@ def _solve(  # type: ignore[no-untyped-def]
     p = beliefs[B_UNKNOWNS : B_UNKNOWNS + KNOTS + knots]
     slide, stick = result[R_SLIDE] > 0.0, result[R_STICK] > 0.0
     kind = CALM if result[R_TOLD] == 0.0 else USUAL if result[R_FAR] > 0.0 else SHORT
-    sticking, step = result[R_STICK], result[R_STEP]
+    sticking = result[R_STICK]
     for both, again in ((False, False), (False, True), (True, False)):
         if again:
             # Where zone A ends on a bound, it was perhaps for taking the encoder for exact; and if
             # not, what is left over all noise says how far the model is from what happened.
             if result[R_BOUND] < 0.0 or not stick:
                 continue
-            result[R_BOUND], result[R_STICK], result[R_STEP] = -1.0, 0.0, 0.0
+            result[R_BOUND], result[R_STICK] = -1.0, 0.0
         if (stick if both else slide) and result[R_BOUND] < 0.0 and result[R_FAILED] == 0.0:
             fit(
                 both, tables, marks, constants, units, forces, before, spread, found, uncertain,
@@ -235,4 +222,4 @@ def _solve(  # type: ignore[no-untyped-def]
                 elements, chosen, spare, scratch, result,
             )  # fmt: skip
         if again and result[R_BOUND] < 0.0:
-            result[R_STICK], result[R_STEP] = sticking, step
+            result[R_STICK] = sticking

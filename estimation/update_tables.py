@@ -26,17 +26,13 @@ AXIS = CONSTANTS + FIGURE_ROWS * LEVEL
 # What the kernels report.
 (
     R_SLIDE, R_STICK, R_CHI_A, R_CHI_B, R_BOUND, R_EVALUATIONS, R_FAILED, R_SAMPLES, R_KNOWN,
-    R_REST_FORCE, R_STEP, R_END, R_FAR, R_TOLD, R_STEADY, R_ASKS, R_UNKNOWNS, R_ROWS, R_WHY,
-    R_CODES,
-) = range(20)  # fmt: skip
-REPORT_SIZE = 20
+    R_REST_FORCE, R_END, R_FAR, R_TOLD, R_STEADY, R_WHY, R_CODES,
+) = range(16)  # fmt: skip
+REPORT_SIZE = 16
 """Also what is passed on: Coulomb force in force before the move and force measured at rest [N],
-resolution of the force [N], up to which row the move is used, whether it goes FULL_SLIP,
-whether it can tell sigma0, and the share of the motion in which the force was not upset; which
-refinement the last solve asks for (`refinement`), how many unknowns it has, and its rows; why there
-is nothing to solve; resolution that stretches of the force may share an error of [N]."""
-CODES, CARRIED = 1.0, 2.0
-"""Of R_ASKS: the force's codes, or what positions' errors leave in slipping elements."""
+up to which row the move is used, whether it goes FULL_SLIP, whether it can tell sigma0, and the
+share of the motion in which the force was not upset; why there is nothing to solve; resolution that
+stretches of the force may share an error of [N]."""
 MUTE, UNBEGUN = 1.0, 2.0
 """Of R_WHY: it moves, but its force says nothing there; how its elements stood is not known."""
 

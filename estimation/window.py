@@ -7,8 +7,7 @@ move and behind the last turn (what a position and a measured force there leave 
 the one at the beginning of zone A, and the level at knots joined by its Gauss-Markov process.
 
 What can be solved: `preparation`; residual and derivatives: `rows`; weights and normal equations:
-`whitening`; steps in a box: `least_squares`. Where noise is not white, the solution is refined, by
-`refinement`: few axes ever need it, so it is compiled apart.
+`whitening`; steps in a box: `least_squares`.
 """
 
 from __future__ import annotations
@@ -48,12 +47,9 @@ from estimation.update_tables import (
     C_POSITION_NOISE,
     C_SLIP_SPREAD,
     C_VS,
-    CARRIED,
-    CODES,
     F_LOWER,
     F_UNIT,
     F_UPPER,
-    R_ASKS,
     R_BOUND,
     R_CHI_A,
     R_CHI_B,
@@ -63,11 +59,8 @@ from estimation.update_tables import (
     R_FAILED,
     R_KNOWN,
     R_REST_FORCE,
-    R_ROWS,
     R_SAMPLES,
-    R_STEP,
     R_STICK,
-    R_UNKNOWNS,
 )
 from estimation.whitening import factor_weights, normal_equations, whiten
 from estimation.zones import REST, SLIDE
@@ -75,8 +68,6 @@ from estimation.zones import REST, SLIDE
 LEVEL_BOUND = 0.2
 FREE_SLIP = 0.3
 """Spread of the element forces where zone A begins, in a solve of zone A alone [Coulomb force]."""
-QUIET = 0.1
-"""Encoder noise as a force (m / T^2 times its rms) below which rounding is not white [steps]."""
 TELLS = 16.0
 """Force noise, in what the encoder's does to a spring (at the figures before), up to which the
 samples at rest tell where the motion began: without them sigma0 spreads 1.4 times as far."""
@@ -111,8 +102,7 @@ def fit(  # type: ignore[no-untyped-def]
         spare: for what belongs to them, shape (>= SPARE,).
         scratch: for rows and weights, shape (>= (KNOTS + knots + 4) K,).
         report: R_*. Chi-squares are means over their zones' samples; R_BOUND is a figure on its
-            bound, or -1; R_FAILED is 1 where the problem has no solution. Where R_ASKS is written,
-            the solution still has to be refined, and nothing is believed yet (`refinement`).
+            bound, or -1; R_FAILED is 1 where the problem has no solution.
     """
     heading, zone, usable = marks[M_HEADING], marks[M_ZONE], marks[M_USABLE]
     ready, use = marks[M_READY], marks[M_USE]
@@ -161,7 +151,6 @@ def fit(  # type: ignore[no-untyped-def]
     begin, size = 6 * MOST, (n + 1) * (n + 1)
     information = as_rows(spare[begin : begin + n * n], n, n)
     normal = as_rows(spare[begin + size : begin + 2 * size], n + 1, n + 1)
-    equations = normal  # what is kept there; the two change places
     trial_normal = as_rows(spare[begin + 2 * size : begin + 3 * size], n + 1, n + 1)
     spare = spare[begin + 3 * size :]
     joint_prior(
@@ -176,12 +165,7 @@ def fit(  # type: ignore[no-untyped-def]
     columns, taken = KNOTS + knots, (KNOTS + knots) * end
     rows = as_rows(scratch[:taken], columns, end)
     weights = as_rows(scratch[taken : taken + 4 * end], 4, end)
-    # Where the encoder alone moves the force through codes, rounding is as good as white.
     jitter = units[F_UNIT, MASS] * p[MASS] * constants[C_POSITION_NOISE] / constants[C_PERIOD] ** 2
-    refined = not linear and jitter < QUIET * report[R_STEP]
-    # Where the force is known better than what that noise does to a spring, it matters how.
-    pull = units[F_UNIT, STIFFNESS] * p[STIFFNESS] * constants[C_POSITION_NOISE]
-    carried = whole and not refined and white < pull * pull
     sliding = not whole and tables[T_UNTIL, start] >= end
     turned = begun = fresh = 0.0
     cost, evaluations, halvings, done = math.inf, 0, 0, False
@@ -198,7 +182,7 @@ def fit(  # type: ignore[no-untyped-def]
             turned, begun = fill_rows(
                 p, knots, units[F_UNIT], constants[C_VS:], constants[C_POSITION_NOISE],
                 constants[C_PERIOD], forces, report[R_KNOWN], report[R_REST_FORCE], tables, heading,
-                ready, wide, done or evaluations == 0, rows, elements,
+                ready, wide, evaluations == 0, rows, elements,
             )  # fmt: skip
         for i in range(LEVEL):
             led[i] = p[i]
@@ -230,8 +214,6 @@ def fit(  # type: ignore[no-untyped-def]
                 else:
                     open_left = 1.0
                 information[a, a] = 1.0 / open_left
-        if done:  # rows at the solution, not whitened
-            break
         if not linear:
             whiten(rows, chosen, weights[0], weights[1])
         normal_equations(rows, chosen, weights[2], trial_normal)
@@ -286,20 +268,10 @@ def fit(  # type: ignore[no-untyped-def]
         for a in range(n):
             beyond = 0.0 if done else step[a]
             p[chosen[a]] = min(max(value[a] + beyond, lower[a]), upper[a])
-        if done and not refined and not carried:
+        if done:
             break
     report[R_EVALUATIONS] += evaluations
-    report[R_SAMPLES], report[R_UNKNOWNS], report[R_ROWS] = counted, n, end
-    if refined or carried:
-        report[R_ASKS] = CODES if refined else CARRIED
-        for a in range(n + 1):
-            for b in range(n + 1):
-                equations[a, b] = normal[a, b]
-        for a in range(first, n):
-            if carried and chosen[a] == SLIP_FORCE:
-                # what stood for the errors that are now known as such
-                information[a, a] = 1.0 / (fresh * fresh + 1e-20)
-        return
+    report[R_SAMPLES] = counted
     conclude(
         whole, linear, figures, knots, chosen, value, lower, upper, normal, information, p,
         prior_mean, prior_covariance, mean, covariance, report,

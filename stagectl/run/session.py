@@ -145,7 +145,6 @@ def _execute(
         request.truth,
         _known(request, active),
         settled=None if active is None else active.drift,
-        waits=request.truth is not None and rig is None,
     )
     bus, axes = driver_settings(request.machine)
     if request.bus is not None:

@@ -23,7 +23,6 @@ from estimation.feedforward import (
     remaining_feedforward,
 )
 from estimation.gms import F64, Friction, FrictionState
-from estimation.move_solver import compile_all
 from estimation.relief import level_with_target, relief_feedforward, state_after
 from estimation.sampled_force import kink_share, with_mean_force
 from estimation.split_horizon import Estimate, MoveData, SplitHorizonEstimator
@@ -292,7 +291,6 @@ def make_compensation(
     truth: Machine | None = None,
     known: Mapping[str, Figures] | None = None,
     settled: Mapping[str, Mapping[str, float]] | None = None,
-    waits: bool = False,
 ) -> tuple[AxisCompensation, ...]:
     """Compensation of every axis, in the machine's order, compiled and ready.
 
@@ -303,8 +301,6 @@ def make_compensation(
         truth: where `mode` is oracle, whose friction figures to use.
         known: axis -> figures that an earlier run has learned, where `mode` is estimated.
         settled: axis -> as of `AxisCompensation`; None: the Coulomb force is the same everywhere.
-        waits: time stands still while something is computed; what few moves need is then compiled
-            when one does.
     """
     source = truth if mode is Mode.ORACLE and truth is not None else machine
     scale = scale if source is machine else 1.0
@@ -323,8 +319,6 @@ def make_compensation(
             if name in known:
                 compensation.estimator.believe(known[name])
     _warm_up(next(iter(machine.axes.values())), machine.bus.sync_period)
-    if not waits:
-        compile_all()
     return made
 
 

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from estimation.refinement import refine_move
 from estimation.split_horizon import MoveData
 from estimation.trajectory import Limits, plan
-from estimation.update import update_move
 from stagectl.config import load_machine, parse_machine
 from stagectl.config.host_model import friction_model
 from stagectl.sequencer import Mode, make_compensation
@@ -25,12 +23,6 @@ def test_none_is_mass_times_acceleration():
     expected = 8.0 * MOVE.sample(np.arange(1, 261) * TS + ahead)[2]
     np.testing.assert_allclose(offsets(x), expected, atol=1e-12)
     assert x.learn(MoveData(np.zeros(5), np.zeros(5), np.ones(5, bool), 0.0, 0.0)) is None
-
-
-def test_nothing_is_left_to_compile_once_time_runs():
-    make_compensation(load_machine(), Mode.NONE)
-    assert refine_move.signatures
-    assert set(refine_move.signatures) >= set(update_move.signatures)
 
 
 def test_model_adds_friction_of_the_machine_file():
