@@ -30,9 +30,10 @@ import numpy as np
 from machine_facts import machine_facts
 from peers.problem import F64, NAMES, UNITS, Problem, build, differences
 
-from estimation.gms import Friction, FrictionState, follow
+from estimation.friction import Friction, FrictionState, follow
+from estimation.move import MoveData
 from estimation.noise import quantisation
-from estimation.split_horizon import EstimatorSettings, MoveData, SplitHorizonEstimator
+from estimation.online import EstimatorSettings, SplitHorizonEstimator
 from estimation.trajectory import Limits, plan
 
 BUDGET = 0.5

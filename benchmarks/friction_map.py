@@ -25,7 +25,7 @@ import numpy as np
 from machine_facts import machine_facts
 from numpy.typing import NDArray
 
-from estimation.friction_field import FrictionField, Node
+from estimation.field import FrictionField, Node
 
 F64 = NDArray[np.float64]
 Function = Callable[[F64], F64]

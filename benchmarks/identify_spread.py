@@ -21,9 +21,8 @@ import numpy as np
 from machine_facts import machine_facts
 from numpy.typing import NDArray
 
-from estimation.gms import FrictionState, follow
-from estimation.offline.identify import Identification
-from estimation.offline.records import Samples
+from estimation.friction import FrictionState, follow
+from estimation.offline import Identification, Samples
 from estimation.trajectory import Limits, plan
 from hil_sim.effects.library import own_effects
 from hil_sim.plant import simulate

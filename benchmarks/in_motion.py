@@ -20,7 +20,7 @@ import numpy as np
 from machine_facts import machine_facts
 from run_figures import RECIPE, Case, run
 
-from estimation.gms import F64
+from estimation.friction import F64
 from estimation.trajectory import Trajectory
 from stagectl.config.machine_file import load_machine
 from stagectl.recipe import load_recipe

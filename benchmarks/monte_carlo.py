@@ -34,10 +34,10 @@ import numpy as np
 from machine_facts import machine_facts
 from numpy.typing import NDArray
 
-from estimation.belief import BeliefSettings
-from estimation.gms import Friction, FrictionState, follow
+from estimation.friction import Friction, FrictionState, follow
+from estimation.move import MoveData
 from estimation.noise import quantisation
-from estimation.split_horizon import EstimatorSettings, MoveData, SplitHorizonEstimator
+from estimation.online import BeliefSettings, EstimatorSettings, SplitHorizonEstimator
 from estimation.trajectory import Limits, plan
 
 F64 = NDArray[np.float64]

@@ -16,8 +16,7 @@ from collections import Counter
 import numpy as np
 from machine_facts import machine_facts
 
-from estimation.change import false_alarm_rate
-from estimation.site_tracking import SiteTracker, TrackingSettings
+from estimation.field import SiteTracker, TrackingSettings, false_alarm_rate
 
 SITES, EVERY, MAP, SHOWN = 20, 0.35, 0.01, 0.004
 

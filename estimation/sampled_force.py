@@ -18,8 +18,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimation.gms import F64, Friction, FrictionState, follow
-from estimation.settings import MoveData
+from estimation.friction.gms import F64, Friction, FrictionState, follow
+from estimation.move import MoveData
 
 SMOOTH = 1.0 / 12.0
 """Of the second difference, where there is no kink."""

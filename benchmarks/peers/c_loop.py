@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from estimation.gms import REST_BAND
+from estimation.friction import REST_BAND
 from peers import own_rows
 from peers.problem import F64, START, TS, ZONE_AB, Problem
 

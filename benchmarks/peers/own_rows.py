@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numba
 import numpy as np
 
-from estimation.belief import COULOMB, LEVEL, MASS, STIFFNESS, VISCOUS, Belief
-from estimation.elements import ELEMENT_ROWS, SHARES
-from estimation.gms import element_shares
-from estimation.move_tables import (
+from estimation.friction.elements import ELEMENT_ROWS, SHARES
+from estimation.friction.gms import element_shares
+from estimation.online.belief import COULOMB, LEVEL, MASS, STIFFNESS, VISCOUS, Belief
+from estimation.online.move_tables import (
     KNOTS,
     M_GOOD,
     M_HEADING,
@@ -23,9 +23,9 @@ from estimation.move_tables import (
     T_STUCK,
     TABLES,
 )
-from estimation.preparation import prepare
-from estimation.rows import fill_rows
-from estimation.update_tables import (
+from estimation.online.prepare import prepare
+from estimation.online.residual import fill_rows
+from estimation.online.update_tables import (
     C_FORCE_NOISE,
     C_PERIOD,
     C_POSITION_NOISE,
@@ -35,7 +35,7 @@ from estimation.update_tables import (
     R_KNOWN,
     REPORT_SIZE,
 )
-from estimation.whitening import factor_weights, normal_equations, whiten
+from estimation.online.whitening import factor_weights, normal_equations, whiten
 from peers.problem import F64, START, ZONE_AB, Problem
 
 

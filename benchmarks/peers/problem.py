@@ -19,18 +19,20 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.belief import BeliefSettings
-from estimation.gms import REST_BAND, Friction, FrictionState, element_shares, follow
-from estimation.gms import follow_positions as follow_elements
+from estimation.friction import REST_BAND, Friction, FrictionState, element_shares, follow
+from estimation.friction import follow_positions as follow_elements
+from estimation.move import MoveData
 from estimation.noise import quantisation
-from estimation.split_horizon import (
+from estimation.online import (
+    SLIDE,
+    STICK,
+    BeliefSettings,
     Estimate,
     EstimatorSettings,
-    MoveData,
     SplitHorizonEstimator,
+    split,
 )
 from estimation.trajectory import Limits, plan
-from estimation.zones import SLIDE, STICK, split
 
 F64 = NDArray[np.float64]
 

@@ -1,6 +1,29 @@
-"""Friction figures that single moves do not tell, from many of them; off the critical path.
+"""Friction figures that single moves do not determine, from many of them; not time-critical.
 
-Stribeck curve, shape of the hysteresis, asymmetry: recorded positions and forces in, figures with
-sigma and verdict out. `identify` is the entry, `model` the compiled friction model, `unknowns` what
-is estimated and what is believed of it before, `records` the samples, `fit` the least squares.
+Stribeck curve, shape of the hysteresis and asymmetry: recorded positions and forces in, figures
+with sigma and verdict out. `identify` is the entry; `model` the compiled friction model; `unknowns`
+what is estimated, with its prior; `records` the samples; `fit` the least squares.
 """
+
+from estimation.offline.identify import (
+    BOUND,
+    ESTIMATED,
+    PRIOR,
+    Figure,
+    Identification,
+    OfflineSettings,
+    identify,
+)
+from estimation.offline.records import Samples, joined
+
+__all__ = [
+    "BOUND",
+    "ESTIMATED",
+    "PRIOR",
+    "Figure",
+    "Identification",
+    "OfflineSettings",
+    "Samples",
+    "identify",
+    "joined",
+]

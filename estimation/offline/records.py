@@ -15,8 +15,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.gms import F64
-from estimation.zones import differences
+from estimation.friction.gms import F64
+from estimation.kinematics import differences
 
 BLOCK = 0.25
 """A block ends at the first rest after so many seconds."""

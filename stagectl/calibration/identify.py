@@ -11,12 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimation.gms import F64, Friction, FrictionState
+from estimation.friction import F64, Friction, FrictionState
+from estimation.move import MoveData
 from estimation.noise import encoder_noise, quantisation
-from estimation.offline.identify import Identification, OfflineSettings, identify
-from estimation.offline.records import Samples
+from estimation.offline import Identification, OfflineSettings, Samples, identify
 from estimation.sampled_force import kink_share, with_mean_force
-from estimation.settings import MoveData
+from sim2real.recording import Recording
 from stagectl.config.host_model import friction_model, kink_tip
 from stagectl.config.machine import Axis, Machine
 from stagectl.errors import UnusableInput

@@ -15,8 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimation.gms import FrictionState, follow
-from estimation.split_horizon import MoveData, SplitHorizonEstimator
+from estimation.friction import FrictionState, follow
+from estimation.move import MoveData
+from estimation.online import SplitHorizonEstimator
 from estimation.trajectory import Limits, plan
 from stagectl.config.host_model import friction_model
 from stagectl.config.machine import Axis, Machine

@@ -11,7 +11,7 @@ import click
 from stagectl.cli.options import FILE, JSON_FILE, quietly, write_json
 
 if TYPE_CHECKING:
-    from estimation.offline.identify import Figure, Identification
+    from estimation.offline import Figure, Identification
 
 TOLD = ("estimated", "with its neighbours")
 FORMAT, VERSION = "stagectl-friction", 1

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from estimation.belief import FIGURES, BeliefSettings
-from estimation.gms import Friction
+from estimation.friction import Friction
 from estimation.noise import encoder_noise, quantisation
-from estimation.split_horizon import EstimatorSettings
+from estimation.online import FIGURES, BeliefSettings, EstimatorSettings
 from stagectl.config.machine import Axis, Drive
 
 SETTLED_DRIFT = (7e-4, 4e-4, 4e-4, 2e-4, 5e-5, 2e-4, 1e-4)

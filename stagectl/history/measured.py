@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
-from estimation.gms import Friction
+from estimation.friction import Friction
 
 PRESLIDING_ERROR = 0.006
 """What the level of a move that hardly slid is off by beside its sigma, relative (measured)."""

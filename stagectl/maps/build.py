@@ -16,8 +16,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction_field import KERNELS, FrictionField
-from estimation.site_tracking import COMMON, SITES, SiteTracker, TrackingSettings
+from estimation.field import COMMON, KERNELS, SITES, FrictionField, SiteTracker, TrackingSettings
 from stagectl.errors import UnusableInput
 from stagectl.history import F64, History, Measurement, Pair, StageKey
 from stagectl.maps.learning import of_each

@@ -12,8 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimation.process_noise import DAY, ProcessNoise, Series, learn
-from estimation.site_tracking import TrackingSettings
+from estimation.field import DAY, ProcessNoise, Series, TrackingSettings, learn
 from stagectl.config.machine import Machine
 from stagectl.history import History, Measurement, Pair, StageKey
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from estimation.friction_field import KERNELS, FrictionField, Node
+from estimation.field import KERNELS, FrictionField, Node
 from stagectl.errors import UnusableInput
 from stagectl.history import Pair, StageKey
 

@@ -13,10 +13,10 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction_field import FrictionField
-from estimation.site_tracking import Observation, SiteTracker, TrackingSettings
-from estimation.split_horizon import Estimate
-from stagectl.history import Measurement, Pair, doubt, measured_level
+from estimation.field import FrictionField, Observation, SiteTracker, TrackingSettings
+from estimation.online import Estimate
+from stagectl.history.measured import doubt, measured_level
+from stagectl.history.records import Measurement, Pair
 from stagectl.maps.model import FrictionMap
 from stagectl.sequencer import Expectation, LevelStepped
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from estimation.site_tracking import SiteTracker, TrackingSettings
+from estimation.field import SiteTracker, TrackingSettings
 from stagectl.config.machine import Machine
 from stagectl.maps.active import ActiveMap
 from stagectl.maps.model import MapVersion, from_json, to_json

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from estimation.gms import Friction, FrictionState, element_shares, follow
+from estimation.friction import Friction, FrictionState, element_shares, follow
 from stagectl.paper import published
 from stagectl.paper.published import PARAMETERS
 from stagectl.paper.signals import Move

@@ -13,17 +13,11 @@ from importlib import metadata
 from pathlib import Path
 from uuid import uuid4
 
-from estimation.belief import FIGURES, MASS
-from stagectl.history import (
-    EstimateRecord,
-    History,
-    HistoryWriter,
-    RunEntry,
-    StageKey,
-    StepRecord,
-    measured_level,
-    step_record,
-)
+from estimation.online import FIGURES, MASS
+from stagectl.errors import StagectlError
+from stagectl.history.measured import measured_level
+from stagectl.history.port import History
+from stagectl.history.records import EstimateRecord, RunEntry, StageKey, StepRecord
 from stagectl.run.request import RunRequest
 from stagectl.sequencer import FrictionUpdated, LevelStepped
 

@@ -17,15 +17,20 @@ from enum import StrEnum
 
 import numpy as np
 
-from estimation.feedforward import (
+from estimation.friction import (
+    F64,
+    Friction,
+    FrictionState,
     friction_feedforward,
+    level_with_target,
     mass_feedforward,
+    relief_feedforward,
     remaining_feedforward,
+    state_after,
 )
-from estimation.gms import F64, Friction, FrictionState
-from estimation.relief import level_with_target, relief_feedforward, state_after
+from estimation.move import MoveData
+from estimation.online import Estimate, SplitHorizonEstimator
 from estimation.sampled_force import kink_share, with_mean_force
-from estimation.split_horizon import Estimate, MoveData, SplitHorizonEstimator
 from estimation.trajectory import Limits, Trajectory, plan
 from stagectl.config.host_model import estimator_settings, friction_model, kink_tip
 from stagectl.config.machine import Axis, Machine

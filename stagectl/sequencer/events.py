@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from estimation.split_horizon import Estimate
+from estimation.online import Estimate
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.split_horizon import Estimate
+from estimation.online import Estimate
 from stagectl.sequencer.places import Expectation
 
 F64 = NDArray[np.float64]

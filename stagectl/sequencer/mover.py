@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.split_horizon import MoveData
+from estimation.move import MoveData
 from estimation.trajectory import Limits, Trajectory, plan, plan_stop
 from stagectl.errors import RunFault
 from stagectl.sequencer import late_setpoint_mask

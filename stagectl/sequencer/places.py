@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.split_horizon import Estimate
+from estimation.online import Estimate
 
 F64 = NDArray[np.float64]
 

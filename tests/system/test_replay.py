@@ -9,7 +9,7 @@ import h5py
 import pytest
 from click.testing import CliRunner
 
-from estimation.friction_field import Node
+from estimation.field import Node
 from hil_sim.bus import faults as f
 from stagectl.cli import cli
 from stagectl.errors import UnusableInput

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimation.split_horizon import MoveData
+from estimation.move import MoveData
 from estimation.trajectory import Limits, plan
 from stagectl.config import load_machine, parse_machine
 from stagectl.config.host_model import friction_model

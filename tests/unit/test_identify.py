@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from estimation.offline.records import Samples
+from estimation.offline import Samples
 from estimation.trajectory import Limits, plan
 from hil_sim.plant import simulate
 from hil_sim.settings import SUBSTEPS

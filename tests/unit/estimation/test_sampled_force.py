@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimation.gms import Friction, FrictionState, follow
+from estimation.friction.gms import Friction, FrictionState, follow
+from estimation.move import MoveData
 from estimation.sampled_force import kink_share, with_mean_force
-from estimation.settings import MoveData
 
 TS, MASS, FINE = 1e-3, 8.0, 200
 FREE = Friction(4, 1e-9, 0.0, 1e-9, 100.0, 0.4, 2e-3, 1.0)

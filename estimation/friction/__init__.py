@@ -1,0 +1,39 @@
+"""Friction laws, their state, and the friction force along a path."""
+
+from estimation.friction.coulomb_variation import (
+    follow_relief,
+    level_with_target,
+    relief_feedforward,
+    state_after,
+)
+from estimation.friction.feedforward import (
+    friction_feedforward,
+    mass_feedforward,
+    remaining_feedforward,
+)
+from estimation.friction.gms import (
+    F64,
+    REST_BAND,
+    Friction,
+    FrictionState,
+    element_shares,
+    follow,
+    follow_positions,
+)
+
+__all__ = [
+    "F64",
+    "REST_BAND",
+    "Friction",
+    "FrictionState",
+    "element_shares",
+    "follow",
+    "follow_positions",
+    "follow_relief",
+    "friction_feedforward",
+    "level_with_target",
+    "mass_feedforward",
+    "relief_feedforward",
+    "remaining_feedforward",
+    "state_after",
+]

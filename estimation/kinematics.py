@@ -1,0 +1,178 @@
+"""Velocity, acceleration and turns of a motion, from sampled positions alone.
+
+Central differences: no lag, and no filter that would bias the estimate. Where the motion turns
+comes from positions with hysteresis, never from the sign of a noisy velocity: what slides goes on
+sliding until its position has turned.
+"""
+
+from __future__ import annotations
+
+from estimation.compiled import kernel
+
+REVERSAL_BAND = 3e-9
+"""Motion back by this much is a reversal [m] ..."""
+REVERSAL_NOISE = 3.5
+"""... if it is so many standard deviations of a position. Elements stick again after any reversal,
+however small: a coarser band would have them slip on where the stage creeps to rest."""
+CREEP, CREEP_NOISE = 3, 6.0
+"""Where so many samples stay within so many standard deviations of one, the motion has stopped
+there: what little it springs back is below the noise, but elements that slipped have stuck."""
+PAUSE, CREPT_NOISE, STOP_NOISE = 2, 1.5, 4.5
+"""So it has where so many samples gain less than so many standard deviations: that hides a
+reversal, whatever comes next. It stopped at the sample from which on no step gains as much; up to
+there elements slip, and up the Stribeck curve they gain a hundredth of their force in 1 ms. The
+last stop is sought well above the noise: a millisecond too many spoils Fc more than one too few."""
+REST_NOISE = 9.0
+"""Positions that stay within so many standard deviations are at rest."""
+BLOCK = 32
+"""So many samples are looked at together for something to see in them."""
+
+
+@kernel()
+def differences(position, valid, period, velocity, acceleration, usable):  # type: ignore[no-untyped-def]
+    """Central first and second differences at samples 1..K-2, and where all three are valid."""
+    half, square = 0.5 / period, 1.0 / period**2
+    for k in range(velocity.shape[0]):
+        before, this, after = position[k], position[k + 1], position[k + 2]
+        velocity[k] = (after - before) * half
+        acceleration[k] = ((after - this) - (this - before)) * square
+        usable[k] = valid[k] and valid[k + 1] and valid[k + 2]
+
+
+@kernel()
+def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[no-untyped-def]
+    """Direction of motion at each inner sample, and where it turns or stops.
+
+    Fills, for inner sample k (position k + 1): `heading`, the direction (+1, -1; 0 at rest before
+    and after the motion); `share`, at which part of the interval that ends there the motion turned
+    or stopped, -1 where it did not; `at`, the position there [m]; `sharpness`, the curvature of
+    the turn [m per squared sample], 0 for a stop.
+    """
+    count = heading.shape[0]
+    last = count + 1
+    rest = REST_NOISE * noise
+    band, creep = max(REVERSAL_BAND, REVERSAL_NOISE * noise), CREEP_NOISE * noise
+    for k in range(count):
+        heading[k] = 0
+        share[k] = -1.0
+    # Rest before: all within the band of the first sample. Rest after: the longest such end.
+    first = 0
+    while first <= last and abs(position[first] - position[0]) <= rest:
+        first += 1
+    if first > last:
+        return
+    stop = last
+    low = high = position[last]
+    while stop > first:
+        x = position[stop - 1]
+        low, high = min(low, x), max(high, x)
+        if high - low > rest:
+            break
+        stop -= 1
+    direction = 1 if position[first] > position[first - 1] else -1
+    turned, extreme = first - 1, position[first - 1]
+    since = first  # first sample of this direction
+    i = first - 1
+    while i < stop:
+        if turned == i:  # where it goes on fast there is nothing to see
+            while i + BLOCK + PAUSE <= stop and _goes_on(
+                position[i : i + BLOCK + PAUSE + 1], direction, creep
+            ):
+                i += BLOCK
+            turned, extreme = i, position[i]
+        i += 1
+        if (
+            i > since
+            and i + CREEP <= stop
+            and (
+                _creeps(position, i, creep)
+                or abs(position[i + PAUSE] - position[i]) < CREPT_NOISE * noise
+            )
+        ):
+            # Too slow to tell where it goes: the elements stick until it has gone somewhere.
+            i = _crept(position, i, stop, direction, CREPT_NOISE * noise)
+            for j in range(since, i + 1):
+                if 1 <= j <= count:
+                    heading[j - 1] = direction
+            share[i - 1], at[i - 1], sharpness[i - 1] = 1.0, position[i], 0.0
+            anchor = position[i]
+            while i < stop and abs(position[i] - anchor) <= rest:
+                i += 1
+            since, direction = i, 1 if position[i] > anchor else -1
+            turned, extreme = i, position[i]
+            continue
+        along = (position[i] - extreme) * direction
+        if along >= 0.0:
+            turned, extreme = i, position[i]
+        elif along < -band:
+            for j in range(since, turned + 1):
+                if 1 <= j <= count:
+                    heading[j - 1] = direction
+            if 1 <= turned <= count:
+                _vertex(position, turned, direction, noise, share, at, sharpness)
+            since, direction = turned + 1, -direction
+            turned, extreme = i, position[i]
+    stop = _crept(position, stop, last, direction, STOP_NOISE * noise)
+    for j in range(since, min(stop, count) + 1):
+        heading[j - 1] = direction
+    if stop <= count and share[stop - 1] < 0.0:
+        share[stop - 1], at[stop - 1], sharpness[stop - 1] = 1.0, position[stop], 0.0
+
+
+@kernel()
+def _goes_on(position, direction, least):  # type: ignore[no-untyped-def]
+    """Whether every step is one forward by more than `least`."""
+    slow = 0
+    for j in range(position.shape[0] - 1):
+        slow += not (position[j + 1] - position[j]) * direction > least
+    return slow == 0
+
+
+@kernel()
+def find_stretches(heading, share, until):  # type: ignore[no-untyped-def]
+    """Fill for each inner sample the first one from it on that turns, or goes another way."""
+    last = heading.shape[0] - 1
+    reached, way = float(last + 1), heading[last]
+    for k in range(last, -1, -1):
+        if heading[k] != way:
+            reached, way = k + 1.0, heading[k]
+        if share[k] >= 0.0:
+            reached = float(k)
+        until[k] = reached
+
+
+@kernel()
+def _creeps(position, i, band):  # type: ignore[no-untyped-def]
+    """Whether the next samples all stay near this one."""
+    for j in range(i + 1, i + CREEP + 1):
+        if abs(position[j] - position[i]) > band:
+            return False
+    return True
+
+
+@kernel()
+def _crept(position, i, last, direction, least):  # type: ignore[no-untyped-def]
+    """The sample from which on no step goes on the same way by more than `least`."""
+    while i < last and (position[i + 1] - position[i]) * direction > least:
+        i += 1
+    return i
+
+
+@kernel()
+def _vertex(position, turned, direction, noise, share, at, sharpness):  # type: ignore[no-untyped-def]
+    """The turning point near its farthest sample: vertex of the parabola through three samples."""
+    before, this, after = position[turned - 1], position[turned], position[turned + 1]
+    curvature = (2.0 * this - before - after) * direction
+    slope = 0.5 * (after - before) * direction
+    when, where = 0.0, this
+    if curvature > 6.0 * noise:
+        when = min(max(slope / curvature, -0.5), 0.5)
+        where = this + direction * 0.5 * slope * when
+    if when > 0.0 and turned < share.shape[0]:
+        share[turned], at[turned], sharpness[turned] = when, where, curvature
+    else:
+        share[turned - 1], at[turned - 1], sharpness[turned - 1] = (
+            1.0 + min(when, 0.0),
+            where,
+            curvature,
+        )

@@ -1,0 +1,39 @@
+"""One move of an axis, as it was sampled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class MoveData:
+    """One axis over one move, from rest to rest (or to the last sample).
+
+    Attributes:
+        position: sampled [m], shape (K,); the first samples at rest.
+        force: measured at the same instants [N], shape (K,).
+        valid: samples to be used, shape (K,).
+        time: of position[0] on the axis' clock [s].
+        rest_force: force measured at rest before the move [N].
+        upset: samples of which only the position counts, shape (K,): the drive was catching up with
+            its setpoints, and its force changed within a sample period; None: none.
+    """
+
+    position: F64
+    force: F64
+    valid: NDArray[np.bool_]
+    time: float
+    rest_force: float
+    upset: NDArray[np.bool_] | None = None
+
+    def __post_init__(self) -> None:
+        """Take samples of any type and layout: for another one kernels would be compiled anew."""
+        given = {"position": np.float64, "force": np.float64, "valid": np.bool_, "upset": np.bool_}
+        for name, kind in given.items():
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), kind))

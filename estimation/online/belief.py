@@ -1,0 +1,89 @@
+"""What is believed of an axis' friction between moves: the arrival cost of the next one.
+
+Five figures relative to the model the axis started from (Coulomb force, viscous coefficient,
+presliding stiffness, relaxation rate C/Fc, apparent mass), two as they are (alpha; lag of the force
+behind the position, in sample periods), and the level: the Coulomb force of a real stage wanders by
+itself, a stationary Gauss-Markov factor 1 + w. The figures drift slowly from move to move; w is
+forgotten with its correlation time (`arrival_cost.age`).
+
+The apparent mass is what the sampled force shows of the mass. The drive interpolates the setpoints
+linearly between SYNCs, the ripple of force that this causes has a fixed phase to the sampling, so
+the force sampled at SYNC differs from its mean by a constant times the acceleration (2.5 % of the
+mass on the reference stage). It explains the force; the feedforward uses the true mass.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from estimation.friction.gms import F64, Friction
+
+FIGURES = ("coulomb", "viscous", "stiffness", "relaxation_rate", "mass", "static_ratio", "lag")
+COULOMB, VISCOUS, STIFFNESS, RATE, MASS, ALPHA, LAG = range(7)
+LEVEL = 7
+"""Place of w behind the figures."""
+
+
+@dataclass(frozen=True, slots=True)
+class BeliefSettings:
+    """How belief starts and ages.
+
+    Attributes:
+        start_spread: 1-sigma of each of `FIGURES` before the first move, in its unit: relative,
+            but for the static ratio and the lag [sample periods].
+        drift: 1-sigma by which each may change from move to move.
+        wander: rms of the Gauss-Markov factor on the Coulomb force.
+        correlation_time: of it [s].
+    """
+
+    start_spread: tuple[float, ...] = (0.6, 0.8, 0.8, 0.2, 0.05, 0.3, 0.5)
+    drift: tuple[float, ...] = (0.002, 0.004, 0.005, 0.002, 0.0005, 0.002, 0.001)
+    wander: float = 0.01
+    correlation_time: float = 0.5
+
+    def wander_variance(self, elapsed: float) -> tuple[float, float]:
+        """(factor kept, variance gained) of w over `elapsed` seconds."""
+        keep = math.exp(-max(elapsed, 0.0) / self.correlation_time)
+        return keep, (1.0 - keep**2) * self.wander**2 + 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """Mean and covariance of the figures and the level; changed in place by an update.
+
+    Attributes:
+        mean: figures and w, shape (LEVEL + 1,).
+        covariance: of them, shape (LEVEL + 1, LEVEL + 1).
+    """
+
+    mean: F64
+    covariance: F64
+
+    @classmethod
+    def at_start(cls, settings: BeliefSettings, friction: Friction) -> Belief:
+        """Before any move; `friction` is what the figures are relative to."""
+        spread = np.array([*settings.start_spread, settings.wander])
+        mean = np.array([1.0, 1.0, 1.0, 1.0, 1.0, friction.static_ratio, 0.0, 0.0])
+        return cls(mean, np.diag(spread**2) + 1e-12 * np.eye(LEVEL + 1))
+
+    def set_apart(self, figure: int, value: float, sigma: float) -> None:
+        """Take one figure, or the level, from elsewhere: independent of all others."""
+        self.covariance[figure, :] = 0.0
+        self.covariance[:, figure] = 0.0
+        self.mean[figure] = value
+        self.covariance[figure, figure] = sigma**2 + 1e-12
+
+
+def model_at(start: Friction, mean: F64) -> Friction:
+    """The model with these figures, relative to those of `start`."""
+    return replace(
+        start,
+        coulomb=start.coulomb * float(mean[COULOMB]),
+        viscous=start.viscous * float(mean[VISCOUS]),
+        stiffness=start.stiffness * float(mean[STIFFNESS]),
+        relaxation_rate=start.relaxation_rate * float(mean[RATE]),
+        static_ratio=float(mean[ALPHA]),
+    )

@@ -1,0 +1,200 @@
+"""What one move said, read from the compiled update's result where it is asked for."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from estimation.friction.gms import F64, Friction
+from estimation.online.belief import FIGURES, LEVEL, MASS, model_at
+from estimation.online.update_tables import (
+    ACCEPTED,
+    BOUND,
+    HOLES,
+    JUMP,
+    MISFIT,
+    MUTE,
+    R_EVALUATIONS,
+    R_SLIDE,
+    R_STICK,
+    SHAKEN,
+    STILL,
+    U_COVARIANCE,
+    U_FIGURE,
+    U_GAIN,
+    U_HELD,
+    U_LEVEL,
+    U_MEAN,
+    U_MISFIT,
+    U_NUMBER,
+    U_SLIDING,
+    U_SPREAD,
+    U_VERDICT,
+    UNBEGUN,
+)
+
+FIGURES_OF_FRICTION = FIGURES[:MASS]
+TELLING = 0.5
+"""A move that leaves more than this of the level's variance does not show the level."""
+
+_WHY_NOT = {
+    0.0: "too little motion to learn from",
+    MUTE: "its force says nothing while it moves: saturated, missing, or upset by late setpoints",
+    UNBEGUN: "how its elements stood before it is not known: "
+    "a move that slides has to be learned from first",
+}
+
+
+class Estimate:
+    """What one move said.
+
+    Args:
+        result: of `update.update_move`; kept.
+        facts: model that the figures are relative to, mass that the apparent mass is relative to
+            [kg], and period of the samples [s].
+    """
+
+    __slots__ = ("_facts", "_result")
+
+    def __init__(self, result: F64, facts: tuple[Friction, float, float]) -> None:
+        self._result = result
+        self._facts = facts
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the model was updated."""
+        return bool(self._result[U_VERDICT] == ACCEPTED)
+
+    @property
+    def reason(self) -> str | None:
+        """Why it was not, else None."""
+        verdict, number = self._result[U_VERDICT], float(self._result[U_NUMBER])
+        if verdict == ACCEPTED:
+            return None
+        if verdict == HOLES:
+            return f"only {number:.0%} of the samples can be used"
+        if verdict == SHAKEN:
+            return f"late setpoints upset the force in all but {number:.0%} of the motion"
+        if verdict == STILL:
+            return _WHY_NOT[number]
+        if verdict == MISFIT:
+            return f"residual {number:.1f} times what noise and wander explain"
+        if verdict == BOUND:
+            return f"{FIGURES[int(self._result[U_FIGURE])]} ran into its bound"
+        if verdict == JUMP:
+            return f"{FIGURES[int(self._result[U_FIGURE])]} jumps by {number:+.0%}"
+        return "the problem has no solution"
+
+    @property
+    def friction(self) -> Friction:
+        """The model in force afterwards."""
+        return model_at(self._facts[0], self._result[U_MEAN : U_MEAN + LEVEL])
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """Standard deviations of coulomb [N], viscous [N s/m], stiffness [N/m], relaxation_rate."""
+        return spreads(self._result[U_SPREAD : U_SPREAD + LEVEL], self._facts[0])
+
+    @property
+    def covariance(self) -> F64:
+        """Of the figures in `sigma` in that order, shape (4, 4)."""
+        whole = self._result[U_COVARIANCE:].reshape(LEVEL + 1, LEVEL + 1)
+        return in_units(whole, self._facts[0])
+
+    @property
+    def expected(self) -> tuple[float, float]:
+        """Sliding level Fc (1 + w) at the move's end as expected before it, and its sigma [N]."""
+        before, variance = self._result[U_SLIDING : U_SLIDING + 2].tolist()
+        coulomb = self._facts[0].coulomb
+        return before * coulomb, math.sqrt(variance) * coulomb
+
+    @property
+    def shown(self) -> tuple[float, float] | None:
+        """Sliding level Fc (1 + w) at the move's end as the move alone shows it, and its sigma [N].
+
+        What was believed before is taken out again. Whether or not the move was accepted; None
+        where it says nothing of it.
+        """
+        found = sliding_shown(self._result)
+        coulomb = self._facts[0].coulomb
+        return None if found is None else (found[0] * coulomb, math.sqrt(found[1]) * coulomb)
+
+    @property
+    def static_ratio(self) -> tuple[float, float]:
+        """Alpha and its standard deviation."""
+        return self._pair("static_ratio", 1.0)
+
+    @property
+    def lag(self) -> tuple[float, float]:
+        """By how much the force is later than the position, and its standard deviation [s]."""
+        return self._pair("lag", self._facts[2])
+
+    @property
+    def mass(self) -> tuple[float, float]:
+        """Apparent mass and its standard deviation [kg] (see `belief`)."""
+        return self._pair("mass", self._facts[1])
+
+    @property
+    def gain(self) -> dict[str, float]:
+        """By how much the move narrowed each of `FIGURES`: deviation before over after, or 1."""
+        return dict(zip(FIGURES, self._result[U_GAIN : U_GAIN + LEVEL].tolist(), strict=True))
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Figures that were asked for and stay at their prior: the move says less than it."""
+        flags = self._result[U_HELD : U_HELD + LEVEL].tolist()
+        return tuple(name for name, flag in zip(FIGURES, flags, strict=True) if flag)
+
+    @property
+    def level(self) -> float:
+        """Factor on the Coulomb force at the end of the move, 1 + w."""
+        return float(self._result[U_LEVEL])
+
+    @property
+    def zones(self) -> str:
+        """Which zones were used: "A", "B", "AB" or ""."""
+        slide, stick = self._result[R_SLIDE] > 0.0, self._result[R_STICK] > 0.0
+        return ("A" if slide else "") + ("B" if stick else "")
+
+    @property
+    def misfit(self) -> float:
+        """Rms of the whitened residual over all samples used."""
+        return float(self._result[U_MISFIT])
+
+    @property
+    def evaluations(self) -> int:
+        """Passes over the samples."""
+        return int(self._result[R_EVALUATIONS])
+
+    def _pair(self, name: str, unit: float) -> tuple[float, float]:
+        i = FIGURES.index(name)
+        return unit * float(self._result[U_MEAN + i]), unit * float(self._result[U_SPREAD + i])
+
+
+def sliding_shown(result: F64, telling: float = TELLING) -> tuple[float, float] | None:
+    """Sliding level as the move alone shows it (`Estimate.shown`), relative, and its variance.
+
+    None where the move leaves more than the share `telling` of the variance before it.
+    """
+    before, variance_before, after, variance = result[U_SLIDING : U_SLIDING + 4].tolist()
+    if not 0.0 < variance < telling * variance_before:
+        return None
+    share = variance_before / (variance_before - variance)
+    value = before + (after - before) * share
+    return (value, variance * share) if value > 0.0 else None
+
+
+def spreads(relative: F64, start: Friction) -> dict[str, float]:
+    """Standard deviations of the friction figures in their units, by name."""
+    return {
+        name: float(relative[i]) * float(getattr(start, name))
+        for i, name in enumerate(FIGURES_OF_FRICTION)
+    }
+
+
+def in_units(relative: F64, start: Friction) -> F64:
+    """Covariance of the friction figures in their units, shape (4, 4)."""
+    scale = np.array([float(getattr(start, name)) for name in FIGURES_OF_FRICTION])
+    covariance: F64 = relative[:MASS, :MASS] * np.outer(scale, scale)
+    return covariance

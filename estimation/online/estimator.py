@@ -1,0 +1,339 @@
+"""The split-horizon estimator: one move in, an updated friction model (or a reason) out.
+
+Zone A (all elements slip) gives Coulomb force, viscous coefficient and apparent mass; then all that
+is usable gives the rest, from zone A's result. Each is a bounded least-squares problem with an
+arrival cost (source paper, equation (4)). What the unknowns are: `belief`; how a move is solved:
+`window`; how belief ages: `arrival_cost`; how an estimate is judged: `judgement`.
+
+An estimate is accepted or refused as a whole; a refused one leaves the last good model in force.
+Not here: Stribeck velocity and shape, direction asymmetry, shape of the hysteresis.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from estimation.friction.gms import F64, Friction, FrictionState
+from estimation.move import MoveData
+from estimation.online.belief import COULOMB, FIGURES, LEVEL, MASS, STIFFNESS, Belief, model_at
+from estimation.online.estimate import Estimate, in_units, sliding_shown, spreads
+from estimation.online.move_solver import MoveSolver
+from estimation.online.prepare import FULL_SLIP
+from estimation.online.settings import EstimatorSettings
+from estimation.online.trend import Trend
+from estimation.online.update_tables import (
+    ACCEPTED,
+    F_UNIT,
+    JUMP,
+    R_SLIDE,
+    STILL,
+    U_FOUND,
+    U_LEVEL,
+    U_MEAN,
+)
+
+__all__ = ["Estimate", "EstimatorSettings", "MoveData", "Preview", "SplitHorizonEstimator"]
+
+_LEARNED = 0.05
+"""A level believed to this is not being learned any more: what it does then, the stage does."""
+_SAID = 0.98
+"""A move that leaves more than this of the level's variance says nothing of a trend either."""
+_FEW, _RECENT = 3, 15
+"""After so many moves it is known what misfit is usual; of so many the last ones say it."""
+SURE = 0.15
+"""A move that was refused leaves the elements' forces known where Fc and sigma0 are known to this,
+relative: else they have been followed with a wrong model."""
+
+
+@dataclass(frozen=True, slots=True)
+class Preview:
+    """What a move says while it still goes on; nothing is updated by it.
+
+    Attributes:
+        friction: the model with the level it has now.
+        state: friction state at the last sample but one.
+        change: relative change of the sliding force that it means.
+    """
+
+    friction: Friction
+    state: FrictionState
+    change: float
+
+
+class SplitHorizonEstimator:
+    """Friction of one axis, tracked from move to move.
+
+    Args:
+        friction: the model to start from.
+        settings: of the estimation.
+        frozen: keep the friction figures; only the friction state and the level are tracked.
+        state: friction state before the first move where it is known, as after a slip; else only
+            the sum of the element forces is, and the onset of the first move says nothing.
+
+    Attributes:
+        settings: of the estimation.
+        state: friction state at rest after the last move; None until it is known.
+
+    Raises:
+        ValueError: settings that name a figure that there is not.
+    """
+
+    def __init__(
+        self,
+        friction: Friction,
+        settings: EstimatorSettings,
+        frozen: bool = False,
+        state: FrictionState | None = None,
+    ) -> None:
+        self.settings = settings
+        self.state = state
+        self._start = friction
+        self._belief = Belief.at_start(settings.belief, friction)
+        self._known = state is not None
+        self._doubt = 0
+        self._end: float | None = None
+        self._carried: float | None = None  # until when the Coulomb force has followed its trend
+        self._rest: float | None = None
+        self._trend = Trend(settings.belief)
+        self._aged = 0.0
+        self._told = False
+        self._before = (1.0, 1.0)  # Coulomb force before a move and its variance, relative
+        self._drift = settings.belief.drift[COULOMB] ** 2
+        self._misfits: deque[float] = deque(maxlen=_RECENT)
+        self._frozen = frozen
+        self._jump: F64 | None = None
+        self._jumps = 0
+        self._solver = MoveSolver(friction, settings, frozen)
+        self._facts = (friction, settings.mass, settings.period)
+
+    @property
+    def friction(self) -> Friction:
+        """The model in force."""
+        return model_at(self._start, self._belief.mean)
+
+    @property
+    def level(self) -> float:
+        """Factor on the Coulomb force at the end of the last move, 1 + w."""
+        return 1.0 + float(self._belief.mean[LEVEL])
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """Standard deviations of the friction figures, by name, in their units."""
+        return spreads(np.sqrt(self._belief.covariance.diagonal()), self._start)
+
+    @property
+    def covariance(self) -> F64:
+        """Of the four friction figures, in their units, shape (4, 4)."""
+        return in_units(self._belief.covariance, self._start)
+
+    def believe(self, figures: Mapping[str, tuple[float, float]]) -> None:
+        """Begin from figures that were learned before instead of from the start model.
+
+        Bounds stay relative to the start model.
+
+        Args:
+            figures: value and standard deviation of coulomb [N], viscous [N s/m], stiffness [N/m]
+                and relaxation_rate [1/s], by name; those that are missing stay.
+        """
+        for i, name in enumerate(FIGURES[:MASS]):
+            if name in figures:
+                value, sigma = figures[name]
+                unit = float(self._solver.units[F_UNIT, i])
+                self._belief.set_apart(i, value / unit, sigma / unit)
+
+    def saturates_at(self, force: float) -> None:
+        """From now on samples at or beyond this force are saturated and left out [N]."""
+        self.settings = replace(self.settings, peak_force=force)
+        self._solver.saturates_at(force)
+
+    def expect(
+        self, coulomb: float, sigma: float, level: tuple[float, float] | None = None
+    ) -> None:
+        """The next move ends at another place, whose Coulomb force is known from elsewhere.
+
+        Whoever tells it knows how it changes in time: from now on nothing is carried on here.
+
+        The move's data have to be made level with that place (see `stagectl.compensation`). The
+        element forces are carried over as a change of Coulomb force is: they scale with it.
+
+        Args:
+            coulomb: Fc there [N].
+            sigma: its standard deviation [N].
+            level: w at the end of the last move and its standard deviation, where it is known
+                better than from the moves of this axis.
+        """
+        self._trend.calm()
+        self._told = True
+        factor = coulomb / self.friction.coulomb
+        unit = self._start.coulomb
+        self._belief.set_apart(COULOMB, coulomb / unit, sigma / unit)
+        if level is not None:
+            self._belief.set_apart(LEVEL, *level)
+        if self.state is not None:
+            self.state.rescale(factor)
+
+    def forget_state(self) -> None:
+        """The axis has moved unobserved: its friction state is unknown, as before the first move.
+
+        The figures stay; the level is forgotten.
+        """
+        self.state = self._end = self._rest = None
+        self._trend.calm()
+        self._known = False
+        self._doubt = 0
+        self._belief.set_apart(LEVEL, 0.0, self.settings.belief.wander)
+
+    def effective(self, time: float) -> Friction:
+        """The model with the level expected at `time` [s]: what feedforward should use."""
+        elapsed = 0.0 if self._end is None else max(time - self._end, 0.0)
+        keep = math.exp(-elapsed / self.settings.belief.correlation_time)
+        friction = self.friction
+        level = 1.0 + keep * float(self._belief.mean[LEVEL])
+        if self._carried is not None:
+            level *= math.exp(self._trend.carry(self._carried, time)[0])
+        return replace(friction, coulomb=friction.coulomb * level)
+
+    def at_rest(self, position: float, force: float, time: float) -> FrictionState:
+        """Take the force measured at rest [N] as the sum of the element forces.
+
+        The first call initialises the state, at `position` [m]; `time` [s] is that of the rest.
+        The position is also where the next move begins, should its first samples be lost.
+        """
+        self._rest = position
+        if self.state is None:
+            self.state = FrictionState.relaxed(self._start.elements, position)
+        self.state.correct(force, self.effective(time))
+        return self.state
+
+    def update(self, move: MoveData) -> Estimate:
+        """Learn from a move and carry the friction state to its end.
+
+        A move that cannot be used leaves the model as it was and says why; the friction state
+        follows the measured positions in any case.
+
+        Raises:
+            ValueError: shapes that differ, or fewer than three valid samples.
+        """
+        state = self.state
+        if state is None:
+            state = self.state = FrictionState.relaxed(self._start.elements)
+        end = move.time + (len(move.position) - 1) * self.settings.period
+        result, verdict, misfit, doubt = self._run(move, state, self._known, True, end)
+        self._end, self._rest = end, None
+        if verdict == ACCEPTED:
+            self._jumps = self._doubt = 0
+            self._known = True
+            misfits = self._misfits
+            misfits.append(misfit)
+            if len(misfits) > _FEW:
+                self._solver.expect(sorted(misfits)[len(misfits) // 2])
+            if not (self._frozen or self._told) and doubt - self._aged < _LEARNED**2:
+                self._watch(result, end)
+        else:
+            if verdict == JUMP:
+                self._open_up(result)
+            self._known = self._followed(verdict, move)
+        return Estimate(result, self._facts)
+
+    def _followed(self, verdict: int, move: MoveData) -> bool:
+        """Whether the elements' forces are known behind a move that was refused.
+
+        Followed through one with figures that are wrong, they end up wrong, until a move is learned
+        from, or some that reach far enough have been followed without harm.
+        """
+        if self._frozen or self._sure():
+            self._doubt = 0
+        elif verdict != STILL:
+            self._doubt = self.settings.patience + 1
+        elif np.ptp(move.position[move.valid]) > FULL_SLIP * self.friction.breakaway_travel:
+            self._doubt = max(self._doubt - 1, 0)
+        return self._doubt == 0
+
+    def _sure(self) -> bool:
+        """Whether the figures in force are known well enough to follow the elements with."""
+        sigma = np.sqrt(self._belief.covariance.diagonal()) / self._belief.mean.clip(1e-9)
+        return bool(sigma[COULOMB] < SURE and sigma[STIFFNESS] < SURE)
+
+    def _watch(self, result: F64, time: float) -> None:
+        """Let the trend have the level that a sound move showed."""
+        shown = sliding_shown(result, _SAID)
+        if shown is not None:
+            self._trend.saw(time, shown[0], shown[1] / shown[0] ** 2, self._before)
+
+    def preview(self, move: MoveData) -> Preview | None:
+        """Solve zone A of a move that is not over; None where it says nothing sound yet.
+
+        Args:
+            move: from rest up to now.
+
+        Raises:
+            ValueError: fewer than three valid samples.
+        """
+        if self.state is None:
+            return None
+        state = self.state.copy()
+        end = move.time + (len(move.position) - 1) * self.settings.period
+        result, verdict, _, _ = self._run(move, state, False, False, end)
+        if verdict != ACCEPTED or result[R_SLIDE] <= 0.0:
+            return None
+        model = model_at(self._start, result[U_MEAN : U_MEAN + LEVEL])
+        model = replace(model, coulomb=model.coulomb * float(result[U_LEVEL]))
+        speed = float(np.nanmax(np.abs(np.diff(move.position)))) / self.settings.period
+        before = self.effective(move.time)
+        change = (model.coulomb + model.viscous * speed) / (
+            before.coulomb + before.viscous * speed
+        ) - 1.0
+        return Preview(model, state, change)
+
+    def _run(
+        self, move: MoveData, state: FrictionState, known: bool, whole: bool, end: float
+    ) -> tuple[F64, int, float, float]:
+        """Learn from a move, unless it is not over (`whole`), and carry `state` to its end."""
+        elapsed = -1.0 if self._end is None else move.time - self._end
+        belief, solve = self._belief, self._solver.solve
+        coulomb = belief.mean.item(COULOMB)
+        sure = belief.covariance.item(COULOMB, COULOMB) / coulomb**2 + self._drift
+        self._before = (coulomb, sure)
+        rest = math.nan if self._rest is None else self._rest
+        if self._carried is None:
+            self._aged = 0.0
+            found = solve(move, rest, elapsed, 0.0, belief, state, known, whole)
+        else:
+            change, unsure = self._trend.carry(self._carried, end)
+            self._aged = max(unsure - sure, 0.0)
+            belief.mean[COULOMB] = coulomb * math.exp(change)
+            learned = False
+            try:
+                found = solve(move, rest, elapsed, self._aged, belief, state, known, whole)
+                learned = whole and found[1] == ACCEPTED
+            finally:
+                if not learned:  # what is in force stays; the trend goes on from where it was
+                    belief.mean[COULOMB] = coulomb
+        if whole and found[1] == ACCEPTED:
+            self._carried = end
+        return found
+
+    def _open_up(self, result: F64) -> None:
+        """Sound moves in a row that jump the same way: the stage has changed.
+
+        Belief opens up to where it began, so that the next sound move is learned from; the model in
+        force stays. Moves that could not be trusted say nothing.
+        """
+        change = result[U_FOUND : U_FOUND + MASS] / result[U_MEAN : U_MEAN + MASS] - 1.0
+        same_way = (
+            self._jumps > 0
+            and self._jump is not None
+            and float(change @ self._jump)
+            > 0.5 * float(np.linalg.norm(change) * np.linalg.norm(self._jump))
+        )
+        self._jumps = self._jumps + 1 if same_way else 1
+        self._jump = change
+        if self._jumps >= self.settings.patience:
+            self._jumps = 0
+            start = Belief.at_start(self.settings.belief, self._start)
+            self._belief.covariance[:] = start.covariance

@@ -1,0 +1,123 @@
+"""Settings of an axis' estimator, and what the kernels take of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.friction.gms import F64, Friction
+from estimation.online.belief import (
+    ALPHA,
+    COULOMB,
+    FIGURES,
+    LAG,
+    LEVEL,
+    MASS,
+    RATE,
+    STIFFNESS,
+    VISCOUS,
+    BeliefSettings,
+)
+
+_ZONE_A = (COULOMB, VISCOUS, MASS)
+_ZONE_B = (COULOMB, VISCOUS, STIFFNESS, RATE, MASS)
+_ZONE_AB = (COULOMB, VISCOUS, STIFFNESS, MASS)  # a fast move hardly tells C; slow ones do
+_REQUESTS = ("relaxation_rate", "static_ratio", "lag")
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorSettings:
+    """How an axis is estimated.
+
+    Attributes:
+        mass: moved mass [kg].
+        period: of the samples [s].
+        position_noise: rms of a sampled position, encoder increment included [m].
+        force_noise: rms of a sampled force, its resolution included [N].
+        peak_force: samples at or beyond it are saturated and left out [N].
+        model_error: rms of what the model itself misses, relative to the Coulomb force.
+        belief: start and ageing of what is believed.
+        bounds: lowest and highest value of each figure, relative to the start model.
+        misfit: largest rms of the whitened residual that is accepted.
+        jump: a change beyond so many predicted standard deviations, and beyond `jump_share`
+            of the figure, is refused.
+        complete: a move of which less than this share of the samples is valid is followed, but
+            not learned from.
+        patience: so many jumps in a row, the same way, mean that the stage has changed.
+        fixed: figures that are never estimated, of `FIGURES`.
+        request: figures to estimate in every move beside the usual ones: relaxation_rate (that is
+            C; else from moves without zone A only), static_ratio (alpha), lag.
+        least_gain: a figure of which a move says less than this times its prior's information
+            stays at its prior; 0 updates whatever it says.
+        slip_spread: deviation of the element forces where zone A begins from what a fresh slip
+            leaves, relative to the Coulomb force; 0 takes them from the onset.
+        force_step: resolution of the force [N]; None: found out where rounding is all its noise.
+    """
+
+    mass: float
+    period: float
+    position_noise: float
+    force_noise: float
+    peak_force: float = math.inf
+    model_error: float = 0.01
+    belief: BeliefSettings = field(default_factory=BeliefSettings)
+    bounds: tuple[float, float] = (0.05, 20.0)
+    misfit: float = 4.5
+    jump: float = 6.0
+    jump_share: float = 0.15
+    complete: float = 0.8
+    patience: int = 2
+    fixed: tuple[str, ...] = ()
+    request: tuple[str, ...] = ()
+    least_gain: float = 0.05
+    slip_spread: float = 0.0
+    force_step: float | None = None
+
+    def constants(self, friction: Friction) -> F64:
+        """The constants as the kernels take them, shape (CONSTANTS,)."""
+        return np.array(
+            [
+                self.period, self.position_noise, self.force_noise, self.model_error,
+                self.belief.wander, self.belief.correlation_time, self.peak_force,
+                self.slip_spread, -1.0 if self.force_step is None else self.force_step,
+                friction.stribeck_velocity, friction.stribeck_shape, self.complete, self.misfit,
+                self.jump, self.jump_share, self.least_gain, math.inf,
+            ]
+        )  # fmt: skip
+
+    def units(self, friction: Friction) -> F64:
+        """The table of figures as the kernels take it, shape (4, LEVEL)."""
+        unit = [
+            friction.coulomb, friction.viscous, friction.stiffness, friction.relaxation_rate,
+            self.mass, 1.0, 1.0,
+        ]  # fmt: skip
+        low, high = self.bounds
+        return np.array(
+            [
+                unit, [low] * 5 + [-0.9, -1.5], [high] * 5 + [5.0, 1.5], self.belief.drift,
+            ]
+        )  # fmt: skip
+
+    def masks(self, frozen: bool) -> NDArray[np.bool_]:
+        """Figures to solve for in zone A, without it, and with both, shape (3, LEVEL).
+
+        Raises:
+            ValueError: a name that there is not.
+        """
+        for name in (*self.fixed, *self.request):
+            if name not in FIGURES:
+                raise ValueError(f"{name}: no such figure; there are {', '.join(FIGURES)}")
+        fixed = {FIGURES.index(name) for name in self.fixed}
+        if frozen:
+            fixed |= {COULOMB, VISCOUS, STIFFNESS, RATE, ALPHA, LAG}
+        wanted = {FIGURES.index(name) for name in self.request if name in _REQUESTS}
+        masks = np.zeros((3, LEVEL), dtype=np.bool_)
+        zones = (
+            {*_ZONE_A, *(wanted & {LAG})}, {*_ZONE_B, *wanted}, {*_ZONE_AB, *wanted},
+        )  # fmt: skip
+        for row, zone in enumerate(zones):
+            masks[row, sorted(zone - fixed)] = True
+        return masks

@@ -1,0 +1,75 @@
+"""Feedforward from the friction state: continuity, timing, and what it does in closed loop."""
+
+import numpy as np
+import pytest
+
+from estimation.friction.feedforward import (
+    friction_feedforward,
+    mass_feedforward,
+    remaining_feedforward,
+)
+from estimation.friction.gms import Friction, FrictionState, follow
+from estimation.trajectory import Limits, plan
+from hil_sim.plant import simulate
+from stagectl.config import load_machine, stage_settings
+
+TS = 1e-3
+TRUE = Friction(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+MOVE = plan(0.0, 25e-3, Limits(0.5, 3.0, 200.0))
+
+
+def test_it_starts_without_a_jump_and_does_not_touch_the_state():
+    state = FrictionState.relaxed(10)
+    state.correct(-4.0, TRUE)
+    before = state.forces.copy()
+    force = friction_feedforward(TRUE, state, MOVE, 250, TS, 0.15e-3)
+    assert abs(force[0]) < 0.05
+    np.testing.assert_array_equal(state.forces, before)
+    # After the slide: Coulomb force of this direction, over what there was.
+    assert force[-1] == pytest.approx(4.0 + 6.6, abs=0.7)
+
+
+def test_mass_part_is_evaluated_ahead():
+    force = mass_feedforward(8.0, MOVE, 10, TS, 0.5e-3)
+    time = np.arange(1, 11) * TS + 0.5e-3
+    np.testing.assert_allclose(force, 8.0 * 200.0 * time, rtol=1e-9)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_it_removes_the_following_error_in_closed_loop(sign):
+    from dataclasses import replace
+
+    stage = stage_settings(load_machine())
+    x = stage.axes[0]
+    quiet = replace(stage, axes=(replace(x, noise=0.0, friction=replace(x.friction, wander=0.0)),))
+    motion = plan(0.0, sign * 25e-3, Limits(0.5, 3.0, 200.0))
+    rows = 400
+    demand = np.concatenate([[0.0], motion.sample(np.arange(1, rows) * TS)[0]])
+    mass = np.concatenate([[0.0], mass_feedforward(8.0, motion, rows - 1, TS, 0.156e-3)])
+    friction = np.concatenate(
+        [
+            [0.0],
+            friction_feedforward(TRUE, FrictionState.relaxed(10), motion, rows - 1, TS, 0.156e-3),
+        ]
+    )
+    aligned = demand.copy()
+    aligned[1:] = demand[:-1] + 0.1 * np.diff(demand)
+
+    def peak(offset):
+        response = simulate(quiet, demand[:, None], offset[:, None], None)
+        return np.abs(aligned - response.position[:, 0]).max()
+
+    assert peak(mass + friction) < 0.05 * peak(mass)
+
+
+def test_the_rest_of_a_move_is_the_same_from_the_middle():
+    whole = friction_feedforward(TRUE, FrictionState.relaxed(10), MOVE, 250, TS, 0.15e-3)
+    # The state at sample 120, by the demand itself.
+    time = np.arange(1, 120 * 20 + 1) * TS / 20 + 0.15e-3
+    position, velocity, _ = MOVE.sample(time)
+    state = FrictionState.relaxed(10)
+    follow(TRUE, state, position, velocity, TS / 20, 1, 0.0)
+    before = state.forces.copy()
+    rest = remaining_feedforward(TRUE, state, MOVE, 120, 250, TS, 0.15e-3)
+    np.testing.assert_allclose(rest, whole[120:] - whole[119], atol=0.02)
+    np.testing.assert_array_equal(state.forces, before)

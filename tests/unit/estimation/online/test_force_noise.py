@@ -1,0 +1,70 @@
+"""How sure the stiffness is where the force is measured about as well as the encoder tells it."""
+
+import numpy as np
+import pytest
+
+from estimation.friction.gms import Friction, FrictionState, follow
+from estimation.move import MoveData
+from estimation.online.belief import BeliefSettings
+from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
+
+TS, ENCODER, MASS, REST = 1e-3, 1e-9, 8.0, 5
+TRUE = Friction(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+SPRING = TRUE.stiffness * ENCODER
+"""What the encoder's noise does to a spring [N]."""
+
+
+def motion(length: float = 25e-3) -> np.ndarray:
+    """Sine acceleration of 3 m/s^2 peak, out of rest and to rest; rows of samples [m]."""
+    total = np.sqrt(2.0 * np.pi * length / 3.0)
+    turn = np.clip(np.arange(-REST, 290) * TS + 3e-4, 0.0, total) / total
+    return length * (turn - np.sin(2.0 * np.pi * turn) / (2.0 * np.pi))
+
+
+@pytest.fixture(scope="module")
+def exact():
+    """Positions and the force that goes with them."""
+    x = motion()
+    velocity, acceleration = (x[2:] - x[:-2]) / (2.0 * TS), np.diff(x, 2) / TS**2
+    elements, _ = follow(
+        TRUE, FrictionState.relaxed(4, float(x[0])), x[1:-1], velocity, TS, band=0.0
+    )
+    inner = elements + TRUE.viscous * velocity + MASS * acceleration
+    return x, np.concatenate([inner[:1], inner, inner[-1:]])
+
+
+def stiffness(exact, noise: float, runs: int) -> tuple[np.ndarray, float]:
+    """Errors of sigma0, relative, and what was said of them (median)."""
+    position, force = exact
+    settings = EstimatorSettings(
+        MASS, TS, ENCODER, noise, model_error=0.0, belief=BeliefSettings(wander=0.0),
+        fixed=("relaxation_rate",),
+    )  # fmt: skip
+    errors, sigmas = np.empty(runs), np.empty(runs)
+    for run in range(runs):
+        rng = np.random.default_rng(run)
+        seen = force + noise * rng.normal(size=len(force))
+        estimator = SplitHorizonEstimator(
+            TRUE.scaled(0.5), settings, state=FrictionState.relaxed(4)
+        )
+        estimate = estimator.update(
+            MoveData(
+                position + ENCODER * rng.normal(size=len(position)), seen,
+                np.ones(len(seen), dtype=bool), 1.0, float(seen[: REST - 1].mean()),
+            )
+        )  # fmt: skip
+        assert estimate.accepted, estimate.reason
+        errors[run] = estimate.friction.stiffness / TRUE.stiffness - 1.0
+        sigmas[run] = estimate.sigma["stiffness"] / TRUE.stiffness
+    return errors, float(np.median(sigmas))
+
+
+def test_a_force_half_as_noisy_again_does_not_lose_where_the_motion_began(exact):
+    """The samples at rest tell it until the force is far noisier than the encoder."""
+    (fine, fine_sigma), (coarse, coarse_sigma) = (
+        stiffness(exact, share * SPRING, 60) for share in (0.4, 0.6)
+    )
+    assert np.std(coarse) < 1.45 * np.std(fine)
+    assert coarse_sigma < 1.45 * fine_sigma
+    # and sigma is what the errors are
+    assert np.mean(np.abs(coarse) < 1.96 * coarse_sigma) >= 0.88

@@ -1,0 +1,204 @@
+"""Properties of the estimator over frictions, starts, directions and bad samples."""
+
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from scipy.linalg import solveh_banded
+
+from estimation.friction.gms import Friction, FrictionState, element_shares, follow
+from estimation.move import MoveData
+from estimation.offline.model import KNOTS, lead
+from estimation.online.belief import BeliefSettings
+from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
+from estimation.online.zones import REST, split
+from estimation.trajectory import Limits, plan
+
+TS, MASS = 1e-3, 8.0
+SETTINGS = EstimatorSettings(
+    mass=MASS, period=TS, position_noise=1e-9, force_noise=0.0115, model_error=0.0,
+    belief=BeliefSettings(wander=0.0),
+)  # fmt: skip
+
+frictions = st.builds(
+    Friction,
+    elements=st.integers(1, 12),
+    coulomb=st.floats(1.0, 30.0),
+    viscous=st.floats(0.0, 60.0),
+    stiffness=st.floats(1e5, 3e6),
+    relaxation_rate=st.floats(5.0, 2e3),
+    static_ratio=st.floats(-0.3, 1.0),
+    stribeck_velocity=st.floats(5e-4, 1e-2),
+    stribeck_shape=st.floats(0.6, 2.0),
+)
+scales = st.floats(0.4, 2.5)
+targets = st.sampled_from([2e-6, 60e-6, 3e-3, 20e-3])
+signs = st.sampled_from([1.0, -1.0])
+
+
+def move(friction: Friction, target: float, seed: int) -> MoveData:
+    """Positions and forces of the model on its own samples, noisy, out of relaxed rest."""
+    limits = Limits(0.5, 3.0, 100.0) if abs(target) > 1e-3 else Limits(0.01, 0.2, 20.0)
+    motion = plan(0.0, target, limits)
+    time = np.arange(-3, int(motion.duration / TS) + 30) * TS
+    clean = motion.sample(time)[0]
+    rng = np.random.default_rng(seed)
+    force = predicted(friction, MASS, clean) + rng.normal(0.0, 0.0115, len(clean))
+    position = clean + rng.normal(0.0, 1e-9, len(clean))
+    return MoveData(position, force, np.ones(len(clean), dtype=bool), 1.0, 0.0)
+
+
+def predicted(friction: Friction, mass: float, position):
+    """Model force at every sample; ends repeated."""
+    velocity = (position[2:] - position[:-2]) / (2 * TS)
+    acceleration = np.diff(position, 2) / TS**2
+    state = FrictionState.relaxed(friction.elements, float(position[0]))
+    elements, _ = follow(friction, state, position[1:-1], velocity, TS)
+    inner = elements + friction.viscous * velocity + mass * acceleration
+    return np.concatenate([inner[:1], inner, inner[-1:]])
+
+
+def knowing(friction: Friction) -> SplitHorizonEstimator:
+    rest = FrictionState.relaxed(friction.elements)
+    estimator = SplitHorizonEstimator(friction, SETTINGS, state=rest)
+    estimator.at_rest(0.0, 0.0, 0.0)
+    estimator.update(MoveData(np.zeros(5), np.zeros(5), np.ones(5, dtype=bool), 0.0, 0.0))
+    return estimator
+
+
+def cost(data: MoveData, model: Friction, mass: float, start: Friction) -> float:
+    """Chi-square of the move under the residual's covariance (scipy's), and the arrival cost."""
+    moving = np.flatnonzero(split(data.position, start, TS) != REST)
+    residual = (predicted(model, mass, data.position) - data.force)[1:-1][moving]
+    noise = (MASS * 1e-9 / TS**2) ** 2
+    bands = np.array([6 * noise + 0.0115**2, -4 * noise, noise])[:, None] * np.ones(len(moving))
+    chi = residual @ solveh_banded(bands, residual, lower=True)
+    now = (model.coulomb, model.viscous, model.stiffness, model.relaxation_rate, mass)
+    then = (start.coulomb, start.viscous, start.stiffness, start.relaxation_rate, MASS)
+    belief = SETTINGS.belief
+    away = [
+        (a / b - 1.0) / s if b else 0.0
+        for a, b, s in zip(now, then, belief.start_spread, strict=False)
+    ]
+    return float(chi + np.square(away).sum())
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(truth=frictions, scale=scales, target=targets, sign=signs, seed=st.integers(0, 99))
+@example(Friction(1, 1.0, 0.0, 3e6, 2e3, -0.3, 1e-2, 2.0), 2.5, 20e-3, -1.0, 0)
+def test_the_answer_is_finite_bounded_and_no_worse_than_the_start(truth, scale, target, sign, seed):
+    start = truth.scaled(scale)
+    data, estimator = move(truth, sign * target, seed), knowing(start)
+    estimate = estimator.update(data)
+    low, high = SETTINGS.bounds
+    for name in ("coulomb", "viscous", "stiffness", "relaxation_rate"):
+        value, begun = getattr(estimate.friction, name), getattr(start, name)
+        assert low * begun * (1 - 1e-9) <= value <= high * begun * (1 + 1e-9), name
+        assert 0.0 <= estimate.sigma[name] < np.inf
+        assert estimate.gain[name] >= 1.0 - 1e-6
+    assert np.isfinite(estimate.misfit)
+    assert estimate.accepted == (estimate.reason is None)
+    if not estimate.accepted:
+        assert estimate.friction == start
+        return
+    before = cost(data, start, MASS, start)
+    after = cost(data, estimate.friction, estimate.mass[0], start)
+    # The zones' borders are the estimator's own: a sample more or less.
+    assert after <= before * 1.01 + 2.0
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(truth=frictions, scale=scales, target=targets, seed=st.integers(0, 99))
+def test_directions_are_mirror_images(truth, scale, target, seed):
+    data = move(truth, target, seed)
+    there = knowing(truth.scaled(scale)).update(data)
+    mirrored = replace(data, position=-data.position, force=-data.force)
+    back = knowing(truth.scaled(scale)).update(mirrored)
+    assert there.accepted == back.accepted
+    for name in ("coulomb", "stiffness", "viscous"):
+        np.testing.assert_allclose(
+            getattr(back.friction, name), getattr(there.friction, name), rtol=1e-6
+        )
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(
+    truth=frictions, target=targets, seed=st.integers(0, 99),
+    spoil=st.lists(
+        st.tuples(
+            st.floats(0.0, 1.0), st.integers(1, 30),
+            st.sampled_from(["lost", "nan", "saturated", "outlier"]),
+        ),
+        min_size=1, max_size=4,
+    ),
+)  # fmt: skip
+def test_bad_samples_never_make_a_wrong_update(truth, target, seed, spoil):
+    data = move(truth, target, seed)
+    position, force, valid = data.position.copy(), data.force.copy(), data.valid.copy()
+    count = len(position)
+    for place, length, kind in spoil:
+        begin = 4 + int(place * (count - 5))  # the rest before the move is known
+        part = slice(begin, begin + length)
+        if kind == "lost":
+            valid[part] = False
+        elif kind == "nan":
+            force[part] = np.nan
+        elif kind == "saturated":
+            force[part] = 200.0
+        else:
+            force[part] += 15.0
+    if (valid & np.isfinite(force)).sum() < 3:
+        return
+    start = truth.scaled(0.9)
+    estimator = SplitHorizonEstimator(start, replace(SETTINGS, peak_force=150.0))
+    estimator.at_rest(0.0, 0.0, 0.0)
+    estimator.update(MoveData(np.zeros(5), np.zeros(5), np.ones(5, dtype=bool), 0.0, 0.0))
+    estimate = estimator.update(replace(data, position=position, force=force, valid=valid))
+    assert np.isfinite(list(estimate.sigma.values())).all()
+    assert np.isfinite(estimator.state.forces).all()
+    if not estimate.accepted:
+        assert estimate.friction == start
+        return
+    # An accepted one is no farther off than the start was, but for what its sigma admits.
+    for name in ("coulomb", "stiffness"):
+        true, sigma = getattr(truth, name), estimate.sigma[name]
+        error = abs(getattr(estimate.friction, name) - true)
+        assert error <= abs(getattr(start, name) - true) + 5 * sigma, name
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(friction=frictions, seed=st.integers(0, 999), size=st.floats(1e-7, 1e-2))
+def test_element_forces_stay_within_their_limits(friction, seed, size):
+    rng = np.random.default_rng(seed)
+    x = size * np.cumsum(rng.normal(0.0, 0.3, 120))
+    state = FrictionState.relaxed(friction.elements, float(x[0]))
+    force, jacobian = follow(friction, state, x, np.gradient(x, TS), TS)
+    most = friction.coulomb * max(1.0 + friction.static_ratio, 1.0)
+    assert np.isfinite(jacobian).all()
+    assert np.abs(force).max() <= most * (1 + 1e-9)
+    limits = element_shares(friction.elements) * most
+    assert (np.abs(state.forces) <= limits * (1 + 1e-9)).all()
+
+
+@settings(max_examples=30, deadline=None, derandomize=True)
+@given(
+    friction=frictions, asymmetry=st.floats(-0.3, 0.3), level=st.floats(-0.1, 0.1),
+    seed=st.integers(0, 999),
+)  # fmt: skip
+def test_the_general_model_is_bounded_too(friction, asymmetry, level, seed):
+    rng = np.random.default_rng(seed)
+    count = friction.elements
+    springs, shares = rng.uniform(0.05, 1.0, (2, count))
+    springs, shares = springs / springs.sum(), shares / shares.sum()
+    x = 1e-4 * np.cumsum(rng.normal(0.0, 0.3, 150))
+    theta = np.append(friction.vector()[[0, 1, 5, 2, 3, 4]], asymmetry)
+    force, jacobian = np.empty(150), np.empty((150, 7 + 2 * count + 4))
+    lead(
+        theta, springs, shares, np.zeros(count), np.zeros(count, dtype=bool),
+        np.zeros((count, KNOTS + 4)), np.array([0.0, x[0]]), np.full(4, level), 0.05, x,
+        np.gradient(x, TS), TS, 0.0, force, jacobian,
+    )  # fmt: skip
+    most = friction.coulomb * (1 + abs(asymmetry)) * (1 + level)
+    assert np.abs(force).max() <= most * max(1.0 + friction.static_ratio, 1.0) * (1 + 1e-9)
+    assert np.isfinite(jacobian).all()

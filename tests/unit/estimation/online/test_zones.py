@@ -1,0 +1,62 @@
+"""Kinematics and zones of moves."""
+
+import numpy as np
+
+from estimation.friction.gms import Friction
+from estimation.kinematics import differences
+from estimation.online.zones import REST, SLIDE, STICK, split
+from estimation.trajectory import Limits, plan
+
+TS = 1e-3
+TRUE = Friction(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+
+
+def move(target, limits=(0.5, 3.0, 200.0), rest=60, noise=1e-9):
+    motion = plan(0.0, target, Limits(*limits))
+    time = np.arange(-5, int(motion.duration / TS) + rest) * TS
+    rng = np.random.default_rng(1)
+    return motion.sample(time)[0] + rng.normal(0.0, noise, len(time))
+
+
+def test_differences_are_exact_for_constant_acceleration():
+    t = np.arange(50) * TS
+    velocity, acceleration, usable = np.empty(48), np.empty(48), np.empty(48, dtype=bool)
+    valid = np.ones(50, dtype=bool)
+    valid[20] = False
+    differences(0.1 + 0.2 * t + 1.5 * t**2, valid, TS, velocity, acceleration, usable)
+    np.testing.assert_allclose(velocity, 0.2 + 3.0 * t[1:-1], rtol=1e-9)
+    np.testing.assert_allclose(acceleration, 3.0, rtol=1e-6)
+    assert np.flatnonzero(~usable).tolist() == [18, 19, 20]  # a hole spoils its neighbours
+
+
+def test_zone_a_is_inside_the_slide_in_both_directions():
+    for sign in (1.0, -1.0):
+        x = sign * move(25e-3)
+        zone = split(x, TRUE, TS)
+        slide = np.flatnonzero(zone == SLIDE)
+        assert len(slide) > 120
+        assert (np.diff(slide) == 1).all()
+        assert abs(x[slide[0] + 1]) > 2 * TRUE.breakaway_travel
+        assert (zone[: slide[0]] != SLIDE).all()
+        assert (zone[-30:] == REST).all()
+
+
+def test_a_micro_move_has_no_zone_a():
+    zone = split(move(60e-6, (0.01, 0.2, 20.0)), TRUE, TS)
+    assert not (zone == SLIDE).any()
+    assert (zone == STICK).sum() > 20
+
+
+def test_zone_a_ends_at_the_first_reversal():
+    x = move(25e-3)
+    peak = np.argmax(x > 12e-3)
+    x[peak:] = 2 * x[peak] - x[peak:]  # turns back in the middle
+    zone = split(x, TRUE, TS)
+    assert np.flatnonzero(zone == SLIDE)[-1] <= peak
+    assert (zone[peak : peak + 20] == STICK).all()
+
+
+def test_noise_at_rest_is_no_motion():
+    noise = np.random.default_rng(0).normal(0, 1e-9, 300)
+    assert (split(noise, TRUE, TS) == REST).all()
+    assert (split(np.zeros(10), TRUE, TS) == REST).all()
