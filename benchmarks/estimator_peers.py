@@ -44,7 +44,7 @@ APART = 1.0
 OWN = "SplitHorizonEstimator.update"
 # What is demanded: limit on our own time over the peer's; seconds; seconds; ratio.
 LEAST_RATIO = {"scipy": 30.0, "jax": 15.0, "ipopt": 500.0}
-MOST_SECONDS, MOST_SECONDS_ALL, MOST_C_RATIO = 25e-6, 1e-3, 2.0
+MOST_SECONDS, MOST_SECONDS_ALL, MOST_C_RATIO = 60e-6, 1e-3, 2.0
 
 
 @dataclass

@@ -30,7 +30,11 @@ BLOCK = 32
 
 @kernel()
 def differences(position, valid, period, velocity, acceleration, usable):  # type: ignore[no-untyped-def]
-    """Central first and second differences at samples 1..K-2, and where all three are valid."""
+    """Central differences at inner samples, and where all three samples are valid.
+
+    `position` [m] and `valid`, shape (K + 2,), are read, `period` in s; `velocity` [m/s],
+    `acceleration` [m/s^2] and `usable`, shape (K,), written.
+    """
     half, square = 0.5 / period, 1.0 / period**2
     for k in range(velocity.shape[0]):
         before, this, after = position[k], position[k + 1], position[k + 2]
@@ -41,12 +45,16 @@ def differences(position, valid, period, velocity, acceleration, usable):  # typ
 
 @kernel()
 def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[no-untyped-def]
-    """Direction of motion at each inner sample, and where it turns or stops.
+    """Direction of motion at each inner sample, and where it turns or stops (one long scan).
 
-    Fills, for inner sample k (position k + 1): `heading`, the direction (+1, -1; 0 at rest before
-    and after the motion); `share`, at which part of the interval that ends there the motion turned
-    or stopped, -1 where it did not; `at`, the position there [m]; `sharpness`, the curvature of
-    the turn [m per squared sample], 0 for a stop.
+    Args:
+        position: sampled [m], shape (K + 2,); inner sample k is sample k + 1.
+        noise: rms of a position [m].
+        heading: written: direction, +1 or -1; 0 at rest before and after the motion; shape (K,).
+        share: written: at which part of the interval that ends at the sample the motion turned or
+            stopped; -1 where it did not; shape (K,).
+        at: written: position there [m], shape (K,).
+        sharpness: written: curvature of the turn [m per squared sample], 0 for a stop, shape (K,).
     """
     count = heading.shape[0]
     last = count + 1
@@ -126,19 +134,6 @@ def _goes_on(position, direction, least):  # type: ignore[no-untyped-def]
     for j in range(position.shape[0] - 1):
         slow += not (position[j + 1] - position[j]) * direction > least
     return slow == 0
-
-
-@kernel()
-def find_stretches(heading, share, until):  # type: ignore[no-untyped-def]
-    """Fill for each inner sample the first one from it on that turns, or goes another way."""
-    last = heading.shape[0] - 1
-    reached, way = float(last + 1), heading[last]
-    for k in range(last, -1, -1):
-        if heading[k] != way:
-            reached, way = k + 1.0, heading[k]
-        if share[k] >= 0.0:
-            reached = float(k)
-        until[k] = reached
 
 
 @kernel()

@@ -2,7 +2,7 @@
 
 Minimises  |p - prior|^2 in P^-1  +  sum r_k(p)^2 / R_k  with  lower <= p <= upper. Few unknowns,
 many samples: the problem is known by its normal equations, each step is a quadratic problem in a
-box, solved by an active set. The loop around it belongs to the problem (`window`).
+box, solved by an active set. The loop around it belongs to the problem.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import math
 import numpy as np
 
 from estimation.compiled import kernel
-from estimation.flat_room import as_rows
 
 
 @kernel()
@@ -21,49 +20,46 @@ def gauss_newton_step(  # type: ignore[no-untyped-def]
 ):
     """Minimiser of the quadratic model inside the box, and its length in standard deviations.
 
-    `curvature` and `slope` are J'J, shape (n, n), and J'r, shape (n,), of the whitened residual at
-    `value`; `information` is P^-1. What leaves the box is fixed on its bound, the rest solved
-    again. The length is nan where the quadratic model has no minimum.
+    What leaves the box is fixed on its bound, and the rest solved again.
+
+    Args:
+        curvature: J'J of the whitened residual at `value`, shape (>= n, >= n).
+        slope: J'r there, shape (n,).
+        information: P^-1 of the arrival cost, shape (n, n).
+        prior: its mean, shape (n,).
+        value: unknowns, shape (n,).
+        lower: bounds of them, shape (n,).
+        upper: the same.
+
+    Returns:
+        Step, shape (n,), and its length; nan, with no step, where the model has no minimum.
     """
     n = value.shape[0]
-    step = np.empty(n)
-    size = gauss_newton_into(
-        curvature, slope, information, prior, value, lower, upper, np.empty((2 * n + 1) * n), step
-    )
-    if not math.isfinite(size):
-        step[:] = 0.0
-    return step, size
-
-
-@kernel()
-def gauss_newton_into(  # type: ignore[no-untyped-def]
-    curvature, slope, information, prior, value, lower, upper, room, step
-):
-    """`gauss_newton_step` into `step`, in a room of (2 n + 1) n; returns the length."""
-    n = value.shape[0]
-    gradient = room[:n]
-    normal = as_rows(room[n : n + n * n], n, n)
-    factor = as_rows(room[n + n * n : n + 2 * n * n], n, n)
+    gradient, step = np.empty(n), np.empty(n)
+    normal, factor = np.empty((n, n)), np.empty((n, n))
     for i in range(n):
         rise = slope[i]
         for j in range(n):
             normal[i, j] = factor[i, j] = information[i, j] + curvature[i, j]
             rise += information[i, j] * (value[j] - prior[j])
         gradient[i], step[i] = rise, -rise
-    if not _factor(factor):
-        return math.nan
-    inside = True
-    _substitute(factor, step)
-    for i in range(n):
-        inside = inside and lower[i] - value[i] <= step[i] <= upper[i] - value[i]
-    if not inside and not _active_set(normal, gradient, value, lower, upper, step):
-        return math.nan
-    return math.sqrt(max(quadratic_form(normal, step), 0.0))
+    sound = _factor(factor)
+    if sound:
+        inside = True
+        _substitute(factor, step)
+        for i in range(n):
+            inside = inside and lower[i] - value[i] <= step[i] <= upper[i] - value[i]
+        sound = inside or _active_set(normal, gradient, value, lower, upper, step)
+    if not sound:
+        for i in range(n):
+            step[i] = 0.0
+        return step, math.nan
+    return step, math.sqrt(max(quadratic_form(normal, step), 0.0))
 
 
 @kernel(fastmath={"contract"})
 def quadratic_form(matrix, x):  # type: ignore[no-untyped-def]
-    """X' M x, row by row: sums that do not wait for each other."""
+    """X' M x, of the first n rows and columns of M, for x of shape (n,)."""
     total = 0.0
     for i in range(x.shape[0]):
         along = 0.0
@@ -75,7 +71,7 @@ def quadratic_form(matrix, x):  # type: ignore[no-untyped-def]
 
 @kernel(fastmath={"contract"})
 def cholesky_inverse(matrix):  # type: ignore[no-untyped-def]
-    """Invert a positive definite matrix in place; False (and undefined) where it is not."""
+    """Invert a definite matrix, shape (n, n), in place; False, and undefined, where it is not."""
     n = matrix.shape[0]
     if not _factor(matrix):
         return False
@@ -97,7 +93,7 @@ def cholesky_inverse(matrix):  # type: ignore[no-untyped-def]
 
 @kernel(fastmath={"contract"})
 def _factor(matrix):  # type: ignore[no-untyped-def]
-    """Cholesky factor in the lower triangle, diagonal inverted; False: not positive definite."""
+    """Cholesky factor of (n, n) in the lower triangle, diagonal inverted; False: not definite."""
     n = matrix.shape[0]
     for i in range(n):
         for j in range(i):
@@ -116,7 +112,7 @@ def _factor(matrix):  # type: ignore[no-untyped-def]
 
 @kernel(fastmath={"contract"})
 def _substitute(factor, rhs):  # type: ignore[no-untyped-def]
-    """Solve with a Cholesky factor, in place."""
+    """Solve with a Cholesky factor, shape (n, n), in place of `rhs`, shape (n,)."""
     n = rhs.shape[0]
     for i in range(n):
         entry = rhs[i]
@@ -131,7 +127,7 @@ def _substitute(factor, rhs):  # type: ignore[no-untyped-def]
 
 @kernel()
 def _active_set(normal, gradient, value, lower, upper, step):  # type: ignore[no-untyped-def]
-    """Fill the step that stays in the box; False where there is no minimum."""
+    """Write the step that stays in the box, shape (n,); False where there is no minimum."""
     n = value.shape[0]
     free, chosen = np.empty(n, dtype=np.bool_), np.empty(n, dtype=np.int64)
     for i in range(n):

@@ -18,7 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimation.friction.gms import F64, Friction, FrictionState, follow
+from estimation.friction import F64, Friction, FrictionState, follow
 from estimation.move import MoveData
 
 SMOOTH = 1.0 / 12.0

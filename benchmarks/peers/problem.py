@@ -19,7 +19,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction import REST_BAND, Friction, FrictionState, element_shares, follow
+from estimation.friction import REST_BAND, Figures, Friction, FrictionState, follow
 from estimation.friction import follow_positions as follow_elements
 from estimation.move import MoveData
 from estimation.noise import quantisation
@@ -138,15 +138,15 @@ class Problem:
         """What `compiled_residual` takes between p and its result."""
         rows = self.rows(free)
         return (
-            self.position, self.velocity, self.acceleration, self.force, START.vector(),
-            element_shares(START.elements), self.scale, self.spread, np.array(free), rows.start,
+            self.position, self.velocity, self.acceleration, self.force, START.at(TS),
+            START.constants, self.scale, self.spread, np.array(free), rows.start,
             rows.stop, self.factor(rows.stop - rows.start),
         )  # fmt: skip
 
     def ready(self) -> tuple[SplitHorizonEstimator, MoveData]:
         """An estimator that knows the state before the move, and the move."""
         estimator = SplitHorizonEstimator(
-            START, self.settings, state=FrictionState.relaxed(START.elements)
+            START, self.settings, state=FrictionState.relaxed(START.states)
         )
         estimator.at_rest(0.0, 0.0, -1.0)
         estimator.update(MoveData(np.zeros(5), np.zeros(5), np.ones(5, dtype=bool), -1.0, 0.0))
@@ -162,17 +162,19 @@ class Problem:
 
 
 @numba.njit(cache=True)
-def _follow(p, position, velocity, model, shares, scale, free, end, elements, jacobian):  # type: ignore[no-untyped-def]
+def _follow(p, position, velocity, model, law, scale, free, end, elements, jacobian):  # type: ignore[no-untyped-def]
     """The estimator's compiled elements along the samples; returns the figures at p."""
     figures = scale.copy()
     for i in range(free.shape[0]):
         figures[free[i]] = p[free[i]] * scale[free[i]]
-    vector = model.copy()
-    vector[0], vector[1] = figures[0], figures[2]
+    at = Figures(
+        figures[0], figures[2], model.rate, model.alpha, model.period, model.retained
+    )  # fmt: skip
+    n = law.elements
     follow_elements(
-        vector, vector[:1], shares, np.zeros(shares.shape[0]),
-        np.zeros(shares.shape[0], dtype=np.bool_), np.array([0.0, position[0]]),
-        position[1 : end + 1], velocity[:end], TS, SUBSTEPS, REST_BAND, elements, jacobian,
+        law, at, figures[:1], np.zeros(n), np.zeros(n, dtype=np.bool_),
+        np.array([0.0, position[0]]), position[1 : end + 1], velocity[:end], SUBSTEPS, REST_BAND,
+        elements, jacobian,
     )  # fmt: skip
     return figures
 
@@ -189,12 +191,12 @@ def _whiten(k, value, factor, out):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def compiled_residual(  # type: ignore[no-untyped-def]
-    p, position, velocity, acceleration, force, model, shares, scale, spread, free, begin, end,
+    p, position, velocity, acceleration, force, model, law, scale, spread, free, begin, end,
     factor, out,
 ):  # fmt: skip
     """The estimator's compiled elements along the samples, whitened row by row, into `out`."""
     elements, jacobian = np.empty(end), np.empty((end, 3))
-    figures = _follow(p, position, velocity, model, shares, scale, free, end, elements, jacobian)
+    figures = _follow(p, position, velocity, model, law, scale, free, end, elements, jacobian)
     for k in range(begin, end):
         row = k - begin
         value = elements[k] + figures[1] * velocity[k] + figures[3] * acceleration[k] - force[k + 1]
@@ -205,12 +207,12 @@ def compiled_residual(  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def compiled_jacobian(  # type: ignore[no-untyped-def]
-    p, position, velocity, acceleration, force, model, shares, scale, spread, free, begin, end,
+    p, position, velocity, acceleration, force, model, law, scale, spread, free, begin, end,
     factor, out,
 ):  # fmt: skip
     """Derivatives of `compiled_residual` by the free unknowns, a row each, into `out`."""
     elements, jacobian = np.empty(end), np.empty((end, 3))
-    _follow(p, position, velocity, model, shares, scale, free, end, elements, jacobian)
+    _follow(p, position, velocity, model, law, scale, free, end, elements, jacobian)
     count = end - begin
     for i in range(free.shape[0]):
         row = out[i]

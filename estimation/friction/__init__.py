@@ -11,20 +11,18 @@ from estimation.friction.feedforward import (
     mass_feedforward,
     remaining_feedforward,
 )
-from estimation.friction.gms import (
-    F64,
-    REST_BAND,
-    Friction,
-    FrictionState,
-    element_shares,
-    follow,
-    follow_positions,
-)
+from estimation.friction.follow import REST_BAND, follow, follow_positions
+from estimation.friction.gms import element_shares
+from estimation.friction.law import F64, Figures, FrictionLaw
+from estimation.friction.model import LAWS, Friction, FrictionState
 
 __all__ = [
     "F64",
+    "LAWS",
     "REST_BAND",
+    "Figures",
     "Friction",
+    "FrictionLaw",
     "FrictionState",
     "element_shares",
     "follow",

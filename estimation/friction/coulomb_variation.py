@@ -11,15 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimation.friction.gms import (
-    F64,
-    REST_BAND,
-    Friction,
-    FrictionState,
-    element_shares,
-    follow,
-    follow_positions,
-)
+from estimation.friction.follow import REST_BAND, follow, follow_positions
+from estimation.friction.law import F64
+from estimation.friction.model import Friction, FrictionState
 from estimation.move import MoveData
 from estimation.trajectory import Trajectory
 
@@ -51,9 +45,9 @@ def follow_relief(
     """
     force = np.empty(len(position))
     follow_positions(
-        friction.vector(), friction.coulomb * (1.0 + relief), element_shares(friction.elements),
-        state.forces, state.slipping, state.memory, np.ascontiguousarray(position),
-        np.ascontiguousarray(velocity), period, substeps, band, force, np.empty((len(position), 3)),
+        friction.constants, friction.at(period), friction.coulomb * (1.0 + relief), state.forces,
+        state.slipping, state.memory, np.ascontiguousarray(position),
+        np.ascontiguousarray(velocity), substeps, band, force, np.empty((len(position), 3)),
     )  # fmt: skip
     return force
 

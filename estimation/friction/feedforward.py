@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from estimation.friction.gms import F64, Friction, FrictionState, follow
+from estimation.friction.follow import follow
+from estimation.friction.law import F64
+from estimation.friction.model import Friction, FrictionState
 from estimation.trajectory import Trajectory
 
 _STEPS = 5  # of the friction model per sample

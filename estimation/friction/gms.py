@@ -1,123 +1,73 @@
-"""Generalized Maxwell-slip friction for estimation and feedforward, with forward sensitivities.
+"""Generalized Maxwell slip: N elements in parallel, each sticking as a spring or slipping.
 
-Driven by positions, not velocities; the law and its steps: `elements`.
+One step covers one displacement in one direction at one point of the Stribeck curve:
 
-The relaxation rate C/Fc is a parameter, C follows from it: the rate is what stays when Fc changes.
-Viscous friction sigma_v v is linear and added by whoever uses the element forces.
+    stick:  dF_i = k_i sigma0 dx,  until sgn(v) F_i >= nu_i s(v) Fc
+    slip:   F_i <- G + (F_i - G) exp(-rate dt/s(v)),  G = sgn(v) nu_i s(v) Fc
+    s(v) = 1 + alpha exp(-|v/vs|^delta);  k_i = 1/N;  nu_i = 2i/(N(N+1));  rate = C/Fc
+
+A sticking element stretches with the displacement itself, a slipping one takes the exact
+exponential. One that reaches its limit inside a step slips for the rest of it, the limit moving
+from where the last step left it: force and derivatives are continuous in every parameter, whatever
+step it falls into. C/Fc is the parameter, not C: it is what stays when Fc changes.
+
+While all elements slip, each goes through the same affine map F_i <- K F_i + nu_i G: the map is
+kept instead of the elements, which are brought up to date when the motion ends.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimation.compiled import kernel
-from estimation.friction.elements import (
+from estimation.friction.law import (
+    BY_ALPHA,
     BY_COULOMB,
     BY_RATE,
+    BY_REST,
+    BY_SLIP,
     BY_STIFFNESS,
-    ELEMENT_ROWS,
+    BY_TURN,
+    F64,
     FORCE,
-    SHARES,
-    SLIPS,
-    correct_forces,
-    step_elements,
-    stribeck_rise,
-    sum_elements,
+    ROWS,
 )
 
-F64 = NDArray[np.float64]
+FIGURES = ("coulomb", "viscous", "stiffness", "relaxation_rate", "static_ratio")
 
-MAX_ELEMENTS = 64
-REST_BAND = 4e-9
-"""Displacement below which the axis counts as at rest: a few times the encoder noise [m]."""
-
-FAR_ABOVE = 12.0
-"""exp(-12) of the Stribeck rise is left: far below any sensor."""
-NO_SUBSTEPS = 4.0
-"""Above so many Stribeck velocities the curve is straight enough inside a sample."""
-
-# Order of a friction model's figures in the vector that the kernels take.
-COULOMB, STIFFNESS, ALPHA, VS, DELTA, RATE = range(6)
+# The map of all elements since they all slip: share kept K; gain G [N]; derivative of G by Fc; and
+# of both by C/Fc and alpha.
+_KEPT, _GAIN, _GAIN_BY_COULOMB, _KEPT_BY_RATE, _GAIN_BY_RATE, _KEPT_BY_ALPHA, _GAIN_BY_ALPHA = (
+    range(7)
+)
 
 
-@dataclass(frozen=True, slots=True)
-class Friction:
-    """Parameters of one axis' friction.
-
-    Attributes:
-        elements: number N of Maxwell-slip elements, 1..64.
-        coulomb: Fc [N].
-        viscous: sigma_v [N s/m].
-        stiffness: sigma0, initial presliding stiffness [N/m].
-        relaxation_rate: C/Fc [1/s].
-        static_ratio: alpha = (Fs - Fc)/Fc, > -1.
-        stribeck_velocity: vs [m/s].
-        stribeck_shape: delta.
-
-    Raises:
-        ValueError: a figure outside its range, named.
-    """
+class Constants(NamedTuple):
+    """What is not estimated: N, Stribeck velocity [m/s] and shape."""
 
     elements: int
-    coulomb: float
-    viscous: float
-    stiffness: float
-    relaxation_rate: float
-    static_ratio: float
     stribeck_velocity: float
     stribeck_shape: float
 
-    def __post_init__(self) -> None:
-        if not 1 <= self.elements <= MAX_ELEMENTS:
-            raise ValueError(f"elements: must be 1..{MAX_ELEMENTS}, is {self.elements}")
-        for name in (
-            "coulomb", "stiffness", "relaxation_rate", "stribeck_velocity", "stribeck_shape",
-        ):  # fmt: skip
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name}: must be > 0, is {value!r}")
-        if not (math.isfinite(self.viscous) and self.viscous >= 0):
-            raise ValueError(f"viscous: must be >= 0, is {self.viscous!r}")
-        if not (math.isfinite(self.static_ratio) and self.static_ratio > -1):
-            raise ValueError(f"static_ratio: must be > -1, is {self.static_ratio!r}")
 
-    @property
-    def attraction(self) -> float:
-        """C [N/s]."""
-        return self.relaxation_rate * self.coulomb
+MAX_ELEMENTS = 64
 
-    @property
-    def breakaway_travel(self) -> float:
-        """Displacement from relaxed to all elements slipping, at most [m]."""
-        largest = 2.0 / (self.elements + 1)
-        return largest * (1.0 + self.static_ratio) * self.coulomb * self.elements / self.stiffness
-
-    def scaled(self, factor: float) -> Friction:
-        """Coulomb, viscous, stiffness and attraction figures times `factor` (C/Fc stays)."""
-        return replace(
-            self,
-            coulomb=self.coulomb * factor,
-            viscous=self.viscous * factor,
-            stiffness=self.stiffness * factor,
-        )
-
-    def vector(self) -> F64:
-        """The figures as the kernels take them, shape (6,)."""
-        return np.array(
-            [
-                self.coulomb,
-                self.stiffness,
-                self.static_ratio,
-                self.stribeck_velocity,
-                self.stribeck_shape,
-                self.relaxation_rate,
-            ]
-        )
+TRACE = np.dtype(
+    [
+        ("total", np.float64, (ROWS,)),  # sums over the elements
+        ("sliding", np.float64),  # share of the elements that slip
+        ("spring", np.float64),  # stiffness of those that stick [N/m]
+        ("element", np.float64, (ROWS, MAX_ELEMENTS)),  # the rows of each; behind, while all slip
+        ("slips", np.int8, (MAX_ELEMENTS,)),
+        ("before", np.float64, (ROWS,)),  # sums when the last element began to slip
+        ("map", np.float64, (7,)),  # of all elements since then
+    ]
+)
+"""State of the elements in a pass, with derivatives; see `FrictionLaw.make_trace`."""
 
 
 @cache
@@ -128,151 +78,337 @@ def element_shares(elements: int) -> F64:
     return shares
 
 
-@dataclass(slots=True)
-class FrictionState:
-    """What an axis' friction remembers; changed in place as the axis moves.
+@cache
+def make_constants(elements: int, stribeck_velocity: float, stribeck_shape: float) -> Constants:
+    """Constants of the law with so many elements."""
+    return Constants(elements, stribeck_velocity, stribeck_shape)
 
-    Attributes:
-        forces: F_i [N], shape (N,).
-        slipping: which elements slip, shape (N,).
-        memory: [direction of motion (+1, -1, 0), position up to which motion was taken [m]].
-    """
 
-    forces: F64
-    slipping: NDArray[np.bool_]
-    memory: F64 = field(default_factory=lambda: np.zeros(2))
-
-    @classmethod
-    def relaxed(cls, elements: int, position: float = 0.0) -> FrictionState:
-        """No force in any element, at rest at `position` [m]."""
-        return cls(
-            np.zeros(elements), np.zeros(elements, dtype=np.bool_), np.array([0.0, position])
-        )
-
-    @property
-    def total(self) -> float:
-        """Sum of the element forces [N]."""
-        return float(self.forces.sum())
-
-    def copy(self) -> FrictionState:
-        """An independent copy."""
-        return FrictionState(self.forces.copy(), self.slipping.copy(), self.memory.copy())
-
-    def settle_at(self, position: float) -> None:
-        """Take `position` [m] as where the axis rests now; the forces stay."""
-        self.memory[1] = position
-
-    def rescale(self, factor: float) -> None:
-        """Carry the state over to a model whose Coulomb force is `factor` times the old one's."""
-        self.forces *= factor
-
-    def correct(self, total: float, friction: Friction) -> None:
-        """Make the element forces add up to `total` [N], the force measured at rest.
-
-        The difference is spread evenly, as an unseen displacement would, but no element passes
-        its static limit; what no element can take is left out.
-        """
-        static = friction.coulomb * (1.0 + friction.static_ratio)
-        correct_forces(self.forces, element_shares(friction.elements).copy(), static, total)
+def count_states(elements: int) -> int:
+    """One force per element."""
+    return elements
 
 
 @kernel()
-def follow_positions(  # type: ignore[no-untyped-def]
-    p, levels, shares, forces, slipping, memory, position, velocity, period, substeps, band,
-    force, jacobian,
-):  # fmt: skip
-    """Drive the elements through sampled positions; see `follow`, which calls it.
+def _share(law, i):  # type: ignore[no-untyped-def]
+    """Nu of element i."""
+    return 2.0 * (i + 1) / (law.elements * (law.elements + 1))
 
-    `levels`: Coulomb force of each sample [N], shape (K,); or of all, shape (1,).
-    """
-    n = shares.shape[0]
-    alpha, vs, delta, rate = p[ALPHA], p[VS], p[DELTA], p[RATE]
-    coulomb = levels[0]
-    stiffness = p[STIFFNESS] / n
-    elements = np.zeros((ELEMENT_ROWS, n + 1))
+
+@kernel()
+def retained(law, rate, period):  # type: ignore[no-untyped-def]
+    """Share of a deviation left after `period` [s]; rate C/Fc [1/s]."""
+    return math.exp(-rate * period)
+
+
+@kernel()
+def breakaway_travel(law, coulomb, stiffness, alpha):  # type: ignore[no-untyped-def]
+    """Displacement from relaxed to all elements slipping [m]; Fc [N], sigma0 [N/m], alpha."""
+    n = law.elements
+    return _share(law, n - 1) * (1.0 + alpha) * coulomb * n / stiffness
+
+
+@kernel()
+def stick_range(law, forces, known, coulomb):  # type: ignore[no-untyped-def]
+    """Change of the sum [N], down and up, before the first element slips; `forces`: shape (N,)."""
+    n = law.elements
+    up = down = 1e300
     for i in range(n):
-        elements[FORCE, i], elements[SHARES, i] = forces[i], shares[i]
-        elements[SLIPS, i] = 1.0 if slipping[i] else 0.0
-    elements[SHARES, n] = -1.0
-    stuck = sum_elements(elements)
-    direction, reference = memory[0], memory[1]
-    fast = vs * FAR_ABOVE ** (1.0 / delta)
-    fast_decay = math.exp(-rate * period)
-    v0 = velocity[0]
-    for k in range(position.shape[0]):
-        moved, v1 = position[k] - reference, velocity[k]
-        if levels.shape[0] > 1:
-            coulomb = levels[k]
-        if abs(moved) > band:
-            reference = position[k]
-            slowest = min(v0 * direction, v1 * direction)
-            if stuck == 0 and slowest > fast and moved * direction > 0.0:
-                step_elements(
-                    moved, direction, 0.0, fast_decay, period, coulomb, stiffness, rate, alpha,
-                    elements,
+        limit = _share(law, i) * coulomb
+        force = forces[i] * coulomb / known
+        up, down = min(up, limit - force), min(down, limit + force)
+    return -n * max(down, 0.0), n * max(up, 0.0)
+
+
+@kernel()
+def correct(law, forces, static, total):  # type: ignore[no-untyped-def]
+    """Spread what is missing to `total` [N] over the elements that are not at their limit.
+
+    As an unseen displacement would. `forces`: shape (N,); `static`: Fs [N].
+    """
+    n = forces.shape[0]
+    for i in range(n):
+        limit = _share(law, i) * static
+        forces[i] = min(max(forces[i], -limit), limit)
+    for _ in range(n):
+        missing = total
+        for i in range(n):
+            missing -= forces[i]
+        if abs(missing) < 1e-9:
+            return
+        free = 0
+        for i in range(n):
+            limit = _share(law, i) * static
+            free += (forces[i] < limit) if missing > 0 else (forces[i] > -limit)
+        if free == 0:
+            return
+        for i in range(n):
+            limit = _share(law, i) * static
+            if (forces[i] < limit) if missing > 0 else (forces[i] > -limit):
+                forces[i] = min(max(forces[i] + missing / free, -limit), limit)
+
+
+@kernel()
+def make_trace(law):  # type: ignore[no-untyped-def]
+    """Room of a pass."""
+    return np.zeros(1, TRACE)
+
+
+@kernel()
+def begin(law, figures, trace, forces, known, total):  # type: ignore[no-untyped-def]
+    """At rest: `forces` [N], shape (N,), scaled from Fc = `known`, their sum as measured [N]."""
+    n, element = forces.shape[0], trace.element
+    for i in range(n):
+        element[FORCE, i] = forces[i] * (figures.coulomb / known)
+    correct(law, element[FORCE, :n], figures.coulomb * (1.0 + figures.alpha), total)
+    held = 0.0
+    for i in range(n):
+        held += element[FORCE, i]
+    for i in range(n):
+        for row in range(1, ROWS):
+            element[row, i] = 0.0
+        element[BY_COULOMB, i] = (element[FORCE, i] - held / n) / figures.coulomb
+        element[BY_REST, i] = 1.0 / n
+        trace.slips[i] = 0
+    _add_up(law, figures, trace)
+
+
+@kernel()
+def resume(law, figures, trace, forces, slips):  # type: ignore[no-untyped-def]
+    """With element forces [N] and slips as given, shapes (N,)."""
+    for i in range(forces.shape[0]):
+        for row in range(1, ROWS):
+            trace.element[row, i] = 0.0
+        trace.element[FORCE, i] = forces[i]
+        trace.slips[i] = slips[i]
+    _add_up(law, figures, trace)
+
+
+@kernel()
+def slide(law, figures, trace, direction):  # type: ignore[no-untyped-def]
+    """All slip, each with its share of Fc."""
+    for i in range(law.elements):
+        for row in range(1, ROWS):
+            trace.element[row, i] = 0.0
+        trace.element[FORCE, i] = direction * _share(law, i) * figures.coulomb
+        trace.element[BY_COULOMB, i] = direction * _share(law, i)
+        trace.slips[i] = 1
+    _add_up(law, figures, trace)
+    begin_zone(law, trace)
+
+
+@kernel()
+def begin_zone(law, trace):  # type: ignore[no-untyped-def]
+    """An offset of all forces, by their shares, is an unknown from here on."""
+    _bring_up_to_date(law, trace)
+    for i in range(law.elements):
+        trace.element[BY_SLIP, i] = _share(law, i)
+    trace.total[BY_SLIP] = trace.before[BY_SLIP] = 1.0
+
+
+@kernel(forceinline=True)
+def leap(law, figures, trace, travel, direction, fast):  # type: ignore[no-untyped-def]
+    """A period at once while all stick (they are a spring), or all slip far above vs."""
+    if trace.sliding == 1.0:
+        if fast:
+            _relax(figures, trace, direction, 0.0, figures.retained, figures.period)
+        return fast
+    if trace.sliding > 0.0:
+        return False
+    n, element = law.elements, trace.element
+    stretch = figures.stiffness / n * travel
+    lowest = figures.coulomb * min(1.0, 1.0 + figures.alpha)
+    for i in range(n):
+        if direction != 0.0 and (element[FORCE, i] + stretch) * direction >= (
+            _share(law, i) * lowest
+        ):
+            return False
+    for i in range(n):
+        element[FORCE, i] += stretch
+        element[BY_STIFFNESS, i] += travel / n
+    trace.total[FORCE] += n * stretch
+    trace.total[BY_STIFFNESS] += travel
+    return True
+
+
+@kernel()
+def step(law, figures, trace, travel, direction, before, rise, time):  # type: ignore[no-untyped-def]
+    """Every element by one displacement [m] within `time` [s]; see `FrictionLaw.step`."""
+    n, element, alpha = law.elements, trace.element, figures.alpha
+    curve = 1.0 + alpha * rise
+    if rise == 0.0 and time == figures.period:
+        decay = figures.retained
+    else:
+        decay = math.exp(-figures.rate * time / curve)
+    if trace.sliding == 1.0:
+        _relax(figures, trace, direction, rise, decay, time)
+        return 0.0, 0.0
+    coulomb, stiffness = figures.coulomb, figures.stiffness / n
+    stretch, part = stiffness * travel, travel / n
+    decay_by_alpha = figures.rate * time * rise / (curve * curve)  # d ln decay / d alpha
+    landed = slack = 0.0
+    for i in range(n):
+        share, force = _share(law, i), element[FORCE, i]
+        goal = direction * share * curve
+        rising = direction * share * rise * coulomb
+        if trace.slips[i] == 0:
+            limit, limit_before = share * curve * coulomb, share * (1.0 + alpha * before) * coulomb
+            if (force + stretch) * direction < limit:
+                element[FORCE, i] = force + stretch
+                element[BY_STIFFNESS, i] += part
+                continue
+            trace.slips[i] = 1
+            room = limit_before - force * direction
+            closing = stretch * direction - (limit - limit_before)
+            if room > 0.0 and closing > 0.0:
+                landed += share
+                slack += stiffness * abs(limit - limit_before) / closing
+                _land(
+                    trace, i, figures, share, direction, before, rise, time, travel / n, decay,
                 )  # fmt: skip
-            else:
-                # The velocity is linear, shifted so that it covers the distance moved.
-                steps = 1 if slowest > NO_SUBSTEPS * vs else substeps
-                dt = period / steps
-                shift = moved / period - 0.5 * (v0 + v1)
-                if elements[SHARES, n] < 0.0:
-                    elements[SHARES, n] = stribeck_rise(abs(v0) / vs, delta)
-                for j in range(steps):
-                    v = v0 + (v1 - v0) * (j + 0.5) / steps + shift
-                    if v == 0.0:
-                        continue
-                    if v * direction <= 0.0:
-                        direction = math.copysign(1.0, v)
-                        for i in range(n):
-                            elements[SLIPS, i] = 0.0
-                    rise = stribeck_rise(abs(v) / vs, delta)
-                    step_elements(
-                        v * dt, direction, rise, math.exp(-rate * dt / (1.0 + alpha * rise)), dt,
-                        coulomb, stiffness, rate, alpha, elements,
-                    )  # fmt: skip
-            stuck = sum_elements(elements)
-        force[k] = elements[FORCE, n]
-        jacobian[k, 0] = elements[BY_COULOMB, n]
-        jacobian[k, 1] = elements[BY_STIFFNESS, n]
-        jacobian[k, 2] = elements[BY_RATE, n]
-        v0 = v1
-    for i in range(n):
-        forces[i], slipping[i] = elements[FORCE, i], elements[SLIPS, i] > 0.0
-    memory[0], memory[1] = direction, reference
+                continue
+        away = (force - goal * coulomb) * decay
+        element[FORCE, i] = goal * coulomb + away
+        element[BY_COULOMB, i] = goal + (element[BY_COULOMB, i] - goal) * decay
+        element[BY_RATE, i] = element[BY_RATE, i] * decay - away * time / curve
+        element[BY_ALPHA, i] = (
+            rising + (element[BY_ALPHA, i] - rising) * decay + away * decay_by_alpha
+        )
+        for row in (BY_STIFFNESS, BY_REST, BY_TURN, BY_SLIP):
+            element[row, i] *= decay
+    _add_up(law, figures, trace)
+    return landed, slack
 
 
-def follow(
-    friction: Friction,
-    state: FrictionState,
-    position: F64,
-    velocity: F64,
-    period: float,
-    substeps: int = 4,
-    band: float = REST_BAND,
-) -> tuple[F64, F64]:
-    """Sum of the element forces along sampled positions, starting from `state`.
+@kernel()
+def _land(trace, i, figures, share, direction, before, rise, time, part, decay):  # type: ignore[no-untyped-def]
+    """Element i, which reaches its limit inside a step, that limit moving too (10 arguments: step).
 
-    Args:
-        friction: the model.
-        state: friction state at the sample before position[0]; advanced in place.
-        position: sampled positions [m], shape (K,).
-        velocity: at the same samples [m/s], shape (K,); used inside a sample only.
-        period: of the samples [s].
-        substeps: steps inside a sample.
-        band: displacement below which nothing moves [m].
-
-    Returns:
-        force: sum of F_i at each sample [N], shape (K,).
-        jacobian: its derivatives by Fc, sigma0 and C/Fc, each with the others and the start
-            fixed, shape (K, 3).
+    What is left of the step it slips, so that nothing jumps where the step it lands in changes.
+    `part`: d force/d sigma0 of the whole step [m]; the others are those of `step`.
     """
-    force = np.empty(len(position))
-    jacobian = np.empty((len(position), 3))
-    follow_positions(
-        friction.vector(), np.array([friction.coulomb]), element_shares(friction.elements),
-        state.forces, state.slipping, state.memory,
-        np.ascontiguousarray(position), np.ascontiguousarray(velocity), period, substeps, band,
-        force, jacobian,
+    element, coulomb, alpha = trace.element, figures.coulomb, figures.alpha
+    curve, stretch = 1.0 + alpha * rise, figures.stiffness * part
+    limit, limit_before = share * curve * coulomb, share * (1.0 + alpha * before) * coulomb
+    closing = stretch * direction - (limit - limit_before)
+    at = min((limit_before - element[FORCE, i] * direction) / closing, 1.0)
+    goal, rising = direction * share * curve, direction * share * rise * coulomb
+    left = 1.0 - at
+    rest = 1.0 - left * (1.0 - decay)
+    away = element[FORCE, i] + at * stretch - goal * coulomb
+    rise_at = before + (rise - before) * at
+    for row in range(BY_COULOMB, ROWS):
+        own, moves, towards, itself = element[row, i], 0.0, 0.0, 0.0
+        if row == BY_STIFFNESS:
+            own += part * at
+        elif row == BY_COULOMB:
+            moves, towards = share * (1.0 + alpha * rise_at), goal
+        elif row == BY_ALPHA:
+            moves, towards = share * coulomb * rise_at, rising
+            itself = left * decay * figures.rate * time * rise / (curve * curve)
+        elif row == BY_RATE:
+            itself = -left * decay * time / curve
+        sooner = (moves - own * direction) / closing
+        landing = own + stretch * sooner
+        element[row, i] = (
+            towards + (landing - towards) * rest + away * ((1.0 - decay) * sooner + itself)
+        )
+    element[FORCE, i] = goal * coulomb + away * rest
+
+
+@kernel()
+def release(law, figures, trace, direction):  # type: ignore[no-untyped-def]
+    """Every element sticks; returns how far their sum is from the limit at zero speed [N]."""
+    _bring_up_to_date(law, trace)
+    n, away = law.elements, 0.0
+    static = figures.coulomb * (1.0 + figures.alpha)
+    for i in range(n):
+        if trace.slips[i] != 0:
+            away += abs(direction * _share(law, i) * static - trace.element[FORCE, i])
+            trace.element[BY_TURN, i] = 1.0 / n
+            trace.slips[i] = 0
+    _add_up(law, figures, trace)
+    return away
+
+
+@kernel()
+def finish(law, trace, forces, slips):  # type: ignore[no-untyped-def]
+    """Element forces [N] and which of them slip, shapes (N,)."""
+    _bring_up_to_date(law, trace)
+    for i in range(forces.shape[0]):
+        forces[i], slips[i] = trace.element[FORCE, i], trace.slips[i] != 0
+
+
+@kernel()
+def _add_up(law, figures, trace):  # type: ignore[no-untyped-def]
+    """Sums over the elements, and how many slip; begins the map where all do."""
+    n = law.elements
+    for row in range(ROWS):
+        total = 0.0
+        for i in range(n):
+            total += trace.element[row, i]
+        trace.total[row] = total
+    slipping = 0
+    for i in range(n):
+        slipping += trace.slips[i]
+    trace.sliding = slipping / n
+    trace.spring = (n - slipping) * figures.stiffness / n
+    if slipping == n:
+        for row in range(ROWS):
+            trace.before[row] = trace.total[row]
+        for j in range(7):
+            trace.map[j] = 0.0
+        trace.map[_KEPT] = 1.0
+
+
+@kernel(forceinline=True)
+def _relax(figures, trace, direction, rise, decay, time):  # type: ignore[no-untyped-def]
+    """All slip for `time` [s]: go on with the map, and take the sums through it."""
+    m, total, before = trace.map, trace.total, trace.before
+    curve = 1.0 + figures.alpha * rise
+    goal = direction * curve
+    by_rate = -decay * time / curve
+    by_alpha = -by_rate * figures.rate * rise / curve
+    off = m[_GAIN] - goal * figures.coulomb
+    m[_KEPT_BY_RATE] = decay * m[_KEPT_BY_RATE] + by_rate * m[_KEPT]
+    m[_GAIN_BY_RATE] = decay * m[_GAIN_BY_RATE] + by_rate * off
+    m[_KEPT_BY_ALPHA] = decay * m[_KEPT_BY_ALPHA] + by_alpha * m[_KEPT]
+    m[_GAIN_BY_ALPHA] = (
+        decay * m[_GAIN_BY_ALPHA] + by_alpha * off
+        + (1.0 - decay) * direction * rise * figures.coulomb
     )  # fmt: skip
-    return force, jacobian
+    m[_KEPT] *= decay
+    m[_GAIN] = goal * figures.coulomb + decay * off
+    m[_GAIN_BY_COULOMB] = goal + decay * (m[_GAIN_BY_COULOMB] - goal)
+    kept = m[_KEPT]
+    total[FORCE] = kept * before[FORCE] + m[_GAIN]
+    total[BY_COULOMB] = kept * before[BY_COULOMB] + m[_GAIN_BY_COULOMB]
+    total[BY_STIFFNESS] = kept * before[BY_STIFFNESS]
+    total[BY_RATE] = kept * before[BY_RATE] + m[_KEPT_BY_RATE] * before[FORCE] + m[_GAIN_BY_RATE]
+    total[BY_ALPHA] = (
+        kept * before[BY_ALPHA] + m[_KEPT_BY_ALPHA] * before[FORCE] + m[_GAIN_BY_ALPHA]
+    )
+    total[BY_REST] = kept * before[BY_REST]
+    total[BY_TURN] = kept * before[BY_TURN]
+    total[BY_SLIP] = kept * before[BY_SLIP]
+
+
+@kernel()
+def _bring_up_to_date(law, trace):  # type: ignore[no-untyped-def]
+    """Take every element through the map, where all slip, and begin it anew."""
+    if trace.sliding < 1.0:
+        return
+    m, element = trace.map, trace.element
+    for i in range(law.elements):
+        share, force = _share(law, i), element[FORCE, i]
+        element[FORCE, i] = m[_KEPT] * force + share * m[_GAIN]
+        for row in range(BY_COULOMB, ROWS):
+            element[row, i] *= m[_KEPT]
+        element[BY_COULOMB, i] += share * m[_GAIN_BY_COULOMB]
+        element[BY_RATE, i] += m[_KEPT_BY_RATE] * force + share * m[_GAIN_BY_RATE]
+        element[BY_ALPHA, i] += m[_KEPT_BY_ALPHA] * force + share * m[_GAIN_BY_ALPHA]
+    for row in range(ROWS):
+        trace.before[row] = trace.total[row]
+    for j in range(1, 7):
+        m[j] = 0.0
+    m[_KEPT] = 1.0

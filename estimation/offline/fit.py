@@ -20,7 +20,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction.gms import F64, REST_BAND
+from estimation.friction import F64, REST_BAND
 from estimation.least_squares import gauss_newton_step
 from estimation.offline.model import lead
 from estimation.offline.records import Record

@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction.gms import F64, Friction
+from estimation.friction import F64, Friction
 from estimation.offline.fit import MAX_ITERATIONS, Fit, Noise, NoSolutionError, Problem
 from estimation.offline.records import Samples, joined, record
 from estimation.offline.unknowns import (

@@ -1,6 +1,6 @@
 """Generalized Maxwell-slip friction of any shape, with its derivatives, along sampled positions.
 
-As `estimation.gms`, but nothing of it is fixed:
+As `estimation.friction.gms`, but nothing of it is fixed:
 
     stick:  dF_i = k_i sigma0 dx,  until sgn(v) F_i >= nu_i S
     slip, until v changes sign:  F_i <- G + (F_i - G) exp(-rate dt/s(v)),  G = sgn(v) nu_i S

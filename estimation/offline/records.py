@@ -15,7 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction.gms import F64
+from estimation.friction import F64
 from estimation.kinematics import differences
 
 BLOCK = 0.25

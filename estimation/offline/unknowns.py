@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction.gms import F64, Friction, element_shares
+from estimation.friction import F64, Friction, element_shares
 
 FIGURES = (
     "coulomb", "viscous", "stiffness", "relaxation_rate", "mass", "static_ratio",

@@ -8,75 +8,91 @@ from __future__ import annotations
 
 import math
 
-from estimation.compiled import kernel
-from estimation.flat_room import as_rows
-from estimation.least_squares import cholesky_inverse
-from estimation.online.belief import COULOMB, LEVEL
-from estimation.online.move_tables import KNOTS, MOST_KNOTS
-from estimation.online.update_tables import C_CORRELATION, C_PERIOD, C_WANDER, F_DRIFT
+import numpy as np
 
+from estimation.compiled import kernel
+from estimation.least_squares import cholesky_inverse
+from estimation.online.belief import COULOMB, KNOTS, LEVEL
+
+MOST_KNOTS = 8
 KNOT_SPACING = 0.1
 """Of the level's knots [s]: a fifth of its usual correlation time."""
 
 
 @kernel()
-def age(mean, covariance, elapsed, restless, constants, units, after, spread):  # type: ignore[no-untyped-def]
-    """The belief one move later: the figures drifted, the level partly forgotten."""
+def age(mean, covariance, elapsed, restless, axis, after, spread):  # type: ignore[no-untyped-def]
+    """The belief one move later: the figures have drifted, the level is partly forgotten.
+
+    Args:
+        mean: after the last move, shape (LEVEL + 1,).
+        covariance: of it, shape (LEVEL + 1, LEVEL + 1).
+        elapsed: since then [s].
+        restless: variance by which Coulomb force ages beside its drift, relative.
+        axis: its settings.
+        after: written: mean, shape (LEVEL + 1,).
+        spread: written: its covariance.
+    """
     for i in range(LEVEL + 1):
         after[i] = mean[i]
         for j in range(LEVEL + 1):
             spread[i, j] = covariance[i, j]
     for i in range(LEVEL):
-        spread[i, i] += units[F_DRIFT, i] ** 2
+        spread[i, i] += axis.drift[i] ** 2
     spread[COULOMB, COULOMB] += restless * mean[COULOMB] ** 2
-    wander_on(after, spread, elapsed, constants)
+    wander_on(after, spread, elapsed, axis)
 
 
 @kernel()
-def wander_on(mean, covariance, elapsed, constants):  # type: ignore[no-untyped-def]
+def wander_on(mean, covariance, elapsed, axis):  # type: ignore[no-untyped-def]
     """The level partly forgotten, as it is after so many seconds; changed in place."""
-    keep = math.exp(-max(elapsed, 0.0) / constants[C_CORRELATION])
+    keep = math.exp(-max(elapsed, 0.0) / axis.correlation_time)
     mean[LEVEL] *= keep
     for i in range(LEVEL):
         covariance[i, LEVEL] *= keep
         covariance[LEVEL, i] *= keep
     covariance[LEVEL, LEVEL] *= keep * keep
-    covariance[LEVEL, LEVEL] += (1.0 - keep * keep) * constants[C_WANDER] ** 2 + 1e-12
+    covariance[LEVEL, LEVEL] += (1.0 - keep * keep) * axis.wander**2 + 1e-12
 
 
 @kernel()
 def knots_of(count, period, wander):  # type: ignore[no-untyped-def]
-    """How many knots the level has in a move of so many rows."""
+    """Number of knots of the level in a move of `count` rows, `period` [s] apart."""
     if wander <= 0.0:
         return 0
     return min(max(2, 1 + round(count * period / KNOT_SPACING)), MOST_KNOTS)
 
 
 @kernel()
-def joint_prior(  # type: ignore[no-untyped-def]
-    prior_mean, prior_covariance, chosen, figures, knots, count, constants, prior, information,
-    room,
-):  # fmt: skip
-    """Joint prior of the chosen figures and the knots: mean and inverse covariance."""
-    base = figures + 1 if knots > 0 else figures
-    n = prior.shape[0]
-    block = as_rows(room[: base * base], base, base)
+def joint_prior(mean, covariance, chosen, figures, knots, count, axis):  # type: ignore[no-untyped-def]
+    """Prior of the chosen unknowns: mean, shape (n,), and inverse covariance, shape (n, n).
+
+    Args:
+        mean: belief before the move, shape (LEVEL + 1,).
+        covariance: of it.
+        chosen: the unknowns: first figures, then knots, then what has no prior here, shape (n,).
+        figures: how many of them are figures.
+        knots: how many are knots of the level, one Gauss-Markov process.
+        count: rows of the move.
+        axis: its settings.
+    """
+    n, base = chosen.shape[0], figures + 1 if knots > 0 else figures
+    block = np.empty((base, base))
     for a in range(base):
         i = chosen[a] if a < figures else LEVEL
         for b in range(base):
-            block[a, b] = prior_covariance[i, chosen[b] if b < figures else LEVEL]
+            block[a, b] = covariance[i, chosen[b] if b < figures else LEVEL]
     cholesky_inverse(block)
-    for a in range(n):
-        prior[a] = 0.0
-        for b in range(n):
-            information[a, b] = block[a, b] if a < base and b < base else 0.0
+    prior, information = np.zeros(n), np.zeros((n, n))
+    for a in range(base):
+        for b in range(base):
+            information[a, b] = block[a, b]
     for a in range(figures):
-        prior[a] = prior_mean[chosen[a]]
+        prior[a] = mean[chosen[a]]
     if knots > 0:
-        gap = (count - 1) * constants[C_PERIOD] / (knots - 1)
-        keep = math.exp(-gap / constants[C_CORRELATION])
-        walk = (1.0 - keep**2) * constants[C_WANDER] ** 2 + 1e-12
-        level = prior_mean[LEVEL]
+        gap = (count - 1) * axis.period / (knots - 1)
+        keep = math.exp(-gap / axis.correlation_time)
+        walk = (1.0 - keep**2) * axis.wander**2 + 1e-12
+        level = mean[LEVEL]
         for j in range(figures, figures + knots):
             prior[j] = level
             level *= keep
@@ -85,26 +101,37 @@ def joint_prior(  # type: ignore[no-untyped-def]
             information[j, j + 1] -= keep / walk
             information[j + 1, j] -= keep / walk
             information[j + 1, j + 1] += 1.0 / walk
+    return prior, information
 
 
 @kernel()
-def believe(  # type: ignore[no-untyped-def]
-    p, posterior, chosen, figures, knots, prior_mean, prior_covariance, mean, covariance
-):
-    """The belief after a fit: what was not solved for stays as it was."""
+def take_over(p, posterior, chosen, figures, knots, before, spread, found, uncertain):  # type: ignore[no-untyped-def]
+    """Write the belief after a solve: what was not solved for stays (9 arguments: two beliefs).
+
+    Args:
+        p: solution by unknown.
+        posterior: covariance of the chosen ones, shape (n, n).
+        chosen: as of `joint_prior`.
+        figures: the same.
+        knots: the same.
+        before: belief before the move, shape (LEVEL + 1,).
+        spread: covariance of it.
+        found: written: belief after it.
+        uncertain: written: covariance of it.
+    """
     for i in range(LEVEL + 1):
-        mean[i] = prior_mean[i]
+        found[i] = before[i]
         for j in range(LEVEL + 1):
-            covariance[i, j] = prior_covariance[i, j] if i == j else 0.0
+            uncertain[i, j] = spread[i, j] if i == j else 0.0
     last = figures + knots - 1
     for a in range(figures):
         i = chosen[a]
-        mean[i] = p[i]
+        found[i] = p[i]
         for b in range(figures):
-            covariance[i, chosen[b]] = posterior[a, b]
+            uncertain[i, chosen[b]] = posterior[a, b]
         if knots > 0:
-            covariance[i, LEVEL] = posterior[a, last]
-            covariance[LEVEL, i] = posterior[last, a]
+            uncertain[i, LEVEL] = posterior[a, last]
+            uncertain[LEVEL, i] = posterior[last, a]
     if knots > 0:
-        mean[LEVEL] = p[KNOTS + knots - 1]
-        covariance[LEVEL, LEVEL] = posterior[last, last]
+        found[LEVEL] = p[KNOTS + knots - 1]
+        uncertain[LEVEL, LEVEL] = posterior[last, last]

@@ -19,12 +19,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimation.friction.gms import F64, Friction
+from estimation.friction import F64, Friction
 
 FIGURES = ("coulomb", "viscous", "stiffness", "relaxation_rate", "mass", "static_ratio", "lag")
 COULOMB, VISCOUS, STIFFNESS, RATE, MASS, ALPHA, LAG = range(7)
+FRICTION_FIGURES = ("coulomb", "viscous", "stiffness", "relaxation_rate", "static_ratio")
+"""Those that belong to the friction law."""
 LEVEL = 7
 """Place of w behind the figures."""
+
+# Unknowns of a solve behind the figures: offsets of the friction force [N] at rest before the move,
+# behind the last turn, and when zone A begins; error of the first position [standard deviations],
+# from which all travel is counted. The residual has a column between them and the level's knots.
+REST_FORCE, TURN_FORCE, SLIP_FORCE, ORIGIN, RESIDUAL, KNOTS = range(LEVEL, LEVEL + 6)
 
 
 @dataclass(frozen=True, slots=True)

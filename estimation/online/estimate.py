@@ -1,4 +1,4 @@
-"""What one move said, read from the compiled update's result where it is asked for."""
+"""What one move showed, read from the outcome of the compiled update where it is asked for."""
 
 from __future__ import annotations
 
@@ -6,40 +6,27 @@ import math
 
 import numpy as np
 
-from estimation.friction.gms import F64, Friction
+from estimation.friction.law import F64
+from estimation.friction.model import Friction
 from estimation.online.belief import FIGURES, LEVEL, MASS, model_at
-from estimation.online.update_tables import (
+from estimation.online.outcome import (
     ACCEPTED,
     BOUND,
     HOLES,
     JUMP,
     MISFIT,
-    MUTE,
-    R_EVALUATIONS,
-    R_SLIDE,
-    R_STICK,
     SHAKEN,
     STILL,
-    U_COVARIANCE,
-    U_FIGURE,
-    U_GAIN,
-    U_HELD,
-    U_LEVEL,
-    U_MEAN,
-    U_MISFIT,
-    U_NUMBER,
-    U_SLIDING,
-    U_SPREAD,
-    U_VERDICT,
-    UNBEGUN,
+    Outcome,
 )
+from estimation.online.prepare import MUTE, TOO_LITTLE, UNBEGUN
 
 FIGURES_OF_FRICTION = FIGURES[:MASS]
 TELLING = 0.5
 """A move that leaves more than this of the level's variance does not show the level."""
 
 _WHY_NOT = {
-    0.0: "too little motion to learn from",
+    TOO_LITTLE: "too little motion to learn from",
     MUTE: "its force says nothing while it moves: saturated, missing, or upset by late setpoints",
     UNBEGUN: "how its elements stood before it is not known: "
     "a move that slides has to be learned from first",
@@ -47,29 +34,29 @@ _WHY_NOT = {
 
 
 class Estimate:
-    """What one move said.
+    """What one move showed.
 
     Args:
-        result: of `update.update_move`; kept.
+        outcome: of the update.
         facts: model that the figures are relative to, mass that the apparent mass is relative to
             [kg], and period of the samples [s].
     """
 
-    __slots__ = ("_facts", "_result")
+    __slots__ = ("_facts", "_outcome")
 
-    def __init__(self, result: F64, facts: tuple[Friction, float, float]) -> None:
-        self._result = result
+    def __init__(self, outcome: Outcome, facts: tuple[Friction, float, float]) -> None:
+        self._outcome = outcome
         self._facts = facts
 
     @property
     def accepted(self) -> bool:
         """Whether the model was updated."""
-        return bool(self._result[U_VERDICT] == ACCEPTED)
+        return self._outcome.verdict == ACCEPTED
 
     @property
     def reason(self) -> str | None:
         """Why it was not, else None."""
-        verdict, number = self._result[U_VERDICT], float(self._result[U_NUMBER])
+        verdict, number = self._outcome.verdict, self._outcome.number
         if verdict == ACCEPTED:
             return None
         if verdict == HOLES:
@@ -77,35 +64,34 @@ class Estimate:
         if verdict == SHAKEN:
             return f"late setpoints upset the force in all but {number:.0%} of the motion"
         if verdict == STILL:
-            return _WHY_NOT[number]
+            return _WHY_NOT[int(number)]
         if verdict == MISFIT:
             return f"residual {number:.1f} times what noise and wander explain"
         if verdict == BOUND:
-            return f"{FIGURES[int(self._result[U_FIGURE])]} ran into its bound"
+            return f"{FIGURES[self._outcome.figure]} ran into its bound"
         if verdict == JUMP:
-            return f"{FIGURES[int(self._result[U_FIGURE])]} jumps by {number:+.0%}"
+            return f"{FIGURES[self._outcome.figure]} jumps by {number:+.0%}"
         return "the problem has no solution"
 
     @property
     def friction(self) -> Friction:
         """The model in force afterwards."""
-        return model_at(self._facts[0], self._result[U_MEAN : U_MEAN + LEVEL])
+        return model_at(self._facts[0], self._outcome.mean)
 
     @property
     def sigma(self) -> dict[str, float]:
         """Standard deviations of coulomb [N], viscous [N s/m], stiffness [N/m], relaxation_rate."""
-        return spreads(self._result[U_SPREAD : U_SPREAD + LEVEL], self._facts[0])
+        return spreads(np.sqrt(self._outcome.covariance.diagonal()), self._facts[0])
 
     @property
     def covariance(self) -> F64:
         """Of the figures in `sigma` in that order, shape (4, 4)."""
-        whole = self._result[U_COVARIANCE:].reshape(LEVEL + 1, LEVEL + 1)
-        return in_units(whole, self._facts[0])
+        return in_units(self._outcome.covariance, self._facts[0])
 
     @property
     def expected(self) -> tuple[float, float]:
         """Sliding level Fc (1 + w) at the move's end as expected before it, and its sigma [N]."""
-        before, variance = self._result[U_SLIDING : U_SLIDING + 2].tolist()
+        before, variance = self._outcome.sliding[:2].tolist()
         coulomb = self._facts[0].coulomb
         return before * coulomb, math.sqrt(variance) * coulomb
 
@@ -116,7 +102,7 @@ class Estimate:
         What was believed before is taken out again. Whether or not the move was accepted; None
         where it says nothing of it.
         """
-        found = sliding_shown(self._result)
+        found = sliding_shown(self._outcome)
         coulomb = self._facts[0].coulomb
         return None if found is None else (found[0] * coulomb, math.sqrt(found[1]) * coulomb)
 
@@ -138,46 +124,47 @@ class Estimate:
     @property
     def gain(self) -> dict[str, float]:
         """By how much the move narrowed each of `FIGURES`: deviation before over after, or 1."""
-        return dict(zip(FIGURES, self._result[U_GAIN : U_GAIN + LEVEL].tolist(), strict=True))
+        return dict(zip(FIGURES, self._outcome.gain[:LEVEL].tolist(), strict=True))
 
     @property
     def held(self) -> tuple[str, ...]:
         """Figures that were asked for and stay at their prior: the move says less than it."""
-        flags = self._result[U_HELD : U_HELD + LEVEL].tolist()
-        return tuple(name for name, flag in zip(FIGURES, flags, strict=True) if flag)
+        held = self._outcome.held.tolist()
+        return tuple(name for name, flag in zip(FIGURES, held, strict=True) if flag)
 
     @property
     def level(self) -> float:
         """Factor on the Coulomb force at the end of the move, 1 + w."""
-        return float(self._result[U_LEVEL])
+        return 1.0 + float(self._outcome.mean[LEVEL])
 
     @property
     def zones(self) -> str:
         """Which zones were used: "A", "B", "AB" or ""."""
-        slide, stick = self._result[R_SLIDE] > 0.0, self._result[R_STICK] > 0.0
+        slide, stick = self._outcome.slide > 0, self._outcome.stick > 0
         return ("A" if slide else "") + ("B" if stick else "")
 
     @property
     def misfit(self) -> float:
         """Rms of the whitened residual over all samples used."""
-        return float(self._result[U_MISFIT])
+        return self._outcome.misfit
 
     @property
     def evaluations(self) -> int:
         """Passes over the samples."""
-        return int(self._result[R_EVALUATIONS])
+        return self._outcome.evaluations
 
     def _pair(self, name: str, unit: float) -> tuple[float, float]:
         i = FIGURES.index(name)
-        return unit * float(self._result[U_MEAN + i]), unit * float(self._result[U_SPREAD + i])
+        variance = float(self._outcome.covariance[i, i])
+        return unit * float(self._outcome.mean[i]), unit * math.sqrt(variance)
 
 
-def sliding_shown(result: F64, telling: float = TELLING) -> tuple[float, float] | None:
+def sliding_shown(outcome: Outcome, telling: float = TELLING) -> tuple[float, float] | None:
     """Sliding level as the move alone shows it (`Estimate.shown`), relative, and its variance.
 
     None where the move leaves more than the share `telling` of the variance before it.
     """
-    before, variance_before, after, variance = result[U_SLIDING : U_SLIDING + 4].tolist()
+    before, variance_before, after, variance = outcome.sliding.tolist()
     if not 0.0 < variance < telling * variance_before:
         return None
     share = variance_before / (variance_before - variance)

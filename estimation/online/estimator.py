@@ -18,27 +18,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimation.friction.gms import F64, Friction, FrictionState
+from estimation.friction.law import F64
+from estimation.friction.model import Friction, FrictionState
 from estimation.move import MoveData
 from estimation.online.belief import COULOMB, FIGURES, LEVEL, MASS, STIFFNESS, Belief, model_at
 from estimation.online.estimate import Estimate, in_units, sliding_shown, spreads
-from estimation.online.move_solver import MoveSolver
-from estimation.online.prepare import FULL_SLIP
+from estimation.online.outcome import ACCEPTED, FEW, JUMP, STILL, Outcome
+from estimation.online.prepare import FULL_SLIP, Sampled
 from estimation.online.settings import EstimatorSettings
 from estimation.online.trend import Trend
-from estimation.online.update_tables import (
-    ACCEPTED,
-    F_UNIT,
-    JUMP,
-    R_SLIDE,
-    STILL,
-    U_FOUND,
-    U_LEVEL,
-    U_MEAN,
-)
+from estimation.online.update import State, update_move
 
-__all__ = ["Estimate", "EstimatorSettings", "MoveData", "Preview", "SplitHorizonEstimator"]
-
+_NONE = np.zeros(0, np.bool_)
 _LEARNED = 0.05
 """A level believed to this is not being learned any more: what it does then, the stage does."""
 _SAID = 0.98
@@ -108,7 +99,8 @@ class SplitHorizonEstimator:
         self._frozen = frozen
         self._jump: F64 | None = None
         self._jumps = 0
-        self._solver = MoveSolver(friction, settings, frozen)
+        self._axis = settings.axis(friction, frozen)
+        self._law = friction.constants
         self._facts = (friction, settings.mass, settings.period)
 
     @property
@@ -143,7 +135,7 @@ class SplitHorizonEstimator:
         for i, name in enumerate(FIGURES[:MASS]):
             if name in figures:
                 value, sigma = figures[name]
-                unit = float(self._solver.units[F_UNIT, i])
+                unit = float(self._axis.unit[i])
                 self._belief.set_apart(i, value / unit, sigma / unit)
 
     def saturates_at(self, force: float) -> None:
@@ -206,7 +198,7 @@ class SplitHorizonEstimator:
         """
         self._rest = position
         if self.state is None:
-            self.state = FrictionState.relaxed(self._start.elements, position)
+            self.state = FrictionState.relaxed(self._start.states, position)
         self.state.correct(force, self.effective(time))
         return self.state
 
@@ -221,24 +213,26 @@ class SplitHorizonEstimator:
         """
         state = self.state
         if state is None:
-            state = self.state = FrictionState.relaxed(self._start.elements)
+            state = self.state = FrictionState.relaxed(self._start.states)
         end = move.time + (len(move.position) - 1) * self.settings.period
-        result, verdict, misfit, doubt = self._run(move, state, self._known, True, end)
+        outcome = self._run(move, state, self._known, True, end)
         self._end, self._rest = end, None
-        if verdict == ACCEPTED:
+        if outcome.verdict == ACCEPTED:
             self._jumps = self._doubt = 0
             self._known = True
             misfits = self._misfits
-            misfits.append(misfit)
+            misfits.append(outcome.misfit)
             if len(misfits) > _FEW:
-                self._solver.expect(sorted(misfits)[len(misfits) // 2])
-            if not (self._frozen or self._told) and doubt - self._aged < _LEARNED**2:
-                self._watch(result, end)
+                self._axis = self._axis._replace(usual_misfit=sorted(misfits)[len(misfits) // 2])
+            expected, variance = outcome.sliding.item(0), outcome.sliding.item(1)
+            unsure = variance / expected**2
+            if not (self._frozen or self._told) and unsure - self._aged < _LEARNED**2:
+                self._watch(outcome, end)
         else:
-            if verdict == JUMP:
-                self._open_up(result)
-            self._known = self._followed(verdict, move)
-        return Estimate(result, self._facts)
+            if outcome.verdict == JUMP:
+                self._open_up(outcome)
+            self._known = self._followed(outcome.verdict, move)
+        return Estimate(outcome, self._facts)
 
     def _followed(self, verdict: int, move: MoveData) -> bool:
         """Whether the elements' forces are known behind a move that was refused.
@@ -257,11 +251,12 @@ class SplitHorizonEstimator:
     def _sure(self) -> bool:
         """Whether the figures in force are known well enough to follow the elements with."""
         sigma = np.sqrt(self._belief.covariance.diagonal()) / self._belief.mean.clip(1e-9)
-        return bool(sigma[COULOMB] < SURE and sigma[STIFFNESS] < SURE)
+        stiff = "stiffness" not in self._start.figures_of_law or sigma[STIFFNESS] < SURE
+        return bool(sigma[COULOMB] < SURE and stiff)
 
-    def _watch(self, result: F64, time: float) -> None:
+    def _watch(self, outcome: Outcome, time: float) -> None:
         """Let the trend have the level that a sound move showed."""
-        shown = sliding_shown(result, _SAID)
+        shown = sliding_shown(outcome, _SAID)
         if shown is not None:
             self._trend.saw(time, shown[0], shown[1] / shown[0] ** 2, self._before)
 
@@ -278,11 +273,11 @@ class SplitHorizonEstimator:
             return None
         state = self.state.copy()
         end = move.time + (len(move.position) - 1) * self.settings.period
-        result, verdict, _, _ = self._run(move, state, False, False, end)
-        if verdict != ACCEPTED or result[R_SLIDE] <= 0.0:
+        outcome = self._run(move, state, False, False, end)
+        if outcome.verdict != ACCEPTED or outcome.slide == 0:
             return None
-        model = model_at(self._start, result[U_MEAN : U_MEAN + LEVEL])
-        model = replace(model, coulomb=model.coulomb * float(result[U_LEVEL]))
+        model = model_at(self._start, outcome.mean)
+        model = replace(model, coulomb=model.coulomb * (1.0 + float(outcome.mean[LEVEL])))
         speed = float(np.nanmax(np.abs(np.diff(move.position)))) / self.settings.period
         before = self.effective(move.time)
         change = (model.coulomb + model.viscous * speed) / (
@@ -292,39 +287,64 @@ class SplitHorizonEstimator:
 
     def _run(
         self, move: MoveData, state: FrictionState, known: bool, whole: bool, end: float
-    ) -> tuple[F64, int, float, float]:
+    ) -> Outcome:
         """Learn from a move, unless it is not over (`whole`), and carry `state` to its end."""
         elapsed = -1.0 if self._end is None else move.time - self._end
-        belief, solve = self._belief, self._solver.solve
+        belief = self._belief
         coulomb = belief.mean.item(COULOMB)
         sure = belief.covariance.item(COULOMB, COULOMB) / coulomb**2 + self._drift
         self._before = (coulomb, sure)
         rest = math.nan if self._rest is None else self._rest
         if self._carried is None:
             self._aged = 0.0
-            found = solve(move, rest, elapsed, 0.0, belief, state, known, whole)
+            outcome = self._solve(move, rest, elapsed, 0.0, state, known, whole)
         else:
             change, unsure = self._trend.carry(self._carried, end)
             self._aged = max(unsure - sure, 0.0)
             belief.mean[COULOMB] = coulomb * math.exp(change)
             learned = False
             try:
-                found = solve(move, rest, elapsed, self._aged, belief, state, known, whole)
-                learned = whole and found[1] == ACCEPTED
+                outcome = self._solve(move, rest, elapsed, self._aged, state, known, whole)
+                learned = whole and outcome.verdict == ACCEPTED
             finally:
                 if not learned:  # what is in force stays; the trend goes on from where it was
                     belief.mean[COULOMB] = coulomb
-        if whole and found[1] == ACCEPTED:
+        if whole and outcome.verdict == ACCEPTED:
             self._carried = end
-        return found
+        return outcome
 
-    def _open_up(self, result: F64) -> None:
+    def _solve(
+        self,
+        move: MoveData,
+        rest: float,
+        elapsed: float,
+        restless: float,
+        state: FrictionState,
+        known: bool,
+        whole: bool,
+    ) -> Outcome:
+        """The compiled update; see `update.update_move`."""
+        size, upset = len(move.position), _NONE if move.upset is None else move.upset
+        if not len(move.force) == len(move.valid) == size or len(upset) not in (0, size):
+            raise ValueError("position, force and valid must have the same length")
+        sampled = Sampled(move.position, move.force, move.valid, upset, rest, move.rest_force)
+        between = State(
+            self._belief.mean, self._belief.covariance, state.forces, state.slipping, state.memory
+        )
+        outcome: Outcome = update_move(
+            sampled, self._axis, self._law, between, elapsed, restless, known, whole
+        )
+        if outcome.verdict == FEW:
+            raise ValueError("fewer than three valid samples")
+        return outcome
+
+    def _open_up(self, outcome: Outcome) -> None:
         """Sound moves in a row that jump the same way: the stage has changed.
 
         Belief opens up to where it began, so that the next sound move is learned from; the model in
         force stays. Moves that could not be trusted say nothing.
         """
-        change = result[U_FOUND : U_FOUND + MASS] / result[U_MEAN : U_MEAN + MASS] - 1.0
+        change = outcome.found[:MASS] / outcome.mean[:MASS] - 1.0
         same_way = (
             self._jumps > 0
             and self._jump is not None

@@ -1,67 +1,122 @@
 """What a move's samples are before anything is solved: clean, with kinematics and zones.
 
-Which samples count, and whether the move can tell anything of each zone.
+Which samples count, and whether the move determines anything in each zone.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from estimation.compiled import kernel
-from estimation.kinematics import differences, find_stretches, find_turns
+from estimation.friction.law import F64, breakaway_travel
+from estimation.kinematics import differences, find_turns
 from estimation.online.belief import ALPHA, STIFFNESS
-from estimation.online.move_tables import (
-    M_GOOD,
-    M_HEADING,
-    M_UPSET,
-    M_USABLE,
-    M_ZONE,
-    T_ACCELERATION,
-    T_AT,
-    T_FORCE,
-    T_POSITION,
-    T_SHARE,
-    T_SHARP,
-    T_UNTIL,
-    T_VELOCITY,
-)
-from estimation.online.update_tables import (
-    C_PEAK,
-    C_PERIOD,
-    C_POSITION_NOISE,
-    C_VS,
-    F_UNIT,
-    MUTE,
-    R_BOUND,
-    R_END,
-    R_FAR,
-    R_KNOWN,
-    R_SLIDE,
-    R_STEADY,
-    R_STICK,
-    R_TOLD,
-    R_WHY,
-    UNBEGUN,
-)
 from estimation.online.zones import REST, SLIDE, STICK, mark_zones
 
 REST_AFTER = 0.05
 """How much of the rest behind a motion is used [s]."""
-TOLD = 0.005
-"""A settling that goes back less than this share of the breakaway travel does not tell sigma0 by
-itself, without an onset."""
+LEAST_BACK = 0.005
+"""A settling that goes back less than this share of the breakaway travel does not determine sigma0
+by itself, without an onset."""
 HIDDEN = 0.25
 """A hole in which an onset goes this share of the breakaway travel hides how what follows began."""
 FULL_SLIP = 2.0
-"""C/Fc is learned from moves of so many breakaway travels and more: shorter ones end among elements
-of which only the sum was known at rest, and what that leaves open would go into it."""
+"""C/Fc is learned from moves of this many breakaway travels and more: shorter ones end among
+elements of which only the sum was known at rest, and what that leaves open would go into it."""
 MIN_SLIDE, MIN_STICK = 12, 6
 """Fewest samples of a zone that is worth solving."""
+
+TOO_LITTLE, MUTE, UNBEGUN = range(3)
+"""Why there is nothing to solve: too little motion; the force says nothing while it moves; how the
+friction state stood before is not known."""
+
+
+class Sampled(NamedTuple):
+    """A move as it was sampled.
+
+    Attributes:
+        position: sampled [m], shape (K + 2,).
+        force: measured [N], shape (K + 2,).
+        valid: samples that can be used, shape (K + 2,).
+        upset: those of which only the position counts, shape (K + 2,); none: shape (0,).
+        rest: position at rest before it [m], should the first sample be missing; nan: not known.
+        rest_force: measured at rest before it [N].
+    """
+
+    position: F64
+    force: F64
+    valid: NDArray[np.bool_]
+    upset: NDArray[np.bool_]
+    rest: float
+    rest_force: float
+
+
+class Samples(NamedTuple):
+    """A move as the solves take it; the inner sample k is sample k + 1.
+
+    Attributes:
+        position: without holes [m], shape (K + 2,).
+        force: 0 where it is not usable [N], shape (K + 2,).
+        velocity: central difference [m/s], shape (K,).
+        acceleration: the same [m/s^2], shape (K,).
+        heading: direction of motion, +1, -1 or 0 at rest, shape (K,).
+        turn_share: where in the interval that ends at the sample the motion turns or stops, 0 to
+            1; negative: not in it; shape (K,).
+        turn_at: position there [m], shape (K,).
+        turn_sharpness: curvature of the turn [m per squared sample], 0 for a stop, shape (K,).
+        zone: REST, STICK or SLIDE, shape (K,).
+        usable: whether the residual counts, shape (K,).
+    """
+
+    position: F64
+    force: F64
+    velocity: F64
+    acceleration: F64
+    heading: NDArray[np.int8]
+    turn_share: F64
+    turn_at: F64
+    turn_sharpness: F64
+    zone: NDArray[np.int8]
+    usable: NDArray[np.bool_]
+
+
+class Prepared(NamedTuple):
+    """Samples of a move, and what can be solved.
+
+    Attributes:
+        samples: ready to be solved.
+        counted: valid samples.
+        slide: usable samples of zone A, 0 where they are too few.
+        stick: the same of the stick zones.
+        end: up to which inner sample the move is used.
+        why: of TOO_LITTLE, MUTE and UNBEGUN, where nothing can be solved.
+        steady: share of the motion in which the force was not upset.
+        shows_stiffness: whether the move can determine sigma0.
+        far: whether it goes FULL_SLIP.
+    """
+
+    samples: Samples
+    counted: int
+    slide: int
+    stick: int
+    end: int
+    why: int
+    steady: float
+    shows_stiffness: bool
+    far: bool
 
 
 @kernel()
 def clean(position, force, valid, rest, x, f, good):  # type: ignore[no-untyped-def]
-    """Copy the samples; holes in the position are bridged by a straight line. Returns how many."""
+    """Copy the samples, bridging holes in the position by straight lines; returns how many count.
+
+    `position` [m], `force` [N] and `valid`, shape (K,), are read, `x`, `f` and `good` written;
+    `rest` is the position before the first one [m], nan where it is not known.
+    """
     samples, usable, last = position.shape[0], 0, -1
     # Loops of few arrays, as a compiler sees through.
     for k in range(samples):
@@ -98,86 +153,81 @@ def clean(position, force, valid, rest, x, f, good):  # type: ignore[no-untyped-
 
 
 @kernel()
-def prepare(  # type: ignore[no-untyped-def]
-    constants, units, shares, mean, state_known, zone_b, tables, marks, report
-):
+def prepare(sampled, axis, law, known, mean, state_known, zone_b):  # type: ignore[no-untyped-def]
     """Kinematics and zones of a move; which samples count, and what can be solved.
 
     Args:
-        constants: C_*.
-        units: what the figures are relative to, their lowest and highest values, shape (3, LEVEL).
-        shares: nu_i.
-        mean: belief before the move.
-        state_known: False where only the sum of the element forces is known: the onset then says
+        sampled: the move.
+        axis: settings of the axis.
+        law: constants of its friction law.
+        known: Coulomb force in force before the move [N].
+        mean: belief before it, shape (LEVEL + 1,).
+        state_known: False where only the sum of the internal forces is known: the onset then says
             nothing.
         zone_b: whether the stick zones are solved at all.
-        tables: positions and forces are there, shape (TABLES, K); the other T_* of the data are
-            written.
-        marks: which samples are sound in M_GOOD, and in M_UPSET those whose force says nothing,
-            though their position counts; the other M_* written, shape (MARKS, K).
-        report: R_*; R_KNOWN is there, what can be solved is written.
     """
-    count = tables.shape[1] - 2
-    heading, zone, usable = marks[M_HEADING, :count], marks[M_ZONE, :count], marks[M_USABLE, :count]
-    valid, upset = marks[M_GOOD], marks[M_UPSET]
-    period, noise = constants[C_PERIOD], constants[C_POSITION_NOISE]
-    position, force, velocity = tables[T_POSITION], tables[T_FORCE], tables[T_VELOCITY, :count]
-    differences(position, valid, period, velocity, tables[T_ACCELERATION, :count], usable)
-    find_turns(
-        position, noise, heading, tables[T_SHARE, :count], tables[T_AT, :count],
-        tables[T_SHARP, :count],
-    )  # fmt: skip
-    find_stretches(heading, tables[T_SHARE], tables[T_UNTIL])
-    n = shares.shape[0]
-    travel = (
-        shares[n - 1] * (1.0 + mean[ALPHA]) * report[R_KNOWN] * n
-        / (units[F_UNIT, STIFFNESS] * mean[STIFFNESS])
-    )  # fmt: skip
-    mark_zones(position, velocity, heading, tables[T_UNTIL, :count], travel, constants[C_VS], zone)
-    _drop(force[1:], upset[1:], constants[C_PEAK], usable)
+    size = sampled.position.shape[0]
+    count, upset = size - 2, np.zeros(size, np.bool_)
+    position, force, good = np.empty(size), np.empty(size), np.empty(size, np.bool_)
+    counted = clean(
+        sampled.position, sampled.force, sampled.valid, sampled.rest, position, force, good
+    )
+    for k in range(sampled.upset.shape[0]):
+        upset[k] = sampled.upset[k]
+    velocity, acceleration, usable = np.empty(count), np.empty(count), np.empty(count, np.bool_)
+    differences(position, good, axis.period, velocity, acceleration, usable)
+    heading, zone = np.empty(count, np.int8), np.empty(count, np.int8)
+    turn_share, turn_at, turn_sharpness = np.empty(count), np.empty(count), np.empty(count)
+    find_turns(position, axis.position_noise, heading, turn_share, turn_at, turn_sharpness)
+    travel = breakaway_travel(law, known, axis.unit[STIFFNESS] * mean[STIFFNESS], mean[ALPHA])
+    mark_zones(position, velocity, heading, travel, law.stribeck_velocity, zone)
+    for k in range(count):
+        usable[k] &= abs(force[k + 1]) < axis.peak_force and not upset[k + 1]
     begun, end = 0, count
     while begun < count and zone[begun] != SLIDE:
         begun += 1
     while end > 0 and zone[end - 1] == REST:
         end -= 1
-    sound = _tally(zone, usable, upset[1:])
-    # An onset of which it is not known how it began says nothing.
-    for k in range(_lost(position, valid, HIDDEN * travel) if state_known else 0, begun):
+    sound_slide, sound_stick = (
+        _count_usable(zone, usable, SLIDE),
+        _count_usable(zone, usable, STICK),
+    )
+    # An onset says nothing unless it is known how it began.
+    for k in range(
+        _behind_hidden_onset(position, good, HIDDEN * travel) if state_known else 0, begun
+    ):
         usable[k] = False
     back = 0.0 if state_known else _way_back(position, heading, zone, begun)
-    slide, stick, moving, shaken = _tally(zone, usable, upset[1:])
-    report[R_SLIDE] = slide if slide >= MIN_SLIDE else 0.0
-    report[R_STICK] = stick if zone_b and stick >= MIN_STICK else 0.0
+    slide, stick = _count_usable(zone, usable, SLIDE), _count_usable(zone, usable, STICK)
+    why = TOO_LITTLE
     if slide < MIN_SLIDE and stick < MIN_STICK:
-        report[R_WHY] = _why_not(zone, sound[0], sound[1])
-    report[R_BOUND] = -1.0
-    report[R_STEADY] = 1.0 - shaken / max(moving, 1)
-    # A settling alone, of nanometres, has more than one stiffness that fits.
-    report[R_TOLD] = state_known or back >= TOLD * travel
-    report[R_FAR] = abs(position[count + 1] - position[0]) > FULL_SLIP * travel
-    report[R_END] = min(count, end + int(REST_AFTER / period + 0.5))
+        why = _why_not(zone, sound_slide, sound_stick)
+    return Prepared(
+        Samples(
+            position, force, velocity, acceleration, heading, turn_share, turn_at, turn_sharpness,
+            zone, usable,
+        ),
+        counted,
+        slide if slide >= MIN_SLIDE else 0,
+        stick if zone_b and stick >= MIN_STICK else 0,
+        min(count, end + int(REST_AFTER / axis.period + 0.5)),
+        why,
+        _steady_share(zone, upset),
+        # A settling alone, of nanometres, has more than one stiffness that fits.
+        state_known or back >= LEAST_BACK * travel,
+        abs(position[size - 1] - position[0]) > FULL_SLIP * travel,
+    )  # fmt: skip
 
 
 @kernel()
-def _drop(force, upset, peak, usable):  # type: ignore[no-untyped-def]
-    """Leave out samples whose force is saturated or upset."""
-    for k in range(usable.shape[0]):
-        usable[k] &= abs(force[k]) < peak
-    for k in range(usable.shape[0]):
-        usable[k] &= upset[k] == 0
+def _behind_hidden_onset(position, valid, least):  # type: ignore[no-untyped-def]
+    """First sample behind a hole in which the motion goes `least` [m]; K, if there is none.
 
-
-@kernel()
-def _lost(position, valid, least):  # type: ignore[no-untyped-def]
-    """The sample behind the first hole in which the motion goes so far; how many where none does.
-
-    How elements began to slip inside it nobody knows.
+    How elements began to slip inside it is not known.
     """
-    sound, count = valid.shape[0] - valid.shape[0], position.shape[0] - 2
-    for k in range(count):
-        sound += valid[k] != 0
+    count = position.shape[0] - 2
     gone = position[0]
-    for k in range(count if sound < count else 0):
+    for k in range(count):
         if valid[k]:
             if k > 0 and not valid[k - 1] and abs(position[k] - gone) > least:
                 return k
@@ -194,7 +244,7 @@ def _why_not(zone, slide, stick):  # type: ignore[no-untyped-def]
     for k in range(zone.shape[0]):
         sliding += zone[k] == SLIDE
         sticking += zone[k] == STICK
-    return MUTE if sliding >= MIN_SLIDE or sticking >= MIN_STICK else 0.0
+    return MUTE if sliding >= MIN_SLIDE or sticking >= MIN_STICK else TOO_LITTLE
 
 
 @kernel()
@@ -213,13 +263,19 @@ def _way_back(position, heading, zone, begun):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def _tally(zone, usable, upset):  # type: ignore[no-untyped-def]
-    """Usable samples of zone A and of the stick zones; samples that move, and upset ones."""
-    slide = stick = moving = shaken = 0
+def _count_usable(zone, usable, wanted):  # type: ignore[no-untyped-def]
+    """Number of usable samples in a zone."""
+    number = 0
     for k in range(zone.shape[0]):
-        slide += (zone[k] == SLIDE) & (usable[k] != 0)
-        stick += (zone[k] == STICK) & (usable[k] != 0)
+        number += zone[k] == wanted and usable[k]
+    return number
+
+
+@kernel()
+def _steady_share(zone, upset):  # type: ignore[no-untyped-def]
+    """Share of the samples in motion whose force was not upset."""
+    moving = shaken = 0
     for k in range(zone.shape[0]):
         moving += zone[k] != REST
-        shaken += (zone[k] != REST) & (upset[k] != 0)
-    return slide, stick, moving, shaken
+        shaken += zone[k] != REST and upset[k + 1]
+    return 1.0 - shaken / max(moving, 1)

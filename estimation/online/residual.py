@@ -1,22 +1,22 @@
 """Residual of a move and its derivatives by every unknown, sample by sample, in one pass.
 
-The model is driven by the measured positions, segment by segment (`zones.find_turns`): inside a
-segment the direction is known, an element that slips goes on slipping until the motion turns, and
-one that sticks stretches with the position. So nothing is decided by noise, and no dead band is
+The friction law is driven by the measured positions. Between two turns of the motion the direction
+is known, whatever noise does to the velocity: nothing is decided by noise, and no dead band is
 needed. What a position's error does to a sample follows: through the second difference, through
-viscous friction, and through the elements that stick (`T_STUCK`).
+viscous friction, and through what sticks (`Rows.spring`).
 
-Written column by column, (columns, samples): whitening and normal equations then run along
-contiguous memory. Where all elements stick, or all slip, samples are taken at once (`stretches`);
-here is what lies between, and what a row has besides the elements.
+Columns are contiguous, shape (columns, samples): whitening and normal equations run along them.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
+
+import numpy as np
 
 from estimation.compiled import kernel
-from estimation.friction.elements import (
+from estimation.friction.law import (
     BY_ALPHA,
     BY_COULOMB,
     BY_RATE,
@@ -24,327 +24,346 @@ from estimation.friction.elements import (
     BY_SLIP,
     BY_STIFFNESS,
     BY_TURN,
+    F64,
+    FAR_ABOVE,
     FORCE,
-    SHARES,
-    SLIPS,
+    NO_SUBSTEPS,
+    Figures,
     begin,
-    step_elements,
+    begin_zone,
+    finish,
+    leap,
+    make_trace,
+    release,
+    retained,
+    slide,
+    step,
     stribeck_rise,
-    sum_elements,
 )
-from estimation.friction.gms import NO_SUBSTEPS
-from estimation.online.belief import ALPHA, COULOMB, LAG, MASS, RATE, STIFFNESS, VISCOUS
-from estimation.online.move_tables import (
-    CURVED,
+from estimation.online.belief import (
+    ALPHA,
+    COULOMB,
     KNOTS,
+    LAG,
+    MASS,
     ORIGIN,
+    RATE,
     RESIDUAL,
     REST_FORCE,
     SLIP_FORCE,
-    SUBSTEPS,
-    T_ACCELERATION,
-    T_AT,
-    T_CURVE,
-    T_FORCE,
-    T_HAZE,
-    T_LEVEL,
-    T_POSITION,
-    T_SCALE,
-    T_SHARE,
-    T_SHARP,
-    T_SLOPE,
-    T_STUCK,
-    T_VELOCITY,
+    STIFFNESS,
     TURN_FORCE,
+    VISCOUS,
 )
-from estimation.online.slip_transition import follow_curve, rise_before
-from estimation.online.stretches import slip, slip_haze, spring
 
+SUBSTEPS = 4
+"""Of the friction law inside a sample that is not far above the Stribeck velocity."""
 UNSEEN = 0.5
-"""A motion that comes to a stop without turning visibly creeps on below the noise for so many
+"""A motion that comes to a stop without turning visibly creeps on below the noise for this many
 samples; elements that slip gain meanwhile."""
 
 
+class AtRest(NamedTuple):
+    """Friction state at rest before a move.
+
+    Attributes:
+        forces: internal forces of the law [N], shape (n,).
+        known: Coulomb force under which they are known [N].
+        total: force measured there [N].
+    """
+
+    forces: F64
+    known: float
+    total: float
+
+
+class Rows(NamedTuple):
+    """Residual of a move's inner samples, and what its noise depends on.
+
+    Attributes:
+        columns: derivatives by the unknowns in their units, and the residual, predicted minus
+            measured [N], in column RESIDUAL, shape (KNOTS + knots, K).
+        spring: stiffness of what sticks at each sample [N/m], shape (K,).
+        variance: of the force from what positions' errors do to what slides [N^2], shape (K,).
+        level_at: sample at which the level last acted, shape (K,).
+    """
+
+    columns: F64
+    spring: F64
+    variance: F64
+    level_at: F64
+
+
+class Interval(NamedTuple):
+    """One sample period of a motion.
+
+    Attributes:
+        travel: within it [m].
+        v0, v1: speeds at its ends [m/s].
+        direction: of motion, +1 or -1.
+        rise: Stribeck rise at the end of the last step before it.
+    """
+
+    travel: float
+    v0: float
+    v1: float
+    direction: float
+    rise: float
+
+
+class Turn(NamedTuple):
+    """Where the motion turns or stops within a sample period.
+
+    Attributes:
+        share: of the period.
+        travel: up to there [m].
+        sharpness: curvature [m per squared sample], 0 for a stop.
+        direction: of motion up to there.
+    """
+
+    share: float
+    travel: float
+    sharpness: float
+    direction: float
+
+
 @kernel()
-def fill_rows(  # type: ignore[no-untyped-def]
-    p, knots, figures, shape, noise, period, start, known_coulomb, rest_force, tables, heading,
-    ready, wide, weigh, columns, elements,
-):  # fmt: skip
-    """Fill `columns` with the residual (predicted minus measured) and its derivatives.
+def make_rows(knots, count):  # type: ignore[no-untyped-def]
+    """Room for so many knots and samples."""
+    return Rows(np.empty((KNOTS + knots, count)), np.empty(count), np.empty(count), np.empty(count))
+
+
+@kernel()
+def figures_at(p, axis, law):  # type: ignore[no-untyped-def]
+    """Friction figures in their units, of unknowns `p` that begin with the relative ones."""
+    rate = axis.unit[RATE] * p[RATE]
+    return Figures(
+        axis.unit[COULOMB] * p[COULOMB], axis.unit[STIFFNESS] * p[STIFFNESS], rate, p[ALPHA],
+        axis.period, retained(law, rate, axis.period),
+    )  # fmt: skip
+
+
+@kernel()
+def fill_rows(p, axis, law, samples, rest, start, wide, rows):  # type: ignore[no-untyped-def]
+    """Write the rows of a move.
 
     Args:
-        p: the unknowns, in the order of the columns, shape (KNOTS + knots,).
-        knots: of the level, 0 for none.
-        figures: what the relative ones of p are relative to, shape (LEVEL,).
-        shape: Stribeck velocity [m/s] and exponent.
-        noise: rms of a position [m].
-        period: of the samples [s].
-        start: element forces at rest before the move [N].
-        known_coulomb: Coulomb force under which they are known [N].
-        rest_force: measured there; the element forces add up to it [N].
-        tables: rows T_*, shape (TABLES, samples + 2).
-        heading: of `find_turns`, shape (samples,).
-        ready: MAPPED, CURVED, FAST, shape (samples,); clear it for another shape.
+        p: unknowns, by column, shape (KNOTS + knots,).
+        axis: settings.
+        law: constants of the friction law.
+        samples: prepared.
+        rest: friction state before the move.
+        start: 0: from rest. Else zone A alone, from this sample on, everything sliding as after a
+            long way; rows before it are 0.
         wide: whether the derivatives by C/Fc, alpha and lag are wanted.
-        weigh: whether T_STUCK, T_HAZE and what is returned are wanted.
-        columns: written, shape (KNOTS + knots, samples).
-        elements: nu_i in its row, room for the rest, shape (ELEMENT_ROWS, N + 1); left as the state
-            at the last sample.
+        rows: written.
 
     Returns:
-        How uncertain the elements' force is behind the last turn, and where zone A begins, beside
+        How uncertain the friction force is behind the last turn, and where zone A begins, beside
         what follows from an offset of all positions [N].
     """
-    doubts = lead(
-        p, figures, shape, noise, period, start, known_coulomb, rest_force, tables, heading, ready,
-        wide, weigh, knots >= 0, columns, elements,
-    )  # fmt: skip
-    pull = -figures[STIFFNESS] * p[STIFFNESS] * noise
-    _finish(p, knots, figures, pull, noise / period, period, tables, wide, columns)
+    traces, figures = make_trace(law), figures_at(p, axis, law)
+    if start > 0:
+        for k in range(start):
+            for i in range(KNOTS):
+                rows.columns[i, k] = 0.0
+            rows.spring[k] = rows.variance[k] = rows.level_at[k] = 0.0
+        slide(law, figures, traces[0], float(samples.heading[start]))
+    else:
+        begin(law, figures, traces[0], rest.forces, rest.known, rest.total)
+    doubts = _trace(figures, axis, law, samples, start, rows.spring.shape[0], traces, True, rows)
+    _complete(p, axis, samples, start, wide, rows)
     return doubts
 
 
 @kernel()
-def fill_slide(  # type: ignore[no-untyped-def]
-    p, knots, figures, shape, period, start, tables, heading, ready, wide, columns, elements
-):
-    """Rows of zone A alone: all elements slip, from one force on that is as after a fresh slip.
+def follow_move(p, axis, law, samples, rest, forces, slips):  # type: ignore[no-untyped-def]
+    """Friction state at the end of a move: internal forces [N] and which slide, shapes (n,).
 
-    `start` is the first row of zone A; what comes before it is nought, what follows has to be one
-    stretch. The other arguments: as `fill_rows`.
+    The other arguments: as `fill_rows`; `rest.forces` may be `forces`.
     """
-    n = elements.shape[1] - 1
-    direction, coulomb = float(heading[start]), figures[COULOMB] * p[COULOMB]
-    for column in (COULOMB, STIFFNESS, REST_FORCE, TURN_FORCE, SLIP_FORCE, RESIDUAL):
-        for k in range(start):
-            columns[column, k] = 0.0
-    for k in range(start):
-        tables[T_STUCK, k] = tables[T_HAZE, k] = tables[T_LEVEL, k] = 0.0
-    for row in range(SLIPS):
-        for i in range(n + 1):
-            elements[row, i] = 0.0
-    for i in range(n):
-        share = elements[SHARES, i]
-        elements[FORCE, i] = direction * share * coulomb
-        elements[BY_COULOMB, i], elements[BY_SLIP, i] = direction * share, share
-        elements[SLIPS, i] = 1.0
-    elements[SHARES, n] = -1.0
-    sum_elements(elements)
-    rate, alpha = figures[RATE] * p[RATE], p[ALPHA]
-    kept = math.exp(-rate * period)
-    slip(
-        start, direction, kept, coulomb, rate, alpha, shape, period, wide, knots >= 0, tables,
-        ready, columns, elements,
-    )  # fmt: skip
-    for k in range(columns.shape[1]):
-        tables[T_STUCK, k] = tables[T_HAZE, k] = 0.0
-    _finish(p, knots, figures, 0.0, 0.0, period, tables, wide, columns)
+    traces, figures = make_trace(law), figures_at(p, axis, law)
+    begin(law, figures, traces[0], rest.forces, rest.known, rest.total)
+    count = samples.velocity.shape[0]
+    _trace(figures, axis, law, samples, 0, count, traces, False, make_rows(0, 0))
+    finish(law, traces[0], forces, slips)
 
 
 @kernel()
-def lead(  # type: ignore[no-untyped-def]
-    p, figures, shape, noise, period, start, known_coulomb, rest_force, tables, heading, ready,
-    wide, weigh, record, columns, elements,
-):  # fmt: skip
-    """Lead the elements through a move; of each row the sum of their forces and its derivatives.
+def _trace(figures, axis, law, samples, start, end, traces, record, rows):  # type: ignore[no-untyped-def]
+    """Lead the law through samples start..end-1 (9 arguments); returns as `fill_rows`.
 
-    Arguments and what it returns: as `fill_rows`; `record` is whether the rows are wanted at all.
+    `traces`: of the law, begun; `record`: whether rows are written.
     """
-    count, n = columns.shape[1], elements.shape[1] - 1
-    coulomb = figures[COULOMB] * p[COULOMB]
-    stiffness = figures[STIFFNESS] * p[STIFFNESS] / n
-    rate, alpha = figures[RATE] * p[RATE], p[ALPHA]
-    kept = math.exp(-rate * period)
-    # Deviation of the limit over the curve's slope, from what noise makes of the velocity.
-    error_by_slope = alpha * coulomb * noise * math.sqrt(0.5) / (period * shape[0])
-    begin(elements, start, coulomb, alpha, known_coulomb, rest_force)
-    doubt = haze = begun = 0.0
-    # Not written as 0 and False: numba would compile anew what takes them, for constants.
-    level_at, k, slid, stuck = n - n, n - n, n < 0, n
-    while k < count:
-        direction = float(heading[k])
-        turn = tables[T_SHARE, k]
-        if stuck == n:
-            reached = spring(
-                k, direction, coulomb, stiffness, alpha, level_at, wide, record, tables, columns,
-                elements,
-            )  # fmt: skip
-            if reached > k:
-                k = reached
-                continue
-        elif stuck == 0 and turn < 0.0:
-            reached = slip(
-                k, direction, kept, coulomb, rate, alpha, shape, period, wide, record, tables,
-                ready, columns, elements,
-            )  # fmt: skip
-            if weigh:
-                follows = (1.0 - kept) * error_by_slope
-                haze = slip_haze(k, reached, haze, kept, follows, tables, ready)
-            k, level_at = reached, reached - 1
-            continue
-        stuck, relaxed, haze = lead_sample(
-            k, haze, kept, error_by_slope, coulomb, stiffness, rate, alpha, shape, noise, period,
-            tables, heading, ready, elements,
-        )  # fmt: skip
-        if stuck == 0 and not slid:  # zone A begins
-            slid, begun, haze = True, haze, 0.0
-            for i in range(n):
-                elements[BY_SLIP, i] = elements[SHARES, i]
-            elements[BY_SLIP, n] = 1.0
-        if relaxed > 0.0:
-            doubt = max(doubt, math.sqrt(relaxed * relaxed + haze))
-            haze = 0.0
-        if stuck < n:
+    trace = traces[0]
+    # By name outside the loop: each access of a tuple's array costs two counts of its users.
+    position, velocity, heading = samples.position, samples.velocity, samples.heading
+    turn_share, turn_at, sharpness = samples.turn_share, samples.turn_at, samples.turn_sharpness
+    columns, spring, variances, levels = rows.columns, rows.spring, rows.variance, rows.level_at
+    noise, vs = axis.position_noise, law.stribeck_velocity
+    fast = vs * FAR_ABOVE ** (1.0 / law.stribeck_shape)
+    # What the velocity's noise makes of the Stribeck curve, over the curve's slope by v/vs [N].
+    by_slope = figures.alpha * figures.coulomb * noise * math.sqrt(0.5) / (axis.period * vs)
+    variance = turn_doubt = zone_doubt = 0.0
+    level_at, in_zone = start, start > 0
+    for k in range(start, end):
+        v1 = velocity[k]
+        v0 = velocity[k - 1] if k > 0 else v1
+        direction, travel, turned = float(heading[k]), position[k + 1] - position[k], 0.0
+        slowest = min(v0 * direction, v1 * direction)
+        if turn_share[k] < 0.0 and leap(law, figures, trace, travel, direction, slowest > fast):
+            if trace.sliding > 0.0:
+                variance *= figures.retained**2
+        else:
+            earlier = velocity[k - 2] if k > 1 else v0
+            moved = position[k] - position[k - 1] if k > 0 else v0 * axis.period
+            rise = _rise_before(law, axis.period, moved, v0, earlier)
+            interval = Interval(travel, v0, v1, direction, rise)
+            if turn_share[k] < 0.0:
+                variance = _advance(law, figures, trace, interval, noise, by_slope, variance)
+            else:
+                back = k > 0 and heading[k - 1] == -heading[k]
+                turn = Turn(
+                    turn_share[k], turn_at[k] - position[k], sharpness[k],
+                    -direction if back else direction,
+                )  # fmt: skip
+                turned = _turn(law, figures, trace, interval, turn, noise)
+                if turned > 0.0:
+                    turn_doubt = max(turn_doubt, math.sqrt(turned * turned + variance))
+                    variance = 0.0
+        if trace.sliding == 1.0 and not in_zone:
+            in_zone, zone_doubt, variance = True, math.sqrt(variance), 0.0
+            begin_zone(law, trace)
+        if trace.sliding > 0.0:
             level_at = k
-        columns[RESIDUAL, k] = elements[FORCE, n]
-        columns[COULOMB, k] = elements[BY_COULOMB, n]
-        columns[STIFFNESS, k] = elements[BY_STIFFNESS, n]
-        columns[REST_FORCE, k] = elements[BY_REST, n]
-        columns[TURN_FORCE, k] = elements[BY_TURN, n]
-        columns[SLIP_FORCE, k] = elements[BY_SLIP, n]
-        if wide:
-            columns[RATE, k] = elements[BY_RATE, n]
-            columns[ALPHA, k] = elements[BY_ALPHA, n]
-        tables[T_STUCK, k] = stuck * stiffness
-        tables[T_LEVEL, k] = level_at
-        tables[T_HAZE, k] = haze + relaxed * relaxed
-        k += 1
-    return doubt, math.sqrt(begun)
+        if record:
+            total = trace.total
+            columns[RESIDUAL, k] = total[FORCE]
+            columns[COULOMB, k] = total[BY_COULOMB]
+            columns[STIFFNESS, k] = total[BY_STIFFNESS]
+            columns[REST_FORCE, k] = total[BY_REST]
+            columns[TURN_FORCE, k] = total[BY_TURN]
+            columns[SLIP_FORCE, k] = total[BY_SLIP]
+            columns[RATE, k] = total[BY_RATE]
+            columns[ALPHA, k] = total[BY_ALPHA]
+            spring[k], levels[k] = trace.spring, level_at
+            variances[k] = (variance if trace.sliding > 0.0 else 0.0) + turned * turned
+    return turn_doubt, zone_doubt
 
 
-@kernel(forceinline=True)
-def lead_sample(  # type: ignore[no-untyped-def]
-    k, haze, kept, error_by_slope, coulomb, stiffness, rate, alpha, shape, noise, period,
-    tables, heading, ready, elements,
-):  # fmt: skip
-    """One sample of any kind.
+@kernel()
+def _rise_before(law, period, moved, v1, v0):  # type: ignore[no-untyped-def]
+    """Stribeck rise in a period's last step [s]; `moved` [m] in it, speeds at its ends [m/s]."""
+    vs = law.stribeck_velocity
+    steps = SUBSTEPS if min(abs(v0), abs(v1)) <= NO_SUBSTEPS * vs else 1
+    v = moved / period + (v1 - v0) * (steps - 1) / (2 * steps)
+    return stribeck_rise(abs(v) / vs, law.stribeck_shape)
 
-    Returns how many elements stick, the force that a turn leaves open [N], and `haze`: variance of
-    the force from what a position's error does to the Stribeck curve [N^2].
+
+@kernel()
+def _advance(law, figures, trace, interval, noise, by_slope, variance):  # type: ignore[no-untyped-def]
+    """One period in one direction, in substeps.
+
+    `noise`: rms of a position [m]; `by_slope`: force per slope of the Stribeck curve that a speed's
+    noise makes [N]; `variance` of the force from positions' errors [N^2], of which the new one is
+    returned.
     """
-    n = elements.shape[1] - 1
-    x0, x1 = tables[T_POSITION, k], tables[T_POSITION, k + 1]
-    v1 = tables[T_VELOCITY, k]
-    v0 = tables[T_VELOCITY, k - 1] if k > 0 else v1
-    turn = tables[T_SHARE, k]
-    heading_now = float(heading[k])
-    vs, delta = shape[0], shape[1]
-    if elements[SHARES, n] < 0.0:
-        elements[SHARES, n] = rise_before(k, vs, delta, period, tables)
-    if turn < 0.0:
-        landed = slack = 0.0
-        slow = min(v0 * heading_now, v1 * heading_now) <= NO_SUBSTEPS * vs
-        steps = SUBSTEPS if slow else 1
-        dt = period / steps
-        shift = (x1 - x0) / period - 0.5 * (v0 + v1)
-        if not ready[k] & CURVED:
-            follow_curve(k, heading_now, rate, alpha, shape, period, tables, ready)
-        for j in range(steps):
-            v = v0 + (v1 - v0) * (j + 0.5) / steps + shift
-            some, loose = step_elements(
-                v * dt, heading_now, tables[T_CURVE + 2 * j, k], tables[T_CURVE + 2 * j + 1, k],
-                dt, coulomb, stiffness, rate, alpha, elements,
-            )  # fmt: skip
-            landed += some
-            slack += loose
-        stuck = sum_elements(elements)
-        # An element that lands takes the curve's error, one that slips follows it slowly.
-        error = error_by_slope * tables[T_SLOPE, k]
-        slid = (1.0 - kept) * (n - stuck) / n
-        haze = haze * kept * kept + (landed * landed + slid * slid) * error * error
-        haze += (slack * noise) ** 2
-        return stuck, 0.0, haze
-    backward = k > 0 and float(heading[k - 1]) == -heading_now
-    old = -heading_now if backward else heading_now
-    at = tables[T_AT, k]
-    sharp = tables[T_SHARP, k]
-    dt = (turn if sharp > 0.0 else turn + UNSEEN) * period / SUBSTEPS
-    for j in range(SUBSTEPS if turn > 0.0 else 0):
+    vs, shape, period = law.stribeck_velocity, law.stribeck_shape, figures.period
+    v0, v1, direction, before = interval.v0, interval.v1, interval.direction, interval.rise
+    steps = SUBSTEPS if min(v0 * direction, v1 * direction) <= NO_SUBSTEPS * vs else 1
+    shift = interval.travel / period - 0.5 * (v0 + v1)
+    landed = slack = 0.0
+    for j in range(steps):
+        v = v0 + (v1 - v0) * (j + 0.5) / steps + shift
+        rise = stribeck_rise(abs(v) / vs, shape)
+        some, loose = step(
+            law, figures, trace, v * period / steps, direction, before, rise, period / steps
+        )
+        before = rise
+        landed += some
+        slack += loose
+    # What lands takes the curve's error, what slides follows it slowly.
+    ratio = abs(v1) / vs
+    slope = shape * stribeck_rise(ratio, shape)
+    error = by_slope * (slope if shape == 1.0 else slope * ratio ** (shape - 1.0))
+    slid = (1.0 - figures.retained) * trace.sliding
+    variance = variance * figures.retained**2 + (landed * landed + slid * slid) * error * error
+    return variance + (slack * noise) ** 2
+
+
+@kernel()
+def _turn(law, figures, trace, interval, turn, noise):  # type: ignore[no-untyped-def]
+    """A period in which the motion turns or stops; returns the force that this leaves open [N].
+
+    `noise`: rms of a position [m].
+    """
+    vs, shape, period = law.stribeck_velocity, law.stribeck_shape, figures.period
+    time = (turn.share if turn.sharpness > 0.0 else turn.share + UNSEEN) * period / SUBSTEPS
+    before = interval.rise
+    for j in range(SUBSTEPS if turn.share > 0.0 else 0):
         left = 1.0 - (j + 0.5) / SUBSTEPS  # the velocity falls to nothing
-        rise = stribeck_rise(abs(v0) * left / vs, delta)
-        step_elements(
-            (at - x0) * 2.0 * left / SUBSTEPS, old, rise,
-            math.exp(-rate * dt / (1.0 + alpha * rise)), dt, coulomb, stiffness, rate, alpha,
-            elements,
-        )  # fmt: skip
-    relaxed = 0.0
-    for i in range(n):
-        if elements[SLIPS, i] > 0.0:
-            limit = elements[SHARES, i] * coulomb * (1.0 + alpha)
-            relaxed += abs(old * limit - elements[FORCE, i])
-            elements[SLIPS, i] = 0.0
-            elements[BY_TURN, i] = 1.0 / n
-    relaxed *= 1.0 - kept
-    relaxed *= min(0.5, noise / sharp) if sharp > 0.0 else 0.5
-    if turn < 1.0:
-        elements[SHARES, n] = 1.0
-        rise = stribeck_rise(abs(0.5 * v1) / vs, delta)
-        dt = (1.0 - turn) * period
-        step_elements(
-            x1 - at, -old, rise, math.exp(-rate * dt / (1.0 + alpha * rise)), dt, coulomb,
-            stiffness, rate, alpha, elements,
-        )  # fmt: skip
-    return sum_elements(elements), relaxed, haze
+        rise = stribeck_rise(abs(interval.v0) * left / vs, shape)
+        travel = turn.travel * 2.0 * left / SUBSTEPS
+        step(law, figures, trace, travel, turn.direction, before, rise, time)
+        before = rise
+    open_left = release(law, figures, trace, turn.direction) * (1.0 - figures.retained)
+    open_left *= min(0.5, noise / turn.sharpness) if turn.sharpness > 0.0 else 0.5
+    if turn.share < 1.0:
+        rise = stribeck_rise(abs(0.5 * interval.v1) / vs, shape)
+        time = (1.0 - turn.share) * period
+        travel = interval.travel - turn.travel
+        step(law, figures, trace, travel, -turn.direction, 1.0, rise, time)
+    return open_left
 
 
-@kernel(fastmath={"contract"}, forceinline=True)
-def _finish(p, knots, figures, pull, swing, period, tables, wide, columns):  # type: ignore[no-untyped-def]
-    """The rest of each row: what is linear in the data, units, and the level's knots.
-
-    `pull` and `swing` are what the first position's error does: a force on all elements [N], and a
-    velocity [m/s].
-    """
-    count = columns.shape[1]
-    force, scale, residual = tables[T_FORCE], tables[T_SCALE], columns[RESIDUAL]
-    _scale(columns[COULOMB], figures[COULOMB], columns[COULOMB])
-    _scale(columns[STIFFNESS], figures[STIFFNESS], columns[STIFFNESS])
-    _scale(tables[T_VELOCITY], figures[VISCOUS], columns[VISCOUS])
-    _scale(tables[T_ACCELERATION], figures[MASS], columns[MASS])
-    _scale(columns[REST_FORCE], pull, columns[ORIGIN])
+@kernel(fastmath={"contract"})
+def _complete(p, axis, samples, start, wide, rows):  # type: ignore[no-untyped-def]
+    """The rest of each row: what is linear in the data, units, and the level's knots."""
+    columns, unit, force = rows.columns, axis.unit, samples.force
+    count, knots = columns.shape[1], columns.shape[0] - KNOTS
+    residual, velocity, acceleration = columns[RESIDUAL], samples.velocity, samples.acceleration
+    level_at = rows.level_at
+    # The first position's error is a force on all that sticks, and a velocity.
+    pull = -unit[STIFFNESS] * p[STIFFNESS] * axis.position_noise if start == 0 else 0.0
+    swing = axis.position_noise / axis.period if start == 0 else 0.0
+    for k in range(count):
+        columns[COULOMB, k] *= unit[COULOMB]
+        columns[STIFFNESS, k] *= unit[STIFFNESS]
+        columns[VISCOUS, k] = unit[VISCOUS] * velocity[k]
+        columns[MASS, k] = unit[MASS] * acceleration[k]
+        columns[ORIGIN, k] = pull * columns[REST_FORCE, k]
     # The first row has this error in its second difference too.
     columns[ORIGIN, 0] += swing * (
-        figures[MASS] * p[MASS] / period - 0.5 * figures[VISCOUS] * p[VISCOUS]
+        unit[MASS] * p[MASS] / axis.period - 0.5 * unit[VISCOUS] * p[VISCOUS]
     )
-    _add(columns[VISCOUS], p[VISCOUS], columns[MASS], p[MASS], residual)
-    if p[REST_FORCE] != 0.0 or p[TURN_FORCE] != 0.0:
-        _add(columns[REST_FORCE], p[REST_FORCE], columns[TURN_FORCE], p[TURN_FORCE], residual)
-    if p[SLIP_FORCE] != 0.0 or p[ORIGIN] != 0.0:
-        _add(columns[SLIP_FORCE], p[SLIP_FORCE], columns[ORIGIN], p[ORIGIN], residual)
+    for i in (VISCOUS, MASS, REST_FORCE, TURN_FORCE, SLIP_FORCE, ORIGIN):
+        if p[i] != 0.0:
+            _add(p[i], columns[i], residual)
     for k in range(count):
         residual[k] -= force[k + 1]
     if wide:
         lag = p[LAG]
         for k in range(count):
-            columns[RATE, k] *= figures[RATE]
+            columns[RATE, k] *= unit[RATE]
             slope = 0.5 * (force[k + 2] - force[k])
             bend = force[k + 2] - 2.0 * force[k + 1] + force[k]
             residual[k] -= lag * (slope + 0.5 * lag * bend)
             columns[LAG, k] = -(slope + lag * bend)
     if knots > 0:
-        _scale(columns[COULOMB], p[COULOMB], scale)
-        for j in range(knots):
+        for j in range(KNOTS, KNOTS + knots):
             for k in range(count):
-                columns[KNOTS + j, k] = 0.0
+                columns[j, k] = 0.0
         for k in range(count):
-            place = tables[T_LEVEL, k] * (knots - 1) / (tables.shape[1] - 3)
+            place = level_at[k] * (knots - 1) / (velocity.shape[0] - 1)
             knot = min(int(place), knots - 2)
-            share = place - knot
-            columns[KNOTS + knot, k] = scale[k] * (1.0 - share)
-            columns[KNOTS + knot + 1, k] = scale[k] * share
-            residual[k] += scale[k] * (
-                p[KNOTS + knot] * (1.0 - share) + p[KNOTS + knot + 1] * share
-            )
-
-
-@kernel()
-def _scale(row, factor, out):  # type: ignore[no-untyped-def]
-    """A row in other units; few rows at a time are what a compiler sees through."""
-    for k in range(min(row.shape[0], out.shape[0])):
-        out[k] = factor * row[k]
+            share, scale = place - knot, columns[COULOMB, k] * p[COULOMB]
+            columns[KNOTS + knot, k] = scale * (1.0 - share)
+            columns[KNOTS + knot + 1, k] = scale * share
+            residual[k] += scale * (p[KNOTS + knot] * (1.0 - share) + p[KNOTS + knot + 1] * share)
 
 
 @kernel(fastmath={"contract"})
-def _add(a, by_a, b, by_b, total):  # type: ignore[no-untyped-def]
-    """Add two columns times their unknowns."""
+def _add(factor, column, total):  # type: ignore[no-untyped-def]
+    """Add a column times its unknown, shape (K,)."""
     for k in range(total.shape[0]):
-        total[k] += by_a * a[k] + by_b * b[k]
+        total[k] += factor * column[k]

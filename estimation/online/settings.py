@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction.gms import F64, Friction
+from estimation.friction import F64, Friction
 from estimation.online.belief import (
-    ALPHA,
     COULOMB,
     FIGURES,
+    FRICTION_FIGURES,
     LAG,
     LEVEL,
     MASS,
@@ -26,6 +27,46 @@ _ZONE_A = (COULOMB, VISCOUS, MASS)
 _ZONE_B = (COULOMB, VISCOUS, STIFFNESS, RATE, MASS)
 _ZONE_AB = (COULOMB, VISCOUS, STIFFNESS, MASS)  # a fast move hardly tells C; slow ones do
 _REQUESTS = ("relaxation_rate", "static_ratio", "lag")
+
+
+USUAL, SHORT, CALM = range(3)
+"""Kinds of moves, for which figures are solved for: those that go far; those that do not, which say
+nothing of C/Fc; those that settle at once, which say nothing of sigma0."""
+
+
+class Axis(NamedTuple):
+    """Settings of an axis as the kernels take them; the scalars are those of `EstimatorSettings`.
+
+    Attributes:
+        force_step: negative: to be found out.
+        usual_misfit: misfit that the moves of this axis usually have.
+        unit: what the figures are relative to, shape (LEVEL,).
+        lower, upper: bounds of the figures, shape (LEVEL,).
+        drift: standard deviation by which each changes from move to move, shape (LEVEL,).
+        masks: figures to solve for, by kind of move (USUAL, SHORT, CALM) and zones (A, B, both),
+            shape (3, 3, LEVEL).
+    """
+
+    period: float
+    position_noise: float
+    force_noise: float
+    model_error: float
+    wander: float
+    correlation_time: float
+    peak_force: float
+    slip_spread: float
+    force_step: float
+    complete: float
+    misfit: float
+    jump: float
+    jump_share: float
+    least_gain: float
+    usual_misfit: float
+    unit: F64
+    lower: F64
+    upper: F64
+    drift: F64
+    masks: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,43 +117,61 @@ class EstimatorSettings:
     slip_spread: float = 0.0
     force_step: float | None = None
 
-    def constants(self, friction: Friction) -> F64:
-        """The constants as the kernels take them, shape (CONSTANTS,)."""
-        return np.array(
-            [
-                self.period, self.position_noise, self.force_noise, self.model_error,
-                self.belief.wander, self.belief.correlation_time, self.peak_force,
-                self.slip_spread, -1.0 if self.force_step is None else self.force_step,
-                friction.stribeck_velocity, friction.stribeck_shape, self.complete, self.misfit,
-                self.jump, self.jump_share, self.least_gain, math.inf,
-            ]
-        )  # fmt: skip
+    def axis(self, friction: Friction, frozen: bool = False) -> Axis:
+        """What the kernels take of these settings.
 
-    def units(self, friction: Friction) -> F64:
-        """The table of figures as the kernels take it, shape (4, LEVEL)."""
+        Args:
+            friction: model that the relative figures are relative to.
+            frozen: the friction figures are never estimated.
+
+        Raises:
+            ValueError: a name that is not one of `FIGURES`.
+        """
         unit = [
             friction.coulomb, friction.viscous, friction.stiffness, friction.relaxation_rate,
             self.mass, 1.0, 1.0,
         ]  # fmt: skip
         low, high = self.bounds
-        return np.array(
-            [
-                unit, [low] * 5 + [-0.9, -1.5], [high] * 5 + [5.0, 1.5], self.belief.drift,
-            ]
-        )  # fmt: skip
+        usual = self._masks(friction, frozen)
+        masks = np.stack([usual, usual, usual])
+        masks[SHORT, :, RATE] = False
+        masks[CALM, :, STIFFNESS] = False
+        return Axis(
+            period=self.period,
+            position_noise=self.position_noise,
+            force_noise=self.force_noise,
+            model_error=self.model_error,
+            wander=self.belief.wander,
+            correlation_time=self.belief.correlation_time,
+            peak_force=self.peak_force,
+            slip_spread=self.slip_spread,
+            force_step=-1.0 if self.force_step is None else self.force_step,
+            complete=self.complete,
+            misfit=self.misfit,
+            jump=self.jump,
+            jump_share=self.jump_share,
+            least_gain=self.least_gain,
+            usual_misfit=math.inf,
+            unit=np.array(unit),
+            lower=np.array([low] * 5 + [-0.9, -1.5]),
+            upper=np.array([high] * 5 + [5.0, 1.5]),
+            drift=np.array(self.belief.drift),
+            masks=masks,
+        )
 
-    def masks(self, frozen: bool) -> NDArray[np.bool_]:
-        """Figures to solve for in zone A, without it, and with both, shape (3, LEVEL).
-
-        Raises:
-            ValueError: a name that there is not.
-        """
+    def _masks(self, friction: Friction, frozen: bool) -> NDArray[np.bool_]:
+        """Figures to solve for in zone A, without it, and with both, shape (3, LEVEL)."""
         for name in (*self.fixed, *self.request):
             if name not in FIGURES:
                 raise ValueError(f"{name}: no such figure; there are {', '.join(FIGURES)}")
         fixed = {FIGURES.index(name) for name in self.fixed}
+        fixed |= {
+            FIGURES.index(name)
+            for name in FRICTION_FIGURES
+            if frozen or name not in friction.figures_of_law
+        }
         if frozen:
-            fixed |= {COULOMB, VISCOUS, STIFFNESS, RATE, ALPHA, LAG}
+            fixed.add(LAG)
         wanted = {FIGURES.index(name) for name in self.request if name in _REQUESTS}
         masks = np.zeros((3, LEVEL), dtype=np.bool_)
         zones = (

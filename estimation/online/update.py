@@ -1,225 +1,207 @@
 """From the samples of a move to a verdict, compiled.
 
-The samples are cleaned, the belief aged, the force at rest taken as the sum of the element forces,
-the zones found (`preparation`) and solved (`window.fit`, once or twice); `conclusion` decides what
-is believed, and carries the friction state on. All that is one compiled call on few arrays, cut up
-inside: each argument of one costs time.
+The samples are cleaned and their zones found (`prepare`), the belief aged (`arrival_cost`), the
+force at rest taken as the friction force there, zone A and then all that is usable solved
+(`solve`); `judge` decides what is believed, and the friction state is carried to the move's end.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from estimation.compiled import kernel
-from estimation.flat_room import as_rows
-from estimation.friction.elements import ELEMENT_ROWS, SHARES, correct_forces
-from estimation.online.arrival_cost import age, knots_of
-from estimation.online.belief import ALPHA, COULOMB, LEVEL
-from estimation.online.conclude import settle, square
-from estimation.online.move_tables import (
-    KNOTS,
-    M_GOOD,
-    M_HEADING,
-    M_READY,
-    M_UPSET,
-    MARKS,
-    MOST_KNOTS,
-    SPARE,
-    T_FORCE,
-    T_POSITION,
-    TABLES,
+from estimation.friction.law import F64, correct
+from estimation.online.arrival_cost import age, knots_of, wander_on
+from estimation.online.belief import ALPHA, COULOMB, KNOTS, LEVEL
+from estimation.online.judge import (
+    find_jump,
+    hold_undetermined,
+    judge,
+    noise_excess,
+    sliding_level,
+    temper,
 )
-from estimation.online.prepare import clean, prepare
-from estimation.online.solve import fit
-from estimation.online.update_tables import (
-    AXIS,
-    B_BEFORE,
-    B_FOUND,
-    B_LED,
-    B_SOLVED,
-    B_SPREAD,
-    B_UNCERTAIN,
-    B_UNKNOWNS,
-    BELIEFS,
-    C_FORCE_NOISE,
-    C_MODEL_ERROR,
-    C_PERIOD,
-    C_STEP,
-    C_WANDER,
-    CALM,
-    CONSTANTS,
-    F_UNIT,
-    FIGURE_ROWS,
-    R_BOUND,
-    R_CODES,
-    R_FAILED,
-    R_FAR,
-    R_KNOWN,
-    R_REST_FORCE,
-    R_SLIDE,
-    R_STICK,
-    R_TOLD,
-    SHORT,
-    U_MISFIT,
-    U_NUMBER,
-    U_VERDICT,
-    UPDATE_SIZE,
-    USUAL,
-)
+from estimation.online.outcome import ACCEPTED, FEW, Outcome
+from estimation.online.prepare import prepare
+from estimation.online.residual import AtRest, follow_move
+from estimation.online.settings import CALM, SHORT, USUAL
+from estimation.online.solve import FAILED, SOLVED, Solution, solve
 
-FEW, UNEQUAL = -1, -2
+
+class State(NamedTuple):
+    """What is known between moves, for the kernels; changed in place.
+
+    Attributes:
+        mean: belief, shape (LEVEL + 1,).
+        covariance: of it.
+        forces: internal forces of the friction law at rest [N], shape (n,).
+        slips: which of them slide, shape (n,).
+        memory: direction of motion, and position up to which it was taken [m].
+    """
+
+    mean: F64
+    covariance: F64
+    forces: F64
+    slips: NDArray[np.bool_]
+    memory: F64
 
 
 @kernel()
-def update_move(  # type: ignore[no-untyped-def]
-    position, force, valid, upset, rest, rest_force, elapsed, restless, state_known, whole, axis,
-    masks, mean, covariance, forces, slips, memory, floats, small, result,
-):  # fmt: skip
-    """Learn from a move, and carry the friction state to its end.
+def update_move(sampled, axis, law, state, elapsed, restless, known, whole):  # type: ignore[no-untyped-def]
+    """Learn from a move, and carry the friction state to its end (61 lines: the order of it all).
 
     Args:
-        position: sampled [m], shape (K,).
-        force: measured [N], shape (K,).
-        valid: samples that can be used, shape (K,).
-        upset: those of which only the position counts, shape (K,); none: shape (0,).
-        rest: position there [m], where the first sample may be lost; nan: not known.
-        rest_force: measured at rest before the move [N].
+        sampled: the move.
+        axis: settings.
+        law: constants of the friction law.
+        state: after the last move; updated, of a move that is not over only the friction state.
         elapsed: since the end of the last move [s]; negative: there was none.
         restless: variance by which Coulomb force ages beside its drift, relative.
-        state_known: False where only the sum of the element forces is known; so it is where neither
-            the rest's position nor the first sample is.
+        known: False where only the sum of the internal forces is known; so it is where neither the
+            position at rest nor the first sample is.
         whole: False for a look at a move that is not over: zone A only.
-        axis: C_*, F_* row by row, and nu_i, shape (AXIS + N,).
-        masks: figures to solve for in zone A, in a move without zone A, and in one that has both:
-            usually, in moves that do not go far, in those that settle at once, shape (3, 3, LEVEL).
-        mean: belief after the last move, shape (LEVEL + 1,); updated, unless the move is not over.
-        covariance: of it; the same.
-        forces: element forces at rest before the move [N], shape (N,); become those at its end.
-        slips: which elements slip there, written, shape (N,).
-        memory: of the friction state; becomes that at the end of the move.
-        floats: room, shape (>= BELIEFS + `floats_for(K, N)`,).
-        small: the same, shape (>= `marks_for(K)`,).
-        result: U_*, written.
 
-    Returns:
-        The verdict, or less than 0: FEW samples are valid, or the arrays differ (UNEQUAL), and
-        nothing is done. The misfit. The variance of the sliding level as expected before the move,
-        relative.
+    A move with fewer than three valid samples changes nothing; its verdict is FEW.
     """
-    samples = position.shape[0]
-    if force.shape[0] != samples or valid.shape[0] != samples:
-        return UNEQUAL, 0.0, 0.0
-    if upset.shape[0] != samples and upset.shape[0] != 0:
-        return UNEQUAL, 0.0, 0.0
-    # An onset of which the beginning is not known says nothing.
-    known = state_known and samples > 0 and (not math.isnan(rest) or valid[0])
-    constants, shares = axis[:CONSTANTS], axis[AXIS:]
-    units = as_rows(axis[CONSTANTS:AXIS], FIGURE_ROWS, LEVEL)
-    beliefs, room = floats[:BELIEFS], floats[BELIEFS:]
-    counted = _begin(
-        position, force, valid, upset, rest, rest_force, elapsed, restless, known, whole,
-        constants, units, shares, mean, covariance, forces, memory, beliefs, room, small, result,
+    size = sampled.position.shape[0]
+    coulomb = axis.unit[COULOMB] * state.mean[COULOMB]
+    before, spread = state.mean.copy(), state.covariance.copy()
+    age(state.mean, state.covariance, elapsed, restless, axis, before, spread)
+    known = known and size > 0 and (not math.isnan(sampled.rest) or sampled.valid[0])
+    prepared = prepare(sampled, axis, law, coulomb, before, known, whole)
+    if prepared.counted < 3:
+        return _nothing(before, spread)
+    static = coulomb * (1.0 + before[LEVEL]) * (1.0 + before[ALPHA])
+    correct(law, state.forces, static, sampled.rest_force)
+    rest = AtRest(state.forces.copy(), coulomb, sampled.rest_force)
+    count, slide, stick = size - 2, prepared.slide, prepared.stick
+    p = np.zeros(KNOTS + knots_of(count, axis.period, axis.wander))
+    for i in range(LEVEL):
+        p[i] = before[i]
+    found, uncertain = before.copy(), spread.copy()
+    masks = axis.masks[_kind_of(prepared)]
+    mask = masks[0] if stick == 0 else masks[1] if slide == 0 else masks[2]
+    step = _shared_step(axis, coulomb)
+    solution = Solution(SOLVED, -1, 0.0, 0)
+    evaluations = 0
+    if slide > 0:
+        solution = solve(
+            False, stick > 0, masks[0], prepared, axis, law, rest, step, before, spread, p, found,
+            uncertain,
+        )  # fmt: skip
+        evaluations += solution.evaluations
+        if solution.bound >= 0 and stick > 0:
+            # Perhaps for taking the encoder for exact; if not, what is left over under all noise
+            # says how far the model is from what happened.
+            solution = solve(
+                False, False, masks[0], prepared, axis, law, rest, step, before, spread, p, found,
+                uncertain,
+            )  # fmt: skip
+            evaluations += solution.evaluations
+            if solution.bound >= 0:
+                stick = 0
+    if stick > 0 and solution.status == SOLVED:
+        solution = solve(
+            True, False, mask, prepared, axis, law, rest, step, before, spread, p, found, uncertain
+        )
+        evaluations += solution.evaluations
+    # What was found holds at the move's end: so must what it is compared with.
+    duration = (count - 1) * axis.period
+    wander_on(before, spread, duration, axis)
+    if slide == 0 and stick == 0:
+        wander_on(found, uncertain, duration, axis)
+    if whole and _is_tempered(solution, axis, before, spread, found, uncertain):
+        temper(before, spread, found, uncertain, noise_excess(prepared, solution, axis))
+    usual = axis.masks[USUAL]
+    asked = usual[1] if slide == 0 else usual[2] if stick > 0 else usual[0]
+    verdict = judge(prepared, solution, axis, whole, before, spread, found, uncertain)
+    return _conclude(
+        verdict, prepared, solution, evaluations, stick, axis, law, rest, asked, whole, before,
+        spread, found, uncertain, p, state,
     )  # fmt: skip
-    if counted < 3:
-        return FEW, 0.0, 0.0
-    _solve(samples, constants, units, shares, masks, forces, beliefs, room, small, result)
-    doubt = settle(
-        samples, whole, constants, units, shares, masks, mean, covariance, forces, slips, beliefs,
-        room, small, result,
+
+
+@kernel()
+def _nothing(mean, covariance):  # type: ignore[no-untyped-def]
+    """Outcome of a move with next to no samples."""
+    return Outcome(
+        FEW, -1, 0.0, 0.0, 0, 0, 0, mean, covariance, np.zeros(LEVEL + 1), mean,
+        np.ones(LEVEL + 1), np.zeros(LEVEL, np.bool_), np.zeros(4),
     )  # fmt: skip
-    return int(result[U_VERDICT]), result[U_MISFIT], doubt
 
 
-@kernel(inline="always")
-def _begin(  # type: ignore[no-untyped-def]
-    position, force, valid, upset, rest, rest_force, elapsed, restless, state_known, whole,
-    constants, units, shares, mean, covariance, forces, memory, beliefs, floats, small, result,
-):  # fmt: skip
-    """Clean the samples, age the belief, correct the state by the force at rest, find the zones.
+@kernel()
+def _kind_of(prepared):  # type: ignore[no-untyped-def]
+    """Kind of move, for the figures that are solved for."""
+    if not prepared.shows_stiffness:
+        return CALM
+    return USUAL if prepared.far else SHORT
 
-    `constants` are C_*, `units` F_*, `shares` nu_i; `beliefs`, B_*, become the belief before this
-    move, where belief after it begins, and the first iterate of the solves. Of `floats` and `small`
-    T_* and M_* of the data are written, of `result` R_*, and U_NUMBER becomes the number of valid
-    samples. Returns that number; nothing else is done where there are fewer than three.
-    """
-    for i in range(UPDATE_SIZE):
-        result[i] = 0.0
-    samples = position.shape[0]
-    begin = SPARE + ELEMENT_ROWS * (shares.shape[0] + 1)
-    tables = as_rows(floats[begin : begin + TABLES * samples], TABLES, samples)
-    marks = as_rows(small[: MARKS * samples], MARKS, samples)
-    known = units[F_UNIT, COULOMB] * mean[COULOMB]
-    counted = clean(
-        position, force, valid, rest, tables[T_POSITION], tables[T_FORCE], marks[M_GOOD]
-    )
-    result[U_NUMBER] = counted
-    if counted < 3:
-        return counted
-    marks[M_UPSET] = 0
-    for k in range(upset.shape[0]):
-        marks[M_UPSET, k] = upset[k]
-    before, spread = beliefs[B_BEFORE:B_FOUND], square(beliefs[B_SPREAD:B_UNCERTAIN])
-    found, uncertain = beliefs[B_FOUND:B_SPREAD], square(beliefs[B_UNCERTAIN:B_UNKNOWNS])
-    age(mean, covariance, elapsed, restless, constants, units, before, spread)
-    correct_forces(
-        forces, shares, known * (1.0 + before[LEVEL]) * (1.0 + before[ALPHA]), rest_force
-    )
-    step, assumed = constants[C_STEP], math.sqrt(12.0) * constants[C_FORCE_NOISE]
+
+@kernel()
+def _shared_step(axis, coulomb):  # type: ignore[no-untyped-def]
+    """Resolution of which stretches of the force share an error [N]; 0: none; Fc in N."""
+    if axis.force_step >= 0.0:
+        return axis.force_step
     # Where the model misses more than that, rounding is not what matters.
-    missed = constants[C_MODEL_ERROR] * known > 2.0 * constants[C_FORCE_NOISE]
-    result[R_KNOWN], result[R_REST_FORCE] = known, rest_force
-    prepare(constants, units, shares, before, state_known, whole, tables, marks, result)
-    result[R_CODES] = step if constants[C_STEP] >= 0.0 else 0.0 if missed else assumed
-    marks[M_READY] = 0
-    k = samples - 3
-    while k >= 0 and marks[M_HEADING, k] == 0:
+    missed = axis.model_error * coulomb > 2.0 * axis.force_noise
+    return 0.0 if missed else math.sqrt(12.0) * axis.force_noise
+
+
+@kernel()
+def _is_tempered(solution, axis, before, spread, found, uncertain):  # type: ignore[no-untyped-def]
+    """Whether a larger misfit makes the move count less: one that is refused anyway is left."""
+    return (
+        solution.status != FAILED
+        and math.sqrt(solution.chi) <= axis.misfit
+        and find_jump(axis, before, spread, found, uncertain) < 0
+    )
+
+
+@kernel()
+def _conclude(  # type: ignore[no-untyped-def]
+    verdict, prepared, solution, evaluations, stick, axis, law, rest, asked, whole, before, spread,
+    found, uncertain, p, state,
+):  # fmt: skip
+    """Believe or refuse, and carry the friction state on (16 arguments: all of `update_move`)."""
+    accepted = verdict.code == ACCEPTED
+    sliding = np.empty(4)
+    sliding[0], sliding[1] = sliding_level(before, spread)
+    sliding[2], sliding[3] = sliding[0], sliding[1]
+    if solution.status != FAILED:
+        sliding[2], sliding[3] = sliding_level(found, uncertain)
+    result, variances = found.copy(), np.empty(LEVEL + 1)
+    gain, held = np.ones(LEVEL + 1), np.zeros(LEVEL, np.bool_)
+    for i in range(LEVEL + 1):
+        variances[i] = spread[i, i]
+    if accepted:
+        for i in range(LEVEL + 1):
+            gain[i] = math.sqrt(spread[i, i] / uncertain[i, i])
+        held = hold_undetermined(axis, asked, before, spread, found, uncertain)
+    else:
+        found, uncertain = before, spread
+    if whole:
+        for i in range(LEVEL + 1):
+            state.mean[i] = found[i]
+            for j in range(LEVEL + 1):
+                state.covariance[i, j] = uncertain[i, j]
+    p = np.zeros(p.shape[0])
+    for i in range(LEVEL):
+        p[i] = found[i]
+    p[COULOMB] *= 1.0 + found[LEVEL]
+    samples = prepared.samples
+    follow_move(p, axis, law, samples, rest, state.forces, state.slips)
+    k = samples.heading.shape[0] - 1
+    while k >= 0 and samples.heading[k] == 0:
         k -= 1
     if k >= 0:
-        memory[0] = marks[M_HEADING, k]
-    memory[1] = tables[T_POSITION, samples - 2]
-    for i in range(KNOTS + MOST_KNOTS):
-        beliefs[B_UNKNOWNS + i] = before[i] if i < LEVEL else 0.0
-    for i in range(LEVEL + 1):
-        found[i] = before[i]
-        for j in range(LEVEL + 1):
-            uncertain[i, j] = spread[i, j]
-    return counted
-
-
-@kernel(inline="always")
-def _solve(  # type: ignore[no-untyped-def]
-    samples, constants, units, shares, masks, forces, beliefs, floats, small, result
-):
-    """Solve zone A, and then all that is usable, as far as there is anything to solve."""
-    n, count = shares.shape[0], samples - 2
-    begin = SPARE + ELEMENT_ROWS * (n + 1)
-    end = begin + TABLES * samples
-    elements = as_rows(floats[SPARE:begin], ELEMENT_ROWS, n + 1)
-    tables = as_rows(floats[begin:end], TABLES, samples)
-    marks = as_rows(small[: MARKS * samples], MARKS, samples)
-    spare, scratch = floats[:SPARE], floats[end:]
-    chosen = small[MARKS * samples :]
-    for i in range(n):
-        elements[SHARES, i] = shares[i]
-    before, spread = beliefs[B_BEFORE:B_FOUND], square(beliefs[B_SPREAD:B_UNCERTAIN])
-    found, uncertain = beliefs[B_FOUND:B_SPREAD], square(beliefs[B_UNCERTAIN:B_UNKNOWNS])
-    knots = knots_of(count, constants[C_PERIOD], constants[C_WANDER])
-    p = beliefs[B_UNKNOWNS : B_UNKNOWNS + KNOTS + knots]
-    slide, stick = result[R_SLIDE] > 0.0, result[R_STICK] > 0.0
-    kind = CALM if result[R_TOLD] == 0.0 else USUAL if result[R_FAR] > 0.0 else SHORT
-    sticking = result[R_STICK]
-    for both, again in ((False, False), (False, True), (True, False)):
-        if again:
-            # Where zone A ends on a bound, it was perhaps for taking the encoder for exact; and if
-            # not, what is left over all noise says how far the model is from what happened.
-            if result[R_BOUND] < 0.0 or not stick:
-                continue
-            result[R_BOUND], result[R_STICK] = -1.0, 0.0
-        if (stick if both else slide) and result[R_BOUND] < 0.0 and result[R_FAILED] == 0.0:
-            fit(
-                both, tables, marks, constants, units, forces, before, spread, found, uncertain,
-                masks[kind, 0 if not both else 2 if slide else 1], p, beliefs[B_LED:B_SOLVED],
-                elements, chosen, spare, scratch, result,
-            )  # fmt: skip
-        if again and result[R_BOUND] < 0.0:
-            result[R_STICK] = sticking
+        state.memory[0] = samples.heading[k]
+    state.memory[1] = samples.position[samples.heading.shape[0]]
+    return Outcome(
+        verdict.code, verdict.figure, verdict.number, math.sqrt(solution.chi), evaluations,
+        prepared.slide, stick, found, uncertain, variances, result, gain, held, sliding,
+    )  # fmt: skip

@@ -12,133 +12,104 @@ stiffness is weighed wrongly.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
 from estimation.compiled import kernel
 
+F64 = NDArray[np.float64]
 
-@kernel(fastmath={"contract"})
-def factor_weights(  # type: ignore[no-untyped-def]
-    mass, viscous, period, noise, stuck, white, use, lower, lowest, inverse
-):
-    """Factor the rows' covariance: L has ones, `lower` and `lowest` beside them, D is 1/`inverse`.
+
+class Weights(NamedTuple):
+    """The rows' covariance, factored as L D L'.
+
+    Attributes:
+        first: what is below the diagonal of L, shape (K,).
+        second: what is below that, shape (K,).
+        inverse: of D [1/N^2], 0 for rows that do not count, shape (K,).
+    """
+
+    first: F64
+    second: F64
+    inverse: F64
+
+
+@kernel()
+def make_weights(count):  # type: ignore[no-untyped-def]
+    """Room for so many rows."""
+    return Weights(np.zeros(count), np.zeros(count), np.zeros(count))
+
+
+@kernel()
+def weigh_apart(white, use, weights):  # type: ignore[no-untyped-def]
+    """Weights of single rows, as if the encoder were exact; arguments as `factor_weights`."""
+    for k in range(use.shape[0]):
+        weights.first[k] = weights.second[k] = 0.0
+        weights.inverse[k] = 1.0 / white[k] if use[k] else 0.0
+
+
+@kernel()
+def factor_weights(mass, viscous, period, noise, spring, white, use, weights):  # type: ignore[no-untyped-def]
+    """Factor the rows' covariance.
 
     Args:
         mass: of the residual [kg].
         viscous: coefficient [N s/m].
         period: of the samples [s].
         noise: rms of a position [m].
-        stuck: stiffness of what sticks at each row [N/m], shape (K,).
+        spring: stiffness of what sticks at each row [N/m], shape (K,).
         white: variance of the force at each row [N^2], shape (K,).
-        use: rows that count; the others have no weight, shape (K,).
-        lower: written, shape (K,).
-        lowest: written, shape (K,).
-        inverse: written, shape (K,).
+        use: rows that count, shape (K,).
+        weights: written.
     """
     before = noise * (mass / period**2 - 0.5 * viscous / period)
     after = noise * (mass / period**2 + 0.5 * viscous / period)
-    outer = before * before + after * after
-    c2 = before * after
-    here_last = 0.0
-    weight = weight_last = off = 0.0
-    same = -1
+    here_last = weight = weight_last = first = 0.0
     for k in range(use.shape[0]):
-        # The first position's error is an unknown of its own.
-        edge = before * before if k == 0 else 0.0
-        here = noise * stuck[k] - before - after
-        if not use[k]:
-            lower[k] = lowest[k] = inverse[k] = 0.0
-            weight, weight_last, off, here_last = 0.0, weight, 0.0, here
-            same = -1
-            continue
-        if same >= 0 and here == here_last and white[k] == white[k - 1]:
-            if same > 2 and abs(weight - weight_last) <= 1e-9 * weight:
-                lower[k], lowest[k], inverse[k] = lower[k - 1], lowest[k - 1], inverse[k - 1]
-                continue
-            same += 1
+        here = noise * spring[k] - before - after
+        if use[k]:
+            # The first position's error is an unknown of its own.
+            variance = after * after + here * here + white[k] + (before * before if k > 0 else 0.0)
+            with_last = before * here_last + here * after - before * after * first
+            first, second = with_last * weight, before * after * weight_last
+            variance -= first * with_last + second * before * after
+            weight_last, weight = weight, 1.0 / variance
         else:
-            same = 0
-        # As little as can be waits for the row before.
-        pull = before * here_last + here * after - c2 * off
-        first, second = pull * weight, c2 * weight_last
-        variance = (outer - edge + here * here + white[k] - second * c2) - first * pull
-        weight_last, weight = weight, 1.0 / variance
-        off, here_last = first, here
-        lower[k], lowest[k], inverse[k] = first, second, weight
+            first = second = 0.0
+            weight_last, weight = weight, 0.0
+        here_last = here
+        weights.first[k], weights.second[k], weights.inverse[k] = first, second, weight
 
 
 @kernel(fastmath={"contract"})
-def whiten(columns, chosen, lower, lowest):  # type: ignore[no-untyped-def]
-    """Take out of every chosen column what earlier rows explain, in place."""
-    n = chosen.shape[0]
-    # Three or four at a time, because each step waits for the one before; some may come twice.
-    passes = (n + 3) // 4
-    each = (n + passes - 1) // passes
-    for i in range(0, n, each):
-        a, b = columns[chosen[i]], columns[chosen[min(i + 1, n - 1)]]
-        c, d = columns[chosen[min(i + 2, n - 1)]], columns[chosen[min(i + 3, n - 1)]]
-        if each == 4:
-            _whiten_four(a, b, c, d, lower, lowest)
-        else:
-            _whiten_three(a, b, c, lower, lowest)
-
-
-@kernel(fastmath={"contract"})
-def _whiten_three(a, b, c, lower, lowest):  # type: ignore[no-untyped-def]
-    a1 = a2 = b1 = b2 = c1 = c2 = 0.0
-    for k in range(a.shape[0]):
-        first, second = lower[k], lowest[k]
-        a0 = (a[k] - second * a2) - first * a1
-        b0 = (b[k] - second * b2) - first * b1
-        c0 = (c[k] - second * c2) - first * c1
-        a[k], b[k], c[k] = a0, b0, c0
-        a2, a1, b2, b1, c2, c1 = a1, a0, b1, b0, c1, c0
-
-
-@kernel(fastmath={"contract"})
-def _whiten_four(a, b, c, d, lower, lowest):  # type: ignore[no-untyped-def]
-    a1 = a2 = b1 = b2 = c1 = c2 = d1 = d2 = 0.0
-    for k in range(a.shape[0]):
-        first, second = lower[k], lowest[k]
-        a0 = (a[k] - second * a2) - first * a1
-        b0 = (b[k] - second * b2) - first * b1
-        c0 = (c[k] - second * c2) - first * c1
-        d0 = (d[k] - second * d2) - first * d1
-        a[k], b[k], c[k], d[k] = a0, b0, c0, d0
-        a2, a1, b2, b1, c2, c1, d2, d1 = a1, a0, b1, b0, c1, c0, d1, d0
-
-
-@kernel(fastmath={"reassoc", "contract"})
-def _dots(weight, a, b, c0, c1, c2, c3):  # type: ignore[no-untyped-def]
-    """Weighted products of two rows with four: what is loaded once serves several sums."""
-    a0 = a1 = a2 = a3 = b0 = b1 = b2 = b3 = 0.0
-    for k in range(weight.shape[0]):
-        x, y = a[k] * weight[k], b[k] * weight[k]
-        a0 += x * c0[k]
-        b0 += y * c0[k]
-        a1 += x * c1[k]
-        b1 += y * c1[k]
-        a2 += x * c2[k]
-        b2 += y * c2[k]
-        a3 += x * c3[k]
-        b3 += y * c3[k]
-    return a0, a1, a2, a3, b0, b1, b2, b3
+def whiten(columns, chosen, weights):  # type: ignore[no-untyped-def]
+    """Take out of every chosen column, shape (*, K), what earlier rows explain, in place."""
+    first, second = weights.first, weights.second
+    for a in range(chosen.shape[0]):
+        column = columns[chosen[a]]
+        last = before = 0.0
+        for k in range(column.shape[0]):
+            this = column[k] - second[k] * before - first[k] * last
+            column[k] = this
+            before, last = last, this
 
 
 @kernel()
-def normal_equations(columns, chosen, inverse, normal):  # type: ignore[no-untyped-def]
-    """Weighted products of all chosen whitened columns, shape (n, n), both triangles."""
-    n = chosen.shape[0]
-    # Two rows by four columns at a time; the last ones may come twice.
-    for i in range(0, n, 2):
-        i1 = min(i + 1, n - 1)
-        a, b = columns[chosen[i]], columns[chosen[i1]]
-        for j in range(0, i1 + 1, 4):
-            j1, j2, j3 = min(j + 1, n - 1), min(j + 2, n - 1), min(j + 3, n - 1)
-            a0, a1, a2, a3, b0, b1, b2, b3 = _dots(
-                inverse, a, b, columns[chosen[j]], columns[chosen[j1]], columns[chosen[j2]],
-                columns[chosen[j3]],
-            )  # fmt: skip
-            normal[i, j], normal[i, j1], normal[i, j2], normal[i, j3] = a0, a1, a2, a3
-            normal[i1, j], normal[i1, j1], normal[i1, j2], normal[i1, j3] = b0, b1, b2, b3
-    for i in range(n):
-        for j in range(i):
-            normal[j, i] = normal[i, j]
+def normal_equations(columns, chosen, weights, normal):  # type: ignore[no-untyped-def]
+    """Weighted products of the chosen whitened columns, shape (n, n), both triangles."""
+    for a in range(chosen.shape[0]):
+        for b in range(a + 1):
+            normal[a, b] = normal[b, a] = _dot(
+                weights.inverse, columns[chosen[a]], columns[chosen[b]]
+            )
+
+
+@kernel(fastmath={"reassoc", "contract"})
+def _dot(weight, a, b):  # type: ignore[no-untyped-def]
+    """Weighted product of two columns, shape (K,)."""
+    total = 0.0
+    for k in range(weight.shape[0]):
+        total += weight[k] * a[k] * b[k]
+    return total

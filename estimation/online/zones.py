@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.compiled import kernel
-from estimation.friction.gms import Friction
-from estimation.kinematics import differences, find_stretches, find_turns
+from estimation.friction import Friction
+from estimation.kinematics import differences, find_turns
 
 F64 = NDArray[np.float64]
 
@@ -49,20 +49,18 @@ def split(
     valid = np.ones(len(position), dtype=np.bool_)
     differences(position, valid, period, velocity, np.empty(count), np.empty(count, dtype=np.bool_))
     find_turns(position, noise, heading, share, at, sharp)
-    until = np.empty(count)
-    find_stretches(heading, share, until)
     mark_zones(
-        position, velocity, heading, until, friction.breakaway_travel, friction.stribeck_velocity,
-        zone,
-    )  # fmt: skip
+        position, velocity, heading, friction.breakaway_travel, friction.stribeck_velocity, zone
+    )
     return zone
 
 
 @kernel()
-def mark_zones(position, velocity, heading, until, breakaway, stribeck_velocity, zone):  # type: ignore[no-untyped-def]
-    """Fill the zone codes; `breakaway` is the travel after which all elements slip [m].
+def mark_zones(position, velocity, heading, breakaway, stribeck_velocity, zone):  # type: ignore[no-untyped-def]
+    """Write the zone codes, shape (K,).
 
-    `until` is that of `find_stretches`.
+    `position` [m], shape (K + 2,); `velocity` [m/s] and `heading`, shape (K,); `breakaway`: travel
+    after which all slides [m]; `stribeck_velocity` [m/s].
     """
     count = velocity.shape[0]
     # The first way in one direction, unless a later one is far longer: that was noise, or a kick.
@@ -71,7 +69,7 @@ def mark_zones(position, velocity, heading, until, breakaway, stribeck_velocity,
     while k < count:
         start, k = k, k + 1
         while k < count and heading[k] == heading[start]:
-            k = max(k + 1, int(until[k]))
+            k += 1
         along = (position[k] - position[start]) * heading[start]
         if along > FAR_LONGER * farthest and heading[start] != 0:
             first, turned, farthest = start, k, along

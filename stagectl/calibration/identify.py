@@ -127,7 +127,7 @@ def around_syncs(
         period: Ts [s].
     """
     move = MoveData(piece.position, piece.force, piece.valid, piece.time, 0.0)
-    state = FrictionState.relaxed(friction.elements, float(piece.position[0]))
+    state = FrictionState.relaxed(friction.states, float(piece.position[0]))
     share = kink_share(period, kink_tip(axis.drive))
     commanded = np.nan_to_num(np.concatenate([sent[:1], sent[:-1]]))
     level = with_mean_force(move, share, friction, state, period, axis.drive.peak_force, commanded)

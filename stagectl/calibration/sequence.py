@@ -144,7 +144,7 @@ def _gain(
     estimator = AxisCompensation(axis, friction, Mode.ESTIMATED, period).estimator
     values = {name: float(getattr(friction, name)) for name in START}
     estimator.believe({name: (value, START[name] * value) for name, value in values.items()})
-    state = FrictionState.relaxed(friction.elements, 0.0)
+    state = FrictionState.relaxed(friction.states, 0.0)
     state.forces[:] = 0.0
     estimator.expect(friction.coulomb, START["coulomb"] * friction.coulomb)  # as at a site
     at, time = 0.0, 0.0

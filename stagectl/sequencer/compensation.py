@@ -157,9 +157,7 @@ class AxisCompensation:
         """From now on Fc is `coulomb` +- `sigma` [N], and w is as `level` says: another place."""
         state = self.estimator.state
         self._departed = (
-            FrictionState.relaxed(self.estimator.friction.elements)
-            if state is None
-            else state.copy()
+            FrictionState.relaxed(self.estimator.friction.states) if state is None else state.copy()
         )
         self.estimator.expect(coulomb, sigma, level)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimation.friction.gms import Friction, FrictionState, follow
+from estimation.friction import Friction, FrictionState, follow
 from estimation.move import MoveData
 from estimation.sampled_force import kink_share, with_mean_force
 

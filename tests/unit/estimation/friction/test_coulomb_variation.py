@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from estimation.friction import Friction, FrictionState, follow
 from estimation.friction.coulomb_variation import (
     follow_relief,
     level_with_target,
@@ -10,7 +11,6 @@ from estimation.friction.coulomb_variation import (
     state_after,
 )
 from estimation.friction.feedforward import friction_feedforward
-from estimation.friction.gms import Friction, FrictionState, follow
 from estimation.move import MoveData
 from estimation.trajectory import Limits, plan
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from estimation.friction import Friction, FrictionState, follow
 from estimation.friction.feedforward import (
     friction_feedforward,
     mass_feedforward,
     remaining_feedforward,
 )
-from estimation.friction.gms import Friction, FrictionState, follow
 from estimation.trajectory import Limits, plan
 from hil_sim.plant import simulate
 from stagectl.config import load_machine, stage_settings

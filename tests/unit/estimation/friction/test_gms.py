@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimation.friction.gms import Friction, FrictionState, element_shares, follow
+from estimation.friction import Friction, FrictionState, element_shares, follow
 
 ONE = Friction(1, 2.0, 0.0, 1e5, 100.0, 0.0, 2e-3, 1.0)
 TEN = Friction(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)

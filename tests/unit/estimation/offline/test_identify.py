@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimation.friction.gms import Friction
+from estimation.friction import Friction
 from estimation.noise import encoder_noise, quantisation
 from estimation.offline.identify import BOUND, ESTIMATED, PRIOR, OfflineSettings, identify
 from estimation.offline.records import Samples, joined

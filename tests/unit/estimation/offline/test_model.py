@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimation.friction.gms import Friction, FrictionState, element_shares, follow
+from estimation.friction import Friction, FrictionState, element_shares, follow
 from estimation.offline.model import KNOTS, lead
 
 TS, COUNT, SPACING = 1e-3, 4, 0.05

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from estimation.friction.gms import Friction
+from estimation.friction import Friction
 from estimation.move import MoveData
 from estimation.noise import encoder_noise, quantisation
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimation.friction.gms import Friction, FrictionState, follow
+from estimation.friction import Friction, FrictionState, follow
 from estimation.move import MoveData
 from estimation.online.belief import BeliefSettings
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator

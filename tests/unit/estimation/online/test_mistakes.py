@@ -17,8 +17,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from estimation.friction import Friction, FrictionState, follow
 from estimation.friction.feedforward import friction_feedforward
-from estimation.friction.gms import Friction, FrictionState, follow
 from estimation.move import MoveData
 from estimation.noise import quantisation
 from estimation.offline.identify import OfflineSettings, identify

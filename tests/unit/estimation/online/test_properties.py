@@ -7,7 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solveh_banded
 
-from estimation.friction.gms import Friction, FrictionState, element_shares, follow
+from estimation.friction import Friction, FrictionState, element_shares, follow
 from estimation.move import MoveData
 from estimation.offline.model import KNOTS, lead
 from estimation.online.belief import BeliefSettings
@@ -192,7 +192,17 @@ def test_the_general_model_is_bounded_too(friction, asymmetry, level, seed):
     springs, shares = rng.uniform(0.05, 1.0, (2, count))
     springs, shares = springs / springs.sum(), shares / shares.sum()
     x = 1e-4 * np.cumsum(rng.normal(0.0, 0.3, 150))
-    theta = np.append(friction.vector()[[0, 1, 5, 2, 3, 4]], asymmetry)
+    theta = np.array(
+        [
+            friction.coulomb,
+            friction.stiffness,
+            friction.relaxation_rate,
+            friction.static_ratio,
+            friction.stribeck_velocity,
+            friction.stribeck_shape,
+            asymmetry,
+        ]
+    )
     force, jacobian = np.empty(150), np.empty((150, 7 + 2 * count + 4))
     lead(
         theta, springs, shares, np.zeros(count), np.zeros(count, dtype=bool),

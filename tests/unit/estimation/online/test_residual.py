@@ -3,34 +3,29 @@
 import numpy as np
 import pytest
 
-from estimation.friction.elements import ELEMENT_ROWS, SHARES
-from estimation.friction.gms import Friction, FrictionState, element_shares, follow
-from estimation.kinematics import differences, find_stretches, find_turns
-from estimation.online.belief import ALPHA, COULOMB, FIGURES, LAG, LEVEL, RATE
-from estimation.online.move_tables import (
+from estimation.friction import Friction, FrictionState, follow
+from estimation.online.belief import (
+    ALPHA,
+    COULOMB,
+    FIGURES,
     KNOTS,
+    LAG,
+    LEVEL,
     ORIGIN,
+    RATE,
     RESIDUAL,
     REST_FORCE,
     SLIP_FORCE,
-    T_ACCELERATION,
-    T_AT,
-    T_FORCE,
-    T_POSITION,
-    T_SHARE,
-    T_SHARP,
-    T_STUCK,
-    T_UNTIL,
-    T_VELOCITY,
-    TABLES,
     TURN_FORCE,
 )
-from estimation.online.residual import fill_rows
+from estimation.online.prepare import Sampled, prepare
+from estimation.online.residual import AtRest, fill_rows, make_rows
+from estimation.online.settings import EstimatorSettings
 from estimation.trajectory import Limits, plan
 
 TS, MASS, NOISE = 1e-3, 8.0, 1e-9
 TRUE = Friction(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
-UNITS = np.array([6.0, 20.0, 6e5, 100.0, MASS, 1.0, 1.0])
+AXIS = EstimatorSettings(MASS, TS, NOISE, 0.0115).axis(TRUE)
 
 
 def there_and_back(sign=1.0):
@@ -47,28 +42,20 @@ class Problem:
     """What `fill_rows` takes, for one record."""
 
     def __init__(self, position, force):
-        count = len(position) - 2
-        self.tables = np.zeros((TABLES, len(position)))
-        self.tables[T_POSITION], self.tables[T_FORCE] = position, force
-        self.heading = np.zeros(count, dtype=np.int8)
-        t = self.tables[:, :count]
-        differences(
-            position, np.ones(len(position), bool), TS, t[T_VELOCITY], t[T_ACCELERATION],
-            np.zeros(count, bool),
-        )  # fmt: skip
-        find_turns(position, NOISE, self.heading, t[T_SHARE], t[T_AT], t[T_SHARP])
-        find_stretches(self.heading, t[T_SHARE], t[T_UNTIL])
-        self.elements = np.zeros((ELEMENT_ROWS, 5))
-        self.elements[SHARES, :4] = element_shares(4)
+        sampled = Sampled(
+            position, force, np.ones(len(position), bool), np.zeros(0, bool), 0.0, 0.0
+        )
+        mean = np.zeros(LEVEL + 1)
+        mean[:LEVEL] = at_truth()[:LEVEL]
+        self.samples = prepare(sampled, AXIS, TRUE.constants, 6.0, mean, True, True).samples
+        self.spring = None
 
     def columns(self, p, knots=0):
-        count = self.heading.shape[0]
-        columns = np.empty((KNOTS + knots, count))
-        fill_rows(
-            p, knots, UNITS, np.array([2e-3, 1.0]), NOISE, TS, np.zeros(4), 6.0, 0.0, self.tables,
-            self.heading, np.zeros(count, np.int8), True, True, columns, self.elements,
-        )  # fmt: skip
-        return columns
+        rows = make_rows(knots, len(self.samples.velocity))
+        rest = AtRest(np.zeros(4), 6.0, 0.0)
+        fill_rows(p, AXIS, TRUE.constants, self.samples, rest, 0, True, rows)
+        self.spring = rows.spring
+        return rows.columns
 
 
 def at_truth(knots=0):
@@ -158,7 +145,7 @@ def test_encoder_noise_at_rest_and_in_stick_is_a_spring():
     quiet = clean.columns(p)[RESIDUAL]
     problem = Problem(noisy, force)
     loud = problem.columns(p)[RESIDUAL]
-    assert problem.tables[T_STUCK, 0] == pytest.approx(6e5)
+    assert problem.spring[0] == pytest.approx(6e5)
     rest = slice(-15, None)
     assert np.std(loud[rest] - quiet[rest]) < 2.0 * 6e5 * NOISE
     assert abs(np.mean(loud[rest] - quiet[rest])) < 40.0 * 6e5 * NOISE

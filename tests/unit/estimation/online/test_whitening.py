@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from estimation.online.whitening import factor_weights, normal_equations, whiten
+from estimation.online.whitening import factor_weights, make_weights, normal_equations, whiten
 
 TS, MASS, VISCOUS, NOISE = 1e-3, 8.0, 20.0, 2e-9
 COUNT = 60
 
 
 def weights(stuck, white, use):
-    lower, lowest, inverse = (np.empty(COUNT) for _ in range(3))
-    factor_weights(MASS, VISCOUS, TS, NOISE, stuck, white, use, lower, lowest, inverse)
-    return lower, lowest, inverse
+    made = make_weights(COUNT)
+    factor_weights(MASS, VISCOUS, TS, NOISE, stuck, white, use, made)
+    return made
 
 
 def dense(stuck, white):
@@ -39,9 +39,9 @@ def test_weights_are_those_of_the_dense_covariance(white):
     expected = columns[:, kept] @ np.linalg.solve(
         dense(stuck, noise)[np.ix_(kept, kept)], columns[:, kept].T
     )
-    lower, lowest, inverse = weights(stuck, noise, use)
+    made = weights(stuck, noise, use)
     chosen = np.arange(3)
-    whiten(columns, chosen, lower, lowest)
+    whiten(columns, chosen, made)
     found = np.empty((3, 3))
-    normal_equations(columns, chosen, inverse, found)
+    normal_equations(columns, chosen, made, found)
     np.testing.assert_allclose(found, expected, rtol=1e-6)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from estimation.friction.gms import Friction
+from estimation.friction import Friction
 from estimation.kinematics import differences
 from estimation.online.zones import REST, SLIDE, STICK, split
 from estimation.trajectory import Limits, plan

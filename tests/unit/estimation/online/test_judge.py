@@ -3,7 +3,7 @@
 import numpy as np
 
 from estimation.online.belief import Belief
-from estimation.online.temper import temper
+from estimation.online.judge import temper
 
 PRIOR = Belief(np.array([1.0, 1.0, 1.0, 1.0, 1.0, 0.0]), np.diag([0.36, 0.6, 0.6, 0.6, 1e-3, 1e-4]))
 

@@ -1,0 +1,51 @@
+"""What an update of one move comes to, as the kernels return it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.friction.law import F64
+
+ACCEPTED, HOLES, SHAKEN, STILL, UNSOLVED, MISFIT, BOUND, JUMP, FEW = range(9)
+"""Verdicts: accepted, or why not. Too many samples missing; force upset by late setpoints in most
+of the motion; nothing to solve; no solution; residual too large; a figure on its bound; a figure
+that jumps; fewer than three valid samples, which is an error."""
+
+
+class Outcome(NamedTuple):
+    """Of one move; figures are relative to the start model, as in `belief`.
+
+    Attributes:
+        verdict: ACCEPTED, or why not.
+        figure: that the verdict is about, or -1.
+        number: that goes with the verdict; for STILL one of `prepare.TOO_LITTLE` ...
+        misfit: rms of the whitened residual.
+        evaluations: passes over the samples.
+        slide: samples of zone A that were used.
+        stick: the same of the stick zones.
+        mean: belief after the move, shape (LEVEL + 1,).
+        covariance: of it.
+        before: variances before the move, shape (LEVEL + 1,).
+        found: what the solve found, accepted or not, shape (LEVEL + 1,).
+        gain: standard deviations before over after, shape (LEVEL + 1,).
+        held: figures that were asked for and stay at their prior, shape (LEVEL,).
+        sliding: Fc (1 + w) and its variance, expected before the move, and found, shape (4,).
+    """
+
+    verdict: int
+    figure: int
+    number: float
+    misfit: float
+    evaluations: int
+    slide: int
+    stick: int
+    mean: F64
+    covariance: F64
+    before: F64
+    found: F64
+    gain: F64
+    held: NDArray[np.bool_]
+    sliding: F64
