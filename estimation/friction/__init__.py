@@ -1,10 +1,10 @@
 """Friction laws, their state, and the friction force along a path."""
 
 from estimation.friction.coulomb_variation import (
-    follow_relief,
+    follow_varying,
     level_with_target,
-    relief_feedforward,
     state_after,
+    varying_feedforward,
 )
 from estimation.friction.feedforward import (
     friction_feedforward,
@@ -27,11 +27,11 @@ __all__ = [
     "element_shares",
     "follow",
     "follow_positions",
-    "follow_relief",
+    "follow_varying",
     "friction_feedforward",
     "level_with_target",
     "mass_feedforward",
-    "relief_feedforward",
     "remaining_feedforward",
     "state_after",
+    "varying_feedforward",
 ]

@@ -1,8 +1,8 @@
 """Friction along a path on which the Coulomb force differs from place to place.
 
-`gms.follow` with a Coulomb force of its own for every sample: elements that slip follow it, at the
-rate C/Fc, those that stick keep their force whatever it does. `relief` is the Coulomb force on the
-way relative to that at the move's target, minus 1.
+`follow` with a Coulomb force of its own for every sample: what slides follows it, what sticks keeps
+its force. `variation` is the Coulomb force on the way relative to that at the move's target, minus
+1.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from estimation.trajectory import Trajectory
 _STEPS = 5  # of the friction model per sample of a demand
 
 
-def follow_relief(
+def follow_varying(
     friction: Friction,
     state: FrictionState,
-    relief: F64,
+    variation: F64,
     position: F64,
     velocity: F64,
     period: float,
@@ -36,7 +36,7 @@ def follow_relief(
         friction: the model at the target.
         state: friction state at the sample before position[0], its forces as they are there;
             advanced in place.
-        relief: at each sample, shape (K,).
+        variation: at each sample, shape (K,).
         position: sampled positions [m], shape (K,).
         velocity: at the same samples [m/s], shape (K,).
         period: of the samples [s].
@@ -45,17 +45,17 @@ def follow_relief(
     """
     force = np.empty(len(position))
     follow_positions(
-        friction.constants, friction.at(period), friction.coulomb * (1.0 + relief), state.forces,
+        friction.constants, friction.at(period), friction.coulomb * (1.0 + variation), state.forces,
         state.slipping, state.memory, np.ascontiguousarray(position),
         np.ascontiguousarray(velocity), substeps, band, force, np.empty((len(position), 3)),
     )  # fmt: skip
     return force
 
 
-def relief_feedforward(
+def varying_feedforward(
     friction: Friction,
     state: FrictionState,
-    relief: F64,
+    variation: F64,
     trajectory: Trajectory,
     period: float,
     ahead: float,
@@ -68,7 +68,7 @@ def relief_feedforward(
     Args:
         friction: the model at the target.
         state: friction state where it begins, its forces as they are there; not changed.
-        relief: at every setpoint k = 1..K of the demand, shape (K,).
+        variation: at every setpoint k = 1..K of the demand, shape (K,).
         trajectory: of the demand; setpoint k is at time k period.
         period: of the setpoints [s].
         ahead: how much earlier the force is wanted [s].
@@ -78,15 +78,15 @@ def relief_feedforward(
         Friction force minus that at `sent` [N], shape (K - sent,).
     """
     follower = state.copy()
-    left = len(relief) - sent
+    left = len(variation) - sent
     steps = np.arange(left * _STEPS + 1)
     time = np.asarray(sent * period + steps * (period / _STEPS), np.float64)
-    place = np.interp(time, np.arange(1, len(relief) + 1) * period, relief)
+    place = np.interp(time, np.arange(1, len(variation) + 1) * period, variation)
     position, velocity, _ = trajectory.sample(time + ahead)
     begin = float(trajectory.sample(np.zeros(1))[0][0]) if sent == 0 else float(position[0])
     follower.settle_at(begin)
     first = follower.total + (friction.viscous * float(velocity[0]) if sent else 0.0)
-    force = follow_relief(
+    force = follow_varying(
         friction, follower, place[1:], position[1:], velocity[1:], period / _STEPS, 1, 0.0
     )
     change: F64 = force + friction.viscous * velocity[1:] - first
@@ -97,7 +97,7 @@ def level_with_target(
     friction: Friction,
     state: FrictionState,
     scaled: FrictionState,
-    relief: F64,
+    variation: F64,
     move: MoveData,
     period: float,
 ) -> MoveData:
@@ -109,7 +109,7 @@ def level_with_target(
         friction: the model at the target.
         state: friction state at rest before the move, its forces as they were; not changed.
         scaled: the same carried over to the target's Coulomb force; not changed.
-        relief: at each sample, shape (K,).
+        variation: at each sample, shape (K,).
         move: as sampled.
         period: of the samples [s].
     """
@@ -119,20 +119,20 @@ def level_with_target(
     there, everywhere = state.copy(), scaled.copy()
     for follower in (there, everywhere):
         follower.settle_at(float(position[0]))
-    real = follow_relief(friction, there, relief, position, velocity, period)
+    real = follow_varying(friction, there, variation, position, velocity, period)
     level, _ = follow(friction, everywhere, position, velocity, period)
     return replace(move, force=move.force - (real - level))
 
 
 def state_after(
-    friction: Friction, state: FrictionState, relief: F64, move: MoveData, period: float
+    friction: Friction, state: FrictionState, variation: F64, move: MoveData, period: float
 ) -> FrictionState:
     """Friction state at the end of a move that begins in `state`; arguments as above."""
     follower = state.copy()
     if move.valid.sum() >= 3:
         position, velocity = _path(move, period)
         follower.settle_at(float(position[0]))
-        follow_relief(friction, follower, relief, position, velocity, period)
+        follow_varying(friction, follower, variation, position, velocity, period)
     return follower
 
 

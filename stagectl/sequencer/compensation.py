@@ -24,9 +24,9 @@ from estimation.friction import (
     friction_feedforward,
     level_with_target,
     mass_feedforward,
-    relief_feedforward,
     remaining_feedforward,
     state_after,
+    varying_feedforward,
 )
 from estimation.move import MoveData
 from estimation.online import Estimate, SplitHorizonEstimator
@@ -137,7 +137,7 @@ class AxisCompensation:
                 friction, state, trajectory, samples, self._period, self._ahead
             )
         else:
-            force += relief_feedforward(
+            force += varying_feedforward(
                 friction, real, relief, trajectory, self._period, self._ahead
             )
         if trajectory.duration >= TAKE_OVER:
@@ -239,7 +239,7 @@ class AxisCompensation:
         else:
             state = preview.state.copy()
             state.rescale(1.0 + float(relief[sent - 1]))  # it slides, and has followed
-            force += relief_feedforward(
+            force += varying_feedforward(
                 preview.friction, state, relief, trajectory, self._period, self._ahead, sent
             )
         return np.concatenate([offsets[:sent], offsets[sent - 1] + force])

@@ -5,10 +5,10 @@ import pytest
 
 from estimation.friction import Friction, FrictionState, follow
 from estimation.friction.coulomb_variation import (
-    follow_relief,
+    follow_variation,
     level_with_target,
-    relief_feedforward,
     state_after,
+    varying_feedforward,
 )
 from estimation.friction.feedforward import friction_feedforward
 from estimation.move import MoveData
@@ -22,46 +22,46 @@ TIME = np.arange(1, SAMPLES + 1) * TS
 POSITION, VELOCITY, _ = MOTION.sample(TIME)
 
 
-def test_without_relief_it_is_the_plain_model():
+def test_without_variation_it_is_the_plain_model():
     one, other = FrictionState.relaxed(10), FrictionState.relaxed(10)
     flat = np.zeros(SAMPLES)
     plain, _ = follow(FRICTION, one, POSITION, VELOCITY, TS)
-    assert follow_relief(FRICTION, other, flat, POSITION, VELOCITY, TS) == pytest.approx(
+    assert follow_variation(FRICTION, other, flat, POSITION, VELOCITY, TS) == pytest.approx(
         plain, abs=1e-9
     )
     assert other.forces == pytest.approx(one.forces)
     start = FrictionState.relaxed(10)
-    assert relief_feedforward(FRICTION, start, flat, MOTION, TS, 1e-4) == pytest.approx(
+    assert varying_feedforward(FRICTION, start, flat, MOTION, TS, 1e-4) == pytest.approx(
         friction_feedforward(FRICTION, start, MOTION, SAMPLES, TS, 1e-4), abs=0.02
     )
 
 
 def test_sliding_follows_the_place_and_sticking_does_not():
-    relief = 0.2 * (1.0 - POSITION / 0.025)  # 7.2 N where it begins, 6 N at the target
+    variation = 0.2 * (1.0 - POSITION / 0.025)  # 7.2 N where it begins, 6 N at the target
     state = FrictionState.relaxed(10)
-    force = follow_relief(FRICTION, state, relief, POSITION, VELOCITY, TS)
+    force = follow_variation(FRICTION, state, variation, POSITION, VELOCITY, TS)
     sliding = VELOCITY > 0.05
-    assert force[sliding] == pytest.approx(6.0 * (1 + relief[sliding]), rel=0.03)
+    assert force[sliding] == pytest.approx(6.0 * (1 + variation[sliding]), rel=0.03)
     # At rest nothing slips: whatever Fc does, the elements keep their force.
     rest = state.forces.copy()
     still = np.full(50, POSITION[-1])
-    follow_relief(FRICTION, state, np.linspace(0, -0.5, 50), still, np.zeros(50), TS)
+    follow_variation(FRICTION, state, np.linspace(0, -0.5, 50), still, np.zeros(50), TS)
     assert state.forces == pytest.approx(rest)
 
 
 def test_data_made_level_are_those_of_a_flat_table():
-    relief = 0.15 * np.cos(40 * POSITION) - 0.15 * np.cos(40 * 0.025)
+    variation = 0.15 * np.cos(40 * POSITION) - 0.15 * np.cos(40 * 0.025)
     real = FrictionState.relaxed(10)
     scaled = real.copy()
-    force = follow_relief(FRICTION, real.copy(), relief, POSITION, VELOCITY, TS)
+    force = follow_variation(FRICTION, real.copy(), variation, POSITION, VELOCITY, TS)
     valid = np.ones(SAMPLES, dtype=np.bool_)
     valid[40] = False
     move = MoveData(POSITION.copy(), force, valid, 0.0, 0.0)
     move.position[40] = 0.0  # a hole is bridged, not believed
-    flat = level_with_target(FRICTION, real, scaled, relief, move, TS)
+    flat = level_with_target(FRICTION, real, scaled, variation, move, TS)
     expected, _ = follow(FRICTION, FrictionState.relaxed(10), POSITION, VELOCITY, TS)
     assert np.abs(flat.force - expected)[valid].max() < 0.05
     assert np.abs(force - expected).max() > 0.3
     assert real.total == 0.0  # the states given are not touched
-    end = state_after(FRICTION, real, relief, move, TS)
+    end = state_after(FRICTION, real, variation, move, TS)
     assert end.total == pytest.approx(force[-1], abs=0.05)
