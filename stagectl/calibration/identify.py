@@ -16,7 +16,6 @@ from estimation.move import MoveData
 from estimation.noise import encoder_noise, quantisation
 from estimation.offline import Identification, OfflineSettings, Samples, identify
 from estimation.sampled_force import kink_share, with_mean_force
-from sim2real.recording import Recording
 from stagectl.config.host_model import friction_model, kink_tip
 from stagectl.config.machine import Axis, Machine
 from stagectl.errors import UnusableInput

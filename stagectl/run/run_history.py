@@ -14,10 +14,16 @@ from pathlib import Path
 from uuid import uuid4
 
 from estimation.online import FIGURES, MASS
-from stagectl.errors import StagectlError
-from stagectl.history.measured import measured_level
-from stagectl.history.port import History
-from stagectl.history.records import EstimateRecord, RunEntry, StageKey, StepRecord
+from stagectl.history import (
+    EstimateRecord,
+    History,
+    HistoryWriter,
+    RunEntry,
+    StageKey,
+    StepRecord,
+    measured_level,
+    step_record,
+)
 from stagectl.run.request import RunRequest
 from stagectl.sequencer import FrictionUpdated, LevelStepped
 

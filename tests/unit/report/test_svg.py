@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stagectl.paper import plots
 from stagectl.report.svg import Line, Panel, Span, draw, thinned, ticks
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -50,9 +49,3 @@ def test_spans_are_cut_at_the_axes():
     root = ET.fromstring(draw([[panel]], 500, 200, "t"))  # noqa: S314
     span = next(r for r in root.findall(f"{SVG}rect") if r.get("fill") == "#eeeeee")
     assert float(span.get("x")) + float(span.get("width")) == pytest.approx(488)
-
-
-@pytest.mark.parametrize("plot", [plots.move, plots.zones])
-def test_plots_are_xml(quick, plot):
-    root = ET.fromstring(plot(quick))  # noqa: S314
-    assert len(root.findall(f"{SVG}polyline")) >= 4
