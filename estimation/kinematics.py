@@ -12,20 +12,21 @@ from estimation.compiled import kernel
 REVERSAL_BAND = 3e-9
 """Motion back by this much is a reversal [m] ..."""
 REVERSAL_NOISE = 3.5
-"""... if it is so many standard deviations of a position. Elements stick again after any reversal,
-however small: a coarser band would have them slip on where the stage creeps to rest."""
+"""... if it is this many standard deviations of a position. Elements stick again after any
+reversal, however small: with a coarser band they would slip on where the stage creeps to rest."""
 CREEP, CREEP_NOISE = 3, 6.0
-"""Where so many samples stay within so many standard deviations of one, the motion has stopped
-there: what little it springs back is below the noise, but elements that slipped have stuck."""
+"""Where CREEP samples stay within CREEP_NOISE standard deviations of one, the motion has stopped
+there: it springs back by less than the noise, but elements that slipped have stuck."""
 PAUSE, CREPT_NOISE, STOP_NOISE = 2, 1.5, 4.5
-"""So it has where so many samples gain less than so many standard deviations: that hides a
-reversal, whatever comes next. It stopped at the sample from which on no step gains as much; up to
-there elements slip, and up the Stribeck curve they gain a hundredth of their force in 1 ms. The
-last stop is sought well above the noise: a millisecond too many spoils Fc more than one too few."""
+"""It has also stopped where PAUSE samples gain less than CREPT_NOISE standard deviations: that
+hides a reversal, whatever comes next. It stopped at the sample after which no step gains as much;
+up to there elements slip, and near rest, up the Stribeck curve, they gain 1 % of their force in
+1 ms. The last stop is detected well above the noise (STOP_NOISE): a millisecond too many spoils
+Fc more than one too few."""
 REST_NOISE = 9.0
-"""Positions that stay within so many standard deviations are at rest."""
+"""Positions that stay within this many standard deviations are at rest."""
 BLOCK = 32
-"""So many samples are looked at together for something to see in them."""
+"""Number of samples skipped at once in fast motion."""
 
 
 @kernel()

@@ -1,4 +1,4 @@
-"""From the forces at SYNC to those around it, which are what accelerates the axis.
+"""From the forces at SYNC to their means around it, which are what accelerates the axis.
 
 The second difference of three positions is the mean of the acceleration over the two periods
 between them, weighted as a triangle. Force and friction have to be the same mean. That of a smooth
@@ -7,9 +7,9 @@ setpoints, so the force has kinks at the SYNCs, and at the tip of a kink it is a
 short moves at 200 m/s^3 have a residual of 0.15 N rms by that, and 0.01 N without: it made C/Fc 6 %
 too large.
 
-Where the force offsets are known, the kinks are in them; what the position loop adds is as smooth
-as the motion, but for what it makes of the setpoints' own steps. Taken for kinks as well, it shows
-1 % too little mass.
+Where the force offsets are known, the kinks are in them; the position loop's part is as smooth as
+the motion, but for its answer to the setpoints' own steps. Treating it as kinked makes the mass 1 %
+too small.
 """
 
 from __future__ import annotations

@@ -109,7 +109,7 @@ class Prediction:
     inside: NDArray[np.bool_]
 
     def band(self, factor: float = 1.96) -> tuple[F64, F64]:
-        """Lowest and highest value at so many standard deviations: 1.96 for 95 %."""
+        """Lowest and highest value at a number of standard deviations: 1.96 for 95 %."""
         spread = np.exp(factor * self.sigma)
         return self.value / spread, self.value * spread
 

@@ -47,9 +47,15 @@ def retained(law, rate, period):  # type: ignore[no-untyped-def]
 
 
 @kernel()
+def has_presliding(law):  # type: ignore[no-untyped-def]
+    """None."""
+    return False
+
+
+@kernel()
 def breakaway_travel(law, coulomb, stiffness, alpha):  # type: ignore[no-untyped-def]
-    """No presliding [m]."""
-    return 0.0
+    """What a stage with that stiffness has of it [m]: not predicted, but kept out of zone A."""
+    return 2.0 * (1.0 + alpha) * coulomb / stiffness
 
 
 @kernel()
@@ -66,7 +72,7 @@ def correct(law, forces, static, total):  # type: ignore[no-untyped-def]
 
 @kernel()
 def make_trace(law):  # type: ignore[no-untyped-def]
-    """Room of a pass."""
+    """Workspace of a pass."""
     return np.zeros(1, TRACE)
 
 

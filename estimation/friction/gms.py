@@ -80,7 +80,7 @@ def element_shares(elements: int) -> F64:
 
 @cache
 def make_constants(elements: int, stribeck_velocity: float, stribeck_shape: float) -> Constants:
-    """Constants of the law with so many elements."""
+    """Constants of the law; the Stribeck velocity in m/s."""
     return Constants(elements, stribeck_velocity, stribeck_shape)
 
 
@@ -99,6 +99,12 @@ def _share(law, i):  # type: ignore[no-untyped-def]
 def retained(law, rate, period):  # type: ignore[no-untyped-def]
     """Share of a deviation left after `period` [s]; rate C/Fc [1/s]."""
     return math.exp(-rate * period)
+
+
+@kernel()
+def has_presliding(law):  # type: ignore[no-untyped-def]
+    """It does: elements that stick are springs."""
+    return True
 
 
 @kernel()
@@ -150,7 +156,7 @@ def correct(law, forces, static, total):  # type: ignore[no-untyped-def]
 
 @kernel()
 def make_trace(law):  # type: ignore[no-untyped-def]
-    """Room of a pass."""
+    """Workspace of a pass."""
     return np.zeros(1, TRACE)
 
 
@@ -258,9 +264,9 @@ def step(law, figures, trace, travel, direction, before, rise, time):  # type: i
                 element[BY_STIFFNESS, i] += part
                 continue
             trace.slips[i] = 1
-            room = limit_before - force * direction
+            margin = limit_before - force * direction
             closing = stretch * direction - (limit - limit_before)
-            if room > 0.0 and closing > 0.0:
+            if margin > 0.0 and closing > 0.0:
                 landed += share
                 slack += stiffness * abs(limit - limit_before) / closing
                 _land(

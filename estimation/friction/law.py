@@ -81,6 +81,10 @@ class FrictionLaw(Protocol):
         """Share of a deviation from the sliding force left after `period` [s]; rate C/Fc [1/s]."""
 
     @staticmethod
+    def has_presliding(law: Any) -> bool:
+        """Whether it predicts the force before everything slides; else only zone A is solved."""
+
+    @staticmethod
     def breakaway_travel(law: Any, coulomb: float, stiffness: float, alpha: float) -> float:
         """Displacement from relaxed to all sliding, at most [m]."""
 
@@ -97,7 +101,7 @@ class FrictionLaw(Protocol):
 
     @staticmethod
     def make_trace(law: Any) -> Any:
-        """Room of a pass over a move: an array of one record, with at least these fields.
+        """Workspace of a pass over a move: an array of one record, with at least these fields.
 
         total, shape (ROWS,): the rows above. sliding: share of the law's states that slide, 0 to 1.
         spring: stiffness of what sticks [N/m]. The record itself is the `trace` of the other
@@ -181,6 +185,7 @@ def _dispatched(name: str) -> Any:
 
 
 retained = _dispatched("retained")
+has_presliding = _dispatched("has_presliding")
 breakaway_travel = _dispatched("breakaway_travel")
 stick_range = _dispatched("stick_range")
 correct = _dispatched("correct")

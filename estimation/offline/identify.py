@@ -40,7 +40,7 @@ from estimation.offline.unknowns import (
 
 ESTIMATED, PRIOR, BOUND = "estimated", "stays at its prior", "refused: on its bound"
 TOGETHER = "with its neighbours"
-"""Of one k_i or nu_i of a shape that is told as a whole: by itself it is hardly known better."""
+"""Verdict on one k_i or nu_i of a shape that is only determined as a whole."""
 LEAST_LEFT = 0.2
 """Of the blocks, at least this share counts as free to disagree, however much they were asked."""
 FOLDS = 3
@@ -180,24 +180,24 @@ def identify(
         others = free & ~chosen(len(free), (MASS,))
         by_mass = np.zeros(len(free))  # what the mass leaves open in every figure
         if math.hypot(_sigma(u, fit)[MASS], apart) > spread[MASS] / math.sqrt(2.0):
-            # Mass and ripple are told apart by noise only: all the ripple, and the mass believed.
+            # Only noise separates mass and ripple: all the ripple, and the mass of the prior.
             free = others
             fit = problem.solve(np.where(free, fit.q, u.mean), free, fit.levels)
-            # The two add up to what is told; one is as uncertain as the other.
+            # Their sum is determined; each is as uncertain as the other.
             by_mass[RIPPLE[0]] = u.spread[MASS]
         else:
             by_mass = _leaning(u, fit) * math.hypot(_sigma(u, fit, shared=True)[MASS], apart)
             fit = problem.solve(np.where(others, fit.q, noisy.q), others, fit.levels)
         sigma = np.hypot(_sigma(u, fit), by_mass)
         verdicts = _verdicts(u, fit.q, sigma, spread, free)
-        told = np.array([v in (ESTIMATED, TOGETHER) for v in verdicts])
-        sigma = np.where(told, np.hypot(_sigma(u, fit, shared=True), by_mass), sigma)
-        others &= told
-        if not told.all():
-            start = np.where(told, fit.q, u.mean)
+        determined = np.array([v in (ESTIMATED, TOGETHER) for v in verdicts])
+        sigma = np.where(determined, np.hypot(_sigma(u, fit, shared=True), by_mass), sigma)
+        others &= determined
+        if not determined.all():
+            start = np.where(determined, fit.q, u.mean)
             fit = problem.solve(start, others, fit.levels)
             again = np.hypot(_sigma(u, fit, shared=True), by_mass)
-            sigma = np.where(told, np.maximum(sigma, again), spread)
+            sigma = np.where(determined, np.maximum(sigma, again), spread)
         if not fit.converged:  # once more from there
             fit = problem.solve(fit.q, others, fit.levels)
         held_out = _held_out(problem, fit, others) if fit.converged else math.nan
@@ -257,7 +257,7 @@ def _prior_sigma(u: Unknowns) -> F64:
     return result
 
 
-def _held_out(problem: Problem, fit: Fit, told: NDArray[np.bool_]) -> float:
+def _held_out(problem: Problem, fit: Fit, determined: NDArray[np.bool_]) -> float:
     """Misfit of each third of the blocks under the figures that the other two thirds give."""
     numbers = np.flatnonzero(problem.counted)
     if len(numbers) < 2 * FOLDS:
@@ -270,14 +270,14 @@ def _held_out(problem: Problem, fit: Fit, told: NDArray[np.bool_]) -> float:
         theirs = [False] * problem.blocks
         for place, number in enumerate(numbers):
             (theirs if place % FOLDS == fold else mine)[number] = True
-        learned = problem.solve(fit.q, told, fit.levels, mine)
+        learned = problem.solve(fit.q, determined, fit.levels, mine)
         seen = problem.solve(learned.q, chosen(len(fit.q), ()), fit.levels, theirs)
         chi, samples = chi + seen.chi, samples + seen.samples
     return math.sqrt(chi / max(samples, 1))
 
 
 def _verdicts(u: Unknowns, q: F64, sigma: F64, spread: F64, free: NDArray[np.bool_]) -> list[str]:
-    """What becomes of every unknown; the shape of the hysteresis is told as a whole or not."""
+    """Verdict on every unknown; the shape of the hysteresis is determined as a whole or not."""
     bound = free & ((q <= u.lower) | (q >= u.upper)) & (u.lower < u.mean)
     weak = (sigma > spread / math.sqrt(2.0)) | ~free
     verdicts = [BOUND if b else PRIOR if w else ESTIMATED for b, w in zip(bound, weak, strict=True)]
@@ -294,8 +294,8 @@ def _figures(u: Unknowns, q: F64, sigma: F64, verdicts: Sequence[str]) -> tuple[
     values, priors, spread = u.values(q), u.values(u.mean), _prior_sigma(u)
     result = []
     for i, name in enumerate(u.names):
-        told = verdicts[i] in (ESTIMATED, TOGETHER)
-        gain = float(spread[i] / sigma[i]) if told and sigma[i] > 0 else 1.0
+        determined = verdicts[i] in (ESTIMATED, TOGETHER)
+        gain = float(spread[i] / sigma[i]) if determined and sigma[i] > 0 else 1.0
         result.append(
             Figure(
                 name, u.units[i], float(priors[i]), float(spread[i]), float(values[i]),

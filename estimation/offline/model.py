@@ -22,7 +22,7 @@ COULOMB, STIFFNESS, RATE, ALPHA, VS, DELTA, ASYMMETRY = range(7)
 SPRING, SHARE, KNOTS = 7, 8, 9
 SUBSTEPS = 4
 NO_SUBSTEPS = 4.0
-"""Above so many Stribeck velocities, with all elements slipping, a sample is one step."""
+"""Above this many Stribeck velocities, with all elements slipping, a sample is one step."""
 
 
 @numba.njit(cache=True, error_model="numpy")

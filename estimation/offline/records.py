@@ -19,13 +19,13 @@ from estimation.friction import F64
 from estimation.kinematics import differences
 
 BLOCK = 0.25
-"""A block ends at the first rest after so many seconds."""
+"""A block ends at the first rest after this time [s] ..."""
 REST = 0.01
 """Shortest rest at which a block may end [s]."""
 LONGEST = 0.6
-"""... and at the latest after so many seconds, at rest or not."""
+"""... and at the latest after this time, at rest or not [s]."""
 HOLE = 5
-"""After so many samples without position the state of the elements is unknown."""
+"""After this many samples without position the state of the elements is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +120,7 @@ def record(
         period: of the samples [s].
         position_noise: rms of a sampled position [m].
         peak_force: samples at or beyond it are saturated [N].
-        travel: after so much motion in one direction all elements slip [m].
+        travel: motion in one direction after which all elements slip [m].
     """
     valid = samples.usable
     index = np.arange(len(valid))

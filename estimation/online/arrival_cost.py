@@ -1,7 +1,7 @@
 """The arrival cost of a move, and the belief that follows from its solution.
 
-Belief ages from move to move; what it says of the figures that a move is solved for, joined with
-the level at its knots, is what the solve starts from.
+Belief ages from move to move. Its marginal over the figures that a move is solved for, joined with
+the level at its knots, is the arrival cost of the solve.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def age(mean, covariance, elapsed, restless, axis, after, spread):  # type: igno
 
 @kernel()
 def wander_on(mean, covariance, elapsed, axis):  # type: ignore[no-untyped-def]
-    """The level partly forgotten, as it is after so many seconds; changed in place."""
+    """Let the level decay over `elapsed` seconds, in mean, shape (LEVEL + 1,), and covariance."""
     keep = math.exp(-max(elapsed, 0.0) / axis.correlation_time)
     mean[LEVEL] *= keep
     for i in range(LEVEL):

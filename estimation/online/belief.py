@@ -1,10 +1,10 @@
-"""What is believed of an axis' friction between moves: the arrival cost of the next one.
+"""What is believed of an axis' friction between moves: mean and covariance, the next arrival cost.
 
-Five figures relative to the model the axis started from (Coulomb force, viscous coefficient,
-presliding stiffness, relaxation rate C/Fc, apparent mass), two as they are (alpha; lag of the force
-behind the position, in sample periods), and the level: the Coulomb force of a real stage wanders by
-itself, a stationary Gauss-Markov factor 1 + w. The figures drift slowly from move to move; w is
-forgotten with its correlation time (`arrival_cost.age`).
+Five figures relative to the start model (Coulomb force, viscous coefficient, presliding stiffness,
+relaxation rate C/Fc, apparent mass), two absolute (alpha; lag of the force behind the position, in
+sample periods), and the level: the Coulomb force of a real stage wanders by a stationary
+Gauss-Markov factor 1 + w. The figures drift slowly from move to move; w decays with its correlation
+time (`arrival_cost.age`).
 
 The apparent mass is what the sampled force shows of the mass. The drive interpolates the setpoints
 linearly between SYNCs, the ripple of force that this causes has a fixed phase to the sampling, so
@@ -36,7 +36,7 @@ REST_FORCE, TURN_FORCE, SLIP_FORCE, ORIGIN, RESIDUAL, KNOTS = range(LEVEL, LEVEL
 
 @dataclass(frozen=True, slots=True)
 class BeliefSettings:
-    """How belief starts and ages.
+    """How belief starts and ages; docs/estimator.md says where the numbers come from.
 
     Attributes:
         start_spread: 1-sigma of each of `FIGURES` before the first move, in its unit: relative,

@@ -1,12 +1,13 @@
 """The split-horizon estimator: one move in, an updated friction model (or a reason) out.
 
-Zone A (all elements slip) gives Coulomb force, viscous coefficient and apparent mass; then all that
-is usable gives the rest, from zone A's result. Each is a bounded least-squares problem with an
-arrival cost (source paper, equation (4)). What the unknowns are: `belief`; how a move is solved:
-`window`; how belief ages: `arrival_cost`; how an estimate is judged: `judgement`.
+A moving-horizon estimator whose horizon is one move, split in two. Zone A, where all slides, gives
+Coulomb force, viscous coefficient and apparent mass; then all usable samples give the rest, from
+zone A's solution. Each is a bounded least-squares problem with an arrival cost (source paper,
+equation (4)). What the unknowns are: `belief`; how a move is solved: `solve`; how belief ages:
+`arrival_cost`; how an estimate is judged: `judge`.
 
 An estimate is accepted or refused as a whole; a refused one leaves the last good model in force.
-Not here: Stribeck velocity and shape, direction asymmetry, shape of the hysteresis.
+Not estimated here: Stribeck velocity and shape, direction asymmetry, shape of the hysteresis.
 """
 
 from __future__ import annotations
@@ -31,19 +32,19 @@ from estimation.online.update import State, update_move
 
 _NONE = np.zeros(0, np.bool_)
 _LEARNED = 0.05
-"""A level believed to this is not being learned any more: what it does then, the stage does."""
-_SAID = 0.98
-"""A move that leaves more than this of the level's variance says nothing of a trend either."""
+"""A level known to this is no longer being learned: its changes are then the stage's own."""
+_LEAST_SHOWN = 0.98
+"""A move that leaves more than this share of the level's variance shows no trend either."""
 _FEW, _RECENT = 3, 15
-"""After so many moves it is known what misfit is usual; of so many the last ones say it."""
-SURE = 0.15
-"""A move that was refused leaves the elements' forces known where Fc and sigma0 are known to this,
-relative: else they have been followed with a wrong model."""
+"""Accepted moves before the usual misfit is known, and over how many the median is taken."""
+CERTAIN = 0.15
+"""Relative sigma of Fc and sigma0 up to which the friction state is still known behind a refused
+move: with less certain figures it has been followed with a wrong model."""
 
 
 @dataclass(frozen=True, slots=True)
 class Preview:
-    """What a move says while it still goes on; nothing is updated by it.
+    """What a move shows while it is still in progress; nothing is updated by it.
 
     Attributes:
         friction: the model with the level it has now.
@@ -63,15 +64,15 @@ class SplitHorizonEstimator:
         friction: the model to start from.
         settings: of the estimation.
         frozen: keep the friction figures; only the friction state and the level are tracked.
-        state: friction state before the first move where it is known, as after a slip; else only
-            the sum of the element forces is, and the onset of the first move says nothing.
+        state: friction state before the first move, if it is known, as after a slip; else only the
+            sum of the internal forces is known, and the onset of the first move is not used.
 
     Attributes:
         settings: of the estimation.
         state: friction state at rest after the last move; None until it is known.
 
     Raises:
-        ValueError: settings that name a figure that there is not.
+        ValueError: settings that name an unknown figure.
     """
 
     def __init__(
@@ -86,13 +87,13 @@ class SplitHorizonEstimator:
         self._start = friction
         self._belief = Belief.at_start(settings.belief, friction)
         self._known = state is not None
-        self._doubt = 0
+        self._moves_to_trust = 0
         self._end: float | None = None
         self._carried: float | None = None  # until when the Coulomb force has followed its trend
         self._rest: float | None = None
         self._trend = Trend(settings.belief)
         self._aged = 0.0
-        self._told = False
+        self._tracked_elsewhere = False
         self._before = (1.0, 1.0)  # Coulomb force before a move and its variance, relative
         self._drift = settings.belief.drift[COULOMB] ** 2
         self._misfits: deque[float] = deque(maxlen=_RECENT)
@@ -148,10 +149,10 @@ class SplitHorizonEstimator:
     ) -> None:
         """The next move ends at another place, whose Coulomb force is known from elsewhere.
 
-        Whoever tells it knows how it changes in time: from now on nothing is carried on here.
+        The caller also tracks how it changes in time: no trend is followed here from now on.
 
-        The move's data have to be made level with that place (see `stagectl.compensation`). The
-        element forces are carried over as a change of Coulomb force is: they scale with it.
+        The move's data have to be corrected to that place (`coulomb_variation.level_with_target`).
+        The internal forces are scaled with the Coulomb force.
 
         Args:
             coulomb: Fc there [N].
@@ -160,7 +161,7 @@ class SplitHorizonEstimator:
                 better than from the moves of this axis.
         """
         self._trend.calm()
-        self._told = True
+        self._tracked_elsewhere = True
         factor = coulomb / self.friction.coulomb
         unit = self._start.coulomb
         self._belief.set_apart(COULOMB, coulomb / unit, sigma / unit)
@@ -177,7 +178,7 @@ class SplitHorizonEstimator:
         self.state = self._end = self._rest = None
         self._trend.calm()
         self._known = False
-        self._doubt = 0
+        self._moves_to_trust = 0
         self._belief.set_apart(LEVEL, 0.0, self.settings.belief.wander)
 
     def effective(self, time: float) -> Friction:
@@ -205,7 +206,7 @@ class SplitHorizonEstimator:
     def update(self, move: MoveData) -> Estimate:
         """Learn from a move and carry the friction state to its end.
 
-        A move that cannot be used leaves the model as it was and says why; the friction state
+        A move that cannot be used leaves the model as it was, with a reason; the friction state
         follows the measured positions in any case.
 
         Raises:
@@ -218,7 +219,7 @@ class SplitHorizonEstimator:
         outcome = self._run(move, state, self._known, True, end)
         self._end, self._rest = end, None
         if outcome.verdict == ACCEPTED:
-            self._jumps = self._doubt = 0
+            self._jumps = self._moves_to_trust = 0
             self._known = True
             misfits = self._misfits
             misfits.append(outcome.misfit)
@@ -226,42 +227,42 @@ class SplitHorizonEstimator:
                 self._axis = self._axis._replace(usual_misfit=sorted(misfits)[len(misfits) // 2])
             expected, variance = outcome.sliding.item(0), outcome.sliding.item(1)
             unsure = variance / expected**2
-            if not (self._frozen or self._told) and unsure - self._aged < _LEARNED**2:
-                self._watch(outcome, end)
+            if not (self._frozen or self._tracked_elsewhere) and unsure - self._aged < _LEARNED**2:
+                self._observe_trend(outcome, end)
         else:
             if outcome.verdict == JUMP:
-                self._open_up(outcome)
-            self._known = self._followed(outcome.verdict, move)
+                self._note_jump(outcome)
+            self._known = self._is_state_known(outcome.verdict, move)
         return Estimate(outcome, self._facts)
 
-    def _followed(self, verdict: int, move: MoveData) -> bool:
-        """Whether the elements' forces are known behind a move that was refused.
+    def _is_state_known(self, verdict: int, move: MoveData) -> bool:
+        """Whether the friction state is known behind a refused move.
 
-        Followed through one with figures that are wrong, they end up wrong, until a move is learned
-        from, or some that reach far enough have been followed without harm.
+        Followed with wrong figures it ends up wrong, until a move is learned from, or a few that
+        reach far enough have been followed.
         """
-        if self._frozen or self._sure():
-            self._doubt = 0
+        if self._frozen or self._is_certain():
+            self._moves_to_trust = 0
         elif verdict != STILL:
-            self._doubt = self.settings.patience + 1
+            self._moves_to_trust = self.settings.patience + 1
         elif np.ptp(move.position[move.valid]) > FULL_SLIP * self.friction.breakaway_travel:
-            self._doubt = max(self._doubt - 1, 0)
-        return self._doubt == 0
+            self._moves_to_trust = max(self._moves_to_trust - 1, 0)
+        return self._moves_to_trust == 0
 
-    def _sure(self) -> bool:
+    def _is_certain(self) -> bool:
         """Whether the figures in force are known well enough to follow the elements with."""
         sigma = np.sqrt(self._belief.covariance.diagonal()) / self._belief.mean.clip(1e-9)
-        stiff = "stiffness" not in self._start.figures_of_law or sigma[STIFFNESS] < SURE
-        return bool(sigma[COULOMB] < SURE and stiff)
+        stiff = "stiffness" not in self._start.figures_of_law or sigma[STIFFNESS] < CERTAIN
+        return bool(sigma[COULOMB] < CERTAIN and stiff)
 
-    def _watch(self, outcome: Outcome, time: float) -> None:
-        """Let the trend have the level that a sound move showed."""
-        shown = sliding_shown(outcome, _SAID)
+    def _observe_trend(self, outcome: Outcome, time: float) -> None:
+        """Pass the level that an accepted move showed to the trend."""
+        shown = sliding_shown(outcome, _LEAST_SHOWN)
         if shown is not None:
             self._trend.saw(time, shown[0], shown[1] / shown[0] ** 2, self._before)
 
     def preview(self, move: MoveData) -> Preview | None:
-        """Solve zone A of a move that is not over; None where it says nothing sound yet.
+        """Solve zone A of a move in progress; None where nothing can be concluded yet.
 
         Args:
             move: from rest up to now.
@@ -338,11 +339,11 @@ class SplitHorizonEstimator:
             raise ValueError("fewer than three valid samples")
         return outcome
 
-    def _open_up(self, outcome: Outcome) -> None:
-        """Sound moves in a row that jump the same way: the stage has changed.
+    def _note_jump(self, outcome: Outcome) -> None:
+        """Accept that the stage has changed after several jumps in the same direction.
 
-        Belief opens up to where it began, so that the next sound move is learned from; the model in
-        force stays. Moves that could not be trusted say nothing.
+        The covariance is reset to its start, so that the next good move is learned from; the model
+        in force stays. Moves refused for another reason do not count.
         """
         change = outcome.found[:MASS] / outcome.mean[:MASS] - 1.0
         same_way = (

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.compiled import kernel
-from estimation.friction.law import F64, breakaway_travel
+from estimation.friction.law import F64, breakaway_travel, has_presliding
 from estimation.kinematics import differences, find_turns
 from estimation.online.belief import ALPHA, STIFFNESS
 from estimation.online.zones import REST, SLIDE, STICK, mark_zones
@@ -188,6 +188,9 @@ def prepare(sampled, axis, law, known, mean, state_known, zone_b):  # type: igno
         begun += 1
     while end > 0 and zone[end - 1] == REST:
         end -= 1
+    if not has_presliding(law):
+        for k in range(count):
+            usable[k] &= zone[k] == SLIDE
     sound_slide, sound_stick = (
         _count_usable(zone, usable, SLIDE),
         _count_usable(zone, usable, STICK),
@@ -237,7 +240,7 @@ def _behind_hidden_onset(position, valid, least):  # type: ignore[no-untyped-def
 
 @kernel()
 def _why_not(zone, slide, stick):  # type: ignore[no-untyped-def]
-    """Why a move with so many samples that could be used has nothing to solve."""
+    """Why nothing can be solved; `slide`, `stick`: samples usable but for an unknown onset."""
     if slide >= MIN_SLIDE or stick >= MIN_STICK:
         return UNBEGUN
     sliding = sticking = 0

@@ -129,7 +129,7 @@ class Turn(NamedTuple):
 
 @kernel()
 def make_rows(knots, count):  # type: ignore[no-untyped-def]
-    """Room for so many knots and samples."""
+    """Workspace for `knots` knots of the level and `count` samples."""
     return Rows(np.empty((KNOTS + knots, count)), np.empty(count), np.empty(count), np.empty(count))
 
 

@@ -83,19 +83,19 @@ class EstimatorSettings:
         belief: start and ageing of what is believed.
         bounds: lowest and highest value of each figure, relative to the start model.
         misfit: largest rms of the whitened residual that is accepted.
-        jump: a change beyond so many predicted standard deviations, and beyond `jump_share`
-            of the figure, is refused.
+        jump: a change of a figure by more than this many predicted standard deviations, and by
+            more than the share `jump_share` of it, is refused.
         complete: a move of which less than this share of the samples is valid is followed, but
             not learned from.
-        patience: so many jumps in a row, the same way, mean that the stage has changed.
+        patience: this many jumps in a row in the same direction mean that the stage has changed.
         fixed: figures that are never estimated, of `FIGURES`.
         request: figures to estimate in every move beside the usual ones: relaxation_rate (that is
             C; else from moves without zone A only), static_ratio (alpha), lag.
-        least_gain: a figure of which a move says less than this times its prior's information
-            stays at its prior; 0 updates whatever it says.
+        least_gain: a figure to which a move adds less than this share of its prior's information
+            stays at its prior; 0: every figure is updated.
         slip_spread: deviation of the element forces where zone A begins from what a fresh slip
             leaves, relative to the Coulomb force; 0 takes them from the onset.
-        force_step: resolution of the force [N]; None: found out where rounding is all its noise.
+        force_step: resolution of the force [N]; None: that of a force whose noise is all rounding.
     """
 
     mass: float

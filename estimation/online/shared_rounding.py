@@ -1,11 +1,10 @@
-"""Where a rounded force changes evenly, its samples share one rounding error.
+"""Where a rounded force changes uniformly, its samples share one rounding error.
 
-Taken for white noise, a hundred equal codes of a stage at constant speed would tell its force to a
-thirtieth of a step; they tell it to a third, however many there are. The same where it changes by
-whole steps from sample to sample, as viscous friction can at constant acceleration. How much of the
-error is shared, codes and model say: all of it where there is one code (on a line of whole steps)
-and the force stays in its place, the less the farther it runs through the code, or the more evenly
-two of them take turns.
+Under white noise, a hundred equal codes at constant speed would determine the force to a thirtieth
+of a step; they determine it to a third, however many there are. The same holds where it changes by
+whole steps from sample to sample, as viscous friction can at constant acceleration. All of the
+error is shared where there is one code (on a line of whole steps) and the force does not move; less
+of it the farther the force runs through the code, or the more evenly two codes alternate.
 """
 
 from __future__ import annotations
@@ -15,20 +14,20 @@ import math
 from estimation.compiled import kernel
 
 LONG, LONGER, STRIDE = 8, 24, 4
-"""More samples than that in one code are no chance, nor so many in two; looked for at every so many
-of them."""
+"""More samples than LONG in one code are no coincidence, nor LONGER in two; searched every STRIDE
+samples."""
 NEAR = 1e-3
-"""So close to whole steps are differences of codes [steps]."""
+"""Tolerance of differences of codes from whole steps [steps]."""
 
 
 @kernel()
 def share_rounding(force, residual, use, step, jitter, variance):  # type: ignore[no-untyped-def]
-    """Let the variance of rows grow where they share an error, until together they say what is so.
+    """Inflate the variance of rows that share a rounding error.
 
-    L samples whose mean error has the variance c are as good as L apart with a variance of L c. Of
-    a force that stays anywhere in a code, c is 1/12 of step^2; on the border of two that come as
-    often as s and 1 - s, the mean is s - 1/2 off. Both are less by the share D of a code that it
-    runs through: (1 - D)^2.
+    L samples whose mean error has the variance c are worth L independent ones with a variance of
+    L c. For a force that stays anywhere in a code, c is step^2/12; on the border of two codes with
+    shares s and 1 - s, the mean is s - 1/2 off. Both are reduced by the share D of a code that the
+    force runs through: (1 - D)^2.
 
     Args:
         force: measured [N], shape (K + 2,).
@@ -79,10 +78,10 @@ def share_rounding(force, residual, use, step, jitter, variance):  # type: ignor
 
 @kernel()
 def _run(force, residual, rise, jitter, begin, end):  # type: ignore[no-untyped-def]
-    """How far the predicted force runs from a line with the slope `rise`, by the means of halves.
+    """Lower bound of how far the predicted force runs from a line with the slope `rise` [N].
 
-    At least [N], for what the positions' noise makes of these: of second differences' sums three
-    first differences are left, the one in the middle twice.
+    From the means of both halves, less what the positions' noise makes of them: of the sums of
+    second differences three first differences are left, the middle one twice.
     """
     half = (end - begin) // 2
     total = 0.0

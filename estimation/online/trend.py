@@ -1,18 +1,18 @@
-"""A trend of the Coulomb force, carried on in time between moves.
+"""A trend of the Coulomb force, extrapolated in time between moves.
 
 A stage that warms up changes by per cents in a second. An axis that rests meanwhile, or makes moves
-that do not slide, would be believed to stay as it was. The logarithm of the level that moves show
-is therefore followed under two hypotheses,
+that do not slide, would be believed unchanged. The logarithm of the level that moves show is
+therefore tracked under two hypotheses,
 
     none:   w(t) + c,     drift:  w(t) + c(t),  dc/dt = r,
 
 w the level's own wander, c a constant that drifts a little from move to move, r a first-order
-Gauss-Markov process: friction warms up fast at first, and less and less. How probable a drift is,
-the surprises of both Kalman filters say (multiple models: P. S. Maybeck, Stochastic Models,
-Estimation, and Control, vol. 2, 1982, section 10.8); what they said is forgotten slowly. What is
-carried on is the rate times that probability, and belief in the Coulomb force is no surer than both
-leave it: an error of the rate adds up from move to move. A quiet stage is neither carried on nor
-doubted.
+Gauss-Markov process: friction warms up fast at first, and less and less. The probability of a drift
+follows from the innovations of both Kalman filters (multiple models: P. S. Maybeck, Stochastic
+Models, Estimation, and Control, vol. 2, 1982, section 10.8) and is forgotten slowly. The level is
+extrapolated by the rate times that probability, and the variance of the Coulomb force is at least
+that of the mixture: an error of the rate adds up from move to move. A quiet stage is neither
+extrapolated nor doubted.
 """
 
 from __future__ import annotations

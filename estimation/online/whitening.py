@@ -38,7 +38,7 @@ class Weights(NamedTuple):
 
 @kernel()
 def make_weights(count):  # type: ignore[no-untyped-def]
-    """Room for so many rows."""
+    """Workspace for `count` rows."""
     return Weights(np.zeros(count), np.zeros(count), np.zeros(count))
 
 

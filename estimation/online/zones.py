@@ -16,13 +16,13 @@ from estimation.kinematics import differences, find_turns
 F64 = NDArray[np.float64]
 
 SLIP_MARGIN = 6.0
-"""Zone A begins after so many breakaway travels (2 would do, were the model right) ..."""
+"""Zone A begins after this many breakaway travels (2 would do if the model were right) ..."""
 SLIP_PART = 0.25
-"""... but not after more than this part of the move."""
+"""... but not after more than this share of the move."""
 FAR_LONGER = 5.0
-"""The first motion in one direction has zone A, unless a later one is so many times as long."""
+"""Zone A is in the first motion in one direction, unless a later one is this many times as long."""
 SLIP_VELOCITIES = 4.0
-"""... and above so many Stribeck velocities."""
+"""... and above this many Stribeck velocities."""
 
 REST, STICK, SLIDE = 0, 1, 2
 """Zone codes: at rest; onset or zone B; zone A."""

@@ -5,7 +5,7 @@ import pytest
 
 from estimation.friction import Friction, FrictionState, follow
 from estimation.friction.coulomb_variation import (
-    follow_variation,
+    follow_varying,
     level_with_target,
     state_after,
     varying_feedforward,
@@ -26,7 +26,7 @@ def test_without_variation_it_is_the_plain_model():
     one, other = FrictionState.relaxed(10), FrictionState.relaxed(10)
     flat = np.zeros(SAMPLES)
     plain, _ = follow(FRICTION, one, POSITION, VELOCITY, TS)
-    assert follow_variation(FRICTION, other, flat, POSITION, VELOCITY, TS) == pytest.approx(
+    assert follow_varying(FRICTION, other, flat, POSITION, VELOCITY, TS) == pytest.approx(
         plain, abs=1e-9
     )
     assert other.forces == pytest.approx(one.forces)
@@ -39,13 +39,13 @@ def test_without_variation_it_is_the_plain_model():
 def test_sliding_follows_the_place_and_sticking_does_not():
     variation = 0.2 * (1.0 - POSITION / 0.025)  # 7.2 N where it begins, 6 N at the target
     state = FrictionState.relaxed(10)
-    force = follow_variation(FRICTION, state, variation, POSITION, VELOCITY, TS)
+    force = follow_varying(FRICTION, state, variation, POSITION, VELOCITY, TS)
     sliding = VELOCITY > 0.05
     assert force[sliding] == pytest.approx(6.0 * (1 + variation[sliding]), rel=0.03)
     # At rest nothing slips: whatever Fc does, the elements keep their force.
     rest = state.forces.copy()
     still = np.full(50, POSITION[-1])
-    follow_variation(FRICTION, state, np.linspace(0, -0.5, 50), still, np.zeros(50), TS)
+    follow_varying(FRICTION, state, np.linspace(0, -0.5, 50), still, np.zeros(50), TS)
     assert state.forces == pytest.approx(rest)
 
 
@@ -53,7 +53,7 @@ def test_data_made_level_are_those_of_a_flat_table():
     variation = 0.15 * np.cos(40 * POSITION) - 0.15 * np.cos(40 * 0.025)
     real = FrictionState.relaxed(10)
     scaled = real.copy()
-    force = follow_variation(FRICTION, real.copy(), variation, POSITION, VELOCITY, TS)
+    force = follow_varying(FRICTION, real.copy(), variation, POSITION, VELOCITY, TS)
     valid = np.ones(SAMPLES, dtype=np.bool_)
     valid[40] = False
     move = MoveData(POSITION.copy(), force, valid, 0.0, 0.0)
