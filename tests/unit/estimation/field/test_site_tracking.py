@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from estimation.field.change import StepDetector, false_alarm_rate
 from estimation.field.site_tracking import TREND, SiteTracker, TrackingSettings
 
 SITES, EVERY = 20, 0.35
@@ -111,14 +110,6 @@ def test_a_new_site_and_time_that_stands_still():
     before = tracker.expected(0, wander=False)[1]
     tracker.advance(100.0 + 180 * 86400.0)
     assert before < tracker.expected(0, wander=False)[1] < 1.0
-
-
-def test_the_detector_sums_small_surprises_and_begins_anew():
-    detector = StepDetector(allowance=1.0, threshold=4.0)
-    assert [detector.update(z) for z in (2.5, 2.5, 2.5)] == [0, 0, 1]
-    assert (detector.up, detector.down) == (0.0, 0.0)
-    assert detector.update(-8.0) == -1
-    assert false_alarm_rate() * 10_000 < 0.5  # 5 are allowed, and real surprises have tails
 
 
 def test_a_doubtful_measurement_surprises_as_much_and_is_believed_less():

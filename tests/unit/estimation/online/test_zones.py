@@ -1,9 +1,8 @@
-"""Kinematics and zones of moves."""
+"""Zones of moves."""
 
 import numpy as np
 
 from estimation.friction import Friction
-from estimation.kinematics import differences
 from estimation.online.zones import REST, SLIDE, STICK, split
 from estimation.trajectory import Limits, plan
 
@@ -16,17 +15,6 @@ def move(target, limits=(0.5, 3.0, 200.0), rest=60, noise=1e-9):
     time = np.arange(-5, int(motion.duration / TS) + rest) * TS
     rng = np.random.default_rng(1)
     return motion.sample(time)[0] + rng.normal(0.0, noise, len(time))
-
-
-def test_differences_are_exact_for_constant_acceleration():
-    t = np.arange(50) * TS
-    velocity, acceleration, usable = np.empty(48), np.empty(48), np.empty(48, dtype=bool)
-    valid = np.ones(50, dtype=bool)
-    valid[20] = False
-    differences(0.1 + 0.2 * t + 1.5 * t**2, valid, TS, velocity, acceleration, usable)
-    np.testing.assert_allclose(velocity, 0.2 + 3.0 * t[1:-1], rtol=1e-9)
-    np.testing.assert_allclose(acceleration, 3.0, rtol=1e-6)
-    assert np.flatnonzero(~usable).tolist() == [18, 19, 20]  # a hole spoils its neighbours
 
 
 def test_zone_a_is_inside_the_slide_in_both_directions():
