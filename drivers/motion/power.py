@@ -274,7 +274,8 @@ class Power:
         for channel in self.channels:
             channel.controlword, channel.offset = int(Command.QUICK_STOP), 0
         last: tuple[int, ...] = ()
-        for count, _ in enumerate(self._cycles(max(timeout, GIVEN_UP), blind=True)):
+        given_up = round(GIVEN_UP / self._period)
+        for count, _ in enumerate(self._cycles(max(timeout, GIVEN_UP), blind=True), 1):
             positions = tuple(c.position for c in self.channels)
             still, last = positions == last, positions
             states = [state_of(c) for c in self.channels if c.valid]
@@ -282,7 +283,7 @@ class Power:
             if not any(
                 s in moving and (s is not State.QUICK_STOP_ACTIVE or not still) for s in states
             ):
-                if len(states) == len(self.channels) or count * self._period >= GIVEN_UP:
+                if len(states) == len(self.channels) or count >= given_up:
                     self._cycle.beat(True)
                     return
             if count == round(UNHEARD / self._period):

@@ -13,6 +13,8 @@ from tests.unit.drivers.conftest import rest
 
 X, Y = 0, 1
 RESET, HALT = 0x0080, 0x0100
+QUICK_STOP, DISABLE_VOLTAGE = 0x02, 0x00
+CONTROLWORD, HEARTBEAT = 0x6040, 0x77F
 
 
 def test_a_halt_takes_the_force_offsets_away_and_ends_without_its_bit(
@@ -46,6 +48,18 @@ def test_a_halt_that_does_not_come_to_rest_names_the_axis_that_moves(
         stage.halt()
     assert scripted.clock.now - begin > 2e9
     assert not stage.enabled
+
+
+def test_a_halt_waits_for_an_axis_that_brakes(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+
+    def brakes(drive: Any, count: int) -> None:
+        drive.position = min(1000 * (count - begin), 100_000)
+
+    begin, scripted.drives[Y].on_sync = scripted.drives[Y].syncs, brakes
+    stage.halt()
+    assert scripted.drives[Y].syncs - begin >= 100 + 20
+    assert stage.targets[Y] == pytest.approx(1e-4)
 
 
 def test_what_trembles_within_the_rest_band_is_at_rest(stage: Stage, scripted: Any) -> None:
@@ -136,7 +150,10 @@ def test_a_fault_that_stays_is_named_with_its_cause(stage: Stage, scripted: Any)
         d.emergency(0x3210)
 
     drive.on_sync = stays
-    text = r"^axis y: .*the fault cannot be reset; .*DC link over-voltage \(0x3210\).*\(FAULT\)"
+    text = (
+        r"^axis y: 0x6041:00 statusword: the fault cannot be reset; .*"
+        r"DC link over-voltage \(0x3210\).*\(FAULT\)"
+    )
     with pytest.raises(AxisFault, match=text) as caught:
         stage.reset_faults()
     assert caught.value.code == 0x3210
@@ -147,7 +164,9 @@ def test_an_axis_that_says_nothing_is_named_and_the_other_one_is_reset(
 ) -> None:
     scripted.drives[X].mute_tpdo = 1_000_000
     drive = in_fault(scripted)
-    with pytest.raises(AxisFault, match=r"^axis x: .*no process data \(TPDO 0x181\) at all"):
+    with pytest.raises(
+        AxisFault, match=r"^axis x: 0x6041:00 statusword: no process data \(TPDO 0x181\) at all"
+    ):
         stage.reset_faults()
     assert drive.state is State.SWITCH_ON_DISABLED
 
@@ -158,3 +177,83 @@ def test_an_axis_that_is_late_to_speak_is_waited_for(stage: Stage, scripted: Any
     stage.reset_faults()
     assert drive.syncs > 100
     assert drive.state is State.SWITCH_ON_DISABLED
+
+
+def test_an_emergency_does_not_break_off_a_quick_stop(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+    words = []
+
+    def shouts(drive: Any, count: int) -> None:
+        words.append(drive.latched[0])
+        if drive.latched[0] == QUICK_STOP:
+            drive.emergency(0x2310)
+
+    scripted.drives[Y].on_sync = shouts
+    stage.quick_stop()
+    assert words[-1] == DISABLE_VOLTAGE
+    assert [d.state for d in scripted.drives] == [State.SWITCH_ON_DISABLED] * 2
+
+
+def test_power_stays_on_while_a_quick_stop_brakes(stage: Stage, scripted: Any) -> None:
+    """Drives with option codes 5 to 8 stay in QUICK STOP ACTIVE: standing still is the end."""
+    stage.enable()
+    moving = []
+
+    def brakes(drive: Any, count: int) -> None:
+        if drive.state is State.QUICK_STOP_ACTIVE and len(moving) < 250:
+            moving.append(drive.latched[0])
+            drive.position += 1000
+
+    scripted.drives[Y].on_sync = brakes
+    first = len(scripted.sent)
+    stage.quick_stop()
+    assert len(moving) == 250
+    assert set(moving) == {QUICK_STOP}
+    assert scripted.drives[Y].state is State.SWITCH_ON_DISABLED
+    beats = [t for t, can_id, _ in scripted.sent[first:] if can_id == HEARTBEAT]
+    assert len(beats) >= 2  # they do as they are told: they need not miss us
+
+
+def test_an_axis_that_goes_on_is_told_by_sdo_and_then_misses_the_host(
+    stage: Stage, scripted: Any
+) -> None:
+    stage.enable()
+    x, y = scripted.drives
+    begin, first = scripted.clock.now, len(scripted.sent)
+
+    def goes_on(drive: Any, count: int) -> None:
+        if scripted.clock.now < begin + 500_000_000:
+            drive.state = State.OPERATION_ENABLED
+
+    x.on_sync = goes_on
+    x.writes.clear()
+    y.writes.clear()
+    stage.quick_stop()
+    told = [t for t, i, d in scripted.sent[first:] if i == 0x601 and d[1:3] == b"\x40\x60"]
+    assert x.writes[0] == (CONTROLWORD, 0, QUICK_STOP)
+    assert len([w for w in x.writes if w[2] == QUICK_STOP]) == 1
+    assert begin + 15e6 < told[0] < begin + 40e6
+    assert y.writes == []
+    beats = [t - begin for t, can_id, _ in scripted.sent[first:] if can_id == HEARTBEAT]
+    assert [t for t in beats if 40e6 < t < 500e6] == []
+    assert x.state is State.SWITCH_ON_DISABLED
+    begin, first = scripted.clock.now, len(scripted.sent)
+    stage.idle(0.35)
+    assert len([i for _, i, _ in scripted.sent[first:] if i == HEARTBEAT]) >= 3
+
+
+def test_a_silent_axis_is_given_the_time_to_miss_the_host(stage: Stage, scripted: Any) -> None:
+    """And the other one, which stands still in QUICK STOP ACTIVE, is not blamed for it."""
+    stage.enable()
+    scripted.drives[X].mute_tpdo = 1_000_000
+    begin = scripted.clock.now
+    stops = []
+
+    def look(drive: Any, count: int) -> None:
+        if drive.latched[0] == QUICK_STOP:
+            stops.append(scripted.clock.now)
+
+    scripted.drives[Y].on_sync = look
+    stage.quick_stop()
+    assert stops[-1] - begin >= 0.59e9
+    assert scripted.drives[Y].state is State.SWITCH_ON_DISABLED
