@@ -176,7 +176,12 @@ class ScriptedClock:
 
 
 class ScriptedBus(can.BusABC):
-    """A python-can bus with drives behind it and a clock of its own."""
+    """A python-can bus with drives behind it and a clock of its own.
+
+    Attributes:
+        broken: why it refuses frames, None where it does not.
+        mended_at: when it takes frames again [ns].
+    """
 
     def __init__(self) -> None:
         super().__init__(channel="scripted")
@@ -185,10 +190,11 @@ class ScriptedBus(can.BusABC):
         self.clock = ScriptedClock(self)
         self.sent: list[tuple[int, int, bytes]] = []
         self.broken: str | None = None
+        self.mended_at: float = float("inf")
         self.queue: deque[can.Message] = deque()
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        if self.broken is not None:
+        if self.broken is not None and self.clock.now < self.mended_at:
             raise can.CanOperationError(self.broken)
         data = bytes(msg.data)
         self.sent.append((self.clock.now, msg.arbitration_id, data))

@@ -50,6 +50,7 @@ def test_where_nobody_was_ever_there_a_stop_sends_nothing(
 ) -> None:
     with Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage:
         before, begin = len(scripted.sent), scripted.clock.now
+        assert not stage.ending
         stage.safe_stop()
         assert len(scripted.sent) == before
         assert scripted.clock.now == begin
@@ -105,3 +106,68 @@ def test_a_fault_tells_the_commands_before_the_stop(stage: Stage, scripted: Any)
     assert "quick stop" not in commands
     assert caught.value.report is not None
     assert decode(caught.value.report.evidence.statusword) is State.SWITCHED_ON
+
+
+def controlwords(drive: Any) -> list[int]:
+    """What was written to 0x6040 by SDO."""
+    return [value for index, _, value in drive.writes if index == 0x6040]
+
+
+def test_a_stop_that_gets_through_is_one(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+    begin = scripted.clock.now
+    stage.safe_stop()
+    assert [d.state for d in scripted.drives] == [State.SWITCH_ON_DISABLED] * 2
+    assert scripted.clock.now - begin < 50e6
+    assert [controlwords(d) for d in scripted.drives] == [[], []]
+
+
+@pytest.mark.parametrize("away", [0.0, 0.3, 0.55])
+def test_a_bus_that_refuses_frames_is_tried_again(stage: Stage, scripted: Any, away: float) -> None:
+    stage.enable()
+    begin = scripted.clock.now
+    scripted.broken, scripted.mended_at = "bus-off", begin + away * 1e9
+    stage.safe_stop()
+    assert [d.state for d in scripted.drives] == [State.SWITCH_ON_DISABLED] * 2
+    assert scripted.clock.now - begin < (away + 0.05) * 1e9  # every 10 ms
+
+
+def test_a_bus_that_stays_away_is_given_up_when_the_drives_miss_the_host(
+    stage: Stage, scripted: Any
+) -> None:
+    stage.enable()
+    scripted.broken = "bus-off"
+    begin = scripted.clock.now
+    stage.safe_stop()
+    assert 0.6e9 <= scripted.clock.now - begin < 0.62e9
+
+
+def test_a_drive_that_does_not_stop_is_told_once_by_each_word(stage: Stage, scripted: Any) -> None:
+    """Quick stop while its process data are of no use, then both words; not again and again."""
+    stage.enable()
+
+    def goes_on(drive: Any, count: int) -> None:
+        drive.state = State.OPERATION_ENABLED
+
+    x, y = scripted.drives
+    x.on_sync = goes_on
+    stage.safe_stop()
+    assert controlwords(x) == [QUICK_STOP, QUICK_STOP, 0]
+    assert controlwords(y) == [QUICK_STOP, 0]
+
+
+def test_closing_takes_force_offsets_back_before_power_off(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+    position, offset = rest(stage, 3)
+    stage.stream(position, offset + 4.0)
+    offsets = []
+
+    def look(drive: Any, count: int) -> None:
+        if drive.latched[0] & 0xF == 0xF:
+            offsets.append(drive.latched[2])
+
+    scripted.drives[X].on_sync = look
+    stage.close()
+    assert offsets == sorted(offsets, reverse=True)
+    assert len(offsets) >= 50
+    assert offsets[-1] == 0
