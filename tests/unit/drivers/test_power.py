@@ -90,6 +90,49 @@ def test_an_axis_that_leaves_operation_enabled_ends_the_halt_by_its_name(
     assert scripted.drives[X].state is State.SWITCH_ON_DISABLED
 
 
+@pytest.mark.parametrize("axis", [X, Y])
+def test_an_axis_that_does_not_come_to_power_is_named(
+    stage: Stage, scripted: Any, axis: int
+) -> None:
+    def stays_behind(drive: Any, count: int) -> None:
+        if drive.state is State.SWITCHED_ON:
+            drive.state = State.READY_TO_SWITCH_ON
+
+    scripted.drives[axis].on_sync = stays_behind
+    begin = scripted.clock.now
+    text = rf"^axis {'xy'[axis]}: .*does not reach OPERATION ENABLED within 2 s; statusword 0x"
+    with pytest.raises(AxisFault, match=text):
+        stage.enable()
+    assert scripted.clock.now - begin > 2e9
+    assert State.OPERATION_ENABLED not in [d.state for d in scripted.drives]
+
+
+@pytest.mark.parametrize("axis", [X, Y])
+def test_an_axis_that_sends_nothing_does_not_come_to_power(
+    stage: Stage, scripted: Any, axis: int
+) -> None:
+    scripted.drives[axis].mute_tpdo = 1_000_000
+    with pytest.raises(AxisFault, match=rf"^axis {'xy'[axis]}: .*no process data"):
+        stage.enable()
+    assert scripted.drives[1 - axis].state is State.SWITCH_ON_DISABLED
+
+
+def test_a_quick_stop_takes_the_force_offsets_away(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+    position, offset = rest(stage, 3)
+    stage.stream(position, offset + 4.0)
+    offsets = []
+
+    def look(drive: Any, count: int) -> None:
+        if drive.latched[0] == QUICK_STOP:
+            offsets.append(drive.latched[2])
+
+    scripted.drives[Y].on_sync = look
+    stage.quick_stop()
+    assert offsets
+    assert set(offsets) == {0}
+
+
 def in_fault(scripted: Any) -> Any:
     """Axis y in fault."""
     drive = scripted.drives[Y]
