@@ -37,3 +37,12 @@ def test_settling_is_judged_on_the_micro_move():
     failed = [v for v in some if v.failures]
     assert 0 < len(failed) < len(some)
     assert all("settle" in text for v in failed for text in v.failures)
+
+
+def test_only_what_settles_late_or_never_fails():
+    late = [text for v in verdicts(settling=0.14) for text in v.failures if "settled in" in text]
+    assert late
+    assert all(float(text.split()[3]) >= 140 for text in late)
+    never = [text for v in verdicts(settling=1e3) for text in v.failures]
+    assert all(text.endswith("did not settle") for text in never)
+    assert len(never) < len(verdicts(settling=1e3))
