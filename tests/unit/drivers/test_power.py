@@ -100,7 +100,10 @@ def test_an_axis_that_does_not_come_to_power_is_named(
 
     scripted.drives[axis].on_sync = stays_behind
     begin = scripted.clock.now
-    text = rf"^axis {'xy'[axis]}: .*does not reach OPERATION ENABLED within 2 s \(enable_timeout\); statusword 0x"
+    text = (
+        rf"^axis {'xy'[axis]}: .*does not reach OPERATION ENABLED within 2 s "
+        r"\(enable_timeout\); statusword 0x"
+    )
     with pytest.raises(AxisFault, match=text):
         stage.enable()
     assert scripted.clock.now - begin > 2e9
