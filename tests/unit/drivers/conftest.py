@@ -29,6 +29,11 @@ def rest(stage: Stage, count: int) -> tuple[np.ndarray, np.ndarray]:
     return np.tile(stage.targets, (count, 1)), np.zeros((count, len(stage.axes)))
 
 
+def power_is_off(scripted: ScriptedBus) -> bool:
+    """Whether the last controlword that each drive took removes its power, without force offset."""
+    return all(d.latched[0] & 0xF in (0, 2) and d.latched[2] == 0 for d in scripted.drives)
+
+
 class ScriptedDrive:
     """SDO server over a dict, CiA 402 states by table, follows its target at once.
 

@@ -1,4 +1,4 @@
-"""Impossible settings are named."""
+"""Settings that cannot be are refused by name."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from typing import Any
 
 import pytest
 
-from drivers.drive.axis import interpolation_period
 from drivers.errors import ConfigurationError
-from drivers.settings import AxisSettings, BusSettings
+from drivers.settings import AxisSettings, BusSettings, RealTimeSettings
 
 
 @pytest.mark.parametrize(
@@ -43,13 +42,18 @@ def test_the_period_is_exact() -> None:
     assert BusSettings("virtual", "0", sync_period=0.0025).period_us == 2500
 
 
-@pytest.mark.parametrize("period_us", [1000, 2000, 2500, 250, 125, 4000, 10_000, 1_000_000])
-def test_interpolation_period_is_the_sync_period(period_us: int) -> None:
-    value, index = interpolation_period(period_us)
-    assert 0 < value <= 255
-    assert value * 10 ** (index + 6) == pytest.approx(period_us)
+@pytest.mark.parametrize(
+    ("settings", "name"), [({"priority": 100}, "priority"), ({"core": -1}, "core")]
+)
+def test_impossible_real_time_settings_are_named(settings, name):
+    with pytest.raises(ConfigurationError, match=f"realtime {name}"):
+        RealTimeSettings(**settings)
 
 
-def test_a_period_without_interpolation_value_is_named() -> None:
-    with pytest.raises(ConfigurationError, match=r"0x60C2:01 .*1234 us"):
-        interpolation_period(1234)
+@pytest.mark.parametrize(
+    "settings",
+    [{"sync_source": "nobody"}, {"sync_window": 2e-3}, {"max_late": -1}, {"sync_window": 1e-6}],
+)
+def test_impossible_bus_settings_are_named(settings):
+    with pytest.raises(ConfigurationError, match=next(iter(settings))):
+        BusSettings("virtual", "x", **settings)

@@ -1,4 +1,4 @@
-"""Faults and stops on a scripted bus: what the host sends when drives misbehave."""
+"""The stage as a whole on a scripted bus: a fault of one axis stops all, and is named."""
 
 from __future__ import annotations
 
@@ -9,20 +9,12 @@ import numpy as np
 import pytest
 
 from drivers.drive import State
-from drivers.errors import (
-    AxisFault,
-    BusError,
-    HomingError,
-)
+from drivers.errors import AxisFault, BusError, ConfigurationError
+from drivers.settings import AxisSettings, BusSettings
 from drivers.stage import Stage
-from tests.unit.drivers.conftest import rest
+from tests.unit.drivers.conftest import power_is_off, rest
 
 X, Y = 0, 1
-
-
-def off(scripted: Any) -> bool:
-    """Whether the last power command that the drives saw took their power away."""
-    return all(d.latched[0] & 0xF in (0, 2) and d.latched[2] == 0 for d in scripted.drives)
 
 
 def test_too_many_missed_tpdos_stop_all_axes(stage: Stage, scripted: Any) -> None:
@@ -33,7 +25,7 @@ def test_too_many_missed_tpdos_stop_all_axes(stage: Stage, scripted: Any) -> Non
     ):
         stage.stream(*rest(stage, 50))
     assert scripted.drives[X].state is not State.OPERATION_ENABLED
-    assert off(scripted)
+    assert power_is_off(scripted)
 
 
 def _fault(drive: Any) -> None:
@@ -70,7 +62,7 @@ def _preoperational(drive: Any) -> None:
         (_preoperational, r"^axis x: NMT state is PRE-OPERATIONAL, not OPERATIONAL", None),
     ],
 )
-def test_an_event_of_one_axis_stops_both_and_is_named(
+def test_a_fault_of_one_axis_stops_both_and_is_named(
     stage: Stage, scripted: Any, event: Any, text: str, code: int | None
 ) -> None:
     stage.enable()
@@ -82,7 +74,7 @@ def test_an_event_of_one_axis_stops_both_and_is_named(
         stage.stream(*rest(stage, 1000))
     assert caught.value.code == code
     assert len(seen) == 10  # nothing is lost up to and with the cycle of the event
-    assert off(scripted)
+    assert power_is_off(scripted)
     assert scripted.drives[Y].state is not State.OPERATION_ENABLED
 
 
@@ -91,7 +83,7 @@ def test_a_lost_heartbeat_stops_all_axes(stage: Stage, scripted: Any) -> None:
     scripted.drives[X].objects[0x1017, 0] = 0
     with pytest.raises(AxisFault, match=r"^axis x: heartbeat lost: node 1 silent for 0\.3"):
         stage.stream(*rest(stage, 1000))
-    assert off(scripted)
+    assert power_is_off(scripted)
 
 
 def test_a_bus_error_is_named_and_close_survives_it(stage: Stage, scripted: Any) -> None:
@@ -117,7 +109,9 @@ def test_enabling_a_faulted_axis_says_why_and_reset_clears_it(stage: Stage, scri
     assert stage.enabled
 
 
-def test_disable_takes_the_force_offset_back_before_power_off(stage: Stage, scripted: Any) -> None:
+def test_disable_ramps_the_force_offset_to_zero_before_power_off(
+    stage: Stage, scripted: Any
+) -> None:
     stage.enable()
     position, offset = rest(stage, 3)
     offset[:] = 4.0
@@ -132,53 +126,7 @@ def test_disable_takes_the_force_offset_back_before_power_off(stage: Stage, scri
     assert not stage.enabled
 
 
-def _homing(outcome: list[int]) -> Any:
-    """A drive's statusword bits 13, 12, 10 from the SYNC of the start bit on."""
-    steps: list[int] = []
-
-    def on_sync(drive: Any, count: int) -> None:
-        if drive.state is State.OPERATION_ENABLED and drive.objects.get((0x6060, 0)) == 6:
-            started = drive.controlword & 0x10
-            steps.extend(outcome if started and not steps else [])
-            drive.bits = (steps.pop(0) if len(steps) > 1 else steps[0]) if steps else 0x400
-
-    return on_sync
-
-
-def test_homing_waits_for_attained_and_reached_and_is_not_repeated(
-    stage: Stage, scripted: Any
-) -> None:
-    for drive in scripted.drives:
-        drive.on_sync = _homing([0x400, 0, 0, 0x1000, 0x1000, 0x1400])
-    stage.home()
-    assert stage.homed
-    before = len(scripted.sent)
-    stage.home()
-    assert len(scripted.sent) == before
-
-
-@pytest.mark.parametrize(
-    ("outcome", "text"),
-    [
-        ([0, 0, 0x400], r"interrupted"),
-        ([0, 0x2400], r"homing error"),
-        ([0x400], r"did not begin within 0.5 s"),
-    ],
-)
-def test_homing_failures_are_told_apart(
-    stage: Stage, scripted: Any, outcome: list[int], text: str
-) -> None:
-    scripted.drives[X].on_sync = _homing([0x400, 0, 0x1400])
-    scripted.drives[Y].on_sync = _homing(outcome)
-    with pytest.raises(
-        HomingError, match=r"^axis y: 0x6098:00 homing method: method 34: .*" + text
-    ):
-        stage.home()
-    assert not stage.homed
-    assert off(scripted)
-
-
-def test_enable_does_not_trust_what_it_heard_long_ago(stage: Stage, scripted: Any) -> None:
+def test_enable_does_not_rely_on_an_old_statusword(stage: Stage, scripted: Any) -> None:
     stage.enable()
     scripted.drives[X].state = State.SWITCH_ON_DISABLED
     stage.enable()
@@ -186,7 +134,9 @@ def test_enable_does_not_trust_what_it_heard_long_ago(stage: Stage, scripted: An
     assert scripted.drives[X].state is State.OPERATION_ENABLED
 
 
-def test_a_drive_that_shows_0x0000_until_spoken_to_is_enabled(stage: Stage, scripted: Any) -> None:
+def test_a_drive_that_shows_0x0000_until_the_first_controlword_is_enabled(
+    stage: Stage, scripted: Any
+) -> None:
     drive = scripted.drives[X]
     drive.state = State.NOT_READY_TO_SWITCH_ON
 
@@ -196,7 +146,7 @@ def test_a_drive_that_shows_0x0000_until_spoken_to_is_enabled(stage: Stage, scri
 
 
 @pytest.mark.parametrize("problem", [KeyboardInterrupt, RuntimeError])
-def test_whatever_goes_wrong_in_the_application_stops_the_axes(
+def test_an_exception_in_the_application_stops_the_axes(
     stage: Stage, scripted: Any, problem: type[BaseException]
 ) -> None:
     stage.enable()
@@ -206,5 +156,20 @@ def test_whatever_goes_wrong_in_the_application_stops_the_axes(
 
     with pytest.raises(problem):
         stage.stream(*rest(stage, 10), until=until)
-    assert off(scripted)
+    assert power_is_off(scripted)
     assert not stage.enabled
+
+
+def test_two_axes_on_one_node_are_refused(
+    scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
+) -> None:
+    with pytest.raises(ConfigurationError, match=r"axis x: node 1 is axis x's already"):
+        Stage.open(bus_settings, (axis_settings[0], axis_settings[0]), bus_object=scripted)
+
+
+def test_a_second_boot_configures_everything_again(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+    stage.boot()
+    assert not stage.enabled
+    stage.enable()
+    assert len(stage.stream(*rest(stage, 3))) == 3

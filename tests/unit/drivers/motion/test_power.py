@@ -1,4 +1,4 @@
-"""Changes of power state on a scripted bus: halts and resets that do not go as they should."""
+"""Power states on a scripted bus: halts and fault resets that go wrong."""
 
 from __future__ import annotations
 
@@ -17,9 +17,7 @@ QUICK_STOP, DISABLE_VOLTAGE = 0x02, 0x00
 CONTROLWORD, HEARTBEAT = 0x6040, 0x77F
 
 
-def test_a_halt_takes_the_force_offsets_away_and_ends_without_its_bit(
-    stage: Stage, scripted: Any
-) -> None:
+def test_a_halt_removes_the_force_offsets_and_clears_its_bit(stage: Stage, scripted: Any) -> None:
     stage.enable()
     position, offset = rest(stage, 3)
     stage.stream(position, offset + 4.0)
@@ -62,7 +60,7 @@ def test_a_halt_waits_for_an_axis_that_brakes(stage: Stage, scripted: Any) -> No
     assert stage.targets[Y] == pytest.approx(1e-4)
 
 
-def test_what_trembles_within_the_rest_band_is_at_rest(stage: Stage, scripted: Any) -> None:
+def test_an_axis_that_trembles_within_the_rest_band_is_at_rest(stage: Stage, scripted: Any) -> None:
     stage.enable()
 
     def trembles(drive: Any, count: int) -> None:
@@ -74,7 +72,7 @@ def test_what_trembles_within_the_rest_band_is_at_rest(stage: Stage, scripted: A
 
 
 @pytest.mark.parametrize("state", [State.FAULT, State.QUICK_STOP_ACTIVE, State.SWITCHED_ON])
-def test_an_axis_that_leaves_operation_enabled_ends_the_halt_by_its_name(
+def test_an_axis_that_leaves_operation_enabled_during_a_halt_is_named(
     stage: Stage, scripted: Any, state: State
 ) -> None:
     stage.enable()
@@ -143,7 +141,7 @@ def in_fault(scripted: Any) -> Any:
     return drive
 
 
-def test_without_a_fault_a_reset_takes_a_few_syncs(stage: Stage, scripted: Any) -> None:
+def test_a_reset_without_a_fault_takes_a_few_syncs(stage: Stage, scripted: Any) -> None:
     begin = scripted.clock.now
     stage.reset_faults()
     assert scripted.clock.now - begin < 500e6
@@ -151,7 +149,7 @@ def test_without_a_fault_a_reset_takes_a_few_syncs(stage: Stage, scripted: Any) 
 
 
 @pytest.mark.parametrize("at_once", [True, False])
-def test_a_reset_ends_without_its_bit(stage: Stage, scripted: Any, at_once: bool) -> None:
+def test_a_fault_reset_clears_its_bit(stage: Stage, scripted: Any, at_once: bool) -> None:
     """Whether the drive shows its new state at the same SYNC or at the next one."""
     drive = in_fault(scripted)
 
@@ -168,7 +166,7 @@ def test_a_reset_ends_without_its_bit(stage: Stage, scripted: Any, at_once: bool
     stage.enable()
 
 
-def test_a_fault_that_comes_back_is_reset_by_another_edge(stage: Stage, scripted: Any) -> None:
+def test_a_fault_that_recurs_is_reset_by_another_edge(stage: Stage, scripted: Any) -> None:
     drive = in_fault(scripted)
 
     def again(d: Any, count: int) -> None:
@@ -180,7 +178,7 @@ def test_a_fault_that_comes_back_is_reset_by_another_edge(stage: Stage, scripted
     assert drive.state is State.SWITCH_ON_DISABLED
 
 
-def test_what_a_drive_says_while_it_is_reset_is_forgotten(stage: Stage, scripted: Any) -> None:
+def test_emergencies_during_a_fault_reset_are_cleared(stage: Stage, scripted: Any) -> None:
     drive = in_fault(scripted)
     drive.on_sync = lambda d, n: d.emergency(0x3210) if d.state is State.FAULT else None
     stage.reset_faults()
@@ -205,9 +203,7 @@ def test_a_fault_that_stays_is_named_with_its_cause(stage: Stage, scripted: Any)
     assert caught.value.code == 0x3210
 
 
-def test_an_axis_that_says_nothing_is_named_and_the_other_one_is_reset(
-    stage: Stage, scripted: Any
-) -> None:
+def test_a_silent_axis_is_named_and_the_other_one_is_reset(stage: Stage, scripted: Any) -> None:
     scripted.drives[X].mute_tpdo = 1_000_000
     drive = in_fault(scripted)
     with pytest.raises(
@@ -217,7 +213,7 @@ def test_an_axis_that_says_nothing_is_named_and_the_other_one_is_reset(
     assert drive.state is State.SWITCH_ON_DISABLED
 
 
-def test_an_axis_that_is_late_to_speak_is_waited_for(stage: Stage, scripted: Any) -> None:
+def test_an_axis_that_answers_late_is_waited_for(stage: Stage, scripted: Any) -> None:
     scripted.drives[Y].mute_tpdo = 100
     drive = in_fault(scripted)
     stage.reset_faults()

@@ -1,19 +1,16 @@
-"""The host's end of the bus: pumping, heartbeat, tap, errors; and EDS problems."""
+"""The host's end of the bus: pumping, heartbeat, tap, errors."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import can
 import pytest
 
-from drivers.canopen import Clock, MonotonicClock, Network, load_dictionary, open_bus
-from drivers.canopen.clock import clock_of
-from drivers.errors import BusError, ConfigurationError
-from drivers.settings import AxisSettings, BusSettings
+from drivers.canopen import Network, open_bus
+from drivers.errors import BusError
+from drivers.settings import BusSettings
 from drivers.stage import Stage
 from tests.multicast import require_multicast
 
@@ -28,20 +25,6 @@ def pair() -> Iterator[tuple[can.BusABC, can.BusABC]]:
         yield a, b
 
 
-def test_a_bus_without_clock_gets_the_monotonic_one(pair: Any) -> None:
-    clock = clock_of(pair[0])
-    assert isinstance(clock, MonotonicClock)
-    start = time.monotonic_ns()
-    clock.sleep_until_ns(start + 5_000_000)
-    assert time.monotonic_ns() >= start + 5_000_000
-    clock.sleep_until_ns(start)  # past: at once
-
-
-def test_a_bus_with_clock_lends_it(scripted: Any) -> None:
-    assert isinstance(scripted.clock, Clock)
-    assert clock_of(scripted) is scripted.clock
-
-
 def test_pump_until_stops_at_the_condition_and_feeds_subscribers(pair: Any) -> None:
     network = Network(pair[0], "virtual:test_bus")
     got: list[bytes] = []
@@ -54,7 +37,7 @@ def test_pump_until_stops_at_the_condition_and_feeds_subscribers(pair: Any) -> N
     assert got == [b"\0", b"\1", b"\2"]
 
 
-def test_the_host_beats_while_pumping_and_does_not_burst_after_a_pause(scripted: Any) -> None:
+def test_heartbeats_are_sent_while_pumping_without_a_burst_after_a_pause(scripted: Any) -> None:
     network = Network(scripted, "scripted")
     network.pump(1.0)
     beats = [t for t, i, data in scripted.sent if (i, data) == (0x77F, b"\x05")]
@@ -73,7 +56,7 @@ def test_the_tap_sees_both_directions(pair: Any) -> None:
     assert [s for s in seen if s[0] != 0x77F] == [(0x601, b"\x40"), (0x581, b"\x60")]
 
 
-def test_frames_that_are_no_services_of_ours_do_no_harm(scripted: Any, stage: Stage) -> None:
+def test_malformed_and_foreign_frames_are_ignored(scripted: Any, stage: Stage) -> None:
     for can_id, data, extended in (
         (0x081, b"\x01", False), (0x701, b"", False), (0x701, b"\0\0", False),
         (0x581, b"\x80", False), (0x1FFFFFFF, bytes(8), True), (0x181, b"\1", False),
@@ -93,21 +76,8 @@ def test_a_bus_that_cannot_be_opened_is_named(interface: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_eds_problems_are_named(tmp_path: Path, axis_settings: tuple[AxisSettings, ...]) -> None:
-    import dataclasses
-
-    missing = dataclasses.replace(axis_settings[0], eds=tmp_path / "none.eds")
-    with pytest.raises(ConfigurationError, match=r"^axis x: EDS file .*none.eds: no such file"):
-        load_dictionary(missing)
-    broken = tmp_path / "broken.eds"
-    for text in ("", "not an eds\n", "[1018]\nObjectType=potato\n", "[DeviceInfo]\n"):
-        broken.write_text(text)
-        with pytest.raises(ConfigurationError, match=r"^axis x: EDS file .*broken.eds: ."):
-            load_dictionary(dataclasses.replace(axis_settings[0], eds=broken))
-
-
 @pytest.mark.real_time
-def test_another_stage_in_another_multicast_group_is_not_heard() -> None:
+def test_frames_of_another_multicast_group_are_not_received() -> None:
     ours, theirs = "239.74.163.81", "239.74.163.82"
     require_multicast(ours)
     with (

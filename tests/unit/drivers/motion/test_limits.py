@@ -1,4 +1,4 @@
-"""Setpoints are checked before anything is sent."""
+"""Setpoints are checked against the limits before anything is sent."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ from drivers.settings import AxisSettings
 TS = 1e-3
 
 
-def test_rounds_to_increments_and_permille(axis_settings: tuple[AxisSettings, ...]) -> None:
+def test_setpoints_are_rounded_to_increments_and_permille(
+    axis_settings: tuple[AxisSettings, ...],
+) -> None:
     position = np.array([[1.4e-9, -1.6e-9], [2.6e-9, -2.4e-9]])
     offset = np.array([[0.05, -0.1], [-1e9, 1e9]])
     targets, offsets = checked_counts(position, offset, axis_settings, (0, 0), TS)
@@ -31,7 +33,7 @@ def test_rounds_to_increments_and_permille(axis_settings: tuple[AxisSettings, ..
     assert offsets.tolist() == [[1, -2], [-32768, 32767]]
 
 
-def test_the_ends_of_the_travel_and_the_velocity_limit_itself_are_allowed(
+def test_the_limits_themselves_are_allowed(
     axis_settings: tuple[AxisSettings, ...],
 ) -> None:
     speed = axis_settings[0].velocity
@@ -49,7 +51,7 @@ def test_the_ends_of_the_travel_and_the_velocity_limit_itself_are_allowed(
         (3, 0, 0.00101, r"axis x: 0x607A:00 .*row 3: 1.01 m/s .* exceeds the velocity limit 1 m/s"),
     ],
 )
-def test_the_first_offender_is_named(
+def test_the_first_position_outside_the_limits_is_named(
     axis_settings: tuple[AxisSettings, ...], row: int, axis: int, value: float, text: str
 ) -> None:
     position = np.zeros((6, 2))
@@ -58,7 +60,7 @@ def test_the_first_offender_is_named(
         checked_counts(position, np.zeros((6, 2)), axis_settings, (0, 0), TS)
 
 
-def test_an_offset_that_is_no_number_is_named(axis_settings: tuple[AxisSettings, ...]) -> None:
+def test_an_offset_that_is_not_finite_is_named(axis_settings: tuple[AxisSettings, ...]) -> None:
     offset = np.zeros((3, 2))
     offset[1, 1] = np.nan
     with pytest.raises(LimitError, match=r"axis y: 0x60B2:00 torque offset: row 1: nan N"):
@@ -74,7 +76,7 @@ def test_wrong_shapes_are_refused(axis_settings: tuple[AxisSettings, ...], shape
 @given(
     st.lists(st.floats(-0.2, 0.2), min_size=1, max_size=8), st.integers(-150_000_000, 150_000_000)
 )
-def test_whatever_passes_is_within_travel_and_speed(steps: list[float], last: int) -> None:
+def test_accepted_positions_are_within_travel_and_velocity(steps: list[float], last: int) -> None:
     from pathlib import Path
 
     axis = AxisSettings(
@@ -98,7 +100,7 @@ def alone(axis: int, *values: float) -> np.ndarray:
 
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_the_first_position_is_judged_from_the_one_sent_last(
+def test_the_first_position_is_checked_from_the_target_sent_last(
     axis_settings: tuple[AxisSettings, ...], axis: int, sign: int
 ) -> None:
     last = [0, 0]
@@ -115,7 +117,7 @@ def test_the_first_position_is_judged_from_the_one_sent_last(
 
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_the_first_velocity_is_judged_from_rest(
+def test_the_first_velocity_is_checked_from_rest(
     axis_settings: tuple[AxisSettings, ...], axis: int, sign: int
 ) -> None:
     """0.01 m/s in a SYNC of 1 ms are 10 m/s^2: what follows keeps within that."""
@@ -136,7 +138,7 @@ def test_the_first_velocity_is_judged_from_rest(
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_the_first_velocity_already_leads_somewhere(
+def test_the_first_velocity_counts_towards_the_travel(
     axis_settings: tuple[AxisSettings, ...], sign: int
 ) -> None:
     """10 um in a SYNC, from 5 um before the end of the travel."""
@@ -149,7 +151,7 @@ def test_the_first_velocity_already_leads_somewhere(
 
 @pytest.mark.parametrize(("axis", "limit"), [(0, 120.0), (1, 200.0)])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_the_first_force_is_judged_by_the_peak_force(
+def test_the_first_force_is_checked_against_the_peak_force(
     axis_settings: tuple[AxisSettings, ...], axis: int, limit: float, sign: int
 ) -> None:
     allowed = sign * alone(axis, limit, 0.0)
@@ -162,7 +164,7 @@ def test_the_first_force_is_judged_by_the_peak_force(
         checked_forces(allowed[::-1], axis_settings)
 
 
-def test_rounding_alone_leaves_neither_travel_nor_speed(
+def test_rounding_alone_exceeds_no_limit(
     axis_settings: tuple[AxisSettings, ...],
 ) -> None:
     """Half an increment beyond the travel, one and a half beyond the way of a SYNC."""
@@ -179,7 +181,7 @@ def test_rounding_alone_leaves_neither_travel_nor_speed(
             checked_counts(far, 0 * far, axis_settings, (0, 0), TS)
 
 
-def test_velocities_may_lead_to_the_very_end_of_the_travel(
+def test_velocities_may_lead_to_the_end_of_the_travel(
     axis_settings: tuple[AxisSettings, ...],
 ) -> None:
     for sign, side in (
@@ -202,7 +204,7 @@ def test_velocities_may_lead_to_the_very_end_of_the_travel(
         ((0.0, 0.0, 0.005), (0.0, 0.0, 0.0), r"0x60FF:00 .*row 2: the last one must be 0"),
     ],
 )
-def test_of_velocities_the_first_offender_is_named(
+def test_the_first_velocity_outside_the_limits_is_named(
     axis_settings: tuple[AxisSettings, ...], velocity: Any, offset: Any, text: str
 ) -> None:
     rows = alone(1, *velocity), alone(1, *offset)
@@ -211,7 +213,7 @@ def test_of_velocities_the_first_offender_is_named(
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_a_force_that_is_no_number_is_named(
+def test_a_force_that_is_not_finite_is_named(
     axis_settings: tuple[AxisSettings, ...], value: float
 ) -> None:
     with pytest.raises(LimitError, match=rf"^axis y: 0x6071:00 .*row 1: {value} N is no setpoint"):
@@ -235,7 +237,7 @@ def test_forces_of_wrong_shape_are_refused(axis_settings: tuple[AxisSettings, ..
             checked_forces(np.zeros(shape), axis_settings)
 
 
-def test_a_profile_reaches_its_limits_and_knows_how_long_it_takes(
+def test_a_profile_may_use_its_limits_and_has_the_right_duration(
     axis_settings: tuple[AxisSettings, ...],
 ) -> None:
     """At 1 m/s and 10 m/s^2: the way at full speed, and 0.1 s for both ramps."""
@@ -266,7 +268,7 @@ def test_the_target_of_a_profile_outside_the_travel_is_named(
         checked_profile(axis_settings[0], 0.0, positions, 1.0, 10.0, relative)
 
 
-def test_a_profile_beyond_the_limits_is_told_in_plain_figures(
+def test_a_profile_outside_the_limits_is_named_in_plain_figures(
     axis_settings: tuple[AxisSettings, ...],
 ) -> None:
     """Positions come out of arrays, too."""

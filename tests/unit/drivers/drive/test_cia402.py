@@ -34,7 +34,7 @@ def matches(word: int, pattern: str) -> bool:
     return all(p in ("x", b) for p, b in zip(pattern, f"{word:016b}", strict=True))
 
 
-def test_decode_agrees_with_the_printed_table_for_every_word() -> None:
+def test_decode_agrees_with_the_printed_table_for_every_statusword() -> None:
     for word in range(0x10000):
         shown = [s for s, pattern in PRINTED.items() if matches(word, pattern)]
         assert len(shown) <= 1
@@ -58,7 +58,7 @@ def test_the_transition_table_is_complete() -> None:
 
 
 @pytest.mark.parametrize(("state", "target"), list(itertools.product(State, REACHABLE)))
-def test_every_state_gets_to_every_target(state: State, target: State) -> None:
+def test_every_target_is_reached_from_every_state(state: State, target: State) -> None:
     """A drive that obeys the table arrives, and a fault is reset by an edge."""
     word, edge = 0, False
     for _ in range(12):
@@ -75,16 +75,16 @@ def test_every_state_gets_to_every_target(state: State, target: State) -> None:
     pytest.fail(f"stays in {state}")
 
 
-def test_enabling_goes_by_shutdown_switch_on_enable() -> None:
+def test_enabling_takes_shutdown_switch_on_enable_operation() -> None:
     words = [next_controlword(s, State.OPERATION_ENABLED) for s in REACHABLE[:3]]
     assert words == [0x06, 0x07, 0x0F]
 
 
-def test_no_drive_is_enabled_directly_from_quick_stop() -> None:
+def test_a_drive_is_not_enabled_directly_from_quick_stop() -> None:
     assert next_command(State.QUICK_STOP_ACTIVE, State.OPERATION_ENABLED) is Command.DISABLE_VOLTAGE
 
 
-def test_a_held_fault_reset_bit_is_taken_back_before_the_next_edge() -> None:
+def test_a_set_fault_reset_bit_is_cleared_before_the_next_edge() -> None:
     target = State.SWITCH_ON_DISABLED
     words = [0x80]
     for _ in range(3):
@@ -92,7 +92,7 @@ def test_a_held_fault_reset_bit_is_taken_back_before_the_next_edge() -> None:
     assert words == [0x80, 0x00, 0x80, 0x00]
 
 
-def test_a_fault_is_waited_for_without_commanding() -> None:
+def test_nothing_is_commanded_until_the_fault_reaction_ends() -> None:
     assert next_command(State.FAULT_REACTION_ACTIVE, State.SWITCH_ON_DISABLED) is None
     assert next_controlword(State.FAULT_REACTION_ACTIVE, State.SWITCH_ON_DISABLED, 0x8F) == 0x0F
 
@@ -105,7 +105,7 @@ def test_a_fault_cannot_be_commanded(target: State) -> None:
         next_controlword(State.OPERATION_ENABLED, target)
 
 
-def test_holding_words_lead_nowhere() -> None:
+def test_holding_controlwords_cause_no_transition() -> None:
     for state, word in HOLD.items():
         if state is not State.SWITCH_ON_DISABLED:
             assert (state, Command(word)) not in TRANSITIONS
@@ -123,16 +123,16 @@ def test_holding_words_lead_nowhere() -> None:
         (State.QUICK_STOP_ACTIVE, 0x02),
     ],
 )
-def test_a_state_that_is_reached_is_held_whatever_was_sent_before(
+def test_a_state_that_is_reached_is_held_whatever_was_sent_last(
     state: State, word: int, previous: int
 ) -> None:
     assert next_controlword(state, state, previous) == word
 
 
 @pytest.mark.parametrize("state", [State.FAULT, State.FAULT_REACTION_ACTIVE])
-def test_in_a_fault_that_is_wanted_nothing_new_is_sent(state: State) -> None:
+def test_in_a_commanded_fault_state_the_controlword_stays(state: State) -> None:
     assert next_controlword(state, state, 0x0006) == 0x0006
 
 
-def test_nothing_was_sent_before_unless_it_is_said() -> None:
+def test_the_previous_controlword_defaults_to_zero() -> None:
     assert next_controlword(State.NOT_READY_TO_SWITCH_ON, State.SWITCH_ON_DISABLED) == 0x0000

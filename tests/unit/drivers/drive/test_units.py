@@ -54,13 +54,13 @@ def test_position_units_other_than_increments(increment, unit):
     )
 
 
-def test_a_gear_counts():
+def test_the_gear_ratio_is_part_of_the_position_unit():
     drive = factor_group(1e-9, 1e-9)
     drive.objects[0x6091, 1] = 5
     assert check_units(drive, settings(encoder=1e-9, increment=5e-9, travel=(-0.1, 0.1))) == []
 
 
-def test_a_mismatch_names_both():
+def test_a_mismatch_names_both_units():
     with pytest.raises(
         ConfigurationError,
         match=r"^axis x: 0x6092:01 feed: factor group: one position unit is 0\.2 encoder "
@@ -80,14 +80,14 @@ def test_a_mismatch_names_both():
         ({"x6076_0": 41_000}, r"0x6076:00 .*the drive says 41 N, the settings 40 N"),
     ],
 )
-def test_other_units_than_the_settings_say(others, message):
+def test_units_other_than_the_settings_are_refused(others, message):
     drive = factor_group(1e-9, 1e-9)
     drive.objects |= Drive(**others).objects
     with pytest.raises(ConfigurationError, match=message):
         check_units(drive, settings())
 
 
-def test_units_that_agree_and_notations_of_something_else():
+def test_units_that_agree_are_accepted():
     assert check_units(
         factor_group(1e-9, 1e-9, x6096_1=1, x6096_2=1, x6097_1=1000, x6097_2=1), settings()
     ) == []  # fmt: skip
@@ -95,7 +95,7 @@ def test_units_that_agree_and_notations_of_something_else():
     assert check_units(drive, settings(velocity_unit=1e-6)) == []
 
 
-def test_what_is_not_offered_is_said():
+def test_missing_unit_objects_are_reported():
     clauses = check_units(Drive(), settings())
     assert len(clauses) == 4
     assert clauses[-1] == (
@@ -104,7 +104,7 @@ def test_what_is_not_offered_is_said():
 
 
 @pytest.mark.parametrize("polarity", [0x40, 0x80, 0xC0, -128])
-def test_a_polarity_that_turns_motion_round_is_refused(polarity):
+def test_a_polarity_that_reverses_motion_is_refused(polarity):
     with pytest.raises(
         ConfigurationError, match=rf"^axis x: 0x607E:00 .*0x{polarity & 0xFF:02X} t"
     ):
@@ -112,7 +112,7 @@ def test_a_polarity_that_turns_motion_round_is_refused(polarity):
 
 
 @pytest.mark.parametrize("polarity", [0x00, 0x3F])
-def test_other_bits_of_the_polarity_turn_nothing(polarity):
+def test_other_bits_of_the_polarity_are_ignored(polarity):
     assert check_units(factor_group(1e-9, 1e-9, x607E_0=polarity), settings()) == []
 
 
@@ -130,11 +130,11 @@ def test_a_velocity_unit_is_a_power_of_ten_of_metres_per_second(notation, unit):
 
 
 @pytest.mark.parametrize("notation", [0x00020300, 0x00015700, 0x00B40300, 0x00010000])
-def test_a_notation_that_is_not_metres_per_second_says_nothing(notation):
+def test_a_notation_other_than_metres_per_second_is_ignored(notation):
     assert check_units(factor_group(1e-9, 1e-9, x60A9_0=notation), settings()) == []
 
 
-def test_a_rate_may_miss_by_a_millionth():
+def test_a_rate_may_deviate_by_a_millionth():
     near, far = (Drive(x6096_1=n, x6096_2=10_000_000).objects for n in (10_000_009, 10_000_011))
     drive = factor_group(1e-9, 1e-9)
     drive.objects |= near
@@ -144,7 +144,7 @@ def test_a_rate_may_miss_by_a_millionth():
         check_units(drive, settings())
 
 
-def test_a_factor_goes_before_a_notation():
+def test_a_factor_takes_precedence_over_a_notation():
     drive = factor_group(1e-9, 1e-9, x6096_1=1, x6096_2=1, x60A9_0=0xFA010300)
     assert check_units(drive, settings()) == []
 
@@ -161,7 +161,7 @@ def test_a_factor_that_is_no_positive_fraction_is_refused(numerator, denominator
 
 
 @pytest.mark.parametrize("missing", [(0x6091, 1), (0x6091, 2)])
-def test_half_a_factor_is_none(missing):
+def test_half_a_factor_counts_as_none(missing):
     drive = factor_group(1e-9, 1e-9)
     del drive.objects[missing]
     (clause,) = check_units(drive, settings())
@@ -170,7 +170,7 @@ def test_half_a_factor_is_none(missing):
     )
 
 
-def test_a_position_unit_may_miss_by_a_millionth():
+def test_a_position_unit_may_deviate_by_a_millionth():
     """Factor groups are fractions of integers; the travel of 0.3 m is out by 0.3 um then."""
     drive = factor_group(1e-9, 1e-9)
     drive.objects |= {(0x6091, 1): 10_000_000, (0x6091, 2): 10_000_009}

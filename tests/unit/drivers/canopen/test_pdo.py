@@ -124,7 +124,7 @@ class StrictNode:
 
 
 @pytest.mark.parametrize("cob", [0x181, 0xC0000000 | 0x181, 0x40000000 | 0x281, 0x80000000])
-def test_configuration_passes_a_strict_node(cob: int) -> None:
+def test_a_node_that_insists_on_the_order_of_cia_301_accepts_the_configuration(cob: int) -> None:
     node = StrictNode(cob)
     mapping = PdoMapping((MappedObject(ObjectRef(0x6041, 0, ""), 0x06),))
     PdoRecord.transmit(1).configure(node, 0x181, mapping)
@@ -137,7 +137,7 @@ def test_configuration_passes_a_strict_node(cob: int) -> None:
     PdoRecord.transmit(7).disable(node)  # not offered: nothing to do
 
 
-def test_the_stage_rpdo_is_what_struct_says() -> None:
+def test_the_rpdo_of_the_stage_is_laid_out_as_documented() -> None:
     kinds = ((0x6040, 0x06), (0x607A, 0x04), (0x60B2, 0x03))
     mapping = PdoMapping(tuple(MappedObject(ObjectRef(i, 0, ""), t) for i, t in kinds))
     assert mapping.encode([0x0F, -150_000_000, -25]) == struct.pack("<Hih", 0x0F, -150_000_000, -25)

@@ -13,7 +13,7 @@ def test_bits_of_a_frame(size: int, least: int, worst: int) -> None:
     assert (least_bits(size), worst_bits(size)) == (least, worst)
 
 
-def test_no_frame_has_nine_bytes() -> None:
+def test_a_frame_of_nine_bytes_is_refused() -> None:
     with pytest.raises(ValueError, match="not 9"):
         stage_budget(("x",), (9,), (), 1e-3, 1_000_000)
 
@@ -22,13 +22,15 @@ def test_no_frame_has_nine_bytes() -> None:
     ("rpdos", "tpdos", "worst", "least"),
     [((), (8, 8), 595, 491), ((8,), (8, 8), 865, 713), ((4,), (6, 6), 705, 585)],
 )
-def test_two_axes(rpdos: tuple[int, ...], tpdos: tuple[int, ...], worst: int, least: int) -> None:
+def test_the_budget_of_two_axes(
+    rpdos: tuple[int, ...], tpdos: tuple[int, ...], worst: int, least: int
+) -> None:
     budget = stage_budget(("x", "y"), rpdos, tpdos, 1e-3, 1_000_000)
     assert (budget.worst, budget.least, budget.available) == (worst, least, 1000)
     assert budget.peak == worst + 3 * 65
 
 
-def test_what_is_left_for_sdo() -> None:
+def test_the_bus_time_left_for_sdo() -> None:
     full = stage_budget(("x", "y"), (8,), (8, 8), 1e-3, 1_000_000)
     assert not full.fits  # 865 + 3 heartbeats of 65
     assert full.sdo_pairs == 0

@@ -1,4 +1,4 @@
-"""Stops that have to get through, on a scripted bus: when they go out, and for how long."""
+"""Safe stops on a scripted bus: when they are sent, and for how long they are repeated."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ X, Y = 0, 1
 QUICK_STOP = 0x02
 
 
-def test_a_stage_says_that_it_stops_until_it_is_booted_again(stage: Stage, scripted: Any) -> None:
+def test_a_stop_shows_until_the_next_boot(stage: Stage, scripted: Any) -> None:
     stage.enable()
     said = []
 
@@ -45,7 +45,7 @@ def test_drives_that_have_booted_are_stopped_before_the_first_sync(
     assert [d.state for d in scripted.drives] == [State.SWITCH_ON_DISABLED] * 2
 
 
-def test_where_nobody_was_ever_there_a_stop_sends_nothing(
+def test_a_stop_sends_nothing_where_no_drive_was_ever_heard(
     scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
 ) -> None:
     with Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage:
@@ -56,7 +56,7 @@ def test_where_nobody_was_ever_there_a_stop_sends_nothing(
         assert scripted.clock.now == begin
 
 
-def test_the_slowest_axis_sets_how_long_a_stop_may_take(
+def test_the_slowest_axis_determines_how_long_a_stop_may_take(
     scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
 ) -> None:
     """1 m/s at 1 m/s^2 is 1 s, and 0.5 s to react."""
@@ -76,7 +76,7 @@ def test_the_slowest_axis_sets_how_long_a_stop_may_take(
 
 
 @pytest.mark.parametrize("axis", [None, "z"])
-def test_a_fault_of_no_axis_stops_all_and_leaves_as_it_is(
+def test_a_fault_without_an_axis_stops_all_and_is_raised_unchanged(
     stage: Stage, scripted: Any, axis: str | None
 ) -> None:
     stage.enable()
@@ -91,7 +91,7 @@ def test_a_fault_of_no_axis_stops_all_and_leaves_as_it_is(
     assert [d.state for d in scripted.drives] == [State.SWITCH_ON_DISABLED] * 2
 
 
-def test_a_fault_tells_the_commands_before_the_stop(stage: Stage, scripted: Any) -> None:
+def test_a_fault_names_the_commands_before_the_stop(stage: Stage, scripted: Any) -> None:
     stage.enable()
 
     def falls_out(drive: Any, count: int) -> None:

@@ -1,4 +1,4 @@
-"""Another host on the bus: told from our own frames coming back, before anything moves."""
+"""Another host on the bus is detected, and our own frames coming back are not taken for it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def frame(can_id: int, data: bytes = b"", is_rx: bool = True) -> can.Message:
     return can.Message(arbitration_id=can_id, data=data, is_extended_id=False, is_rx=is_rx)
 
 
-def test_where_nothing_comes_back_every_frame_of_a_host_is_another_ones() -> None:
+def test_without_echoes_every_host_frame_received_is_of_another_host() -> None:
     other = OtherHost(echoes=False)
     told: list[str | None] = []
     other.on_found = lambda: told.append(other.found)
@@ -28,7 +28,7 @@ def test_where_nothing_comes_back_every_frame_of_a_host_is_another_ones() -> Non
     assert told == ["a heartbeat of node 127 (0x77F)"]
 
 
-def test_own_frames_that_come_back_are_own_however_late_or_often() -> None:
+def test_echoes_of_own_frames_are_own_however_late_or_often() -> None:
     other = OtherHost(echoes=True)
     other.ids.add(0x201)
     for k in range(50):  # read much later, with some lost on the way
@@ -50,7 +50,7 @@ def test_own_frames_that_come_back_are_own_however_late_or_often() -> None:
         (0x080, b"", 60, "a SYNC (0x080)"),
     ],
 )
-def test_frames_that_were_never_sent_are_another_ones(
+def test_frames_that_were_never_sent_are_of_another_host(
     can_id: int, data: bytes, at: int, said: str
 ) -> None:
     other = OtherHost(echoes=True)
@@ -62,14 +62,14 @@ def test_frames_that_were_never_sent_are_another_ones(
     assert other.found == said
 
 
-def test_a_sync_that_the_kernel_sends_for_us_is_no_other_hosts() -> None:
+def test_a_sync_sent_by_the_kernel_is_our_own() -> None:
     other = OtherHost(echoes=True)
     other.sent_elsewhere.add(0x080)
     other.sends(frame(0x080), 0)
     assert other.found is None
 
 
-def test_a_host_that_runs_is_heard_before_anything_is_sent(
+def test_another_host_is_detected_before_anything_is_sent(
     bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
 ) -> None:
     seen: list[int] = []

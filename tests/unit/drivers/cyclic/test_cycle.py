@@ -1,4 +1,4 @@
-"""Setpoints streamed on a scripted bus: what goes out, and what is made of what comes back."""
+"""Streams on a scripted bus: the frames sent, and the samples made of the answers."""
 
 from __future__ import annotations
 
@@ -9,17 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.errors import (
-    AxisFault,
-    LimitError,
-)
+from drivers.errors import AxisFault, LimitError
 from drivers.stage import Stage
 from tests.unit.drivers.conftest import rest
 
 X, Y = 0, 1
 
 
-def test_enable_targets_the_actual_position_and_stream_returns_what_was_sent(
+def test_enable_targets_the_actual_position_and_a_stream_returns_its_setpoints(
     stage: Stage, scripted: Any
 ) -> None:
     scripted.drives[X].position, scripted.drives[Y].position = 5_000, -7_000
@@ -103,7 +100,7 @@ def test_setpoints_outside_the_limits_send_nothing(
     assert len(scripted.sent) == before
 
 
-def test_a_few_missed_tpdos_are_marked_and_the_last_values_stand(
+def test_missed_tpdos_are_marked_invalid_and_keep_the_last_values(
     stage: Stage, scripted: Any
 ) -> None:
     stage.enable()
@@ -154,9 +151,7 @@ def test_late_cycles_are_counted_and_never_sent_in_a_burst(stage: Stage, scripte
     assert stage.late == 1
 
 
-def test_a_duplicate_of_an_old_tpdo_is_not_taken_for_the_new_one(
-    stage: Stage, scripted: Any
-) -> None:
+def test_a_copy_of_an_old_tpdo_is_not_taken_for_the_new_one(stage: Stage, scripted: Any) -> None:
     """Of the axis that answers last: its old frame would end the cycle before its new one."""
     stage.enable()
     count = itertools.count()
@@ -184,7 +179,9 @@ def test_old_tpdos_beside_every_new_one_stop_the_stage(stage: Stage, scripted: A
     assert not stage.enabled
 
 
-def test_the_host_beats_every_100_ms_while_streaming(stage: Stage, scripted: Any) -> None:
+def test_the_host_heartbeat_is_sent_every_100_ms_while_streaming(
+    stage: Stage, scripted: Any
+) -> None:
     stage.enable()
     start = scripted.clock.now
     stage.stream(*rest(stage, 1000))

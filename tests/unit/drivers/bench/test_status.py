@@ -1,4 +1,4 @@
-"""Statuswords and what is around them, in plain words."""
+"""Statusword, inputs and outputs in plain words."""
 
 import pytest
 
@@ -21,9 +21,9 @@ from drivers.bench.status import Surroundings, in_words
         (0x02B7, Surroundings(), "enabled, under force; warning"),
     ],
 )  # fmt: skip
-def test_in_words(word, around, expected):
+def test_a_statusword_in_words(word, around, expected):
     assert in_words(word, None, around) == expected
 
 
-def test_a_fault_names_its_code():
+def test_a_fault_is_described_by_its_code():
     assert in_words(0x0218, 0x7305) == "fault, no force: incremental sensor 1 fault (0x7305)"

@@ -1,4 +1,4 @@
-"""Texts of error codes and of the exception tree."""
+"""Texts of error codes and of the error register."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import pytest
 
 from drivers.canopen import error_text, register_text
 from drivers.canopen.emcy import ERROR_TEXTS
-from drivers.errors import AxisFault, BusError, DriverError, HomingError, NodeError
-from drivers.objects import ObjectRef
 
 
 @pytest.mark.parametrize(
@@ -35,13 +33,3 @@ def test_every_code_has_one_line() -> None:
 def test_register_text() -> None:
     assert register_text(0x21) == "generic, device profile"
     assert register_text(0) == "none"
-
-
-def test_errors_name_axis_object_cause_in_one_line() -> None:
-    problem = AxisFault("went wrong", axis="x", obj=ObjectRef(0x6065, 2, "window"), code=7)
-    assert str(problem) == "axis x: 0x6065:02 window: went wrong"
-    assert (problem.axis, problem.cause, problem.code) == ("x", "went wrong", 7)
-    assert str(BusError("bus can0: gone")) == "bus can0: gone"
-    assert str(NodeError("silent", axis="y")) == "axis y: silent"
-    assert issubclass(HomingError, AxisFault)
-    assert issubclass(AxisFault, DriverError)

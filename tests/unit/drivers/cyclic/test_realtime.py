@@ -1,4 +1,4 @@
-"""What is asked of the operating system, and what is made of a frame's time stamp."""
+"""Real-time requests to the operating system, and their withdrawal."""
 
 from __future__ import annotations
 
@@ -6,16 +6,10 @@ import gc
 import os
 import sys
 import threading
-import time
-from types import SimpleNamespace
 
-import pytest
-
-from drivers.canopen import MonotonicClock, stamps_of
 from drivers.cyclic import RealTime
 from drivers.cyclic.realtime import SWITCH_INTERVAL
-from drivers.errors import ConfigurationError
-from drivers.settings import BusSettings, RealTimeSettings
+from drivers.settings import RealTimeSettings
 
 
 def in_a_thread(function):
@@ -27,7 +21,7 @@ def in_a_thread(function):
     return result[0]
 
 
-def test_everything_that_was_granted_is_taken_back():
+def test_everything_that_was_granted_is_withdrawn():
     def asked():
         before = os.sched_getscheduler(0), os.sched_getaffinity(0), sys.getswitchinterval()
         core = min(before[1])
@@ -58,7 +52,7 @@ def test_everything_that_was_granted_is_taken_back():
     assert fifo is ("SCHED_FIFO, priority 2" in real_time.granted)
 
 
-def test_a_core_that_is_not_there_is_refused_in_one_clause():
+def test_a_core_that_does_not_exist_is_refused_in_one_clause():
     def asked():
         real_time = RealTime(RealTimeSettings(core=1023))
         real_time.begin()
@@ -69,7 +63,7 @@ def test_a_core_that_is_not_there_is_refused_in_one_clause():
     assert refused.startswith("core 1023: not among the cores 0")
 
 
-def test_no_garbage_collection_in_motion_only():
+def test_garbage_collection_is_off_only_in_motion():
     for frozen in (True, False):
         real_time = RealTime(RealTimeSettings(freeze_gc=frozen))
         with real_time.in_motion():
@@ -81,49 +75,3 @@ def test_no_garbage_collection_in_motion_only():
             assert gc.isenabled()
         finally:
             real_time.end()
-
-
-@pytest.mark.parametrize(
-    ("settings", "name"), [({"priority": 100}, "priority"), ({"core": -1}, "core")]
-)
-def test_settings_that_do_not_exist(settings, name):
-    with pytest.raises(ConfigurationError, match=f"realtime {name}"):
-        RealTimeSettings(**settings)
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [{"sync_source": "nobody"}, {"sync_window": 2e-3}, {"max_late": -1}, {"sync_window": 1e-6}],
-)
-def test_bus_settings_that_do_not_exist(settings):
-    with pytest.raises(ConfigurationError, match=next(iter(settings))):
-        BusSettings("virtual", "x", **settings)
-
-
-def bus_of(module, **attributes):
-    return type("Bus", (), {"__module__": module, **attributes})()
-
-
-def test_a_stamp_tells_how_long_a_frame_has_waited():
-    arrived = stamps_of(bus_of("can.interfaces.socketcan.socketcan"))
-    assert arrived is not None
-    before, stamp, now = time.monotonic_ns(), time.time() - 0.25, time.monotonic_ns()
-    assert before - 251_000_000 < arrived(stamp, now) < now - 249_000_000
-    assert arrived(12.5, now) == now  # some other clock's
-    assert arrived(time.time() + 60, now) == now
-    assert not arrived.useless
-
-
-def test_a_bus_that_stamps_nothing_is_known_after_some_frames():
-    arrived = stamps_of(bus_of("can.interfaces.socketcan.socketcan"))
-    assert arrived is not None
-    for _ in range(200):
-        now = time.monotonic_ns()
-        assert arrived(0.0, now) == now
-    assert arrived.useless
-
-
-def test_other_clocks_stamps_are_not_believed():
-    assert stamps_of(bus_of("can.interfaces.slcan")) is None
-    assert stamps_of(bus_of("can.interfaces.virtual", clock=MonotonicClock())) is None
-    assert stamps_of(SimpleNamespace()) is None

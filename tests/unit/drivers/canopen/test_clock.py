@@ -1,0 +1,67 @@
+"""The clock of a bus, and arrival times from its time stamps."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import can
+import pytest
+
+from drivers.canopen import Clock, MonotonicClock, stamps_of
+from drivers.canopen.clock import clock_of
+
+
+def test_a_bus_without_a_clock_gets_the_monotonic_clock(pair: Any) -> None:
+    clock = clock_of(pair[0])
+    assert isinstance(clock, MonotonicClock)
+    start = time.monotonic_ns()
+    clock.sleep_until_ns(start + 5_000_000)
+    assert time.monotonic_ns() >= start + 5_000_000
+    clock.sleep_until_ns(start)  # past: at once
+
+
+def test_a_bus_with_a_clock_provides_it(scripted: Any) -> None:
+    assert isinstance(scripted.clock, Clock)
+    assert clock_of(scripted) is scripted.clock
+
+
+@pytest.fixture
+def pair() -> Iterator[tuple[can.BusABC, can.BusABC]]:
+    """Two ends of one of python-can's own virtual buses."""
+    with (
+        can.Bus(interface="virtual", channel="test_bus") as a,
+        can.Bus(interface="virtual", channel="test_bus") as b,
+    ):
+        yield a, b
+
+
+def bus_of(module, **attributes):
+    return type("Bus", (), {"__module__": module, **attributes})()
+
+
+def test_the_time_stamp_gives_the_time_of_arrival():
+    arrived = stamps_of(bus_of("can.interfaces.socketcan.socketcan"))
+    assert arrived is not None
+    before, stamp, now = time.monotonic_ns(), time.time() - 0.25, time.monotonic_ns()
+    assert before - 251_000_000 < arrived(stamp, now) < now - 249_000_000
+    assert arrived(12.5, now) == now  # some other clock's
+    assert arrived(time.time() + 60, now) == now
+    assert not arrived.useless
+
+
+def test_a_bus_without_time_stamps_is_recognized_after_some_frames():
+    arrived = stamps_of(bus_of("can.interfaces.socketcan.socketcan"))
+    assert arrived is not None
+    for _ in range(200):
+        now = time.monotonic_ns()
+        assert arrived(0.0, now) == now
+    assert arrived.useless
+
+
+def test_time_stamps_of_another_clock_are_not_used():
+    assert stamps_of(bus_of("can.interfaces.slcan")) is None
+    assert stamps_of(bus_of("can.interfaces.virtual", clock=MonotonicClock())) is None
+    assert stamps_of(SimpleNamespace()) is None

@@ -1,0 +1,91 @@
+"""Homing: how its statuswords are judged, and how it ends."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from drivers.drive import State
+from drivers.errors import HomingError
+from drivers.motion.homing import Progress, judge, timeout_for
+from drivers.settings import AxisSettings
+from drivers.stage import Stage
+from tests.unit.drivers.conftest import power_is_off
+
+X, Y = 0, 1
+
+# statusword bits 13, 12, 10 of CiA 402-2, homing mode
+IN_PROGRESS, INTERRUPTED, ATTAINED, DONE = 0x0237, 0x0637, 0x1237, 0x1637
+ERROR_MOVING, ERROR_STOPPED = 0x2237, 0x2637
+
+
+@pytest.mark.parametrize(
+    ("word", "before", "elapsed", "after"),
+    [
+        (INTERRUPTED, Progress.WAITING, 0.0, Progress.WAITING),  # not begun yet looks the same
+        (IN_PROGRESS, Progress.WAITING, 0.0, Progress.RUNNING),
+        (IN_PROGRESS, Progress.RUNNING, 1.0, Progress.RUNNING),
+        (INTERRUPTED, Progress.RUNNING, 1.0, Progress.INTERRUPTED),
+        (ATTAINED, Progress.RUNNING, 1.0, Progress.RUNNING),  # still moving: not done
+        (DONE, Progress.RUNNING, 1.0, Progress.DONE),
+        (DONE, Progress.WAITING, 0.001, Progress.WAITING),  # of an earlier homing
+        (DONE, Progress.WAITING, 0.1, Progress.DONE),  # a drive that is done at once
+        (ERROR_MOVING, Progress.RUNNING, 1.0, Progress.FAILED),
+        (ERROR_STOPPED, Progress.WAITING, 0.0, Progress.FAILED),
+    ],
+)
+def test_progress_follows_the_statusword(
+    word: int, before: Progress, elapsed: float, after: Progress
+) -> None:
+    assert judge(word, before, elapsed) is after
+
+
+def test_the_timeout_covers_the_travel_both_ways(axis_settings: tuple[AxisSettings, ...]) -> None:
+    assert timeout_for(axis_settings[0]) > 2 * 0.3 / 0.002
+
+
+def _homing(outcome: list[int]) -> Any:
+    """A drive's statusword bits 13, 12, 10 from the SYNC of the start bit on."""
+    steps: list[int] = []
+
+    def on_sync(drive: Any, count: int) -> None:
+        if drive.state is State.OPERATION_ENABLED and drive.objects.get((0x6060, 0)) == 6:
+            started = drive.controlword & 0x10
+            steps.extend(outcome if started and not steps else [])
+            drive.bits = (steps.pop(0) if len(steps) > 1 else steps[0]) if steps else 0x400
+
+    return on_sync
+
+
+def test_homing_ends_when_attained_and_reached_and_is_not_repeated(
+    stage: Stage, scripted: Any
+) -> None:
+    for drive in scripted.drives:
+        drive.on_sync = _homing([0x400, 0, 0, 0x1000, 0x1000, 0x1400])
+    stage.home()
+    assert stage.homed
+    before = len(scripted.sent)
+    stage.home()
+    assert len(scripted.sent) == before
+
+
+@pytest.mark.parametrize(
+    ("outcome", "text"),
+    [
+        ([0, 0, 0x400], r"interrupted"),
+        ([0, 0x2400], r"homing error"),
+        ([0x400], r"did not begin within 0.5 s"),
+    ],
+)
+def test_homing_failures_are_distinguished(
+    stage: Stage, scripted: Any, outcome: list[int], text: str
+) -> None:
+    scripted.drives[X].on_sync = _homing([0x400, 0, 0x1400])
+    scripted.drives[Y].on_sync = _homing(outcome)
+    with pytest.raises(
+        HomingError, match=r"^axis y: 0x6098:00 homing method: method 34: .*" + text
+    ):
+        stage.home()
+    assert not stage.homed
+    assert power_is_off(scripted)
