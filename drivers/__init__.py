@@ -1,7 +1,7 @@
-"""CAN side of the stage: CANopen nodes, CiA 402 axes, cyclic streaming. SI units in and out.
+"""The CAN side of the stage: CANopen nodes, CiA 402 axes, cyclic streaming. SI units in and out.
 
-`Stage` is what the application talks to; everything below it serves it. Heavy imports (can,
-canopen, numpy) happen when one of the names is first asked for, so that `import drivers` is free.
+Applications use `Stage`; everything else serves it. Names are imported on first use, so that
+`import drivers` loads neither can, canopen nor numpy.
 """
 
 from __future__ import annotations

@@ -1,14 +1,14 @@
-"""What can go wrong between host and drives: every error names axis, object and cause.
+"""Errors of the driver. Each names axis, object and cause on one line.
 
     DriverError
-    |- BusError              the bus itself: cannot open, send or receive
+    |- BusError              the bus cannot be opened, sent to or received from
     |- NodeError             a node does not answer, refuses an access, or is another device
-    |- ConfigurationError    the drive cannot be, or was not, configured as asked
-    |- LimitError            asked for more than the axis may do; nothing was sent
-    |- AxisFault             an axis left its operating state or fell silent
-    `- HomingError           homing failed, was interrupted or took too long
+    |- ConfigurationError    a setting is impossible, or a drive did not accept it
+    |- LimitError            a request exceeds the axis' limits; nothing was sent
+    `- AxisFault             an axis left OPERATION ENABLED or fell silent
+       `- HomingError        homing failed, was interrupted or took too long
 
-The text is one line, `axis x: 0x6065:00 following error window: cause`.
+For instance `axis x: 0x6065:00 following error window: cause`.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from drivers.objects import ObjectRef
 
 
 def shown(value: object) -> str:
-    """A value as people write it: bytes in hexadecimal, texts in quotes, no name of a type."""
+    """A value for messages: bytes in hexadecimal, strings in quotes, no type names."""
     match value:
         case bytes() | bytearray():
             return value.hex(" ").upper() or "nothing"
         case bool() | None:
             return str(value).lower()
         case int():
-            return str(int(value))  # of an enumeration, too
+            return str(int(value))  # also of an enumeration
         case float():
             return f"{float(value):.12g}"
         case str():
@@ -38,15 +38,15 @@ def shown(value: object) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What the host knows of an axis at the moment of a fault.
+    """What the host knew of an axis when its fault was noticed.
 
     Attributes:
-        statusword: last one, None before the first.
-        emergencies: codes since alarms were last cleared, oldest first.
-        controlwords: last ones, each once, oldest first.
-        mode: of operation, None before the first.
-        target: last set-point in words, with its unit.  offset: last force offset [N].
-        boots: boot-up messages of its drive so far.
+        statusword: the last one, None before the first.
+        emergencies: EMCY codes since alarms were last cleared, oldest first.
+        controlwords: the last ones, without repetitions, oldest first.
+        mode: mode of operation, None before the first.
+        target: last setpoint as text, with its unit.  offset: last force offset [N].
+        boots: number of boot-up messages of its drive.
     """
 
     statusword: int | None
@@ -60,12 +60,12 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class FaultReport:
-    """All that is known of a fault.
+    """All that is known about a fault.
 
     Attributes:
-        evidence: taken when it was noticed.
-        error_code: 0x603F.  error_register: 0x1001.  None where the drive does not have them.
-        history: newest codes of 0x1003, newest first.
+        evidence: from the moment it was noticed.
+        error_code: 0x603F, error_register: 0x1001; None where the drive lacks them.
+        history: latest codes of 0x1003, newest first.
     """
 
     evidence: Evidence
@@ -75,7 +75,7 @@ class FaultReport:
 
     @property
     def code(self) -> int | None:
-        """The code that names the cause: the first emergency, else 0x603F, else the history's."""
+        """The code of the cause: first emergency, else 0x603F, else the newest of the history."""
         first = next((e for e in self.evidence.emergencies if e & 0xFF00), None)
         return first or self.error_code or next(iter(self.history), None)
 
@@ -85,8 +85,8 @@ class DriverError(Exception):
 
     Attributes:
         cause: what happened, one clause.
-        axis: name of the axis, None where it concerns the bus.
-        object: the CANopen object concerned, None where there is none.
+        axis: name of the axis, None for the bus.
+        object: the CANopen object concerned, if any.
     """
 
     def __init__(
@@ -109,7 +109,7 @@ class NodeError(DriverError):
     """A node does not answer, refuses an access, or is not the device its EDS describes.
 
     Attributes:
-        abort_code: SDO abort code, None where the node did not answer at all.
+        abort_code: SDO abort code, None where there was no abort.
     """
 
     def __init__(
@@ -125,19 +125,19 @@ class NodeError(DriverError):
 
 
 class ConfigurationError(DriverError):
-    """A setting is impossible, or the drive holds another value than the one written."""
+    """A setting is impossible, or a drive holds a value other than the one written."""
 
 
 class LimitError(DriverError):
-    """A setpoint is outside what the axis may do; raised before anything is sent."""
+    """A setpoint is outside the axis' limits; raised before anything is sent."""
 
 
 class AxisFault(DriverError):  # noqa: N818
-    """An axis faulted, left OPERATION ENABLED, or its process data or heartbeat stayed away.
+    """An axis faulted, left OPERATION ENABLED, or sends no process data or heartbeat.
 
     Attributes:
-        code: error code (EMCY or 0x603F), None where the drive told none.
-        report: all that is known of it, None before anybody looked.
+        code: error code (EMCY or 0x603F), None where the drive reports none.
+        report: all that is known about it, None until the axes have been stopped.
     """
 
     def __init__(

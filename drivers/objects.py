@@ -1,6 +1,6 @@
-"""Names of the CANopen objects that the driver touches (CiA 301, CiA 402-2).
+"""Names and numbers of the CANopen objects in use (CiA 301, CiA 402-2).
 
-Only names and numbers: types, access and presence are the EDS's business.
+Data types, access and presence are taken from the EDS.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ class ObjectRef:
     """One object dictionary entry.
 
     Attributes:
-        index: 0x0000..0xFFFF.  sub: sub-index 0..255.  name: the field's word for it.
+        index: 0x0000..0xFFFF.  sub: sub-index 0..255.  name: as in CiA 301 and 402.
     """
 
     index: int
@@ -90,7 +90,7 @@ ACCELERATION_UNIT = ObjectRef(0x60AA, 0, "SI unit acceleration")
 POSITIONING_OPTION = ObjectRef(0x60F2, 0, "positioning option code")
 VELOCITY_ACTUAL = ObjectRef(0x606C, 0, "velocity actual value")
 DIGITAL_INPUTS = ObjectRef(0x60FD, 0, "digital inputs")
-INTERLOCK = 1 << 3  # of them: STO, or the enable input is open
+INTERLOCK = 1 << 3  # bit of 0x60FD: STO active, or enable input open
 DIGITAL_OUTPUTS = ObjectRef(0x60FE, 1, "physical outputs")
 FORCE_OFFSET = ObjectRef(0x60B2, 0, "torque offset")
 INTERPOLATION_VALUE = ObjectRef(0x60C2, 1, "interpolation time period value")

@@ -1,4 +1,4 @@
-"""What the driver needs to know of bus and axes: frozen, SI units, checked when made."""
+"""Settings of bus and axes: frozen, in SI units, validated on construction."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def _finite(value: float) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class RealTimeSettings:
-    """What the host asks of its operating system, on buses in real time.
+    """Requests to the operating system, on buses in real time.
 
     Attributes:
-        priority: of SCHED_FIFO, 1..99; 0: stay with the others.
-        core: to run on alone, None for any.
-        lock_memory: keep all of it in RAM (mlockall).
-        freeze_gc: no garbage collection while setpoints are streamed.
+        priority: of SCHED_FIFO, 1..99; 0: normal scheduling.
+        core: processor core to run on, None for any.
+        lock_memory: keep all memory in RAM (mlockall).
+        freeze_gc: no garbage collection during streams.
     """
 
     priority: int = 0
@@ -57,17 +57,17 @@ class BusSettings:
 
     Attributes:
         interface: python-can interface (lockstep, virtual, udp_multicast, socketcan, ...).
-        channel: as that interface names it.
+        channel: of that interface.
         bitrate: [bit/s]; ignored by interfaces without one.
         sync_period: Ts [s], a whole number of microseconds.
-        sync_counter: SYNC carries a counter 1..this (0x1019), 2..240; 0: it carries none.
-        sync_source: who sends SYNC: "kernel" (SocketCAN's broadcast manager), "host", or "auto":
-            the kernel where it can.
-        sync_window: the drives drop synchronous PDOs later than this after SYNC (0x1007) [s], and
-            so does the host; 0: the drives take them at any time, the host for half a period.
-        max_missed: TPDOs of an axis that may stay away in a row.
-        max_late: SYNCs that may be late in a row.
-        realtime: what the host asks of its operating system.
+        sync_counter: overflow of the SYNC counter (0x1019), 2..240; 0: no counter.
+        sync_source: who sends SYNC: "kernel" (SocketCAN's broadcast manager), "host", or "auto",
+            the kernel where possible.
+        sync_window: drives and host drop synchronous PDOs that come later than this after SYNC
+            (0x1007) [s]; 0: drives accept them at any time, the host for half a period.
+        max_missed: consecutive SYNCs an axis may leave unanswered.
+        max_late: consecutive SYNCs that may be late.
+        realtime: requests to the operating system.
     """
 
     interface: str
@@ -121,7 +121,7 @@ class BusSettings:
 
     @property
     def window_us(self) -> int:
-        """The SYNC window [us], as 0x1007 holds it; 0: none."""
+        """SYNC window [us], as 0x1007 holds it; 0: none."""
         return round(self.sync_window * 1e6)
 
     def __str__(self) -> str:
@@ -130,13 +130,13 @@ class BusSettings:
 
 @dataclass(frozen=True, slots=True)
 class OptionCodes:
-    """What the drive does when it is to stop: the option codes of CiA 402.
+    """Option codes of CiA 402: how the drive stops.
 
     Attributes:
-        quick_stop: 0x605A, 0..3 leave, 5..8 stay in QUICK STOP ACTIVE.  shutdown: 0x605B.
+        quick_stop: 0x605A; 0..3 leave QUICK STOP ACTIVE, 5..8 stay in it.  shutdown: 0x605B.
         disable: 0x605C.  halt: 0x605D.  fault_reaction: 0x605E.
-        abort_connection: 0x6007, what it does without its host: 1 fault, 2 voltage off, 3 quick
-            stop. 0, nothing, is not to be had.
+        abort_connection: 0x6007, when the host is lost: 1 fault, 2 voltage off, 3 quick stop. 0, no
+            action, is not allowed.
     """
 
     quick_stop: int = 2
@@ -164,24 +164,24 @@ class AxisSettings:
     """One axis and its drive.
 
     Attributes:
-        name: as in the machine file.  node: CANopen node id, 1..126 (127 is the host).
-        eds: the drive's EDS file.
-        rated_force: unit of the CiA 402 force values [N].  peak_force: drive's force limit [N].
+        name: as in the machine file.  node: CANopen node id, 1..126 (127 is the host's).
+        eds: the drive's EDS or DCF file.
+        rated_force: base of the CiA 402 force values [N].  peak_force: force limit [N].
         increment: length of one position unit on the bus [m].
         encoder: length of one encoder increment [m]; 0: it is the position unit.
         velocity_unit: of velocities on the bus [m/s]; 0: one position unit per second.
         acceleration_unit: of accelerations on the bus [m/s^2].
         travel: (lowest, highest) position [m].
         velocity, acceleration, jerk: limits [m/s, m/s^2, m/s^3].
-        following_error: window [m]; outside it for following_error_time [s], the drive faults.
-        position_window: target reached (pp) within this [m] for position_window_time [s].
+        following_error: window [m]; the drive faults outside it for following_error_time [s].
+        position_window: the target is reached (pp) within it [m] for position_window_time [s].
         options: option codes for stops.
-        unwatched_host: whether a drive is powered that goes on when its host is gone.
+        unwatched_host: accept a drive that goes on under power when its host is lost.
         homing_method: CiA 402 homing method, 33..37 for stages without switches.
         homing_velocity: (search, index) [m/s].
-        boot_timeout: for the drive's boot-up message after a reset of its communication [s].
-        enable_timeout: for OPERATION ENABLED, phase finding included [s].
-        revision: major revision number wanted (0x1018:03); None: that of the EDS.
+        boot_timeout: until the boot-up message after a communication reset [s].
+        enable_timeout: until OPERATION ENABLED, phase finding included [s].
+        revision: required major revision number (0x1018:03); None: that of the EDS.
     """
 
     name: str

@@ -1,10 +1,10 @@
-"""The stage as the application sees it: axes booted, homed, enabled, streamed and stopped together.
+"""The stage as the application sees it: its axes are booted, homed, enabled and stopped together.
 
-A fault of one axis stops all of them. Setpoints are csp (0x607A and 0x60B2, one pair a SYNC); pp
-and hm serve jogging and homing. The host's heartbeat goes out while something here runs, and the
-drives stop by themselves when the host stays silent for 0.5 s (`idle` waits without that). One
-thread at a time has the bus; objects can be read and written from any thread meanwhile
-(`axis.node`), during a stream between its SYNCs.
+A fault of one axis stops all of them. Streams are csp (0x607A and 0x60B2 with every SYNC), on
+request csv or cst; pp serves jogging. The host's heartbeat is sent while a method runs; the drives
+stop by themselves after 0.5 s without it (`idle` waits with heartbeats). One thread at a time uses
+the bus, but objects can be read and written from any thread (`axis.node`), during a stream between
+its SYNCs.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ from drivers.motion import (
 from drivers.settings import AxisSettings, BusSettings
 from stagedata import Samples
 
-_TRIES = 3
-"""Of the set-up, where something speaks for two devices with one node id."""
+_ATTEMPTS = 3
+"""At configuring the nodes, where two devices seem to share a node id."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -47,22 +47,22 @@ R = TypeVar("R")
 def _exclusive(
     method: Callable[Concatenate[Stage, P], R],
 ) -> Callable[Concatenate[Stage, P], R]:
-    """Holds the bus for all of an operation, so that no other thread reads it in between."""
+    """Keeps the bus locked for the whole operation, so that no other thread reads it."""
 
     @functools.wraps(method)
-    def held(stage: Stage, /, *args: P.args, **kwargs: P.kwargs) -> R:
+    def locked(stage: Stage, /, *args: P.args, **kwargs: P.kwargs) -> R:
         with stage._network.lock:  # noqa: SLF001  a method's wrapper
             return method(stage, *args, **kwargs)
 
-    return held
+    return locked
 
 
 class Stage:
-    """All axes on one bus; a context manager that stops, disables and closes on the way out.
+    """All axes on one bus; a context manager that disables the axes and closes the bus at its end.
 
     Attributes:
-        axes: one `Axis` per settings, in that order; arrays have their columns in it.
-        sink: called with a `Sample` once per streamed SYNC, before anything else is done with it.
+        axes: one `Axis` per settings, in the order of all array columns.
+        sink: called with the `Sample` of every SYNC of a csp stream, before it is evaluated.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Stage:
         bus_object: can.BusABC,
         tap: Tap | None = None,
     ) -> None:
-        """Use `open`; this one takes a bus that its caller closes."""
+        """Takes an open bus, which the caller closes; applications use `open`."""
         self.sink: Sink | None = None
         self.settings = bus
         self._owned: can.BusABC | None = None
@@ -92,7 +92,7 @@ class Stage:
 
     @property
     def ending(self) -> bool:
-        """A stop or the closing has begun, and nothing may break it off; until the next boot."""
+        """Whether a stop or the closing has begun, which must not be interrupted; until `boot`."""
         return self._stopping.begun
 
     @classmethod
@@ -108,13 +108,13 @@ class Stage:
         Args:
             bus: which bus, and its SYNC period.
             axes: settings of the axes.
-            tap: sees every frame sent or received as (time [ns], CAN-ID, data).
-            bus_object: an open python-can bus to use instead of opening one; stays open at the
-                end. Nobody else may read it meanwhile.
+            tap: called with every frame sent or received: (time [ns], CAN-ID, data).
+            bus_object: an open python-can bus to use instead; it stays open at the end. Nothing
+                else may read from it meanwhile.
 
         Raises:
             BusError: the bus cannot be opened.
-            ConfigurationError: no usable EDS, or settings that contradict each other.
+            ConfigurationError: an EDS is unusable, or settings contradict each other.
         """
         used = open_bus(bus) if bus_object is None else bus_object
         try:
@@ -140,36 +140,36 @@ class Stage:
             self.safe_stop()
         self.close()
 
-    # -- what can be asked at any time; nothing is sent for it --------------------------------
+    # -- state, as last received; nothing is sent -----------------------------------------------
 
     @property
     def enabled(self) -> bool:
-        """Whether all axes were in OPERATION ENABLED when last heard."""
+        """Whether all axes were last seen in OPERATION ENABLED."""
         return self._power.enabled
 
     @property
     def homed(self) -> bool:
-        """Whether all axes were homed since their last boot-up."""
+        """Whether all axes have been homed since their last boot-up."""
         return all(axis.homed for axis in self.axes)
 
     @property
     def clock(self) -> Clock:
-        """The time that everything here runs in: virtual on the lock-step bus."""
+        """The clock of the bus: virtual on the lock-step bus, else monotonic."""
         return self._network.clock
 
     @property
     def positions(self) -> tuple[float, ...]:
-        """Actual positions when last heard [m]."""
+        """Actual positions of the last sample [m]."""
         return tuple(c.position * c.axis.scale.increment for c in self._cycle.channels)
 
     @property
     def forces(self) -> tuple[float, ...]:
-        """Actual forces when last heard [N]."""
+        """Actual forces of the last sample [N]."""
         return tuple(c.force * c.axis.scale.force for c in self._cycle.channels)
 
     @property
     def targets(self) -> tuple[float, ...]:
-        """Target positions sent last [m]: where the next stream has to start."""
+        """Target positions sent last [m]; the next stream has to start there."""
         return tuple(c.target * c.axis.scale.increment for c in self._cycle.channels)
 
     @property
@@ -179,22 +179,22 @@ class Stage:
 
     @property
     def limitations(self) -> tuple[str, ...]:
-        """What the drives do without and what follows, known after `boot`; empty: nothing."""
+        """What the drives lack and what follows from it, one clause each; known after `boot`."""
         return tuple(f"axis {a.name}: {clause}" for a in self.axes for clause in a.limitations)
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """What of SYNC and real time is not as asked for, one clause each; known when moving."""
+        """Unmet requests on SYNC and real time, one clause each; known in motion."""
         return (*self._real_time.refused, *self._cycle.sync.notices)
 
     @property
     def missed(self) -> int:
-        """Process data frames that stayed away, since opening."""
-        return self._cycle.sync.missed
+        """Samples missed since opening."""
+        return self._cycle.sync.reception.missed
 
     @property
     def late(self) -> int:
-        """SYNCs that left more than half a period late, since opening."""
+        """SYNCs that left more than half a period late since opening."""
         return self._cycle.sync.late
 
     # -- life cycle -------------------------------------------------------------------------
@@ -204,35 +204,36 @@ class Stage:
         """Resets, identifies and configures all nodes and makes them OPERATIONAL.
 
         Raises:
-            NodeError: a node is missing, refuses an access, is another device, or two of them.
-            ConfigurationError: a drive cannot be set up as needed.
-            BusError: the bus fails, or there is another host on it.
+            NodeError: a node is missing, refuses an access, is another device, or two devices
+                share its id.
+            ConfigurationError: a drive cannot be configured as needed.
+            BusError: the bus fails, or another host is on it.
         """
         self._stopping.begun = False
         self._network.other_host.forget()
         self._network.beats = True
-        self._listen_first()
+        self._listen_for_other_host()
         self._cycle.sync.stop()
-        self._cycle.forget()
+        self._cycle.reset()
         self._power.mode = None
         if isinstance(self.clock, MonotonicClock):
             self._real_time.begin()
         try:
-            self._set_up()
+            self._configure_and_start()
         except (NodeError, ConfigurationError):
-            self._network.check_alone()  # then this is what it comes from
+            self._network.check_alone()  # another host explains it better
             raise
         self._network.check_alone()
         self._cycle.clear_alarms()
 
-    def _set_up(self) -> None:
-        for _ in range(_TRIES):
+    def _configure_and_start(self) -> None:
+        for _ in range(_ATTEMPTS):
             self._configure()
-            twins = [twin for axis in self.axes if (twin := axis.node.twin()) is not None]
-            if not twins:
+            doubles = [error for axis in self.axes if (error := axis.node.find_double())]
+            if not doubles:
                 break
         else:
-            raise twins[0]
+            raise doubles[0]
         for axis in self.axes:
             axis.node.start()
 
@@ -242,11 +243,11 @@ class Stage:
         for axis in self.axes:
             axis.configure(self.settings)
         for channel in self._cycle.channels:
-            channel.adapt()
+            channel.use_mappings()
         self._network.service(self._network.clock.now_ns())
 
-    def _listen_first(self) -> None:
-        """In real time: for another host, before the first frame of ours."""
+    def _listen_for_other_host(self) -> None:
+        """Listens before our first frame, once, on buses in real time."""
         if self._listened or not isinstance(self.clock, MonotonicClock):
             return
         self._listened = True
@@ -254,42 +255,42 @@ class Stage:
             self._network.listen(LISTENING)
         except BusError:
             for axis in self.axes:
-                axis.node.booted = 0  # not at our wish: there is nothing to let go of
+                axis.node.booted = 0  # not on our request: nothing to release at the end
             raise
 
     @_exclusive
     def home(self, force: bool = False) -> None:
-        """Homes all axes that are not homed yet (all with `force`).
+        """Homes all axes that are not homed yet, with `force` all axes.
 
-        They end at rest under power, in mode hm: `enable` is the next step.
+        They end at rest under power in mode hm; `enable` is next.
 
         Raises:
-            HomingError: names the axis, its method and what the drive says.
-            AxisFault: any other fault on the way.
+            HomingError: names the axis, the method and what the drive reports.
+            AxisFault: any other fault.
         """
         self._homing.home(force)
 
     @_exclusive
     def enable(self) -> None:
-        """Closes the loops of all axes in csp where they stand; harmless when enabled already.
+        """Enables all axes in csp where they stand; does nothing where they are enabled.
 
         Raises:
-            AxisFault: an axis is in fault, or does not get there.
+            AxisFault: an axis is in fault, or does not become enabled in time.
         """
         self._csp.enter()
 
     @_exclusive
     def disable(self) -> None:
-        """Takes the force offsets back, then opens the loops of all axes.
+        """Ramps the force offsets to 0, then switches the power of all axes off.
 
         Raises:
-            AxisFault: an axis faults meanwhile, or does not tell that it is without power.
+            AxisFault: an axis faults meanwhile, or does not confirm that its power is off.
         """
         self._stopping.disable()
 
     @_exclusive
     def quick_stop(self) -> None:
-        """Stops all axes at their quick-stop deceleration; they end without power.
+        """Stops all axes at their quick-stop deceleration and switches their power off.
 
         Raises:
             AxisFault: an axis does not stop in time.
@@ -299,7 +300,7 @@ class Stage:
 
     @_exclusive
     def halt(self) -> None:
-        """Stops all axes by controlword bit 8 (0x605D); they end holding where they stand.
+        """Stops all axes by controlword bit 8 (0x605D); they hold where they come to rest.
 
         Raises:
             AxisFault: the stage is not enabled, or an axis does not come to rest; all are stopped.
@@ -310,25 +311,25 @@ class Stage:
 
     @_exclusive
     def reset_faults(self) -> None:
-        """Makes all nodes OPERATIONAL again and acknowledges all faults; `enable` is next.
+        """Makes all nodes OPERATIONAL and acknowledges all faults; `enable` is next.
 
         Raises:
-            AxisFault: a fault stays.
+            AxisFault: a fault persists.
             NodeError: a node does not become OPERATIONAL.
         """
         self._network.other_host.forget()
         self._network.beats = True
         for axis in self.axes:
-            axis.node.start()  # a drive that missed the host's heartbeat has left it
+            axis.node.start()  # a drive that missed the host's heartbeat has left OPERATIONAL
         with self._stopping.on_failure():
             self._power.reset_faults()
 
     @_exclusive
     def idle(self, duration: float) -> None:
-        """Waits for `duration` [s], keeping heartbeats up both ways.
+        """Waits for `duration` [s] while heartbeats are sent and watched.
 
         Raises:
-            AxisFault: an axis says something meanwhile.
+            AxisFault: an axis raises an alarm.
         """
         with self._stopping.on_failure():
             self._network.pump(duration)
@@ -336,21 +337,19 @@ class Stage:
 
     @_exclusive
     def safe_stop(self) -> None:
-        """Quick stop and power off wherever it still reaches; never raises."""
+        """Quick-stops all axes and switches them off, as far as they are reached; never raises."""
         self._stopping.stop()
 
     @_exclusive
     def close(self) -> None:
-        """Stops and disables what is still moving, lets go of nodes and bus; never raises."""
+        """Stops and disables all axes, releases nodes and bus; never raises."""
         if not self._open:
             return
         self._open, self._stopping.begun = False, True
-        self._stopping.let_go()
+        self._stopping.disable_or_stop()
         for axis in self.axes:
-            # A drive that may still be under power keeps its watch over our heartbeat: it will
-            # stop when that is missing.
-            # One that never booted has nothing to be released from.
-            if axis.node.booted and axis.name not in self._power.loose:
+            # a drive that may still be under power keeps watching our heartbeat, and will stop
+            if axis.node.booted and axis.name not in self._power.unconfirmed:
                 try:
                     axis.node.release()
                 except (DriverError, BusError):
@@ -371,19 +370,19 @@ class Stage:
         offset: NDArray[np.float64],
         until: Until | None = None,
     ) -> Samples:
-        """Streams setpoints in csp, one row per SYNC, and returns what the drives sent back.
+        """Streams setpoints in csp, one row per SYNC, and returns the samples.
 
-        Streams that follow each other continue the same SYNC grid. Sample k was taken at SYNC k,
-        which also took over row k.
+        Consecutive streams continue the same SYNC grid. Sample k is taken at SYNC k, at which the
+        drives also take row k over.
 
         Args:
             position: float64[K, n] target positions [m].
             offset: float64[K, n] force offsets [N].
-            until: gets the actual positions [m] after each SYNC; True ends the stream with it.
+            until: gets the actual positions [m] after each SYNC; True ends the stream.
 
         Raises:
-            LimitError: a setpoint outside the limits; nothing was sent.
-            AxisFault: an axis faulted, or fell silent; all axes are stopped.
+            LimitError: a setpoint is outside the limits; nothing was sent.
+            AxisFault: an axis faulted or fell silent; all axes are stopped.
             BusError: the bus failed; the drives stop when they miss the host's heartbeat.
         """
         return self._csp.stream(position, offset, until, self.sink)
@@ -395,36 +394,37 @@ class Stage:
         offset: NDArray[np.float64] | None = None,
         until: Until | None = None,
     ) -> Samples:
-        """Streams velocities in csv, from rest to rest; the axes stay enabled in that mode.
+        """Streams velocities in csv, from rest to rest; the axes stay enabled in csv.
 
-        `enable` takes them back to csp. Nothing of it goes to the sink.
+        `enable` returns them to csp. The sink gets none of these samples.
 
         Args:
             velocity: float64[K, n] [m/s]; the last row is 0.
             offset: float64[K, n] force offsets [N], 0 by default.
-            until: as for `stream`; what it ends brakes at the acceleration limit.
+            until: as for `stream`; the axes then brake at their acceleration limit.
 
         Raises:
             LimitError: outside velocity, acceleration or travel; nothing was sent.
-            ConfigurationError: a drive without csv.
+            ConfigurationError: a drive does not offer csv.
             AxisFault, BusError: as `stream`.
         """
         return self._csv.stream(velocity, offset, until)
 
     @_exclusive
     def stream_force(self, force: NDArray[np.float64], until: Until | None = None) -> Samples:
-        """Streams forces in cst; the axes stay enabled in that mode, without force.
+        """Streams forces in cst; the axes stay enabled in cst, without force.
 
-        `enable` waits for rest and takes them back to csp. Nothing of it goes to the sink.
+        `enable` waits for rest and returns them to csp. The sink gets none of these samples.
 
         Args:
             force: float64[K, n] [N]; the last row is 0.
-            until: as for `stream`; what it ends lets go of the axes.
+            until: as for `stream`; the force is then 0 at once.
 
         Raises:
             LimitError: above the peak force; nothing was sent.
-            ConfigurationError: a drive without cst.
-            AxisFault: besides, an axis got too fast, or near the end of its travel.
+            ConfigurationError: a drive does not offer cst.
+            AxisFault: as `stream`; or an axis exceeded its velocity limit, or could no longer stop
+                within its travel.
             BusError: as `stream`.
         """
         return self._cst.stream(force, until)
@@ -445,15 +445,15 @@ class Stage:
     ) -> None:
         """Moves one axis by the drive's own profile (pp); returns when the target is reached.
 
-        The axis ends enabled in csp with all others, holding the target.
+        All axes end enabled in csp, this one holding the target.
 
         Args:
             axis: its name.
-            position: absolute [m], or several: each waits in the drive until the one before is
+            position: absolute [m], or several positions, each begun when the previous one is
                 reached.
             velocity: of the profile [m/s].
-            acceleration: of the profile, both ways [m/s^2].
-            relative: positions count from the target before, the first from where the axis is.
+            acceleration: of the profile, also for braking [m/s^2].
+            relative: positions count from the previous target, the first from the actual position.
 
         Raises:
             LimitError: outside the axis' limits; nothing was sent.
@@ -463,18 +463,18 @@ class Stage:
 
     @contextmanager
     def profile_moves(self, velocity: float, acceleration: float) -> Iterator[ProfileMoves]:
-        """Moves by the drives' own profiles, to be changed while they are under way.
+        """Moves by the drives' own profiles whose targets may change on the way.
 
-        At the end all targets are waited for; the axes end enabled in csp. Whatever is raised
-        inside stops all axes. The bus is this thread's meanwhile.
+        The end of the block waits for all targets; the axes then are enabled in csp. An exception
+        inside stops all axes. Other threads cannot use the bus meanwhile.
 
         Args:
-            velocity: of the profiles, if nothing else is said [m/s].
-            acceleration: both ways [m/s^2].
+            velocity: default of the profiles [m/s].
+            acceleration: default of the profiles, also for braking [m/s^2].
 
         Raises:
             AxisFault: the stage is not enabled, an axis faults or does not arrive.
-            ConfigurationError: a drive without pp.
+            ConfigurationError: a drive does not offer pp.
         """
         with self._network.lock, self._pp.moves(velocity, acceleration) as moves:
             yield moves
@@ -488,9 +488,9 @@ def _check_unique(axes: Sequence[AxisSettings]) -> None:
     for axis in axes:
         if axis.node in nodes:
             raise ConfigurationError(
-                f"node {axis.node} is axis {nodes[axis.node]}'s already", axis=axis.name
+                f"node {axis.node} already is axis {nodes[axis.node]}", axis=axis.name
             )
         if axis.name in names:
-            raise ConfigurationError("there are two axes of this name", axis=axis.name)
+            raise ConfigurationError("two axes have this name", axis=axis.name)
         nodes[axis.node] = axis.name
         names.add(axis.name)

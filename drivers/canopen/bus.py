@@ -150,7 +150,7 @@ class Network(canopen.Network):
             arbitration_id=can_id, is_extended_id=False, is_remote_frame=remote, data=payload
         )
         if self.other_host.echoes:
-            self.other_host.sent(can_id, payload, self.clock.now_ns())
+            self.other_host.note_sent(can_id, payload, self.clock.now_ns())
         try:
             self.bus.send(message)
         except (can.CanError, OSError, ValueError) as why:

@@ -137,7 +137,7 @@ class Node(RemoteObjects):
         self.clear_alarms()
         self._check_identity()
 
-    def twin(self) -> NodeError | None:
+    def find_double(self) -> NodeError | None:
         """What speaks for two devices with this node id since `boot`; None: nothing does.
 
         A bus may double a frame now and then, and a drive may restart while it is set up: two

@@ -57,7 +57,7 @@ class OtherHost:
         self._owed: dict[int, deque[tuple[bytes, int]]] = {}
         self._last: dict[int, tuple[bytes, int]] = {}
 
-    def sent(self, can_id: int, data: bytes, now: int) -> None:
+    def note_sent(self, can_id: int, data: bytes, now: int) -> None:
         """This host sends a frame, at `now` [ns]; needed only where the bus echoes."""
         if can_id in self.ids:
             self._owed.setdefault(can_id, deque(maxlen=64)).append((data, now))

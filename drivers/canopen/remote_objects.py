@@ -153,14 +153,14 @@ class RemoteObjects:
             lambda: self._sdo.download(obj.index, obj.sub, data),
         )
 
-    def tell(self, obj: ObjectRef, value: int) -> None:
+    def write_unanswered(self, obj: ObjectRef, value: int) -> None:
         """Sends a write and waits for no answer: for a stop, to who doesn't answer but may listen.
 
         Raises:
             ConfigurationError: as `write`.
             BusError: the bus does not take it.
         """
-        self._sdo.tell(obj.index, obj.sub, self._encoded(obj, value))
+        self._sdo.write_unanswered(obj.index, obj.sub, self._encoded(obj, value))
 
     def write_checked(self, obj: ObjectRef, value: int) -> None:
         """Has an object hold a value.

@@ -107,7 +107,7 @@ class SdoChannel:
         """Writes an object; raises as `upload`."""
         self._run(_Job((index, sub), lambda: download(index, sub, data), None))
 
-    def tell(self, index: int, sub: int, data: bytes) -> None:
+    def write_unanswered(self, index: int, sub: int, data: bytes) -> None:
         """Writes an object of up to four bytes and waits for no answer; what is under way fails.
 
         Raises:

@@ -1,9 +1,9 @@
-"""The cyclic path: setpoints out, SYNC, process data in; no SDO in here."""
+"""The cyclic path: setpoints out, SYNC, process data in. No SDO in here."""
 
 from drivers.cyclic.channel import Channel
-from drivers.cyclic.cycle import Cycle, Sink, Until
+from drivers.cyclic.cycle import Cycle, Until
 from drivers.cyclic.realtime import RealTime
-from drivers.cyclic.samples import Sample, decode_rows
+from drivers.cyclic.samples import Sample, Sink, decode_rows
 
 __all__ = [
     "Channel",

@@ -1,6 +1,7 @@
-"""What is cyclic of one axis: its process data as raw integers, and the frames that carry them.
+"""Process data of one axis as raw integers, and the account of its TPDOs from SYNC to SYNC.
 
-Mappings are those of `axis.py`: (controlword, target, offset) and (statusword, position, force).
+The mappings are those of `drivers.drive.axis`: (controlword, target, force offset) out,
+(statusword, position, force) in.
 """
 
 from __future__ import annotations
@@ -12,103 +13,128 @@ from drivers.canopen import OwnFrame
 from drivers.drive import Axis
 from drivers.objects import TARGET_POSITION
 
-_MOST_EXTRA = 255
-_MOST_OWED = 20
-"""TPDOs that have stayed away and may still come: older ones never will."""
+_MAX_EXTRA = 255
+_MAX_OUTSTANDING = 20
+"""Missing TPDOs that may still arrive; older ones never will."""
 
 
 class Channel:
-    """Cyclic state of one axis: raw integers, as last sent and last received.
+    """Process data of one axis, as last sent and last received.
 
     Attributes:
-        controlword, target, offset: of the next RPDO (outside streams) or the last one; the target
-            is a position, in csv a velocity, in cst a force.
-        statusword, position, force: of the last TPDO; `seen` is False before the first.
-        valid: whether the last cycle brought a sample.  arrival: of it, after the SYNC [ns].
-        missed: SYNCs in a row without a sample.  told: last controlwords, each once, oldest first.
-        extra: TPDOs that came besides since the last SYNC.  before: those of the SYNC before.
-        doubled: SYNCs in a row that brought more TPDOs than one, which no late one accounts for.
-        contested: whether those of the last such SYNC differed: which one is the axis' own is not
-            known, so none counts until a SYNC brings one again.
-        tardy: (statusword, position, force, arrival) of a TPDO that came after we went on without
-            it, but before the next SYNC; where frames carry their time. None where there was none.
-        previous: the same of the SYNC before.
+        controlword, target, offset: of the last RPDO, or of the next one outside streams. The
+            target is a position, in csv a velocity, in cst a force.
+        statusword, position, force: of the last sample; `seen` is False before the first.
+        valid: whether the last SYNC brought a sample.  arrival: its time after the SYNC [ns],
+            -1 without one.
+        missed: consecutive SYNCs without a sample.
+        sent_controlwords: the last four different ones, oldest first.
+        extra: TPDOs besides the sample since the last SYNC.  previous_extra: of the SYNC before.
+        doubled: consecutive SYNCs with more TPDOs than late ones account for.
+        ambiguous: the last of these TPDOs differed. Which one is the axis' own is unknown, so there
+            is no sample until a SYNC brings a single TPDO again.
+        tardy: (statusword, position, force, arrival) of a TPDO that arrived after the host had
+            stopped waiting but before the next SYNC, where frames have time stamps; else None.
+        previous_tardy: the same of the SYNC before.
     """
 
     __slots__ = (
-        "_asked", "_differ", "_first", "_owed", "arrival", "axis", "before", "contested",
-        "controlword", "doubled", "extra", "force", "missed", "offset", "position", "previous",
-        "rpdo", "seen", "size", "statusword", "tardy", "target", "told", "unpack", "valid",
+        "_differ", "_first", "_outstanding", "_was_asked", "ambiguous", "arrival", "axis",
+        "controlword", "doubled", "extra", "force", "message", "missed", "offset", "position",
+        "previous_extra", "previous_tardy", "seen", "sent_controlwords", "size", "statusword",
+        "tardy", "target", "unpack", "valid",
     )  # fmt: skip
 
     def __init__(self, axis: Axis) -> None:
         self.axis = axis
-        self.told: deque[int] = deque(maxlen=4)
-        self.adapt()
+        self.sent_controlwords: deque[int] = deque(maxlen=4)
+        self.use_mappings()
         self.controlword = self.target = self.offset = 0
         self.statusword = self.position = self.force = 0
         self.seen = self.valid = False
         self.arrival = -1
-        self.missed = self.extra = self.before = self.doubled = 0
-        self.contested = self._differ = self._asked = False
+        self.missed = self.extra = self.previous_extra = self.doubled = 0
+        self.ambiguous = self._differ = self._was_asked = False
         self._first: bytes | bytearray | None = None
-        self._owed = 0
+        self._outstanding = 0
         self.tardy: tuple[int, int, int, int] | None = None
-        self.previous: tuple[int, int, int, int] | None = None
+        self.previous_tardy: tuple[int, int, int, int] | None = None
 
-    def adapt(self) -> None:
-        """Takes over the axis' mappings."""
+    def use_mappings(self) -> None:
+        """Takes over the axis' present mappings."""
         axis = self.axis
-        self.rpdo = OwnFrame(
+        self.message = OwnFrame(
             arbitration_id=axis.rpdo_id, is_extended_id=False, data=bytes(axis.rpdo.codec.size)
         )
         unpack = axis.tpdo.codec.unpack
         self.size = axis.tpdo.codec.size
-        # a drive that tells no force: it reads 0
+        # without 0x6077 the force reads 0
         self.unpack: Callable[[bytes | bytearray], tuple[int, ...]] = (
-            unpack if axis.tells_force else lambda data: (*unpack(data), 0)
+            unpack if axis.reports_force else lambda data: (*unpack(data), 0)
         )
 
-    def forget(self) -> None:
-        """What came so far says nothing any more: the axis is set up anew."""
-        self.seen = self.valid = self.contested = self._asked = False
+    def reset(self) -> None:
+        """Discards what was received so far: the axis is about to be configured again."""
+        self.seen = self.valid = self.ambiguous = self._was_asked = False
         self.controlword = self.offset = 0
-        self.told.clear()
-        self.doubled = self._owed = 0
+        self.sent_controlwords.clear()
+        self.doubled = self._outstanding = 0
 
-    # -- its TPDOs from one SYNC to the next --------------------------------------------------
+    # -- TPDOs, from one SYNC to the next -----------------------------------------------------
 
-    def expect(self) -> None:
-        """A SYNC has been: one TPDO is to come."""
+    def close_cycle(self) -> None:
+        """Accounts for the TPDOs of the last SYNC; called at the next one.
+
+        A drive answers each SYNC once, so a late TPDO was missing before. Only a TPDO that none was
+        missing for is one too many.
+        """
+        if self.valid and not self.extra and not self.doubled:  # nearly always
+            self.previous_extra = 0
+            return
+        surplus = self.extra + (self.valid or self.tardy is not None) - 1
+        self.previous_extra, self.extra = self.extra, 0
+        if surplus < 0 and self._was_asked:
+            self.expect_more(1)
+        late = min(max(surplus, 0), self._outstanding)
+        self._outstanding -= late
+        if surplus > late:
+            self.doubled += 1
+            self.ambiguous = self._differ
+        else:
+            self.doubled = 0
+            self.ambiguous = False
+
+    def open_cycle(self) -> None:
+        """A SYNC was sent: one TPDO is due."""
         self.valid = self._differ = False
-        self._first, self._asked = None, True
+        self._first, self._was_asked = None, True
 
     def take(self, data: bytes | bytearray, arrival: int) -> None:
-        """The first TPDO in the window, `arrival` after its SYNC [ns]."""
+        """Takes the first TPDO in the window, `arrival` after its SYNC [ns]."""
         self._first, self.arrival, self.valid = data, arrival, True
 
-    def besides(self, data: bytes | bytearray) -> None:
-        """A TPDO that is not the first, or outside the window."""
+    def take_extra(self, data: bytes | bytearray) -> None:
+        """Counts a TPDO that is not the first, or is outside the window."""
         if self._first is not None and data != self._first:
             self._differ = True
-        if self.extra < _MOST_EXTRA:
+        if self.extra < _MAX_EXTRA:
             self.extra += 1
 
     @property
-    def answered(self) -> bool:
-        """Whether a TPDO came in the window, be there a sample or not."""
+    def is_answered(self) -> bool:
+        """Whether a TPDO came within the window, even one that makes no sample."""
         return self._first is not None
 
     def conclude(self) -> bool:
-        """Nothing more is waited for; whether there is a sample.
+        """Ends the wait for this SYNC's TPDO and decodes it; False where there is no sample.
 
-        One that another contradicts is none, unless that one is only late.
+        A TPDO contradicted by another one is no sample, unless the other one was merely late.
         """
         if self._first is not None and (
-            self.contested or (self._differ and self.extra > self._owed)
+            self.ambiguous or (self._differ and self.extra > self._outstanding)
         ):
             self.valid = False
-            self.besides(self._first)
+            self.take_extra(self._first)
         if self._first is None or not self.valid:
             self.arrival = -1
             self.missed += 1
@@ -118,45 +144,23 @@ class Channel:
         self.missed = 0
         return True
 
-    def owe(self, count: int) -> None:
-        """So many TPDOs more are to come: answers to SYNCs besides, or late ones."""
-        self._owed = min(self._owed + count, _MOST_OWED)
+    def expect_more(self, count: int) -> None:
+        """Allows for `count` more TPDOs: late ones, or answers to SYNCs outside the cycle."""
+        self._outstanding = min(self._outstanding + count, _MAX_OUTSTANDING)
 
-    def turn(self) -> None:
-        """The next SYNC: what has come for the last one is counted.
+    # -- RPDO ---------------------------------------------------------------------------------
 
-        A drive answers each SYNC once: TPDOs that came late are missing before. Only what nothing
-        was missing for is one too many.
-        """
-        if self.valid and not self.extra and not self.doubled:  # as nearly always
-            self.before = 0
-            return
-        many = self.extra + (self.valid or self.tardy is not None) - 1
-        self.before, self.extra = self.extra, 0
-        if many < 0 and self._asked:
-            self.owe(1)
-        late = min(max(many, 0), self._owed)
-        self._owed -= late
-        if many > late:
-            self.doubled += 1
-            self.contested = self._differ
-        else:
-            self.doubled = 0
-            self.contested = False
-
-    # -- its RPDO -----------------------------------------------------------------------------
-
-    def rest(self) -> None:
-        """The target that moves nothing: where the axis is; 0 where the target is no position."""
+    def stand_still(self) -> None:
+        """Sets the target that moves nothing: the actual position; 0 for velocity and force."""
         self.target = self.position if self.axis.target == TARGET_POSITION else 0
         self.offset = 0
 
-    def frame(self) -> bytes:
-        """The RPDO of the present command."""
+    def pack(self) -> bytes:
+        """The RPDO's data for the present controlword, target and offset."""
         word = self.controlword
-        if not self.told or self.told[-1] != word:
-            self.told.append(word)
-        if self.axis.takes_force_offset:
+        if not self.sent_controlwords or self.sent_controlwords[-1] != word:
+            self.sent_controlwords.append(word)
+        if self.axis.accepts_force_offset:
             return self.axis.rpdo.codec.pack(word, self.target, self.offset)
         self.offset = 0
         return self.axis.rpdo.codec.pack(word, self.target)

@@ -1,8 +1,7 @@
-"""What the host asks of its operating system while it drives a stage in real time.
+"""Real-time requests to the operating system: SCHED_FIFO, one core, locked memory; no GC in motion.
 
-SCHED_FIFO, one core of its own, memory that stays in RAM, no garbage collection in motion; Linux
-for the first three. Nothing of it is needed to work: what is not permitted or not there is told in
-one clause (`refused`), and the rest is done. All of it concerns the thread that calls `begin`.
+All are optional, the first three need Linux. What is not permitted or not available is reported
+in one clause (`refused`). They apply to the thread that calls `begin`.
 """
 
 from __future__ import annotations
@@ -19,14 +18,14 @@ from drivers.settings import RealTimeSettings
 _CURRENT, _FUTURE, _ON_FAULT = 1, 2, 4  # mlockall
 _TIMER_SLACK = 29  # prctl
 SWITCH_INTERVAL = 0.5e-3
-"""How long another thread of ours may keep the interpreter from the SYNC thread [s]."""
+"""How long another Python thread may keep the interpreter from the SYNC thread [s]."""
 
 
 class RealTime:
-    """The requests of a session, and how to take them back.
+    """The requests of a session, withdrawn at its end.
 
     Attributes:
-        granted: what was asked for and is so, in words.  refused: what is not, and why.
+        granted: requests in force, in words.  refused: those that are not, with the reason.
     """
 
     def __init__(self, settings: RealTimeSettings) -> None:
@@ -37,11 +36,11 @@ class RealTime:
 
     @property
     def active(self) -> bool:
-        """Between `begin` and `end`."""
+        """Whether this is between `begin` and `end`."""
         return bool(self._undo)
 
     def begin(self) -> None:
-        """Asks for everything; harmless when it was asked for already."""
+        """Makes all requests; does nothing when they have been made."""
         if self.active:
             return
         s, granted, refused = self.settings, [], []
@@ -73,16 +72,16 @@ class RealTime:
         self.granted, self.refused = tuple(granted), tuple(refused)
 
     def end(self) -> None:
-        """Takes everything back."""
+        """Withdraws all requests."""
         while self._undo:
             try:
                 self._undo.pop()()
-            except OSError:  # whatever was is gone: a core taken off line, for instance
+            except OSError:  # the former state no longer exists: a core taken offline, for instance
                 continue
 
     @contextmanager
     def in_motion(self) -> Iterator[None]:
-        """No garbage collection inside, where that was asked for."""
+        """Suspends garbage collection, where the settings ask for that."""
         if not (self.active and self.settings.freeze_gc and gc.isenabled()):
             yield
             return
@@ -94,7 +93,7 @@ class RealTime:
 
     def _fifo(self) -> None:
         policy, param = os.sched_getscheduler(0), os.sched_getparam(0)
-        # not for threads and processes that are started from here
+        # not inherited by threads and processes
         own = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
         os.sched_setscheduler(0, own, os.sched_param(self.settings.priority))
         self._undo.append(lambda: os.sched_setscheduler(0, policy, param))
@@ -108,14 +107,14 @@ class RealTime:
 
     def _lock(self) -> None:
         libc = _libc()
-        # on fault: what is never touched (stacks of threads, arenas) needs no RAM
+        # on fault: pages never touched (thread stacks, arenas) need no RAM
         if libc.mlockall(_CURRENT | _FUTURE | _ON_FAULT):
             code = ctypes.get_errno()
             raise OSError(code, os.strerror(code))
         self._undo.append(libc.munlockall)
 
     def _short_timer_slack(self) -> None:
-        """Sleeps end within a microsecond of their time and not within fifty; needs no right."""
+        """Lets sleeps end within 1 us of their time instead of 50 us; needs no privilege."""
         try:
             libc = _libc()
             before = int(libc.prctl(30))  # PR_GET_TIMERSLACK

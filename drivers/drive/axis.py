@@ -92,16 +92,16 @@ class Axis:
         return ref not in _WITHOUT or has(ref)
 
     @property
-    def takes_force_offset(self) -> bool:
+    def accepts_force_offset(self) -> bool:
         """Whether the drive has 0x60B2, and so compensation."""
         return any(e.object == od.FORCE_OFFSET for e in self.rpdo.entries)
 
     @property
-    def tells_force(self) -> bool:
+    def reports_force(self) -> bool:
         """Whether the drive has 0x6077."""
         return any(e.object == od.FORCE_ACTUAL for e in self.tpdo.entries)
 
-    def limited(self, clause: str) -> None:
+    def add_limitation(self, clause: str) -> None:
         """Notes something that this drive does without."""
         if clause not in self.limitations:
             self.limitations.append(clause)
@@ -112,7 +112,7 @@ class Axis:
         has = {ref: self.node.has(ref) for ref in _WITHOUT}
         for ref, consequence in _WITHOUT.items():
             if not has[ref]:
-                self.limited(f"{ref} is not offered: {consequence}")
+                self.add_limitation(f"{ref} is not offered: {consequence}")
         self.target = od.TARGET_POSITION
         self.rpdo = self._mapping([r for r in self._outward if has.get(r, True)])
         self.tpdo = self._mapping([r for r in TPDO_OBJECTS if has.get(r, True)])
@@ -145,21 +145,23 @@ class Axis:
         node = self.node
         self._find_limitations()
         for clause in dcf.apply(node, dcf.configured(node.dictionary)):
-            self.limited(clause)
+            self.add_limitation(clause)
         for clause in check_units(node, self._asked):
-            self.limited(clause)
+            self.add_limitation(clause)
         self.check_mode(Mode.CYCLIC_SYNC_POSITION)
         self._listen_to_sync()
         self._set_sync_counter(bus.sync_counter)
         node.write_optional(od.CYCLE_PERIOD, bus.period_us)
         if not node.write_optional(od.SYNC_WINDOW, bus.window_us) and bus.window_us:
-            self.limited(f"{od.SYNC_WINDOW} is not offered: the drive takes late set-points, too")
+            self.add_limitation(
+                f"{od.SYNC_WINDOW} is not offered: the drive takes late set-points, too"
+            )
         value, index = interpolation_period(bus.period_us)
         node.write_optional(od.INTERPOLATION_VALUE, value)
         node.write_optional(od.INTERPOLATION_INDEX, index)
         self.settings, clauses = parameters.give(node, self._asked)
         for clause in clauses:
-            self.limited(clause)
+            self.add_limitation(clause)
         PdoRecord.receive(1).configure(node, self.rpdo_id, self.rpdo)
         PdoRecord.transmit(1).configure(node, self.tpdo_id, self.tpdo)
         for number in range(2, PDO_COUNT + 1):
@@ -169,7 +171,7 @@ class Axis:
         self._have_host_watched()
 
     def _have_host_watched(self) -> None:
-        gap = unwatched(self.node, self.settings.options.abort_connection, self.limited)
+        gap = unwatched(self.node, self.settings.options.abort_connection, self.add_limitation)
         if gap is None:
             return
         obj, why = gap
@@ -178,7 +180,7 @@ class Axis:
                 f"{why}; powered only with unwatched_host: accept in its drive section",
                 axis=self.name, obj=obj,
             )  # fmt: skip
-        self.limited(f"{obj} {why}")
+        self.add_limitation(f"{obj} {why}")
 
     def _listen_to_sync(self) -> None:
         """0x1005: our SYNC, and none of the drive's own."""
@@ -200,7 +202,7 @@ class Axis:
                 axis=self.name, obj=od.SYNC_OVERFLOW,
             )  # fmt: skip
 
-    def aim(self, mode: Mode) -> bool:
+    def map_target(self, mode: Mode) -> bool:
         """Maps the cyclic target that the mode takes, 0 to begin with where it is no position.
 
         Returns:
@@ -214,7 +216,7 @@ class Axis:
             return False
         if target != od.TARGET_POSITION:
             self.node.write(target, 0)
-        with_offset = self.takes_force_offset
+        with_offset = self.accepts_force_offset
         self.target = target
         self.rpdo = self._mapping([r for r in self._outward if r != od.FORCE_OFFSET or with_offset])
         PdoRecord.receive(1).configure(self.node, self.rpdo_id, self.rpdo)
@@ -271,7 +273,7 @@ class Axis:
         for ref, clause in held.items():  # of this move, not of the one before
             self.limitations = [c for c in self.limitations if not c.startswith(f"{ref} ")]
             if clause is not None:
-                self.limited(clause)
+                self.add_limitation(clause)
         return slower
 
     def error_code(self) -> int | None:

@@ -1,4 +1,4 @@
-"""What moves the axes, one module per mode of operation, and what stops them."""
+"""Motion: one module per mode of operation, setpoint limits, safe stop, fault reports."""
 
 from drivers.motion.csp import CyclicPosition
 from drivers.motion.csv_cst import CyclicForce, CyclicVelocity

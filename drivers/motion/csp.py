@@ -1,4 +1,4 @@
-"""Cyclic synchronous position (csp): one pair of target position and force offset per SYNC."""
+"""Cyclic synchronous position (csp): target position and force offset with every SYNC."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from drivers.cyclic import Cycle, RealTime, Sink, Until, decode_rows
 from drivers.drive import Mode
 from drivers.errors import AxisFault
-from drivers.motion.limits import checked_counts
+from drivers.motion.limits import checked_positions
 from drivers.motion.power import Power
 from drivers.motion.safe_stop import SafeStop
 from stagedata import Samples
@@ -19,7 +19,7 @@ F64 = NDArray[np.float64]
 
 
 class CyclicPosition:
-    """Streams in csp; arguments, results and errors are those of `Stage`."""
+    """Enables axes in csp and streams; arguments, results and errors as in `Stage`."""
 
     mode = Mode.CYCLIC_SYNC_POSITION
 
@@ -28,23 +28,23 @@ class CyclicPosition:
         self._stopping, self._real_time = stopping, real_time
 
     def enter(self) -> None:
-        """Closes the loops of all axes where they stand; harmless when they are in csp already."""
+        """Enables all axes in csp where they stand; does nothing where they are."""
         with self._stopping.on_failure():
             if self._power.enabled and self._power.mode is self.mode:
                 self._cycle.pump(0.0)
                 self._cycle.resume()
-                self._cycle.exchange()  # the last TPDO may be long ago
+                self._cycle.exchange()  # the last TPDO may be old
                 if self._power.enabled:
                     return
             self._power.enter(self.mode)
 
     def stream(self, position: F64, offset: F64, until: Until | None, sink: Sink | None) -> Samples:
-        """One row of target positions [m] and force offsets [N] per SYNC."""
+        """Streams one row of target positions [m] and force offsets [N] per SYNC."""
         channels = self._cycle.channels
         self._power.require_enabled()
         if self._power.mode is not self.mode:
             raise AxisFault("the stage is not in csp: enable it first", axis=channels[0].axis.name)
-        targets, offsets = checked_counts(
+        targets, offsets = checked_positions(
             position, offset, [c.axis.settings for c in channels], [c.target for c in channels],
             self._cycle.period,
         )  # fmt: skip

@@ -1,8 +1,9 @@
-"""Cyclic synchronous velocity (csv) and torque (cst): velocities and forces as set-points.
+"""Cyclic synchronous velocity (csv) and torque (cst): streams of velocities or forces.
 
-Both begin and end at 0: nothing follows the last row. A stream that is ended early brakes at the
-acceleration limit (csv) or lets go (cst). Forces know no travel and no speed limit by themselves;
-so in cst an axis that could no longer stop within its travel, or is too fast, ends the stream.
+Both end at 0, since nothing follows the last row. A stream ended early brakes at the acceleration
+limit (csv), or its force is 0 at once (cst). Forces imply neither travel nor velocity limits, so in
+cst positions are watched: an axis that is too fast, or could no longer stop within its travel, ends
+the stream.
 """
 
 from __future__ import annotations
@@ -29,16 +30,16 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 _SPEED_OVER = 5
-"""SYNCs over which the speed of an axis is taken."""
+"""SYNCs over which an axis' velocity is measured."""
 _REACTION = 0.01
-"""From there to the drive's braking [s]."""
+"""Time until the drive brakes [s]."""
 
 
-class Guard:
-    """Looks at the positions of a stream of forces; to be used as its `until`.
+class TravelGuard:
+    """Watches velocity and travel during a stream of forces, as its `until`.
 
     Args:
-        channels: of all axes.  clock: of the stream.  until: asked besides.
+        channels: of all axes.  clock: of the stream.  until: the application's.
     """
 
     def __init__(self, channels: Sequence[Channel], clock: Clock, until: Until | None) -> None:
@@ -49,7 +50,7 @@ class Guard:
         """Whether to end the stream.
 
         Raises:
-            AxisFault: an axis is too fast, or could not stop within its travel any more.
+            AxisFault: an axis is too fast, or could no longer stop within its travel.
         """
         now = self._clock.now_ns()
         self._past.append((now, positions))
@@ -72,14 +73,14 @@ class Guard:
         if not low <= rest <= high:
             below = rest < low
             raise AxisFault(
-                f"at {at:.6g} m and {speed:.4g} m/s it could hardly stop before the limit "
+                f"at {at:.6g} m and {speed:.4g} m/s it may not stop before the limit "
                 f"{low if below else high:g} m",
                 axis=s.name, obj=od.SOFT_LIMIT_LOW if below else od.SOFT_LIMIT_HIGH,
             )  # fmt: skip
 
 
 class CyclicVelocity:
-    """Streams of velocities in csv, from rest to rest; arguments and errors are `Stage`'s."""
+    """Streams velocities in csv, from rest to rest; arguments and errors as in `Stage`."""
 
     mode = Mode.CYCLIC_SYNC_VELOCITY
 
@@ -87,7 +88,7 @@ class CyclicVelocity:
         self._cycle, self._streams = cycle, _Streams(cycle, power, stopping, real_time)
 
     def stream(self, velocity: F64, offset: F64 | None, until: Until | None) -> Samples:
-        """One row of velocities [m/s] per SYNC."""
+        """Streams one row of velocities [m/s] per SYNC."""
         velocity = np.asarray(velocity, dtype=np.float64)
         channels = self._cycle.channels
         targets, offsets = checked_velocities(
@@ -105,7 +106,7 @@ class CyclicVelocity:
 
 
 class CyclicForce:
-    """Streams of forces in cst, watched for speed and travel; see `Stage` for arguments, errors."""
+    """Streams forces in cst under a `TravelGuard`; arguments and errors as in `Stage`."""
 
     mode = Mode.CYCLIC_SYNC_TORQUE
 
@@ -113,16 +114,16 @@ class CyclicForce:
         self._cycle, self._streams = cycle, _Streams(cycle, power, stopping, real_time)
 
     def stream(self, force: F64, until: Until | None) -> Samples:
-        """One row of forces [N] per SYNC."""
+        """Streams one row of forces [N] per SYNC."""
         channels = self._cycle.channels
         targets = checked_forces(force, [c.axis.settings for c in channels])
-        guard = Guard(channels, self._cycle.clock, until)
+        guard = TravelGuard(channels, self._cycle.clock, until)
         units = [c.axis.scale.force for c in channels]
         return self._streams.run(self.mode, targets, np.zeros_like(targets), guard, units, None)
 
 
 class _Streams:
-    """What csv and cst have in common: the mode entered on demand, and an end at 0."""
+    """Common to csv and cst: enters the mode where needed, and ends at 0."""
 
     def __init__(self, cycle: Cycle, power: Power, stopping: SafeStop, real_time: RealTime) -> None:
         self._cycle, self._power = cycle, power
@@ -137,15 +138,15 @@ class _Streams:
         units: Sequence[float],
         slopes: Sequence[float] | None,
     ) -> Samples:
-        """Streams checked targets; axes that `until` leaves under way are taken to 0.
+        """Streams targets and, where `until` ended the stream early, takes them to 0.
 
         Args:
-            mode: of operation; entered where the axes are in another one.
-            targets: int64[K, n], checked.
-            offsets: int64[K, n], checked.
+            mode: mode of operation, entered where the axes are in another one.
+            targets: int64[K, n], within the limits [units of the bus].
+            offsets: int64[K, n] force offsets, within the limits [1/1000 rated].
             until: gets the actual positions [m] after each SYNC; True ends the stream.
             units: SI value of one unit of each axis' target.
-            slopes: most that each target may change per SYNC on the way to 0; None: at once.
+            slopes: largest change of each target per SYNC on the way to 0; None: at once.
         """
         self._power.require_enabled()
         for axis in self._cycle.axes:

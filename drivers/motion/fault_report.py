@@ -1,14 +1,16 @@
-"""A fault and all that is known of it, as one exception: what the drive says and what it was told.
+"""Merges all that is known of a fault into one exception.
 
-Merges emergency messages, error code (0x603F), error register (0x1001), error history (0x1003) and
-statusword with the last commands. What is kept by the host is taken at once (`gather`), what
-has to be asked for is read when nothing moves any more (`explained`).
+Emergencies, error code (0x603F), error register (0x1001), error history (0x1003), statusword, last
+commands. What the host knows is recorded at once (`gather`); what has to be read from the drive
+waits until nothing moves (`complete`).
 """
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 from drivers import objects as od
-from drivers.canopen import REBOOTED, error_text, register_text
+from drivers.canopen import REBOOTED, Node, error_text, register_text
 from drivers.cyclic import Channel
 from drivers.drive import Command, Control, Status, decode
 from drivers.errors import (
@@ -31,12 +33,12 @@ _BITS = (
 
 
 def gather(channel: Channel) -> Evidence:
-    """What the host knows of an axis as things are now; sends nothing."""
+    """What the host knows of an axis at this moment; sends nothing."""
     axis = channel.axis
     return Evidence(
         statusword=channel.statusword if channel.seen else None,
         emergencies=tuple(axis.node.emergencies),
-        controlwords=tuple(channel.told),
+        controlwords=tuple(channel.sent_controlwords),
         mode=None if axis.mode is None else int(axis.mode),
         target=_target_text(channel),
         offset=channel.offset * axis.scale.force,
@@ -72,59 +74,59 @@ def commands_text(evidence: Evidence) -> str:
     return f"{words}{mode}, target {evidence.target}, force offset {evidence.offset:.4g} N"
 
 
-def explained(problem: AxisFault, channel: Channel, evidence: Evidence) -> AxisFault:
-    """The same fault with everything known of it; reads by SDO, never raises for that.
+def complete(problem: AxisFault, channel: Channel, evidence: Evidence) -> AxisFault:
+    """The same fault with all that is known of it; reads by SDO, whose errors are ignored.
 
     Args:
-        problem: what was noticed.
-        channel: of its axis, at rest or lost by now.
-        evidence: from when it was noticed.
+        problem: the fault as noticed.
+        channel: of its axis, which is at rest or lost.
+        evidence: from the moment it was noticed.
     """
     if problem.report is not None:
         return problem
     node = channel.axis.node
-
-    def optional(ref: od.ObjectRef) -> int | None:
-        try:
-            return node.read(ref) if node.offers(ref) and not node.silent else None
-        except (NodeError, ConfigurationError):
-            return None
-
-    code, register = optional(od.ERROR_CODE), None
+    code, register = _read(node, od.ERROR_CODE), None
     history: tuple[int, ...] = ()
     if code is not None:  # a node that does not answer costs one timeout, not three
-        register = optional(od.ERROR_REGISTER)
-        try:
+        register = _read(node, od.ERROR_REGISTER)
+        with suppress(DriverError):
             history = node.error_history(HISTORY_LENGTH)
-        except DriverError:
-            pass
     report = FaultReport(evidence, code, register, history)
-    parts = [problem.cause]
-    if node.booted > evidence.boots:  # it was silent for as long as that took
-        parts.append(REBOOTED)
-    for other in evidence.emergencies:
-        if f"0x{other:04X}" not in "".join(parts):
-            parts.append(f"emergency: {error_text(other)}")
-    if code and f"0x{code:04X}" not in "".join(parts):
-        parts.append(f"0x603F:00 error code: {error_text(code)}")
-    if register and "error register" not in problem.cause:
-        parts.append(f"error register: {register_text(register)}")
-    if evidence.statusword is not None and not evidence.statusword & Status.VOLTAGE_ENABLED:
-        parts.append("no supply voltage (STO, contactor or mains)")
-        inputs = optional(od.DIGITAL_INPUTS)
-        if inputs and inputs & od.INTERLOCK:
-            parts.append("0x60FD:00 digital inputs: interlock active (STO or enable input)")
-    told = "".join(parts)
-    older = [error_text(h) for h in dict.fromkeys(history) if f"0x{h:04X}" not in told]
-    if older:
-        parts.append("earlier errors: " + ", ".join(older))
-    if evidence.statusword is not None and "statusword 0x" not in problem.cause:
-        bits = ", warning" if evidence.statusword & Status.WARNING else ""
-        parts.append(
-            f"statusword 0x{evidence.statusword:04X} ({decode(evidence.statusword)}{bits})"
-        )
-    parts.append(f"last commands: {commands_text(evidence)}")
     return type(problem)(
-        "; ".join(parts), axis=problem.axis, obj=problem.object,
+        "; ".join(_clauses(problem.cause, report, node)), axis=problem.axis, obj=problem.object,
         code=problem.code or report.code, report=report,
     )  # fmt: skip
+
+
+def _read(node: Node, ref: od.ObjectRef) -> int | None:
+    try:
+        return node.read(ref) if node.offers(ref) and not node.silent else None
+    except (NodeError, ConfigurationError):
+        return None
+
+
+def _clauses(cause: str, report: FaultReport, node: Node) -> list[str]:
+    """The cause, then what it does not mention yet; each code once."""
+    parts, evidence = [cause], report.evidence
+    if node.booted > evidence.boots:  # which also explains a silence
+        parts.append(REBOOTED)
+    for emergency in evidence.emergencies:
+        if f"0x{emergency:04X}" not in "".join(parts):
+            parts.append(f"emergency: {error_text(emergency)}")
+    code, word = report.error_code, evidence.statusword
+    if code and f"0x{code:04X}" not in "".join(parts):
+        parts.append(f"0x603F:00 error code: {error_text(code)}")
+    if report.error_register and "error register" not in cause:
+        parts.append(f"error register: {register_text(report.error_register)}")
+    if word is not None and not word & Status.VOLTAGE_ENABLED:
+        parts.append("no supply voltage (STO, contactor or mains)")
+        if (_read(node, od.DIGITAL_INPUTS) or 0) & od.INTERLOCK:
+            parts.append("0x60FD:00 digital inputs: interlock active (STO or enable input)")
+    mentioned = "".join(parts)
+    older = [error_text(h) for h in dict.fromkeys(report.history) if f"0x{h:04X}" not in mentioned]
+    if older:
+        parts.append("earlier errors: " + ", ".join(older))
+    if word is not None and "statusword 0x" not in cause:
+        warning = ", warning" if word & Status.WARNING else ""
+        parts.append(f"statusword 0x{word:04X} ({decode(word)}{warning})")
+    return [*parts, f"last commands: {commands_text(evidence)}"]

@@ -1,8 +1,8 @@
-"""Homing (mode hm) of all axes together, judged by the statusword of every SYNC.
+"""Homing (mode hm) of all axes together, followed by the statusword of every SYNC.
 
 Statusword bits 13 (error), 12 (attained), 10 (target reached): 0 0 0 in progress; 0 0 1 not
 started or interrupted; 0 1 0 attained, still moving; 0 1 1 done; 1 x x error. "Not started" and
-"interrupted" look alike: what tells them apart is whether it was in progress before.
+"interrupted" differ only in whether homing was in progress before.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from drivers.motion.safe_stop import SafeStop
 from drivers.settings import AxisSettings
 
 START_TIMEOUT = 0.5
-"""How long a drive may take to begin [s]."""
+"""How long a drive may take to start homing [s]."""
 STANDSTILL = 2.0
-"""An axis whose position has been the very same for so long while it homes does not move [s]."""
+"""An axis that homes and reports the identical position for so long does not move [s]."""
 STILL_BAND = 10e-6
 HOME_BAND = 100e-6
-"""So far the drive's own word may be from its process data, which are a little older [m]."""
+"""Allowed difference between position by SDO and by process data, which are a little older [m]."""
 SETTLE = 0.05
-"""An old "attained" may stand this long after the start before it is believed [s]."""
+""""Attained" may be left from an earlier homing for so long after the start [s]."""
 
 
 class Progress(Enum):
-    """What an axis' homing is doing."""
+    """Progress of one axis' homing."""
 
     WAITING = auto()
     RUNNING = auto()
@@ -40,33 +40,33 @@ class Progress(Enum):
     FAILED = auto()
 
 
-def timeout_for(settings: AxisSettings) -> float:
-    """Longest sensible homing [s]: the whole travel there and back at the slower speed."""
+def homing_timeout(settings: AxisSettings) -> float:
+    """Longest plausible homing [s]: the whole travel and back at the slower velocity."""
     low, high = settings.travel
     return 2 * (high - low) / min(settings.homing_velocity) + START_TIMEOUT
 
 
-def judge(statusword: int, before: Progress, elapsed: float) -> Progress:
-    """The progress after one more statusword.
+def next_progress(statusword: int, before: Progress, elapsed: float) -> Progress:
+    """The progress that a statusword shows.
 
     Args:
         statusword: in mode hm, start bit set.
-        before: progress until now.
+        before: the progress so far.
         elapsed: since the start bit was sent [s].
     """
     if statusword & Status.HOMING_ERROR:
         return Progress.FAILED
     reached = bool(statusword & Status.TARGET_REACHED)
     if statusword & Status.HOMING_ATTAINED:
-        believed = before is Progress.RUNNING or elapsed >= SETTLE
-        return Progress.DONE if reached and believed else before
+        is_current = before is Progress.RUNNING or elapsed >= SETTLE
+        return Progress.DONE if reached and is_current else before
     if not reached:
         return Progress.RUNNING
     return Progress.INTERRUPTED if before is Progress.RUNNING else Progress.WAITING
 
 
 class Homing:
-    """Homing of the stage's axes; arguments and errors are those of `Stage`."""
+    """Homes the axes; arguments and errors as in `Stage`."""
 
     mode = Mode.HOMING
 
@@ -74,56 +74,57 @@ class Homing:
         self._cycle, self._power, self._stopping = cycle, power, stopping
 
     def home(self, force: bool) -> None:
-        """All axes that are not homed yet, or with `force` all."""
+        """Homes all axes that are not homed yet, with `force` all axes."""
         chosen = [c for c in self._cycle.channels if force or not c.axis.homed]
         if not chosen:
             return
         with self._stopping.on_failure():
             self._power.enter(self.mode, chosen)
-            home(self._cycle, chosen, self._cycle.period)
-            # the drive is done when its demand is; the following error that is left would become a
-            # step of the target when csp takes over from the actual position
+            home(self._cycle, chosen)
+            # homing ends with the drive's demand; csp starts at the actual position, so a following
+            # error left by then would become a step of the target
             self._power.wait_for_rest(HOLDING_TIMEOUT)
             self._cycle.check_alarms()
 
 
-def home(cycle: Cycle, channels: Sequence[Channel], period: float) -> None:
-    """Homes the channels, which are enabled in mode hm; they end at rest, start bit cleared.
+def home(cycle: Cycle, channels: Sequence[Channel]) -> None:
+    """Homes axes that are enabled in mode hm; they end at rest with the start bit cleared.
 
-    Process data that do not change any more would show an old homing, or one that never ends: what
-    they say at the end is asked for once more by SDO.
+    Frozen process data could show an earlier homing or one that never ends, so the end is confirmed
+    by SDO.
 
     Raises:
-        HomingError: an axis reports an error, stops on the way, does not begin, stands still, or is
-            not done within its timeout; or its process data are not what the drive says by SDO.
+        HomingError: an axis reports an error, is interrupted, does not start, does not move, or is
+            not done in time; or its process data contradict SDO.
         AxisFault: an alarm or missing process data.
     """
     progress = dict.fromkeys(channels, Progress.WAITING)
-    limits = {c: timeout_for(c.axis.settings) for c in channels}
-    stands = {c: (c.position, 0.0) for c in channels}
+    limits = {c: homing_timeout(c.axis.settings) for c in channels}
+    last_moved = {c: (c.position, 0.0) for c in channels}
     for channel in channels:
         channel.controlword = int(Command.ENABLE_OPERATION | Control.START_HOMING)
-    for count, _ in enumerate(Cycles(cycle, max(limits.values()) + 1, period, blind=False)):
-        elapsed = count * period
+    for count, _ in enumerate(Cycles(cycle, max(limits.values()) + 1)):
+        elapsed = count * cycle.period
         for channel in channels:
             if progress[channel] is Progress.DONE or not channel.valid:
                 continue
             if state_of(channel) is not State.OPERATION_ENABLED:
                 raise _error(channel, f"left OPERATION ENABLED, is in {state_of(channel)}")
-            now = progress[channel] = judge(channel.statusword, progress[channel], elapsed)
+            now = next_progress(channel.statusword, progress[channel], elapsed)
+            progress[channel] = now
             if now is Progress.DONE:
                 channel.controlword = int(Command.ENABLE_OPERATION)
             elif now is Progress.FAILED:
                 raise _error(channel, "the drive reports a homing error")
             elif now is Progress.INTERRUPTED:
-                raise _error(channel, "homing was interrupted before it was attained")
+                raise _error(channel, "homing was interrupted")
             elif now is Progress.WAITING and elapsed > START_TIMEOUT:
-                raise _error(channel, f"homing did not begin within {START_TIMEOUT:g} s")
+                raise _error(channel, f"homing did not start within {START_TIMEOUT:g} s")
             elif elapsed > limits[channel]:
                 raise _error(channel, f"homing not done within {limits[channel]:g} s")
-            if channel.position != stands[channel][0]:
-                stands[channel] = (channel.position, elapsed)
-            elif now is not Progress.DONE and elapsed - stands[channel][1] > STANDSTILL:
+            if channel.position != last_moved[channel][0]:
+                last_moved[channel] = (channel.position, elapsed)
+            elif now is not Progress.DONE and elapsed - last_moved[channel][1] > STANDSTILL:
                 raise _error(channel, _why_still(channel))
         if all(p is Progress.DONE for p in progress.values()):
             for channel in channels:
@@ -136,22 +137,22 @@ def home(cycle: Cycle, channels: Sequence[Channel], period: float) -> None:
 
 
 def _why_still(channel: Channel) -> str:
-    """Whether the axis stands still, or what is heard of it does."""
+    """A clause on whether the axis stands still, or its process data are frozen."""
     node = channel.axis.node
     position = node.read(od.POSITION_ACTUAL)
     if abs(position - channel.position) * channel.axis.scale.increment > STILL_BAND:
         return (
-            f"its process data (TPDO 0x{channel.axis.tpdo_id:03X}) have stood still for "
-            f"{STANDSTILL:g} s, and by SDO it is elsewhere: the TPDO is frozen"
+            f"its process data (TPDO 0x{channel.axis.tpdo_id:03X}) have not changed for "
+            f"{STANDSTILL:g} s, and SDO shows another position: the TPDO is frozen"
         )
-    return f"the axis has not moved at all for {STANDSTILL:g} s"
+    return f"the axis has not moved for {STANDSTILL:g} s"
 
 
 def _check_by_sdo(channel: Channel) -> None:
-    """What the process data said of the end of homing, once more.
+    """Confirms the end of homing.
 
     Raises:
-        HomingError: the drive says something else.
+        HomingError: SDO contradicts the process data.
     """
     node = channel.axis.node
     word, position = node.read(od.STATUSWORD), node.read(od.POSITION_ACTUAL)
@@ -160,12 +161,12 @@ def _check_by_sdo(channel: Channel) -> None:
         raise _error(
             channel,
             f"done by its process data (TPDO 0x{channel.axis.tpdo_id:03X}), but by SDO it is "
-            f"{apart:.3g} m elsewhere, statusword 0x{word:04X}: the TPDO is frozen",
+            f"{apart:.3g} m away with statusword 0x{word:04X}: the TPDO is frozen",
         )
 
 
 def _error(channel: Channel, what: str) -> HomingError:
-    """Homing error with method, statusword, and the error code where the drive has one."""
+    """A homing error with method, statusword and, where the drive reports one, error code."""
     axis = channel.axis
     code = axis.error_code()
     cause = (

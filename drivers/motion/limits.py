@@ -1,55 +1,78 @@
-"""Setpoints against the axis' limits, on whole arrays, before anything is sent."""
+"""Checks of setpoints against the limits of an axis, before anything is sent."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers import objects as od
 from drivers.errors import LimitError, shown
-from drivers.motion.profile_position import Setpoint
 from drivers.settings import AxisSettings
 
 
-def checked_counts(
+@dataclass(frozen=True, slots=True)
+class Setpoint:
+    """One target of a drive's own profile (pp).
+
+    Attributes:
+        target: absolute, or with `relative` from the previous target [increments].
+        end: absolute position that it leads to [increments].
+        duration: of the profile [s].
+        relative: controlword bit 6.
+    """
+
+    target: int
+    end: int
+    duration: float
+    relative: bool = False
+
+
+def checked_positions(
     position: NDArray[np.float64],
     offset: NDArray[np.float64],
     axes: Sequence[AxisSettings],
     last: Sequence[int],
     period: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rounds setpoints to CAN integers after checking all of them.
+    """Checks positions (csp), then rounds them to the bus' integers.
 
     Args:
         position: float64[K, n] [m].
-        offset: float64[K, n] [N].
+        offset: float64[K, n] force offsets [N].
         axes: settings of the n axes.
-        last: target sent last, per axis [increments]: where row 0 starts from.
+        last: target sent last, per axis [increments], from which row 0 starts.
         period: Ts [s].
 
     Returns:
         int64[K, n] target positions [increments], int64[K, n] force offsets [1/1000 rated],
-        the latter clipped to INTEGER16.
+        clipped to INTEGER16.
 
     Raises:
-        LimitError: wrong shape, not finite, outside the travel, or faster than the velocity
-            limit; names axis, limit and row.
+        LimitError: wrong shape, not finite, outside the travel, or above the velocity limit; names
+            axis, limit and row.
     """
-    position = np.asarray(position, dtype=np.float64)
-    offset = np.asarray(offset, dtype=np.float64)
-    n = len(axes)
-    if position.ndim != 2 or position.shape[1] != n or offset.shape != position.shape:
-        raise LimitError(
-            f"setpoints must be [K, {n}] for positions and offsets, "
-            f"are {list(position.shape)} and {list(offset.shape)}"
-        )
-    increment = np.array([a.increment for a in axes])
+    position, offset = _checked_shape(position, offset, len(axes))
     for j, axis in enumerate(axes):
-        _check_axis(position[:, j], offset[:, j], axis, last[j], period)
-    targets = np.rint(position / increment).astype(np.int64)
-    return targets, _force_counts(offset, axes)
+        at = position[:, j]
+        _check_finite(at, axis, od.TARGET_POSITION, "m")
+        _check_finite(offset[:, j], axis, od.FORCE_OFFSET, "N")
+        row = _first_outside(at, axis, axis.increment / 2)  # rounding may exceed the travel
+        if row is not None:
+            raise beyond_travel(axis, at[row], f"row {row}: target {at[row]:.9g} m is")
+        speed = np.abs(np.diff(at, prepend=last[j] * axis.increment)) / period
+        fast = speed > axis.velocity + 1.5 * axis.increment / period
+        if fast.any():
+            row = int(fast.argmax())
+            raise LimitError(
+                f"row {row}: {speed[row]:.6g} m/s from the previous setpoint exceeds the velocity "
+                f"limit {axis.velocity:g} m/s",
+                axis=axis.name, obj=od.TARGET_POSITION,
+            )  # fmt: skip
+    increment = np.array([a.increment for a in axes])
+    return np.rint(position / increment).astype(np.int64), _force_counts(offset, axes)
 
 
 def checked_velocities(
@@ -59,54 +82,44 @@ def checked_velocities(
     start: Sequence[float],
     period: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rounds velocities (csv) to CAN integers after checking all of them.
+    """Checks velocities (csv), then rounds them to the bus' integers.
 
     Args:
-        velocity: float64[K, n] [m/s], from rest to rest: the last row is 0, nothing follows it.
+        velocity: float64[K, n] [m/s], from rest to rest: the last row is 0.
         offset: float64[K, n] force offsets [N].
         axes: settings of the n axes.
-        start: where the axes stand [m].
+        start: actual positions [m].
         period: Ts [s].
 
     Returns:
         int64[K, n] target velocities [increments/s], int64[K, n] force offsets [1/1000 rated].
 
     Raises:
-        LimitError: wrong shape, not finite, faster than velocity or acceleration limit, out of the
-            travel on the way, or a last row that is not 0; names axis, limit and row.
+        LimitError: wrong shape, not finite, above the velocity or acceleration limit, leaves the
+            travel, or a last row that is not 0; names axis, limit and row.
     """
     velocity, offset = _checked_shape(velocity, offset, len(axes))
     for j, axis in enumerate(axes):
         v = velocity[:, j]
-        for values, ref, unit in (
-            (v, od.TARGET_VELOCITY, "m/s"),
-            (offset[:, j], od.FORCE_OFFSET, "N"),
-        ):
-            _check_finite(values, axis, ref, unit)
+        _check_finite(v, axis, od.TARGET_VELOCITY, "m/s")
+        _check_finite(offset[:, j], axis, od.FORCE_OFFSET, "N")
         _within(np.abs(v), axis.velocity, "velocity", "m/s", axis, od.TARGET_VELOCITY)
         change = np.abs(np.diff(v, prepend=0.0)) / period
         _within(change, axis.acceleration, "acceleration", "m/s^2", axis, od.TARGET_VELOCITY)
         _ends_at_zero(v, axis, od.TARGET_VELOCITY)
-        low, high = axis.travel
         path = start[j] + np.cumsum(v) * period
-        outside = (path < low - axis.increment) | (path > high + axis.increment)
-        if outside.any():
-            row = int(outside.argmax())
-            below = path[row] < low
-            raise LimitError(
-                f"row {row}: leads to {path[row]:.9g} m, {'below' if below else 'above'} the limit "
-                f"{low if below else high:g} m",
-                axis=axis.name, obj=od.SOFT_LIMIT_LOW if below else od.SOFT_LIMIT_HIGH,
-            )  # fmt: skip
+        row = _first_outside(path, axis, axis.increment)
+        if row is not None:
+            raise beyond_travel(axis, path[row], f"row {row}: leads to {path[row]:.9g} m,")
     units = np.array([a.velocity_unit_si for a in axes])
     return np.rint(velocity / units).astype(np.int64), _force_counts(offset, axes)
 
 
 def checked_forces(force: NDArray[np.float64], axes: Sequence[AxisSettings]) -> NDArray[np.int64]:
-    """Rounds forces (cst) to CAN integers after checking all of them.
+    """Checks forces (cst), then rounds them to the bus' integers.
 
     Args:
-        force: float64[K, n] [N]; the last row is 0, nothing follows it.
+        force: float64[K, n] [N]; the last row is 0.
         axes: settings of the n axes.
 
     Returns:
@@ -131,12 +144,12 @@ def checked_profile(
     acceleration: float,
     relative: bool,
 ) -> list[Setpoint]:
-    """Set-points for the drive's own profile after checking all of them.
+    """Checks targets of a drive's own profile (pp) and makes setpoints of them.
 
     Args:
         axis: settings of the axis.
-        start: where it is [m].
-        positions: targets one after the other [m]; with `relative` each from the one before.
+        start: actual position [m].
+        positions: targets in order [m], with `relative` each from the previous one.
         velocity: of the profile [m/s].
         acceleration: of the profile [m/s^2].
         relative: see positions.
@@ -151,24 +164,34 @@ def checked_profile(
         if not 0 < value <= limit:
             raise LimitError(f"{shown(value)} is not in (0, {limit:g}]", axis=axis.name, obj=ref)
     if not positions:
-        raise LimitError("there is no target", axis=axis.name, obj=od.TARGET_POSITION)
-    low, high = axis.travel
+        raise LimitError("no target given", axis=axis.name, obj=od.TARGET_POSITION)
     setpoints, at = [], start
     for number, position in enumerate(positions):
         end = at + position if relative else position
-        if not low <= end <= high:
-            below = end < low
+        if not axis.travel[0] <= end <= axis.travel[1]:
             which = f"target {number + 1}: " if len(positions) > 1 else ""
-            raise LimitError(
-                f"{which}target {shown(end)} m is {'below' if below else 'above'} the limit "
-                f"{low if below else high:g} m",
-                axis=axis.name, obj=od.SOFT_LIMIT_LOW if below else od.SOFT_LIMIT_HIGH,
-            )  # fmt: skip
+            raise beyond_travel(axis, end, f"{which}target {shown(end)} m is")
         duration = abs(end - at) / velocity + velocity / acceleration
         counts = round(position / axis.increment)
         setpoints.append(Setpoint(counts, round(end / axis.increment), duration, relative))
         at = end
     return setpoints
+
+
+def beyond_travel(axis: AxisSettings, position: float, what: str) -> LimitError:
+    """The error of a `position` outside the travel [m], `what` being the start of its message."""
+    low, high = axis.travel
+    side, limit, ref = ("above", high, od.SOFT_LIMIT_HIGH)
+    if position < low:
+        side, limit, ref = ("below", low, od.SOFT_LIMIT_LOW)
+    return LimitError(f"{what} {side} the limit {limit:g} m", axis=axis.name, obj=ref)
+
+
+def _first_outside(position: NDArray[np.float64], axis: AxisSettings, margin: float) -> int | None:
+    """The first row outside the travel by more than `margin` [m]; None: there is none."""
+    low, high = axis.travel
+    outside = (position < low - margin) | (position > high + margin)
+    return int(outside.argmax()) if outside.any() else None
 
 
 def _checked_shape(
@@ -178,7 +201,7 @@ def _checked_shape(
     offset = np.asarray(offset, dtype=np.float64)
     if values.ndim != 2 or values.shape[1] != n or offset.shape != values.shape:
         raise LimitError(
-            f"setpoints must be [K, {n}], also their offsets, "
+            f"setpoints and their offsets must be [K, {n}], "
             f"are {list(values.shape)} and {list(offset.shape)}"
         )
     return values, offset
@@ -195,7 +218,7 @@ def _check_finite(
     bad = ~np.isfinite(values)
     if bad.any():
         row = int(bad.argmax())
-        raise LimitError(f"row {row}: {values[row]} {unit} is no setpoint", axis=axis.name, obj=ref)
+        raise LimitError(f"row {row}: {values[row]} {unit} is not finite", axis=axis.name, obj=ref)
 
 
 def _within(
@@ -214,42 +237,6 @@ def _within(
 def _ends_at_zero(values: NDArray[np.float64], axis: AxisSettings, ref: od.ObjectRef) -> None:
     if len(values) and values[-1] != 0:
         raise LimitError(
-            f"row {len(values) - 1}: the last one must be 0, since nothing follows it",
+            f"row {len(values) - 1}: the last setpoint must be 0, since none follows",
             axis=axis.name, obj=ref,
         )  # fmt: skip
-
-
-def _check_axis(
-    position: NDArray[np.float64],
-    offset: NDArray[np.float64],
-    axis: AxisSettings,
-    last: int,
-    period: float,
-) -> None:
-    for values, ref, unit in (
-        (position, od.TARGET_POSITION, "m"),
-        (offset, od.FORCE_OFFSET, "N"),
-    ):
-        _check_finite(values, axis, ref, unit)
-    low, high = axis.travel
-    margin = axis.increment / 2  # rounding alone leaves no travel
-    outside = (position < low - margin) | (position > high + margin)
-    if outside.any():
-        row = int(outside.argmax())
-        below = position[row] < low
-        raise LimitError(
-            f"row {row}: target {position[row]:.9g} m is {'below' if below else 'above'} "
-            f"the limit {low if below else high:g} m",
-            axis=axis.name,
-            obj=od.SOFT_LIMIT_LOW if below else od.SOFT_LIMIT_HIGH,
-        )
-    speed = np.abs(np.diff(position, prepend=last * axis.increment)) / period
-    fast = speed > axis.velocity + 1.5 * axis.increment / period
-    if fast.any():
-        row = int(fast.argmax())
-        raise LimitError(
-            f"row {row}: {speed[row]:.6g} m/s from the setpoint before exceeds the velocity limit "
-            f"{axis.velocity:g} m/s",
-            axis=axis.name,
-            obj=od.TARGET_POSITION,
-        )

@@ -1,7 +1,7 @@
-"""Power states of all axes together, by controlwords in the RPDOs, one SYNC at a time.
+"""Power states of all axes, commanded together by the controlwords of their RPDOs.
 
-A target position goes out with every controlword; until an axis is enabled it follows the actual
-position, so that enabling never moves anything.
+Every RPDO also carries a target position. Until the axis is enabled it is the actual position, so
+that enabling causes no motion.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from drivers.drive import Command, Control, Mode, State, decode, next_controlwor
 from drivers.errors import AxisFault, DriverError, NodeError
 
 TIMEOUT = 2.0
-"""For a change of power state without motion [s]."""
+"""Of a change of power state without motion [s]."""
 HOLDING_TIMEOUT = 1.0
-"""For the loop to take a following error out after homing [s]."""
+"""For an enabled axis to come to rest, as when the loop settles after homing [s]."""
 RINGING_TIMEOUT = 0.3
-"""For an axis without power, which may ring on its presliding stiffness much longer [s]."""
+"""For an axis without power, which may oscillate on its presliding stiffness for longer [s]."""
 REST_SYNCS = 20
 REST_BAND = 50e-9
-"""An axis rests when it stays within this band [m] for `REST_SYNCS`."""
-UNHEARD = 0.02
-"""An axis that is silent or still enabled so long after a quick stop is told by SDO, too [s]."""
-GIVEN_UP = 0.6
-"""A silent axis is waited for so long; its drive has missed our heartbeat by then [s]."""
+"""An axis is at rest when it stays within this band [m] for `REST_SYNCS`."""
+SDO_DELAY = 0.02
+"""An axis still silent or enabled this long after a quick stop is stopped by SDO as well [s]."""
+SILENCE_TIMEOUT = 0.6
+"""How long a silent axis is waited for; by then its drive has missed our heartbeat [s]."""
 OFFSET_RAMP = 0.05
-"""Time in which a force offset is taken back before an axis is disabled [s]."""
+"""Duration of the ramp of force offsets to 0 before axes are disabled [s]."""
 
 IN_FAULT = "is in fault, to be reset first (stagectl enable --reset)"
 
@@ -42,12 +42,12 @@ _MODE_BITS = int(
 
 
 def state_of(channel: Channel) -> State:
-    """The power state that the axis' last statusword shows."""
+    """The power state of the axis' last statusword."""
     return decode(channel.statusword)
 
 
 def fault(channel: Channel, what: str) -> AxisFault:
-    """An `AxisFault` with the axis' statusword and first emergency; `diagnosis` adds the rest."""
+    """An `AxisFault` with statusword and first emergency; `fault_report` adds the rest."""
     alarm = channel.axis.node.alarm
     parts = [what] if alarm is None else [what, alarm.cause]
     parts.append(f"statusword 0x{channel.statusword:04X} ({state_of(channel)})")
@@ -57,8 +57,8 @@ def fault(channel: Channel, what: str) -> AxisFault:
     )  # fmt: skip
 
 
-def _patience(channel: Channel) -> float:
-    """How long the axis may take to be enabled, or to be heard at all [s]."""
+def _timeout(channel: Channel) -> float:
+    """How long the axis may take to become enabled, or to send its first TPDO [s]."""
     return channel.axis.settings.enable_timeout if channel.seen else TIMEOUT
 
 
@@ -66,13 +66,13 @@ class Power:
     """Takes all axes from one power state to another.
 
     Attributes:
-        mode: mode of operation that all axes were set to last, None before the first.
-        loose: names of axes that were led towards power and have not been seen without it since.
+        mode: mode of operation set last on all axes, None before the first.
+        unconfirmed: axes commanded towards power that have not been seen without it since.
     """
 
     def __init__(self, cycle: Cycle, period: float) -> None:
         self.mode: Mode | None = None
-        self.loose: set[str] = set()
+        self.unconfirmed: set[str] = set()
         self._cycle = cycle
         self._period = period
 
@@ -83,25 +83,24 @@ class Power:
 
     @property
     def enabled(self) -> bool:
-        """Whether all axes were in OPERATION ENABLED when last heard."""
+        """Whether all axes were last seen in OPERATION ENABLED."""
         return all(c.seen and state_of(c) is State.OPERATION_ENABLED for c in self.channels)
 
     def set_mode(self, mode: Mode) -> None:
-        """Sets the mode of operation on all axes by SDO, and waits for it."""
-        self._aim(mode)
+        """Sets the mode of operation of all axes by SDO and waits for it."""
+        self._map_targets(mode)
         for channel in self.channels:
             channel.axis.set_mode(mode)
         self.mode = mode
 
-    def _aim(self, mode: Mode) -> None:
-        """Maps the targets that the mode takes."""
+    def _map_targets(self, mode: Mode) -> None:
         for channel in self.channels:
-            if channel.axis.aim(mode):
-                channel.adapt()
-                channel.rest()
+            if channel.axis.map_target(mode):
+                channel.use_mappings()
+                channel.stand_still()
 
     def require_enabled(self) -> None:
-        """Raises an `AxisFault` that names the first axis that is not in OPERATION ENABLED."""
+        """Raises an `AxisFault` where an axis is not in OPERATION ENABLED."""
         for channel in self.channels:
             if not channel.seen or state_of(channel) is not State.OPERATION_ENABLED:
                 raise AxisFault("the stage is not enabled", axis=channel.axis.name)
@@ -109,8 +108,8 @@ class Power:
     def enter(self, mode: Mode, channels: Sequence[Channel] | None = None) -> None:
         """Enables axes (all by default) in a mode of operation.
 
-        Enabled ones change over under power, or presliding would throw them back by some 10 um;
-        where a drive refuses that, all go through SWITCH ON DISABLED.
+        Enabled axes change mode under power: switched off, presliding friction would push them back
+        by some 10 um. Where a drive refuses that, all go through SWITCH ON DISABLED.
 
         Raises:
             AxisFault: an axis faults, or does not become enabled.
@@ -126,10 +125,10 @@ class Power:
         self.go(State.OPERATION_ENABLED, chosen)
 
     def change_over(self, mode: Mode, channels: Sequence[Channel]) -> bool:
-        """Changes the mode of operation under power, without a jump, where that is possible.
+        """Changes the mode of operation under power and without a jump, where possible.
 
         Returns:
-            False when an axis is not enabled or its drive refuses.
+            False where an axis is not enabled, or its drive refuses.
 
         Raises:
             AxisFault: an axis faults meanwhile.
@@ -139,14 +138,14 @@ class Power:
             return False
         self.ramp_offsets_out()
         if self.mode is Mode.CYCLIC_SYNC_TORQUE:
-            self.wait_for_rest(HOLDING_TIMEOUT)  # nothing has held the axes
+            self.wait_for_rest(HOLDING_TIMEOUT)  # nothing holds the axes in cst
         for channel in self.channels:
             channel.controlword &= ~_MODE_BITS
-            if self.mode is Mode.HOMING:  # its targets were in other coordinates
+            if self.mode is Mode.HOMING:  # the zero has changed since the target was sent
                 channel.target = channel.position
-        self._aim(mode)
+        self._map_targets(mode)
         self._cycle.resume()
-        for _ in range(2):  # 0x607A is right in the drive before the mode that obeys it begins
+        for _ in range(2):  # the drive has the right 0x607A before it enters the mode
             self._cycle.exchange()
         try:
             self.set_mode(mode)
@@ -158,15 +157,15 @@ class Power:
         return True
 
     def wait_for_rest(self, timeout: float) -> None:
-        """Waits until all axes stand still, or `timeout` [s] is over."""
+        """Waits until all axes are at rest, at most `timeout` [s]."""
         recent: deque[tuple[int, ...]] = deque(maxlen=REST_SYNCS)
-        for _ in self._cycles(timeout, blind=True):
+        for _ in self._cycles(timeout, checked=False):
             recent.append(tuple(c.position for c in self.channels))
             if len(recent) == REST_SYNCS and not self._moved(recent):
                 return
 
     def _moved(self, recent: Iterable[tuple[int, ...]]) -> list[Channel]:
-        """Those that did not keep within the rest band over these positions [increments]."""
+        """Axes that left the rest band in these positions [increments]."""
         return [
             c
             for p, c in zip(zip(*recent, strict=True), self.channels, strict=True)
@@ -174,30 +173,30 @@ class Power:
         ]
 
     def go(self, target: State, channels: Sequence[Channel] | None = None) -> None:
-        """Leads axes (all by default) to `target`; one that faults stops the attempt.
+        """Takes axes (all by default) to a power state.
 
         Raises:
-            AxisFault: an axis is in or falls into FAULT, or does not get there in the time that
-                its settings give it.
+            AxisFault: an axis is in FAULT, or does not reach the state in the time its settings
+                allow.
         """
         chosen = self.channels if channels is None else channels
-        self.loose.update(c.axis.name for c in chosen)
+        self.unconfirmed.update(c.axis.name for c in chosen)
         late = chosen[0]
         longest = max(TIMEOUT, *(c.axis.settings.enable_timeout for c in chosen))
         for count, _ in enumerate(self._cycles(longest), 1):
-            waiting = [c for c in chosen if not self._led(c, target)]
+            waiting = [c for c in chosen if not self._step_towards(target, c)]
             if not waiting:
                 return
-            late = min(waiting, key=_patience)
-            if count >= round(_patience(late) / self._period):
+            late = min(waiting, key=_timeout)
+            if count >= round(_timeout(late) / self._period):
                 break
         if not late.seen:
-            self._silent(late)
-        raise fault(late, f"does not reach {target} within {_patience(late):g} s (enable_timeout)")
+            raise self._silence(late)
+        raise fault(late, f"does not reach {target} within {_timeout(late):g} s (enable_timeout)")
 
     @staticmethod
-    def _led(channel: Channel, target: State) -> bool:
-        """One step further towards `target`; whether it is there."""
+    def _step_towards(target: State, channel: Channel) -> bool:
+        """Commands the next transition; returns whether the axis is in `target`."""
         if not channel.seen:
             return False
         state = state_of(channel)
@@ -205,11 +204,12 @@ class Power:
             raise fault(channel, IN_FAULT)
         channel.controlword = next_controlword(state, target, channel.controlword)
         if state is not State.OPERATION_ENABLED:
-            channel.rest()
+            channel.stand_still()
         return state is target
 
-    def _silent(self, channel: Channel) -> None:
-        raise AxisFault(
+    @staticmethod
+    def _silence(channel: Channel) -> AxisFault:
+        return AxisFault(
             f"no process data (TPDO 0x{channel.axis.tpdo_id:03X}) at all: does it answer SYNC?",
             axis=channel.axis.name, obj=od.STATUSWORD,
         )  # fmt: skip
@@ -218,10 +218,10 @@ class Power:
         """Acknowledges the faults of all axes that have one.
 
         Raises:
-            AxisFault: a fault stays (its cause persists).
+            AxisFault: a fault persists, or an axis sends no process data.
         """
         self._cycle.clear_alarms()
-        for _ in self._cycles(TIMEOUT, blind=True):
+        for _ in self._cycles(TIMEOUT, checked=False):
             waiting = False
             for channel in self.channels:
                 if not channel.seen:
@@ -233,7 +233,7 @@ class Power:
                     channel.controlword = next_controlword(
                         state, State.SWITCH_ON_DISABLED, channel.controlword
                     )
-                    channel.rest()
+                    channel.stand_still()
                 elif channel.controlword & Command.FAULT_RESET:
                     channel.controlword = int(Command.DISABLE_VOLTAGE)
                     waiting = True
@@ -242,12 +242,12 @@ class Power:
                 return
         for channel in self.channels:
             if not channel.seen:
-                self._silent(channel)
+                raise self._silence(channel)
             if state_of(channel) in (State.FAULT, State.FAULT_REACTION_ACTIVE):
                 raise fault(channel, "the fault cannot be reset")
 
     def ramp_offsets_out(self) -> None:
-        """Takes the force offsets back to 0 at constant targets, while enabled."""
+        """Ramps the force offsets of enabled axes to 0 at constant targets."""
         steps = max(1, round(OFFSET_RAMP / self._period))
         start = [c.offset for c in self.channels]
         if not any(start) or not self.enabled:
@@ -259,12 +259,12 @@ class Power:
             self._cycle.exchange()
 
     def quick_stop(self, timeout: float) -> None:
-        """Quick-stops all axes at once and waits until none is moving under power.
+        """Quick-stops all axes and waits until none is moving under power.
 
-        Setpoints or SYNC may not get through where SDO does, so that is tried as well. Axes that
-        stay silent are given the time in which their drives notice that we do not reach them. One
-        that is heard, and goes on, may hear our heartbeat and nothing else: it has to miss that,
-        until the next boot or reset of faults.
+        SDO may get through where setpoints or SYNC do not, so it is tried as well. Silent axes are
+        given the time in which their drives miss our heartbeat. An axis that sends process data but
+        does not stop may receive our heartbeat and nothing else: the heartbeat is suspended until
+        the next boot or reset of faults.
 
         Raises:
             AxisFault: an axis is still enabled or still stopping after `timeout` [s].
@@ -274,20 +274,20 @@ class Power:
         for channel in self.channels:
             channel.controlword, channel.offset = int(Command.QUICK_STOP), 0
         last: tuple[int, ...] = ()
-        given_up = round(GIVEN_UP / self._period)
-        for count, _ in enumerate(self._cycles(max(timeout, GIVEN_UP), blind=True), 1):
+        given_up = round(SILENCE_TIMEOUT / self._period)
+        for count, _ in enumerate(self._cycles(max(timeout, SILENCE_TIMEOUT), checked=False), 1):
             positions = tuple(c.position for c in self.channels)
             still, last = positions == last, positions
             states = [state_of(c) for c in self.channels if c.valid]
-            # drives with option codes 5..8 stay in QUICK STOP ACTIVE: standing still is the end
+            # with option codes 5..8 drives stay in QUICK STOP ACTIVE: at standstill they are done
             if not any(
                 s in moving and (s is not State.QUICK_STOP_ACTIVE or not still) for s in states
             ):
                 if len(states) == len(self.channels) or count >= given_up:
-                    self._cycle.beat(True)
+                    self._cycle.set_heartbeat(True)
                     return
-            if count == round(UNHEARD / self._period):
-                self._cycle.beat(moving[0] not in states)
+            if count == round(SDO_DELAY / self._period):
+                self._cycle.set_heartbeat(moving[0] not in states)
                 self.attempt_by_sdo(
                     Command.QUICK_STOP,
                     [c for c in self.channels if not c.valid or state_of(c) is moving[0]],
@@ -301,21 +301,21 @@ class Power:
                 )  # fmt: skip
 
     def halt(self, timeout: float) -> None:
-        """Halts all enabled axes by controlword bit 8; they end at rest, holding where they are.
+        """Halts all enabled axes by controlword bit 8; they hold where they come to rest.
 
         Raises:
             AxisFault: an axis faults, or still moves after `timeout` [s].
             BusError: the bus fails.
         """
-        self.stand_still(timeout)
+        self.brake_by_halt_bit(timeout)
         for channel in self.channels:
-            channel.rest()
+            channel.stand_still()
             channel.controlword &= ~int(Control.HALT)
         self._cycle.resume()
         self._cycle.exchange()
 
-    def stand_still(self, timeout: float) -> None:
-        """Brakes by controlword bit 8, which stays set; raises as `halt`."""
+    def brake_by_halt_bit(self, timeout: float) -> None:
+        """Brakes all axes by controlword bit 8, which stays set; raises as `halt`."""
         recent: deque[tuple[int, ...]] = deque(maxlen=REST_SYNCS)
         for channel in self.channels:
             channel.controlword |= int(Control.HALT)
@@ -324,19 +324,19 @@ class Power:
             recent.append(tuple(c.position for c in self.channels))
             for channel in self.channels:
                 if channel.valid and state_of(channel) is not State.OPERATION_ENABLED:
-                    raise fault(channel, "left OPERATION ENABLED on the way to a halt")
+                    raise fault(channel, "left OPERATION ENABLED during a halt")
             still = len(recent) == REST_SYNCS and not self._moved(recent)
-            # bit 10 says velocity 0 with halt; a drive without it is believed at rest
+            # bit 10 (velocity 0 with halt) is not required: not all drives have it
             if still and all(c.valid for c in self.channels):
                 return
         moving = self._moved(recent) or self.channels
         raise fault(moving[0], f"still moves {timeout:g} s after halt")
 
     def switch_off(self) -> None:
-        """Power off on all axes, whatever state they are in; stays silent about faults.
+        """Switches the power of all axes off, in any state; faults are not raised.
 
-        Where the process data do not show it, SDO is tried; what is still not known to be without
-        power stays in `loose`.
+        Where process data do not confirm it, SDO is tried; axes not confirmed by either stay in
+        `unconfirmed`.
 
         Raises:
             BusError: the bus fails.
@@ -344,35 +344,36 @@ class Power:
         for channel in self.channels:
             channel.controlword, channel.offset = int(Command.DISABLE_VOLTAGE), 0
         off = (State.SWITCH_ON_DISABLED, State.FAULT, State.NOT_READY_TO_SWITCH_ON)
-        for _ in self._cycles(TIMEOUT, blind=True):
+        for _ in self._cycles(TIMEOUT, checked=False):
             if all(state_of(c) in off if c.valid else c.missed > 1 for c in self.channels):
                 break
         doubtful = [c for c in self.channels if not (c.valid and state_of(c) in off)]
         self.attempt_by_sdo(Command.DISABLE_VOLTAGE, doubtful)
         for channel in self.channels:
             if channel not in doubtful or self._state_by_sdo(channel) in off:
-                self.loose.discard(channel.axis.name)
+                self.unconfirmed.discard(channel.axis.name)
 
     def attempt_by_sdo(self, command: Command, channels: Sequence[Channel] | None = None) -> None:
-        """Writes a controlword by SDO where the cyclic path is no way; errors are passed over.
+        """Writes a controlword by SDO where the cyclic path fails; errors are ignored.
 
         Args:
-            command: to be written.
-            channels: of these axes, all by default.
+            command: the controlword.
+            channels: of the axes, all by default.
         """
         chosen = self.channels if channels is None else channels
         for channel in chosen:
             node = channel.axis.node
             try:
-                # who is silent may still listen, but is not waited for again
-                (node.tell if node.silent else node.write)(od.CONTROLWORD, int(command))
+                # a silent node may still listen, but its answer is not awaited again
+                write = node.write_unanswered if node.silent else node.write
+                write(od.CONTROLWORD, int(command))
             except DriverError:
                 continue
         if chosen:
             self._cycle.resume()
 
     def _state_by_sdo(self, channel: Channel) -> State | None:
-        """The power state that the drive tells when asked, None where it does not answer."""
+        """The power state read by SDO, None where the drive does not answer."""
         if channel.axis.node.silent:
             return None
         try:
@@ -382,20 +383,19 @@ class Power:
         finally:
             self._cycle.resume()
 
-    def _cycles(self, timeout: float, blind: bool = False) -> Cycles:
-        return Cycles(self._cycle, timeout, self._period, blind)
+    def _cycles(self, timeout: float, checked: bool = True) -> Cycles:
+        return Cycles(self._cycle, timeout, checked)
 
 
 class Cycles:
-    """Iterates over SYNCs with the channels' commands until a timeout [s] has gone by.
+    """Iterates over SYNC cycles until `timeout` [s] has passed; with `checked`, alarms are raised.
 
-    The first value comes after the first SYNC. The last cycle's commands are sent before the
-    next value, so that a loop sets commands for the SYNC to come.
+    Each step is one cycle with the commands that the loop's body has set for the channels.
     """
 
-    def __init__(self, cycle: Cycle, timeout: float, period: float, blind: bool) -> None:
-        self._exchange: Callable[[], None] = cycle.exchange_blindly if blind else cycle.exchange
-        self._left = max(1, round(timeout / period))
+    def __init__(self, cycle: Cycle, timeout: float, checked: bool = True) -> None:
+        self._exchange: Callable[[], None] = cycle.exchange if checked else cycle.exchange_unchecked
+        self._left = max(1, round(timeout / cycle.period))
         cycle.resume()
 
     def __iter__(self) -> Cycles:

@@ -1,4 +1,4 @@
-"""Profile position (pp): moves by the drives' own profile generators."""
+"""Profile position (pp): moves by the drives' own profile generators, and back to csp."""
 
 from __future__ import annotations
 
@@ -6,30 +6,35 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
-from drivers.cyclic import Cycle
-from drivers.drive import Mode
-from drivers.motion import profile_position
-from drivers.motion.limits import checked_profile
+from drivers.cyclic import Channel, Cycle
+from drivers.drive import Control, Mode
+from drivers.motion.limits import Setpoint, checked_profile
 from drivers.motion.power import Power
 from drivers.motion.profile_moves import ProfileMoves
 from drivers.motion.safe_stop import SafeStop
+from drivers.motion.setpoint_handshake import (
+    HANDSHAKE_TIMEOUT,
+    SETTLING_TIMEOUT,
+    await_target,
+    hand_over,
+)
 
 
 class ProfilePosition:
-    """Moves in pp and back to csp; arguments and errors are those of `Stage`.
+    """Moves in pp; arguments and errors as in `Stage`.
 
     Args:
         cycle, power, stopping: of the stage.
-        back: closes the loops of all axes in csp.
+        return_to_csp: enables all axes in csp.
     """
 
     mode = Mode.PROFILE_POSITION
 
     def __init__(
-        self, cycle: Cycle, power: Power, stopping: SafeStop, back: Callable[[], None]
+        self, cycle: Cycle, power: Power, stopping: SafeStop, return_to_csp: Callable[[], None]
     ) -> None:
         self._cycle, self._power = cycle, power
-        self._stopping, self._back = stopping, back
+        self._stopping, self._return_to_csp = stopping, return_to_csp
 
     def move_to(
         self,
@@ -39,7 +44,7 @@ class ProfilePosition:
         acceleration: float,
         relative: bool,
     ) -> None:
-        """One axis, to one target or from target to target."""
+        """Moves one axis to one target, or from target to target."""
         channel = self._cycle.channel(axis)
         targets = [position] if isinstance(position, int | float) else list(position)
         start = channel.position * channel.axis.scale.increment
@@ -50,8 +55,24 @@ class ProfilePosition:
             slower = channel.axis.set_profile(velocity, acceleration)
             setpoints = [replace(s, duration=slower * s.duration) for s in setpoints]
             self._power.enter(self.mode)
-            profile_position.move(self._cycle, channel, setpoints, self._cycle.period)
-        self._back()
+            self._move(channel, setpoints)
+        self._return_to_csp()
+
+    def _move(self, channel: Channel, setpoints: Sequence[Setpoint]) -> None:
+        """Moves an enabled axis along the setpoints.
+
+        The first takes effect at once (bit 5), the others queue: each is handed over as soon as the
+        drive can take it, and begins when the previous one is reached.
+        """
+        ready_timeout, bits = HANDSHAKE_TIMEOUT, int(Control.CHANGE_IMMEDIATELY)
+        for number, setpoint in enumerate(setpoints):
+            acknowledged = hand_over(self._cycle, channel, setpoint, bits, ready_timeout)
+            ready_timeout += setpoint.duration + SETTLING_TIMEOUT
+            if not acknowledged or number == len(setpoints) - 1:
+                await_target(self._cycle, channel, setpoint, ready_timeout)
+            bits = 0
+        if setpoints[-1].relative:  # csp would take the distance for a position
+            channel.target = channel.position
 
     @contextmanager
     def moves(self, velocity: float, acceleration: float) -> Iterator[ProfileMoves]:
@@ -61,8 +82,7 @@ class ProfilePosition:
             axis.check_mode(self.mode)
         with self._stopping.on_failure():
             self._power.enter(self.mode)
-            period = self._cycle.period
-            moves = ProfileMoves(self._cycle, self._power, velocity, acceleration, period)
+            moves = ProfileMoves(self._cycle, self._power, velocity, acceleration)
             yield moves
             moves.end()
-        self._back()
+        self._return_to_csp()

@@ -1,35 +1,41 @@
-"""Moves by the drives' own profiles (pp), told while others are under way: `Stage.profile_moves`.
+"""Moves by the drives' own profiles whose targets may change on the way: `Stage.profile_moves`.
 
-Everything the set-point handshake offers: a target at once, also in the middle of a move (bit 5),
-behind the one under way (without it), passing that one without a stop (bit 9), from the target
-before (bit 6); halt and going on (bit 8). How drives do it differs; what is told here is CiA 402,
-and that each axis ends where it was told to is checked.
+Covers the whole setpoint handshake: a target at once, even during a move (bit 5); after the present
+one (without it); passing the present one without a stop (bit 9); relative to the previous target
+(bit 6); halt and resume (bit 8). Drives differ in the details; commands follow CiA 402, and each
+axis is checked to end at its target.
 """
 
 from __future__ import annotations
 
 from drivers import objects as od
 from drivers.cyclic import Channel, Cycle
-from drivers.drive import Control, State, Status
+from drivers.drive import Control, Status
 from drivers.errors import AxisFault, ConfigurationError, NodeError
 from drivers.motion.limits import checked_profile
-from drivers.motion.power import HOLDING_TIMEOUT, Cycles, Power, fault, state_of
-from drivers.motion.profile_position import HANDSHAKE_TIMEOUT, NEAR, SETTLING_TIMEOUT, hand_over
+from drivers.motion.power import HOLDING_TIMEOUT, Cycles, Power
+from drivers.motion.setpoint_handshake import (
+    HANDSHAKE_TIMEOUT,
+    NEAR,
+    SETTLING_TIMEOUT,
+    check_enabled,
+    hand_over,
+)
 
 _FROM_TARGET = 0x3
-"""Bits of 0x60F2 that are 0 where relative targets count from the target before."""
+"""Bits of 0x60F2 that are 0 where relative targets count from the previous target."""
 
 
-class _Way:
-    """What an axis was told to do.
+class _Course:
+    """The setpoints an axis has been given.
 
     Attributes:
         channel: of the axis.
-        end: where the last set-point leads to [increments]; None: it was not told anything yet.
-        seconds: how long everything told so far may take at most [s].
-        velocity, acceleration: of its last set-point [m/s, m/s^2].
-        slower: how many times longer than by these the drive may take.
-        queued: set-points may be waiting in the drive.
+        end: target of the last setpoint [increments]; None: there was none yet.
+        seconds: how long all setpoints may take [s].
+        velocity, acceleration: of the last setpoint [m/s, m/s^2].
+        slower: factor on their duration where the drive is slower.
+        queued: setpoints may be waiting in the drive.
     """
 
     def __init__(self, channel: Channel) -> None:
@@ -41,8 +47,8 @@ class _Way:
         self.queued = False
 
     @property
-    def there(self) -> bool:
-        """The drive says that it has arrived, and it is where it was told to go."""
+    def is_done(self) -> bool:
+        """Whether the drive reports the target reached, and the axis is at it."""
         if self.end is None:
             return True
         channel, settings = self.channel, self.channel.axis.settings
@@ -52,28 +58,24 @@ class _Way:
 
 
 class ProfileMoves:
-    """All axes in pp. While nothing is called here the drives go on, but hear no heartbeat.
+    """All axes in pp. Between calls the drives go on, but receive no heartbeat.
 
     Args:
         cycle: the cyclic path; all axes are enabled in pp.
         power: of the same axes.
-        velocity: of the profiles, if nothing else is said [m/s].
-        acceleration: both ways [m/s^2].
-        period: Ts [s].
+        velocity: default of the profiles [m/s].
+        acceleration: default of the profiles, also for braking [m/s^2].
 
     Attributes:
         halted: between `halt` and `resume`.
     """
 
-    def __init__(
-        self, cycle: Cycle, power: Power, velocity: float, acceleration: float, period: float
-    ) -> None:
+    def __init__(self, cycle: Cycle, power: Power, velocity: float, acceleration: float) -> None:
         self.halted = False
         self._cycle = cycle
         self._power = power
         self._velocity, self._acceleration = velocity, acceleration
-        self._period = period
-        self._ways = {c.axis.name: _Way(c) for c in cycle.channels}
+        self._courses = {c.axis.name: _Course(c) for c in cycle.channels}
 
     def to(
         self,
@@ -88,84 +90,91 @@ class ProfileMoves:
     ) -> None:
         """Hands over one target; returns when the drive has taken it, not when it is reached.
 
-        Without `queued` it counts at once: what was under way or waiting is given up for it.
+        Without `queued` the target takes effect at once and replaces all earlier ones.
 
         Args:
             axis: its name.
             position: absolute [m].
-            velocity: of this one [m/s]; that of all by default.
-            acceleration: of this one, both ways [m/s^2]; that of all by default.
-            relative: `position` counts from the target before, the first from where the axis is.
-            queued: when the one under way is reached. Drives have room for one that waits: with two
+            velocity: of this move [m/s], by default that of all.
+            acceleration: of this move, also for braking [m/s^2], by default that of all.
+            relative: `position` counts from the previous target, at first from the actual position.
+            queued: begins when the present target is reached. Drives queue one target: with two
                 ahead this returns when the first of them is reached.
-            passing: as `queued`, but the one under way is passed at its velocity where the drive
-                can do that (bit 9).
+            passing: as `queued`, but the present target is passed at velocity where the drive
+                supports bit 9.
 
         Raises:
-            LimitError: outside the axis' limits; nothing was sent, but all axes are stopped unless
-                it is caught inside.
+            LimitError: outside the axis' limits; nothing was sent. All axes are stopped unless it
+                is caught inside the block.
             ConfigurationError: no such axis, or relative targets count from elsewhere (0x60F2).
-            AxisFault: the drive does not take it, or an axis faults.
+            AxisFault: the drive does not take the target, or an axis faults.
         """
-        way = self._way(axis)
-        channel = way.channel
+        course = self._course(axis)
+        channel = course.channel
         speed = self._velocity if velocity is None else velocity
         rate = self._acceleration if acceleration is None else acceleration
         increment = channel.axis.scale.increment
-        start = (channel.position if way.end is None else way.end) * increment
+        start = (channel.position if course.end is None else course.end) * increment
         settings = channel.axis.settings
-        queued = (queued or passing) and way.end is not None
-        full = way.queued and bool(channel.statusword & Status.SETPOINT_ACKNOWLEDGED)
-        if relative and full and not queued:  # which of two targets a drive counts from differs
+        queued = (queued or passing) and course.end is not None
+        full = course.queued and bool(channel.statusword & Status.SETPOINT_ACKNOWLEDGED)
+        if (
+            relative and full and not queued
+        ):  # drives differ in which of two targets they count from
             position, relative = start + position, False
         (setpoint,) = checked_profile(settings, start, [position], speed, rate, relative)
         if relative:
             _check_base(channel)
-        if (speed, rate) != (way.velocity, way.acceleration):
-            way.slower = channel.axis.set_profile(speed, rate)
-        turning = 2 * way.velocity / rate + way.velocity**2 / (rate * speed)
+        if (speed, rate) != (course.velocity, course.acceleration):
+            course.slower = channel.axis.set_profile(speed, rate)
+        turning = 2 * course.velocity / rate + course.velocity**2 / (rate * speed)
         bits = 0 if queued else int(Control.CHANGE_IMMEDIATELY)
         if passing and queued:
             bits |= int(Control.CHANGE_ON_SETPOINT)
         if self.halted:
             bits |= int(Control.HALT)
         hand_over(
-            self._cycle, channel, setpoint, bits, HANDSHAKE_TIMEOUT + way.seconds, self._period,
-            instead=full and not queued,
+            self._cycle, channel, setpoint, bits, HANDSHAKE_TIMEOUT + course.seconds,
+            replace=full and not queued,
         )  # fmt: skip
         own = abs(setpoint.end * increment - channel.position * increment) / speed
-        own = way.slower * (own + setpoint.duration + turning) + SETTLING_TIMEOUT
-        way.seconds = way.seconds + own if queued else own
-        way.end, way.queued, way.velocity, way.acceleration = setpoint.end, queued, speed, rate
+        own = course.slower * (own + setpoint.duration + turning) + SETTLING_TIMEOUT
+        course.seconds = course.seconds + own if queued else own
+        course.end, course.queued, course.velocity, course.acceleration = (
+            setpoint.end,
+            queued,
+            speed,
+            rate,
+        )
 
     def run(self, duration: float) -> None:
-        """Lets the drives go on for `duration` [s].
+        """Keeps the moves going for `duration` [s].
 
         Raises:
             AxisFault: an axis faults meanwhile.
         """
-        for _ in Cycles(self._cycle, duration, self._period, blind=False):
+        for _ in Cycles(self._cycle, duration):
             self._check_enabled()
 
     def wait(self) -> None:
-        """Until every axis is where its last target is.
+        """Waits until every axis is at its last target.
 
         Raises:
-            AxisFault: one does not get there, faults, or waits to be resumed.
+            AxisFault: an axis does not arrive in time, faults, or is halted.
         """
-        ways = [w for w in self._ways.values() if w.end is not None]
-        if self.halted and not all(w.there for w in ways):
-            raise AxisFault("is halted: resume it first", axis=ways[0].channel.axis.name)
-        timeout = max((w.seconds for w in ways), default=0.0)
-        if not ways:
+        courses = [w for w in self._courses.values() if w.end is not None]
+        if self.halted and not all(w.is_done for w in courses):
+            raise AxisFault("is halted: resume it first", axis=courses[0].channel.axis.name)
+        timeout = max((w.seconds for w in courses), default=0.0)
+        if not courses:
             return
-        for _ in Cycles(self._cycle, timeout, self._period, blind=False):
+        for _ in Cycles(self._cycle, timeout):
             self._check_enabled()
-            if all(w.there for w in ways):
-                for way in ways:
-                    way.seconds, way.queued = 0.0, False
+            if all(w.is_done for w in courses):
+                for course in courses:
+                    course.seconds, course.queued = 0.0, False
                 return
-        late = next(w for w in ways if not w.there)
+        late = next(w for w in courses if not w.is_done)
         increment = late.channel.axis.scale.increment
         raise AxisFault(
             f"target {(late.end or 0) * increment:.9g} m is not reached within {timeout:.3g} s, it "
@@ -175,7 +184,7 @@ class ProfileMoves:
         )  # fmt: skip
 
     def halt(self) -> None:
-        """Brakes all axes (0x605D); they hold, and keep their targets.
+        """Brakes all axes (0x605D); they hold and keep their targets.
 
         Raises:
             AxisFault: an axis faults or does not come to rest.
@@ -183,16 +192,16 @@ class ProfileMoves:
         slowest = max(
             (
                 w.slower * w.velocity / w.acceleration
-                for w in self._ways.values()
+                for w in self._courses.values()
                 if w.end is not None
             ),
             default=0.0,
         )
-        self._power.stand_still(10 * slowest + HOLDING_TIMEOUT)
+        self._power.brake_by_halt_bit(10 * slowest + HOLDING_TIMEOUT)
         self.halted = True
 
     def resume(self) -> None:
-        """On to the targets after a halt.
+        """Continues to the targets after a halt.
 
         Raises:
             AxisFault: an axis faults.
@@ -200,34 +209,37 @@ class ProfileMoves:
         for channel in self._cycle.channels:
             channel.controlword &= ~int(Control.HALT)
         self.halted = False
-        self.run(self._period)
+        self.run(self._cycle.period)
 
     def end(self) -> None:
-        """Waits for all axes, unless they are halted; then targets are where the axes are to stay.
+        """Waits for all axes, unless they are halted, and sets the targets where they stay.
 
         Raises:
             AxisFault: as `wait`.
         """
         if not self.halted:
             self.wait()
-        for way in self._ways.values():
-            if way.end is not None:  # 0x607A may hold a distance; csp will take it for a place
-                way.channel.target = way.channel.position if self.halted else way.end
+        for course in self._courses.values():
+            if (
+                course.end is not None
+            ):  # 0x607A may hold a distance, which csp would take for a position
+                course.channel.target = course.channel.position if self.halted else course.end
 
-    def _way(self, axis: str) -> _Way:
-        way = self._ways.get(axis)
-        if way is None:
-            raise ConfigurationError(f"no such axis (there are {', '.join(self._ways)})", axis=axis)
-        return way
+    def _course(self, axis: str) -> _Course:
+        course = self._courses.get(axis)
+        if course is None:
+            raise ConfigurationError(
+                f"no such axis (there are {', '.join(self._courses)})", axis=axis
+            )
+        return course
 
     def _check_enabled(self) -> None:
         for channel in self._cycle.channels:
-            if channel.valid and state_of(channel) is not State.OPERATION_ENABLED:
-                raise fault(channel, "stopped during a profile move")
+            check_enabled(channel)
 
 
 def _check_base(channel: Channel) -> None:
-    """Relative targets have to count from the target before, or limits would be checked in vain."""
+    """Checks that relative targets count from the previous target, as the limits assume."""
     node = channel.axis.node
     if not node.offers(od.POSITIONING_OPTION):
         return
@@ -239,6 +251,6 @@ def _check_base(channel: Channel) -> None:
         return
     if held & _FROM_TARGET:
         raise ConfigurationError(
-            f"0x{held:04X}: relative targets count from elsewhere than the target before",
+            f"0x{held:04X}: relative targets do not count from the previous target",
             axis=channel.axis.name, obj=od.POSITIONING_OPTION,
         )  # fmt: skip

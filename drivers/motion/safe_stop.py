@@ -1,4 +1,4 @@
-"""Stops that get through: by process data, else by SDO, and by themselves where something fails."""
+"""Safe stops: by process data, else by SDO, repeated where the bus refuses frames."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from drivers import objects as od
 from drivers.cyclic import Cycle
 from drivers.drive import Command
 from drivers.errors import AxisFault, BusError
-from drivers.motion.fault_report import explained, gather
+from drivers.motion.fault_report import complete, gather
 from drivers.motion.power import Power
 
-PERSISTENCE, PAUSE = 0.6, 0.01
-"""A bus that refuses frames may come back, as from bus-off: tried so long, so often [s]. After that
-the drives have missed our heartbeat."""
+RETRY_TIME, RETRY_PAUSE = 0.6, 0.01
+"""Where the bus refuses frames, a stop is repeated for so long at these intervals [s]: the bus may
+recover, as from bus-off. After that time the drives have missed our heartbeat."""
 REACTION = 0.5
-"""Besides the time for braking, a quick stop may take so long [s]."""
+"""Duration of a quick stop besides braking [s]."""
 
 
 class SafeStop:
-    """Takes all axes to rest and takes their power away, whatever else happens.
+    """Brings all axes to rest and switches their power off, whatever else happens.
 
     Attributes:
-        begun: a stop or the closing has begun, and nothing may break it off; until the next boot.
+        begun: a stop or the closing has begun, which must not be interrupted; until the next boot.
     """
 
     def __init__(self, cycle: Cycle, power: Power) -> None:
@@ -33,11 +33,11 @@ class SafeStop:
 
     @property
     def braking_time(self) -> float:
-        """From the velocity limit to rest at the acceleration limit, slowest axis [s]."""
+        """Time of the slowest axis from its velocity limit to rest [s]."""
         return max(a.settings.velocity / a.settings.acceleration for a in self._axes)
 
     def quick_stop(self) -> None:
-        """Stops all axes at their quick-stop deceleration; they end without power.
+        """Stops all axes at their quick-stop deceleration and switches their power off.
 
         Raises:
             AxisFault: an axis does not stop in time.
@@ -47,38 +47,38 @@ class SafeStop:
         self._power.switch_off()
 
     def disable(self) -> None:
-        """Takes the force offsets back, then opens the loops of all axes.
+        """Ramps the force offsets to 0, then switches the power of all axes off.
 
         Raises:
-            AxisFault: an axis faults meanwhile, or does not tell that it is without power.
+            AxisFault: an axis faults meanwhile, or does not confirm that its power is off.
         """
         self._power.ramp_offsets_out()
         self._power.switch_off()
         for axis in self._axes:
-            if axis.name in self._power.loose:
+            if axis.name in self._power.unconfirmed:
                 raise AxisFault(
-                    "was told to switch off, and neither process data nor SDO show that it has",
+                    "was commanded to switch off; neither process data nor SDO confirm it",
                     axis=axis.name, obj=od.STATUSWORD,
                 )  # fmt: skip
 
     def stop(self) -> None:
-        """Quick stop and power off wherever it still reaches; never raises."""
+        """Quick-stops all axes and switches them off, as far as they are reached; never raises."""
         self.begun = True
         if not any(c.seen or c.axis.node.booted for c in self._cycle.channels):
-            return  # nobody was ever there: nothing of ours moves
-        deadline = self._clock.now_ns() + round(PERSISTENCE * 1e9)
+            return  # no drive was ever heard, so none was enabled
+        deadline = self._clock.now_ns() + round(RETRY_TIME * 1e9)
         while not self._attempt() and (now := self._clock.now_ns()) < deadline:
-            self._clock.sleep_until_ns(now + round(PAUSE * 1e9))
+            self._clock.sleep_until_ns(now + round(RETRY_PAUSE * 1e9))
 
     def _attempt(self) -> bool:
-        """One attempt; False where the bus itself refused, so that another one makes sense."""
+        """One attempt; False where the bus refused frames, so that another one may succeed."""
         refused = False
         try:
             self.quick_stop()
             return True
         except BusError:
             refused = True
-        except Exception:  # noqa: BLE001, S110  whatever it was: try the other way to the drives
+        except Exception:  # noqa: BLE001, S110  whatever it was, SDO may still get through
             pass
         for command in (Command.QUICK_STOP, Command.DISABLE_VOLTAGE):
             try:
@@ -87,8 +87,8 @@ class SafeStop:
                 break
         return not refused
 
-    def let_go(self) -> None:
-        """Disables what may still be under power; never raises."""
+    def disable_or_stop(self) -> None:
+        """Disables what may still be under power, else stops it; never raises."""
         if any(c.seen for c in self._cycle.channels):
             try:
                 self.disable() if self._power.enabled else self._power.switch_off()
@@ -97,10 +97,10 @@ class SafeStop:
 
     @contextmanager
     def on_failure(self) -> Iterator[None]:
-        """Whatever goes wrong inside stops all axes; a fault leaves with all that is known of it.
+        """Stops all axes on any exception inside; a fault is raised with all that is known of it.
 
         Raises:
-            AxisFault: of the same class, merged by `diagnosis.explained`.
+            AxisFault: of the same class, completed by `fault_report.complete`.
         """
         try:
             yield
@@ -109,9 +109,9 @@ class SafeStop:
             if channel is None:
                 self.stop()
                 raise
-            evidence = gather(channel)  # before the stop adds commands of its own
+            evidence = gather(channel)  # before the stop sends commands of its own
             self.stop()
-            raise explained(problem, channel, evidence) from problem
+            raise complete(problem, channel, evidence) from problem
         except BaseException:
             self.stop()
             raise

@@ -127,8 +127,8 @@ def test_a_drive_that_produces_sync_or_listens_elsewhere_is_set_right(
 @pytest.mark.parametrize(
     ("pause_ns", "said"),
     [
-        (12_600_000, "0x8611.*the host had just been 11 SYNC periods late"),
-        (1_500_000_000, r"0x8130.*the host had just stood still for 1\.5 s"),
+        (12_600_000, "0x8611.*the host had just stalled for 11 SYNC periods"),
+        (1_500_000_000, r"0x8130.*the host had just stalled for 1\.5 s"),
     ],
 )
 def test_a_fault_after_late_syncs_says_so(stage_machine: Machine, pause_ns: int, said: str) -> None:

@@ -118,8 +118,8 @@ def velocities(*values: float) -> np.ndarray:
         (np.linspace(0, 2, 300), r"row 15\d: 1\.0\d* m/s exceeds the velocity limit 1 m/s"),
         ([0.02, 0.0], r"0x60FF:00 .*row 0: 20 m/s\^2 exceeds the acceleration limit 10"),
         ([0.02, 0.01, 0.0], r"0x60FF:00 .*row 0: 20 m/s\^2 exceeds the acceleration limit 10"),
-        ([0.005, 0.005], r"row 1: the last one must be 0"),
-        ([0.0, np.nan], r"row 1: nan m/s is no setpoint"),
+        ([0.005, 0.005], r"row 1: the last setpoint must be 0"),
+        ([0.0, np.nan], r"row 1: nan m/s is not finite"),
         (
             np.r_[np.linspace(0, 1, 150), np.ones(100), np.linspace(1, 0, 150)],
             r"0x607D:02 .*row \d+: leads to 0\.15\d* m, above the limit 0\.15 m",
@@ -140,7 +140,7 @@ def test_velocities_outside_the_limits_reach_no_drive(
     [
         ([-120.5, 100.0, 0.0], r"0x6072:00 .*row 0: 120\.5 N exceeds the force limit 120 N"),
         ([120.5, 0.0], r"0x6072:00 .*row 0: 120\.5 N exceeds the force limit 120 N"),
-        ([1.0, 2.0], r"0x6071:00 .*row 1: the last one must be 0"),
+        ([1.0, 2.0], r"0x6071:00 .*row 1: the last setpoint must be 0"),
     ],
 )
 def test_forces_outside_the_limits_reach_no_drive(
@@ -188,7 +188,7 @@ def test_positions_begin_where_the_stage_was_sent_last(stage: Stage, seen: list[
 def test_forces_that_make_an_axis_too_fast_end_the_stream(stage: Stage) -> None:
     force = np.zeros((2000, 2))
     force[:-1, 0] = 60.0
-    with pytest.raises(AxisFault, match=r"^axis x: .*could hardly stop before the limit 0\.15 m"):
+    with pytest.raises(AxisFault, match=r"^axis x: .*may not stop before the limit 0\.15 m"):
         stage.stream_force(force)
     assert not stage.enabled
     assert abs(stage.positions[0]) < 0.15

@@ -126,7 +126,7 @@ def test_pp_without_bit_12_arrives_and_says_so() -> None:
         stage.move_to("x", target, velocity=0.05, acceleration=1.0)
         assert stage.positions[0] == pytest.approx(target, abs=2e-6)
         assert stage.limitations == (
-            "axis x: statusword bit 12 in pp is not offered: set-points are not acknowledged",
+            "axis x: statusword bit 12 in pp is not offered: setpoints are not acknowledged",
         )
 
 
@@ -139,7 +139,9 @@ def test_pp_without_bit_12_and_without_motion_is_a_fault() -> None:
         drives.drives[0].dictionary.on_write[key(0x6040)] = lambda word: act(word & ~0x10)
         drives.drives[0].pdo.start()  # its RPDOs look for what acts on a write only then
         target = stage.targets[0] + 1e-3
-        with pytest.raises(AxisFault, match=r"^axis x: 0x607A:00 .*no drive that takes set-point"):
+        with pytest.raises(
+            AxisFault, match=r"^axis x: 0x607A:00 .*the drive did not acknowledge setpoint"
+        ):
             stage.move_to("x", target, velocity=0.05, acceleration=1.0)
 
 

@@ -90,7 +90,7 @@ def test_set_points_queue_in_the_drive(stage: Stage, frames: list[Frame], relati
         ({"position": [0.1, 0.1], "relative": True}, r"0x607D:02 .*target 2: "),
         ({"position": 0.0, "velocity": 1.5}, r"0x6081:00 .*1\.5 is not in \(0, 1\]"),
         ({"position": 0.0, "acceleration": 0}, r"0x6083:00 .*0 is not in \(0, 10\]"),
-        ({"position": []}, r"0x607A:00 .*there is no target"),
+        ({"position": []}, r"0x607A:00 .*no target given"),
     ],
 )
 def test_the_limit_is_named_and_nothing_is_sent(

@@ -163,7 +163,7 @@ def test_an_exception_in_the_application_stops_the_axes(
 def test_two_axes_on_one_node_are_refused(
     scripted: Any, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
 ) -> None:
-    with pytest.raises(ConfigurationError, match=r"axis x: node 1 is axis x's already"):
+    with pytest.raises(ConfigurationError, match=r"axis x: node 1 already is axis x"):
         Stage.open(bus_settings, (axis_settings[0], axis_settings[0]), bus_object=scripted)
 
 

@@ -32,10 +32,10 @@ def test_echoes_of_own_frames_are_own_however_late_or_often() -> None:
     other = OtherHost(echoes=True)
     other.ids.add(0x201)
     for k in range(50):  # read much later, with some lost on the way
-        other.sent(0x201, bytes([k]), k * MS)
+        other.note_sent(0x201, bytes([k]), k * MS)
     for k in (0, 1, 2, 5, 9, 10, 49):
         other.sends(frame(0x201, bytes([k])), 300 * MS)
-    other.sent(0x080, b"", 400 * MS)
+    other.note_sent(0x080, b"", 400 * MS)
     for _ in range(3):  # a network that doubles frames
         other.sends(frame(0x080), 401 * MS)
     assert other.found is None
@@ -56,7 +56,7 @@ def test_frames_that_were_never_sent_are_of_another_host(
     other = OtherHost(echoes=True)
     other.ids.add(0x201)
     for own in (frame(0x201, b"\x0f\x00"), frame(0x080), frame(0x77F, b"\x05"), frame(0, b"\1\1")):
-        other.sent(own.arbitration_id, bytes(own.data), 10 * MS)
+        other.note_sent(own.arbitration_id, bytes(own.data), 10 * MS)
         other.sends(own, 10 * MS)
     other.sends(frame(can_id, data), at * MS)
     assert other.found == said

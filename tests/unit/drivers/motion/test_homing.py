@@ -8,7 +8,7 @@ import pytest
 
 from drivers.drive import State
 from drivers.errors import HomingError
-from drivers.motion.homing import Progress, judge, timeout_for
+from drivers.motion.homing import Progress, homing_timeout, next_progress
 from drivers.settings import AxisSettings
 from drivers.stage import Stage
 from tests.unit.drivers.conftest import power_is_off
@@ -38,11 +38,11 @@ ERROR_MOVING, ERROR_STOPPED = 0x2237, 0x2637
 def test_progress_follows_the_statusword(
     word: int, before: Progress, elapsed: float, after: Progress
 ) -> None:
-    assert judge(word, before, elapsed) is after
+    assert next_progress(word, before, elapsed) is after
 
 
 def test_the_timeout_covers_the_travel_both_ways(axis_settings: tuple[AxisSettings, ...]) -> None:
-    assert timeout_for(axis_settings[0]) > 2 * 0.3 / 0.002
+    assert homing_timeout(axis_settings[0]) > 2 * 0.3 / 0.002
 
 
 def _homing(outcome: list[int]) -> Any:
@@ -75,7 +75,7 @@ def test_homing_ends_when_attained_and_reached_and_is_not_repeated(
     [
         ([0, 0, 0x400], r"interrupted"),
         ([0, 0x2400], r"homing error"),
-        ([0x400], r"did not begin within 0.5 s"),
+        ([0x400], r"did not start within 0.5 s"),
     ],
 )
 def test_homing_failures_are_distinguished(

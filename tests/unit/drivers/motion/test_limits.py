@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 from drivers.errors import LimitError
 from drivers.motion.limits import (
-    checked_counts,
+    Setpoint,
     checked_forces,
+    checked_positions,
     checked_profile,
     checked_velocities,
 )
-from drivers.motion.profile_position import Setpoint
 from drivers.settings import AxisSettings
 
 TS = 1e-3
@@ -28,7 +28,7 @@ def test_setpoints_are_rounded_to_increments_and_permille(
 ) -> None:
     position = np.array([[1.4e-9, -1.6e-9], [2.6e-9, -2.4e-9]])
     offset = np.array([[0.05, -0.1], [-1e9, 1e9]])
-    targets, offsets = checked_counts(position, offset, axis_settings, (0, 0), TS)
+    targets, offsets = checked_positions(position, offset, axis_settings, (0, 0), TS)
     assert targets.tolist() == [[1, -2], [3, -2]]
     assert offsets.tolist() == [[1, -2], [-32768, 32767]]
 
@@ -39,7 +39,7 @@ def test_the_limits_themselves_are_allowed(
     speed = axis_settings[0].velocity
     x = np.minimum(0.145 + np.arange(1, 11) * speed * TS, 0.15)
     position = np.stack([x, np.full(10, -0.15)], axis=1)
-    checked_counts(position, 0 * position, axis_settings, (145_000_000, -150_000_000), TS)
+    checked_positions(position, 0 * position, axis_settings, (145_000_000, -150_000_000), TS)
 
 
 @pytest.mark.parametrize(
@@ -47,7 +47,7 @@ def test_the_limits_themselves_are_allowed(
     [
         (2, 0, 0.1500001, r"axis x: 0x607D:02 max position limit: row 2: .* above the limit 0.15"),
         (4, 1, -0.151, r"axis y: 0x607D:01 min position limit: row 4: .* below the limit -0.15"),
-        (1, 1, np.inf, r"axis y: 0x607A:00 target position: row 1: inf m is no setpoint"),
+        (1, 1, np.inf, r"axis y: 0x607A:00 target position: row 1: inf m is not finite"),
         (3, 0, 0.00101, r"axis x: 0x607A:00 .*row 3: 1.01 m/s .* exceeds the velocity limit 1 m/s"),
     ],
 )
@@ -57,20 +57,20 @@ def test_the_first_position_outside_the_limits_is_named(
     position = np.zeros((6, 2))
     position[row, axis] = value
     with pytest.raises(LimitError, match=text):
-        checked_counts(position, np.zeros((6, 2)), axis_settings, (0, 0), TS)
+        checked_positions(position, np.zeros((6, 2)), axis_settings, (0, 0), TS)
 
 
 def test_an_offset_that_is_not_finite_is_named(axis_settings: tuple[AxisSettings, ...]) -> None:
     offset = np.zeros((3, 2))
     offset[1, 1] = np.nan
     with pytest.raises(LimitError, match=r"axis y: 0x60B2:00 torque offset: row 1: nan N"):
-        checked_counts(np.zeros((3, 2)), offset, axis_settings, (0, 0), TS)
+        checked_positions(np.zeros((3, 2)), offset, axis_settings, (0, 0), TS)
 
 
 @pytest.mark.parametrize("shapes", [((3, 1), (3, 1)), ((3,), (3,)), ((3, 2), (2, 2))])
 def test_wrong_shapes_are_refused(axis_settings: tuple[AxisSettings, ...], shapes: Any) -> None:
     with pytest.raises(LimitError, match=r"must be \[K, 2\]"):
-        checked_counts(np.zeros(shapes[0]), np.zeros(shapes[1]), axis_settings, (0, 0), TS)
+        checked_positions(np.zeros(shapes[0]), np.zeros(shapes[1]), axis_settings, (0, 0), TS)
 
 
 @given(
@@ -84,7 +84,7 @@ def test_accepted_positions_are_within_travel_and_velocity(steps: list[float], l
     )
     position = last * 1e-9 + np.cumsum(steps).reshape(-1, 1) * 1e-2
     try:
-        targets, _ = checked_counts(position, 0 * position, [axis], (last,), TS)
+        targets, _ = checked_positions(position, 0 * position, [axis], (last,), TS)
     except LimitError:
         return
     assert np.abs(targets).max() <= 150_000_000
@@ -106,13 +106,13 @@ def test_the_first_position_is_checked_from_the_target_sent_last(
     last = [0, 0]
     last[axis] = sign * 100_000_000
     there = alone(axis, 0.1, 0.1) * sign
-    checked_counts(there, 0 * there, axis_settings, last, TS)
-    checked_counts(there + alone(axis, 1e-3, 1e-3), 0 * there, axis_settings, last, TS)
+    checked_positions(there, 0 * there, axis_settings, last, TS)
+    checked_positions(there + alone(axis, 1e-3, 1e-3), 0 * there, axis_settings, last, TS)
     for far in (alone(axis, 1.003e-3, 1.003e-3), alone(axis, -1.003e-3, -1.003e-3)):
         with pytest.raises(LimitError, match=rf"axis {'xy'[axis]}: .*row 0: 1\.003 m/s from"):
-            checked_counts(there + far, 0 * there, axis_settings, last, TS)
-    with pytest.raises(LimitError, match=r"row 0: 100 m/s from the setpoint before"):
-        checked_counts(there, 0 * there, axis_settings, (0, 0), TS)
+            checked_positions(there + far, 0 * there, axis_settings, last, TS)
+    with pytest.raises(LimitError, match=r"row 0: 100 m/s from the previous setpoint"):
+        checked_positions(there, 0 * there, axis_settings, (0, 0), TS)
 
 
 @pytest.mark.parametrize("axis", [0, 1])
@@ -160,7 +160,9 @@ def test_the_first_force_is_checked_against_the_peak_force(
     text = rf"axis {'xy'[axis]}: 0x6072:00 .*row 0: .* N exceeds the force limit {limit:g} N"
     with pytest.raises(LimitError, match=text):
         checked_forces(allowed * 1.001, axis_settings)
-    with pytest.raises(LimitError, match=rf"axis {'xy'[axis]}: 0x6071:00 .*row 1: the last one"):
+    with pytest.raises(
+        LimitError, match=rf"axis {'xy'[axis]}: 0x6071:00 .*row 1: the last setpoint"
+    ):
         checked_forces(allowed[::-1], axis_settings)
 
 
@@ -171,14 +173,14 @@ def test_rounding_alone_exceeds_no_limit(
     for sign in (1, -1):
         end, last = sign * 0.15, (sign * 150_000_000, 0)
         near, far = alone(0, end + sign * 0.4e-9), alone(0, end + sign * 0.6e-9)
-        targets, _ = checked_counts(near, 0 * near, axis_settings, last, TS)
+        targets, _ = checked_positions(near, 0 * near, axis_settings, last, TS)
         assert targets[0, 0] == last[0]
         with pytest.raises(LimitError, match=r"the limit -?0\.15 m"):
-            checked_counts(far, 0 * far, axis_settings, last, TS)
+            checked_positions(far, 0 * far, axis_settings, last, TS)
         near, far = sign * alone(0, 1.000001e-3), sign * alone(0, 1.000002e-3)
-        checked_counts(near, 0 * near, axis_settings, (0, 0), TS)
+        checked_positions(near, 0 * near, axis_settings, (0, 0), TS)
         with pytest.raises(LimitError, match="exceeds the velocity limit"):
-            checked_counts(far, 0 * far, axis_settings, (0, 0), TS)
+            checked_positions(far, 0 * far, axis_settings, (0, 0), TS)
 
 
 def test_velocities_may_lead_to_the_end_of_the_travel(
@@ -198,10 +200,10 @@ def test_velocities_may_lead_to_the_end_of_the_travel(
 @pytest.mark.parametrize(
     ("velocity", "offset", "text"),
     [
-        ((0.0, np.inf, 0.0), (0.0, 0.0, 0.0), r"0x60FF:00 .*row 1: inf m/s is no setpoint"),
-        ((0.0, 0.0, 0.0), (0.0, np.nan, 0.0), r"0x60B2:00 .*row 1: nan N is no setpoint"),
+        ((0.0, np.inf, 0.0), (0.0, 0.0, 0.0), r"0x60FF:00 .*row 1: inf m/s is not finite"),
+        ((0.0, 0.0, 0.0), (0.0, np.nan, 0.0), r"0x60B2:00 .*row 1: nan N is not finite"),
         ((0.0, -1.01, 0.0), (0.0, 0.0, 0.0), r"0x60FF:00 .*row 1: 1.01 m/s exceeds the velocity"),
-        ((0.0, 0.0, 0.005), (0.0, 0.0, 0.0), r"0x60FF:00 .*row 2: the last one must be 0"),
+        ((0.0, 0.0, 0.005), (0.0, 0.0, 0.0), r"0x60FF:00 .*row 2: the last setpoint must be 0"),
     ],
 )
 def test_the_first_velocity_outside_the_limits_is_named(
@@ -216,7 +218,7 @@ def test_the_first_velocity_outside_the_limits_is_named(
 def test_a_force_that_is_not_finite_is_named(
     axis_settings: tuple[AxisSettings, ...], value: float
 ) -> None:
-    with pytest.raises(LimitError, match=rf"^axis y: 0x6071:00 .*row 1: {value} N is no setpoint"):
+    with pytest.raises(LimitError, match=rf"^axis y: 0x6071:00 .*row 1: {value} N is not finite"):
         checked_forces(alone(1, 0.0, value, 0.0), axis_settings)
 
 
@@ -226,7 +228,7 @@ def test_a_force_that_is_not_finite_is_named(
 def test_velocities_of_wrong_shape_are_refused(
     axis_settings: tuple[AxisSettings, ...], velocity: Any, offset: Any
 ) -> None:
-    text = f"must be [K, 2], also their offsets, are {list(velocity)} and {list(offset)}"
+    text = f"and their offsets must be [K, 2], are {list(velocity)} and {list(offset)}"
     with pytest.raises(LimitError, match=re.escape(text)):
         checked_velocities(np.zeros(velocity), np.zeros(offset), axis_settings, (0.0, 0.0), TS)
 
@@ -258,7 +260,7 @@ def test_a_profile_may_use_its_limits_and_has_the_right_duration(
         ([-0.151], False, "0x607D:01 min position limit: target -0.151 m is below the limit -0.15"),
         ([0.1, 0.06], True, "0x607D:02 .*: target 2: target 0.16 m is above the limit 0.15 m"),
         ([np.nan], False, "0x607D:02 max position limit: target nan m is above the limit"),
-        ([], False, "0x607A:00 .*: there is no target"),
+        ([], False, "0x607A:00 .*: no target given"),
     ],
 )
 def test_the_target_of_a_profile_outside_the_travel_is_named(

@@ -82,7 +82,7 @@ def test_an_axis_that_leaves_operation_enabled_during_a_halt_is_named(
             drive.state = state
 
     scripted.drives[Y].on_sync = leaves
-    text = rf"^axis y: .*left OPERATION ENABLED on the way to a halt; .*\({state}\)"
+    text = rf"^axis y: .*left OPERATION ENABLED during a halt; .*\({state}\)"
     with pytest.raises(AxisFault, match=text):
         stage.halt()
     assert scripted.drives[X].state is State.SWITCH_ON_DISABLED

@@ -1,0 +1,130 @@
+"""The setpoint handshake of profile position (pp): how a drive is handed one target.
+
+First the target, with bits 5 and 6, which some drives want before bit 4; then the rising edge of
+bit 4. The drive sets bit 12, bit 4 is cleared, the drive clears bit 12 when it can take another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from drivers import objects as od
+from drivers.cyclic import Channel, Cycle
+from drivers.drive import Command, Control, State, Status
+from drivers.errors import AxisFault
+from drivers.motion.limits import Setpoint
+from drivers.motion.power import Cycles, fault, state_of
+
+HANDSHAKE_TIMEOUT = 0.5
+NEAR = 5e-6
+"""A drive that does not acknowledge counts as moving after this distance [m]."""
+SETTLING_TIMEOUT = 2.0
+"""Beyond the profile's own duration [s]."""
+
+
+def hand_over(
+    cycle: Cycle,
+    channel: Channel,
+    setpoint: Setpoint,
+    bits: int,
+    ready_timeout: float,
+    replace: bool = False,
+) -> bool:
+    """Hands one setpoint to the drive.
+
+    Args:
+        cycle: the cyclic path.
+        channel: the axis, enabled in pp.
+        setpoint: the target.
+        bits: bits 5, 8 and 9 of the controlword.
+        ready_timeout: until the drive can take it [s].
+        replace: the drive's queue is full, and the setpoint replaces the one that waits.
+
+    Returns:
+        Whether the drive acknowledged.
+
+    Raises:
+        AxisFault: the drive neither acknowledged nor moved, or the axis faults.
+    """
+    word = int(Command.ENABLE_OPERATION) | bits
+    if setpoint.relative:
+        word |= int(Control.RELATIVE)
+    acknowledge = Status.SETPOINT_ACKNOWLEDGED
+    channel.target, channel.offset, channel.controlword = setpoint.target, 0, word
+    if replace:
+        cycle.exchange()
+    else:
+        _wait(cycle, channel, acknowledge, False, ready_timeout, "is not ready for")
+    channel.controlword = word | int(Control.NEW_SETPOINT)
+    before = channel.position
+    acknowledged = True
+    try:
+        _wait(cycle, channel, acknowledge, True, HANDSHAKE_TIMEOUT, "did not acknowledge")
+    except AxisFault as unanswered:
+        # some drives move without acknowledging; one that does neither has not taken the target
+        near = round(NEAR / channel.axis.scale.increment)
+        moved = (
+            abs(channel.position - before) > near or abs(channel.position - setpoint.end) <= near
+        )
+        if not moved or state_of(channel) is not State.OPERATION_ENABLED:
+            raise unanswered
+        acknowledged = False
+        channel.axis.add_limitation(
+            "statusword bit 12 in pp is not offered: setpoints are not acknowledged"
+        )
+    channel.controlword = word
+    if not acknowledged or bits & Control.CHANGE_IMMEDIATELY:
+        _wait(cycle, channel, acknowledge, False, HANDSHAKE_TIMEOUT, "did not release")
+    else:
+        cycle.exchange()  # bit 12 stays set while the queue is full
+    return acknowledged
+
+
+def await_target(cycle: Cycle, channel: Channel, setpoint: Setpoint, timeout: float) -> None:
+    """Waits for bit 10 (target reached), at most `timeout` [s].
+
+    It may still be set for the previous target, so it counts after it was clear, or where the axis
+    is at its target: a move shorter than a SYNC period may never show it clear.
+
+    Raises:
+        AxisFault: the target is not reached in time, or the axis faults.
+    """
+    near = round(NEAR / channel.axis.scale.increment)
+    was_clear = False
+    for _ in _samples(cycle, channel, timeout):
+        if not channel.statusword & Status.TARGET_REACHED:
+            was_clear = True
+        elif was_clear or abs(channel.position - setpoint.end) <= near:
+            return
+    raise _timed_out(channel, "did not reach", timeout)
+
+
+def check_enabled(channel: Channel) -> None:
+    """Raises an `AxisFault` where the last sample shows an axis out of OPERATION ENABLED."""
+    if channel.valid and state_of(channel) is not State.OPERATION_ENABLED:
+        raise fault(channel, "stopped during a profile move")
+
+
+def _samples(cycle: Cycle, channel: Channel, timeout: float) -> Iterator[None]:
+    """Cycles in which the channel has a sample, its axis being enabled."""
+    for _ in Cycles(cycle, timeout):
+        if channel.valid:
+            check_enabled(channel)
+            yield
+
+
+def _wait(
+    cycle: Cycle, channel: Channel, bit: Status, level: bool, timeout: float, failure: str
+) -> None:
+    for _ in _samples(cycle, channel, timeout):
+        if bool(channel.statusword & bit) is level:
+            return
+    raise _timed_out(channel, failure, timeout)
+
+
+def _timed_out(channel: Channel, failure: str, timeout: float) -> AxisFault:
+    return AxisFault(
+        f"the drive {failure} setpoint {channel.target} within {timeout:g} s "
+        f"(statusword 0x{channel.statusword:04X})",
+        axis=channel.axis.name, obj=od.TARGET_POSITION,
+    )  # fmt: skip
