@@ -1,18 +1,22 @@
-"""A host that speaks plain CANopen frames, and a plant that follows its demand exactly."""
+"""A host in plain CANopen frames, a plant that follows its demand exactly, the packaged stage."""
 
 from __future__ import annotations
 
 import itertools
 import struct
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 
 import can
 import pytest
 
 from hil_sim.bus.lockstep import World
+from hil_sim.effects import AppliedEffect, Effect
+from hil_sim.effects.library import own_effects
 from hil_sim.settings import AxisSettings, ControlSettings, FrictionSettings, StageSettings
 from hil_sim.stage import VirtualStage
+from stagectl.config import load_machine
+from stagectl.config import stage_settings as settings_of
 
 MS = 1_000_000
 
@@ -195,6 +199,15 @@ class Host:
             status = self.control(word, node)
         assert status & 0x6F == 0x27
 
+    def reset_fault(self, node: int = 1) -> int:
+        """A rising edge of the fault reset; the statusword after it."""
+        self.control(0x00, node)
+        return self.control(0x80, node)
+
+    def emergencies(self, node: int = 1) -> list[tuple[int, int]]:
+        """Error code and error register of each EMCY received so far."""
+        return [struct.unpack_from("<HB", f.data) for f in self.take(0x080 + node)]
+
     def cycle(
         self, target: int, force: int = 0, word: int = 0x0F, node: int = 1
     ) -> tuple[int, ...]:
@@ -204,6 +217,9 @@ class Host:
         frame = self.take(0x180 + node)[-1]
         self.wait(1)
         return struct.unpack("<Hih", frame.data)
+
+    def stream(self, targets: Iterable[int], **kwargs: int) -> list[tuple[int, ...]]:
+        return [self.cycle(target, **kwargs) for target in targets]
 
 
 _names = (f"unit-{n}" for n in itertools.count())
@@ -241,6 +257,16 @@ def host(stage: VirtualStage, world: World) -> Iterator[Host]:
 
 
 @pytest.fixture
+def streaming(host: Host) -> Host:
+    """The host with axis x in csp, enabled through RPDOs, at rest at 0."""
+    host.write(1, 0x6060, 0, "b", 8)
+    host.nmt(1)
+    for word in (0x06, 0x07, 0x0F):
+        host.cycle(0, word=word)
+    return host
+
+
+@pytest.fixture
 def make_host() -> type[Host]:
     """`Host` itself, for tests that bring their own bus."""
     return Host
@@ -250,3 +276,24 @@ def make_host() -> type[Host]:
 def make_following_plant() -> Callable[[], FollowingPlant]:
     """For tests that need a new plant for each example."""
     return lambda: FollowingPlant((2.5e-3, -1e-3))
+
+
+@pytest.fixture(scope="session")
+def nominal() -> StageSettings:
+    return settings_of(load_machine())
+
+
+@pytest.fixture(scope="session")
+def effects() -> dict[str, Effect]:
+    return own_effects()
+
+
+@pytest.fixture(scope="session")
+def with_effects() -> Callable[..., StageSettings]:
+    """A stage with effects on axis x, and others on y."""
+
+    def put(stage: StageSettings, *x: AppliedEffect, y: tuple[AppliedEffect, ...] = ()):
+        first, second = stage.axes
+        return replace(stage, axes=(replace(first, effects=x), replace(second, effects=y)))
+
+    return put

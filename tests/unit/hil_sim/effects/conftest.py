@@ -9,25 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hil_sim.effects import AppliedEffect, Effect
-from hil_sim.effects.library import own_effects
 from hil_sim.plant import simulate
 from hil_sim.settings import StageSettings
-from stagectl.config import load_machine, stage_settings
+from tests.unit.hil_sim.effects.closed_forms import SPEED
 
 F64 = NDArray[np.float64]
-MASS = 8.0
-"""Of axis x, the one under test [kg]."""
-
-
-@pytest.fixture(scope="session")
-def nominal() -> StageSettings:
-    return stage_settings(load_machine())
-
-
-@pytest.fixture(scope="session")
-def effects() -> dict[str, Effect]:
-    return own_effects()
 
 
 @pytest.fixture(scope="session")
@@ -45,17 +31,6 @@ def free(nominal: StageSettings) -> StageSettings:
             for axis in nominal.axes
         ),
     )
-
-
-@pytest.fixture(scope="session")
-def with_effects() -> Callable[..., StageSettings]:
-    """A stage with effects on axis x, and others on y."""
-
-    def put(stage: StageSettings, *x: AppliedEffect, y: tuple[AppliedEffect, ...] = ()):
-        first, second = stage.axes
-        return replace(stage, axes=(replace(first, effects=x), replace(second, effects=y)))
-
-    return put
 
 
 @pytest.fixture(scope="session")
@@ -91,3 +66,21 @@ def current() -> Callable[[F64, float], F64]:
         return 1.0 - np.exp(-2.0 * np.pi * bandwidth * since)
 
     return response
+
+
+@pytest.fixture(scope="module")
+def sliding(nominal):
+    """Axis x driven at ± SPEED for 0.6 s after a quick start: time, position, force of x."""
+
+    def run(stage, direction=1.0, *, start=0.0, substeps=5, rows=600):
+        speed = direction * SPEED * np.minimum(np.arange(rows) / 50.0, 1.0)
+        demand = np.zeros((rows, 2))
+        demand[:, 0] = start + np.cumsum(speed) * stage.sync_period
+        response = simulate(
+            stage, demand, np.zeros_like(demand), None, substeps=substeps, rounded=False
+        )
+        settled = slice(200, None)
+        time = stage.sync_period * np.arange(rows)
+        return time[settled], response.position[settled, 0], response.force[settled, 0]
+
+    return run

@@ -35,6 +35,7 @@ VALUES = {
     "floor_vibration": {"amplitude": 0.6, "frequency": 60.0, "phase": 1.0},
     "force_saturation": {"force": 45.0},
 }
+
 PERIOD, SUBSTEPS, STEP = 1e-4, 5, 2e-5
 
 

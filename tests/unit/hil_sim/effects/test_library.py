@@ -13,6 +13,8 @@ from hil_sim.effects.ports import EffectPorts
 
 DOCS = Path(__file__).parents[4] / "docs"
 FORMAT = DOCS / "formats" / "effects.md"
+
+
 PACKAGE = '''
 from hil_sim.effects import Effect, Parameter
 

@@ -3,42 +3,21 @@
 import math
 from contextlib import suppress
 from dataclasses import replace
-from threading import Thread
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from hil_sim.effects import Effect
 from hil_sim.effects.ports import EffectPorts
-from hil_sim.plant import Plant, needs_all_axes, simulate
-from hil_sim.plant.simulate import simulate_variants
-
-MASS = 8.0
-
-both_steps = pytest.mark.parametrize("substeps", [5, 1])
-
-
-def effect_of(write):
-    """An effect without parameters that calls `write(ports)`."""
-
-    class Own(Effect):
-        """Of a test."""
-
-        name, group, parameters = "own", "force", ()
-        equation = enters = remedy = ""
-
-        def apply(self, ports, parameters):
-            write(ports)
-
-    return Own().at()
-
-
-def demand_of(seed, rows=600):
-    rng = np.random.default_rng(seed)
-    walk = np.cumsum(rng.normal(0.0, 1.0, (rows, 2)), axis=0)
-    smooth = np.apply_along_axis(np.convolve, 0, walk, np.hanning(41), "same")
-    return 1e-6 * (smooth - smooth[0])
+from hil_sim.plant import needs_all_axes, simulate
+from tests.unit.hil_sim.effects.closed_forms import (
+    MASS,
+    assert_close,
+    both_steps,
+    integrated,
+    motor,
+)
+from tests.unit.hil_sim.inputs import effect_of, smooth_demand
 
 
 @both_steps
@@ -103,20 +82,6 @@ def test_misreading_encoder(nominal, with_effects, substeps):
 
 
 @both_steps
-def test_level_over_time_is_the_ports_factor(nominal, with_effects, substeps):
-    demand = demand_of(1)
-    factor = 1.0 + 0.2 * np.sin(np.arange(len(demand)) / 40.0)
-    table = effect_of(lambda ports: ports.scale_time_coulomb(np.append(factor, factor[-1])))
-    level = np.column_stack([factor, np.ones_like(factor)])
-    zero = np.zeros_like(demand)
-    one = simulate(with_effects(nominal, table), demand, zero, None, substeps=substeps)
-    other = simulate(nominal, demand, zero, None, substeps=substeps, level=level)
-    assert one.position.tobytes() == other.position.tobytes()
-    plain = simulate(nominal, demand, zero, None, substeps=substeps)
-    assert np.abs(plain.force - one.force)[:, 0].max() > 0.5
-
-
-@both_steps
 def test_field_over_both_positions(nominal, with_effects, substeps):
     # Fc rises along y: x slides at one speed while y moves, and its friction follows y.
     grid = np.linspace(-0.15, 0.15, 31)
@@ -137,32 +102,8 @@ def test_field_over_both_positions(nominal, with_effects, substeps):
     assert not needs_all_axes(nominal)
 
 
-def test_one_step_per_tick_is_near_the_reference(nominal, with_effects, effects):
-    demand = 3.0 * demand_of(3, 3000)
-    stage = with_effects(
-        nominal,
-        effects["cogging"].at(amplitude=1.5, pitch=0.025, phase=1.0),
-        effects["dead_time"].at(delay=0.00033),
-        effects["resonance"].at(frequency=120.0, damping=0.02, mass_ratio=0.2),
-        y=(
-            effects["cross_coupling"].at(mass=0.5),
-            effects["cable_hysteresis"].at(force=1.0, stiffness=3e3),
-        ),
-    )
-    zero = np.zeros_like(demand)
-    fine, coarse, plain = (
-        simulate(s, demand, zero, None, substeps=n, rounded=False)
-        for s, n in ((stage, 5), (stage, 1), (nominal, 5))
-    )
-    for signal, floor in (("position", 0.05e-6), ("force", 0.07)):
-        a, b, c = (getattr(r, signal) for r in (fine, coarse, plain))
-        difference = np.sqrt(np.mean((a - b) ** 2, axis=0))
-        assert (difference < 0.2 * floor).all(), difference
-        assert (np.sqrt(np.mean((a - c) ** 2, axis=0)) > 2 * floor).all()
-
-
 def test_an_effect_that_does_nothing_changes_nothing(nominal, with_effects, effects):
-    demand = demand_of(6)
+    demand = smooth_demand(6)
     idle = with_effects(
         nominal,
         effects["coulomb_level"].at(ratio=1.0),
@@ -176,112 +117,6 @@ def test_an_effect_that_does_nothing_changes_nothing(nominal, with_effects, effe
     other = simulate(nominal, demand, 0.0 * demand, 4)
     assert one.position.tobytes() == other.position.tobytes()
     assert one.force.tobytes() == other.force.tobytes()
-
-
-def test_an_uncoupled_axis_alone_is_the_same(nominal, with_effects, effects):
-    demand = demand_of(7)
-    stage = with_effects(nominal, effects["force_ripple"].at(ratio=0.05, pitch=0.01, phase=0.3))
-    whole = simulate(stage, demand, 0.0 * demand, None)
-    alone = replace(stage, axes=stage.axes[:1])
-    single = simulate(alone, demand[:, :1], 0.0 * demand[:, :1], None)
-    np.testing.assert_array_equal(single.position[:, 0], whole.position[:, 0])
-    np.testing.assert_array_equal(single.force[:, 0], whole.force[:, 0])
-
-
-def test_stepping_with_effects_is_the_batch(nominal, with_effects, effects):
-    demand = demand_of(11, 120)
-    stage = with_effects(
-        nominal,
-        effects["dead_time"].at(delay=0.00042),
-        effects["floor_vibration"].at(amplitude=0.5, frequency=40.0, phase=0.3),
-        effects["thermal_drift"].at(amplitude=0.3, time_constant=0.1),
-        y=(effects["base_motion"].at(frequency=8.0, damping=0.1, mass_ratio=0.03),),
-    )
-    batch = simulate(stage, demand, 0.0 * demand, 7)
-    plant = Plant(stage, 7)
-    for a in range(2):
-        plant.power(a, True)
-    seen = []
-    for k in range(len(demand)):
-        plant.advance_to(k * 1_000_000)
-        seen.append([plant.encoder(a) for a in range(2)])
-        for a in range(2):
-            plant.command(a, demand[k, a], 0.0, stage.ticks)
-    np.testing.assert_array_equal(np.array(seen), np.round(batch.position / 1e-9))
-
-
-def test_variants_side_by_side_are_those_alone(nominal, effects):
-    demand, offset = demand_of(12, 400)[:, 0], 3.0 * demand_of(13, 400)[:, 0] * 1e5
-    x = nominal.axes[0]
-    variants = [
-        x,
-        replace(x, mass=8.4),
-        replace(x, effects=(effects["force_offset"].at(force=1.0),)),
-        replace(x, friction=replace(x.friction, elements=4)),
-    ]
-    level = 1.0 + 0.1 * np.cos(np.arange(400) / 30.0)
-    together = simulate_variants(
-        nominal.sync_period, variants, demand, offset, 2.0, level=level, rounded=False
-    )
-    for i, axis in enumerate(variants):
-        alone = simulate(
-            replace(nominal, axes=(axis,)), demand[:, None], offset[:, None], None, [2.0],
-            level=level[:, None], substeps=1, rounded=False,
-        )  # fmt: skip
-        np.testing.assert_array_equal(together.position[:, i], alone.position[:, 0])
-        np.testing.assert_array_equal(together.force[:, i], alone.force[:, 0])
-    tied = [x, replace(x, effects=(effects["cross_coupling"].at(mass=0.3),))]
-    with pytest.raises(ValueError, match="that involve another one"):
-        simulate_variants(nominal.sync_period, tied, demand, offset)
-
-
-def test_threads_do_not_disturb_one_another(nominal, with_effects, effects):
-    demand = demand_of(8, 1500)
-    stages = [
-        with_effects(nominal, effects["cable_hysteresis"].at(force=f, stiffness=2e3))
-        for f in (0.5, 1.5)
-    ]
-    alone = [simulate(s, demand, 0.0 * demand, None).force for s in stages]
-    together = [None, None]
-
-    def work(i):
-        together[i] = simulate(stages[i], demand, 0.0 * demand, None).force
-
-    threads = [Thread(target=work, args=(i,)) for i in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    for one, other in zip(alone, together, strict=True):
-        np.testing.assert_array_equal(one, other)
-
-
-def test_rest_force_is_shared_between_friction_and_disturbance(nominal, with_effects, effects):
-    stage = with_effects(
-        nominal,
-        effects["force_offset"].at(force=2.0),
-        effects["dead_time"].at(delay=0.0005),
-        effects["force_constant"].at(ratio=0.95),
-    )
-    zero = np.zeros((200, 2))
-    response = simulate(stage, zero, zero, None, rest_force=[4.0, 0.0], rounded=False)
-    np.testing.assert_allclose(response.force[:, 0], 4.0, atol=0.01)
-    assert np.abs(response.position).max() <= 1e-9
-
-
-def test_time_begins_when_setpoints_do(nominal, with_effects):
-    blow = effect_of(lambda ports: ports.add_time_force(np.where(ports.times > 0.06, 3.0, 0.0)))
-    plant = Plant(with_effects(nominal, blow), None)
-    plant.power(0, True)
-    plant.advance_to(50_000_000)
-    plant.start_clock()
-    forces = []
-    for k in range(1, 100):
-        plant.advance_to(50_000_000 + k * 1_000_000)
-        forces.append(plant.force(0))
-        plant.start_clock()  # for every axis, and again: once is enough
-    assert np.abs(forces[:59]).max() < 0.01
-    assert np.abs(forces[61:]).min() > 0.1
 
 
 def test_what_does_not_fit_is_refused(nominal, with_effects, effects):
@@ -311,7 +146,7 @@ def test_what_does_not_fit_is_refused(nominal, with_effects, effects):
 def test_far_beyond_the_usual_it_stays_finite_or_is_refused(
     nominal, with_effects, effects, substeps, scale
 ):
-    demand = 30.0 * demand_of(9, 300)
+    demand = 30.0 * smooth_demand(9, 300)
     for effect in (e for e in effects.values() if e.searched):
         for axis_range in (0, -1):
             values = {
@@ -351,3 +186,22 @@ def test_nodes_cover_travel_speed_and_time(nominal):
     assert ports.velocities[len(ports.velocities) // 2] == 0.0
     assert ports.times[0] == 0.0
     assert ports.times[-1] >= 2.0
+
+
+def test_from_the_controller_to_the_carriage_in_order(free, with_effects, effects, pushed, current):
+    # Factor, then saturation, then ripple: at the crest of a long ripple all three are constant.
+    stage = with_effects(
+        free,
+        effects["force_ripple"].at(ratio=0.05, pitch=10.0, phase=math.pi / 2),
+        effects["force_saturation"].at(force=40.0),
+        effects["force_constant"].at(ratio=1.1),
+        effects["dead_time"].at(delay=0.0004),
+    )
+    time, position, force = pushed(stage, 60.0, duration=0.05)
+
+    def acceleration(t, x, v):
+        late = motor(max(t - 0.0004, 0.0), 60.0)
+        return 40.0 * math.tanh(1.1 * late / 40.0) * 1.05 / MASS
+
+    assert_close(position, integrated(time, acceleration), 3e-4)
+    np.testing.assert_allclose(force, 60.0 * current(time, 0.0004), atol=1e-6)

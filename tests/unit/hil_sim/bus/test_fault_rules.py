@@ -1,0 +1,181 @@
+"""Faults of frames, on the bus of a plant that follows its demand exactly."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import replace
+
+import pytest
+
+from hil_sim.bus import faults as f
+from hil_sim.cia402 import State
+
+MS = 1_000_000
+TPDO_X = f.Frames(frozenset({0x181}), "drives")
+SYNC = f.Frames(frozenset({0x080}), "host")
+
+
+def test_a_dropped_frame_is_the_only_one_missing(bench):
+    b = bench(f.Drop(replace(TPDO_X, nth=frozenset({3, 5}))))
+    b.enable()
+    got = b.cycle(7)
+    assert [len(x) for x, _ in got] == [1, 1, 0, 1, 0, 1, 1]
+    assert all(len(y) == 1 for _, y in got)
+    assert b.counts == [2]
+
+
+def test_a_window_counts_from_its_beginning(bench):
+    b = bench(f.Drop(replace(TPDO_X, after=0.0, until=1.0, nth=frozenset({1}))))
+    late = bench(f.Drop(replace(TPDO_X, after=1.0)))
+    for one, lost in ((b, [0, 1]), (late, [1, 1])):
+        one.enable()
+        assert [len(x) for x, _ in one.cycle(2)] == lost
+    late.host.wait(1000)
+    assert [len(x) for x, _ in late.cycle(2)] == [0, 0]
+
+
+def test_probability_is_drawn_from_the_seed(bench):
+    def lost(seed, *more):
+        b = bench(f.Drop(replace(TPDO_X, probability=0.3)), *more, seed=seed)
+        b.enable()
+        return [len(x) for x, _ in b.cycle(200)]
+
+    assert 0.2 < lost(1).count(0) / 200 < 0.4
+    assert lost(1) == lost(1)
+    assert lost(1) != lost(2)
+    # another fault with draws of its own changes nothing
+    other = f.Drop(f.Frames(frozenset({0x182}), "drives", probability=0.5))
+    assert lost(1) == lost(1, other)
+
+
+def test_at_most(bench):
+    b = bench(f.Drop(replace(TPDO_X, at_most=2)))
+    b.enable()
+    assert [len(x) for x, _ in b.cycle(4)] == [0, 0, 1, 1]
+
+
+def test_a_frame_of_the_host_missed_by_one_drive_only(bench):
+    b = bench(f.Drop(replace(SYNC, node=2)))
+    b.enable()
+    assert [(len(x), len(y)) for x, y in b.cycle(3)] == [(1, 0)] * 3
+
+
+def test_a_lost_setpoint_is_not_taken_over(bench, plant):
+    b = bench(f.Drop(f.Frames(frozenset({0x201}), "host", nth=frozenset({2}))))
+    b.enable()
+    start = b.host.read_object(1, 0x6064, 0, "i")
+    demands = []
+    for step in (1000, 2000, 3000):
+        b.host.cycle(start + step)
+        demands.append(round(plant.demand(0) * 1e9) - round(plant.actual[0] * 1e9))
+    targets = [round(p * 1e9) for _, axis, p, _, _ in plant.commands if axis == 0][-3:]
+    assert targets[1] - targets[0] == 0
+    assert targets[2] - targets[1] == 2000
+
+
+def test_duplicates_come_at_once(bench):
+    b = bench(f.Duplicate(replace(TPDO_X, nth=frozenset({2})), copies=2))
+    b.enable()
+    got = b.cycle(3)
+    assert [len(x) for x, _ in got] == [1, 3, 1]
+    assert len({(x.time_ns, x.data) for x in got[1][0]}) == 1
+
+
+def test_a_delayed_frame_comes_later_by_what_was_drawn(bench):
+    b = bench(f.Delay(TPDO_X, 1e-4, 3e-4), seed=4)
+    b.enable()
+    late = []
+    for _ in range(50):
+        sent = b.world.now_ns
+        b.host.send(0x080)
+        assert b.host.take(0x181) == []
+        b.host.wait(1)
+        (frame,) = b.host.take(0x181)
+        late.append(frame.time_ns - sent)
+    assert 100_000 <= min(late) < 130_000
+    assert 270_000 < max(late) <= 300_000
+
+
+def test_jitter_of_the_sync_reaches_all_drives_alike(bench):
+    b = bench(f.Delay(SYNC, 2e-4, 2e-4))
+    b.enable()
+    sent = b.world.now_ns
+    b.host.send(0x080)
+    b.host.wait(1)
+    times = {b.host.take(0x180 + node)[-1].time_ns for node in (1, 2)}
+    assert times == {sent + 200_000}
+
+
+def test_a_reordered_frame_comes_after_the_next(bench):
+    b = bench(f.Reorder(replace(TPDO_X, nth=frozenset({2}))))
+    b.enable()
+    order = []
+    for _ in range(3):
+        b.host.frames.clear()
+        b.host.send(0x080)
+        order.append([x.can_id for x in b.host.frames])
+        b.host.wait(1)
+    assert order == [[0x181, 0x182], [0x182, 0x181], [0x181, 0x182]]
+
+
+def test_a_reordered_frame_that_nothing_follows_comes_after_hold(bench):
+    b = bench(f.Reorder(f.Frames(frozenset({0x182}), "drives", nth=frozenset({1})), hold=5e-4))
+    b.enable()
+    sent = b.world.now_ns
+    b.host.send(0x080)
+    b.host.wait(1)
+    assert [x.time_ns - sent for x in b.host.take(0x182)] == [500_000]
+
+
+@pytest.mark.parametrize("length", [0, 3, 8])
+def test_length(bench, length):
+    b = bench(f.Resize(replace(TPDO_X, nth=frozenset({2})), length))
+    b.enable()
+    b.cycle(1)
+    (bad,) = b.cycle(1)[0][0]
+    (good,) = b.cycle(1)[0][0]
+    assert len(good.data) == 8
+    assert bad.data == good.data[:length]
+
+
+def test_a_setpoint_of_the_wrong_length_is_refused_by_the_drive(bench):
+    b = bench(f.Resize(f.Frames(frozenset({0x201}), "host"), 3))
+    b.enable()
+    b.host.take(0x081)
+    b.host.send(0x201, struct.pack("<Hih", 0x0F, 0, 0))
+    assert [x.data[:2] for x in b.host.take(0x081)] == [struct.pack("<H", 0x8210)]
+    b.cycle(1)
+    assert b.stage.drives[0].motion.state is State.ENABLED
+
+
+def test_a_frozen_tpdo_repeats_what_was_before(bench):
+    b = bench(f.Freeze(replace(TPDO_X, after=1.0)))
+    b.enable()
+    start = b.host.read_object(1, 0x6064, 0, "i")
+    before = b.host.cycle(start)
+    b.host.wait(1000)
+    after = [b.host.cycle(start + 1000 * k) for k in (1, 2, 3)]
+    assert after == [before] * 3
+    assert b.host.read_object(1, 0x6064, 0, "i") > start + 1000
+
+
+def test_heartbeat_silence(bench):
+    b = bench(f.Drop(f.Frames(frozenset({0x701}), after=0.5)))
+    b.host.write(1, 0x1017, 0, "H", 100)
+    b.host.take(0x701)
+    b.host.wait(1000)
+    times = [x.time_ns for x in b.host.take(0x701)]
+    assert len(times) >= 4
+    assert max(times) < 500 * MS
+
+
+def test_heartbeat_of_the_host_lost_stops_the_drive(bench):
+    b = bench(f.Drop(f.Frames(frozenset({0x77F}), "host", after=0.5)))
+    b.enable()
+    for node in (1, 2):
+        b.host.write(node, 0x1016, 1, "I", 127 << 16 | 200)
+    while b.world.now_ns < 700 * MS:
+        b.host.send(0x77F, b"\x05")
+        b.cycle(10)
+    b.host.wait(100)
+    assert all(d.motion.state is not State.ENABLED for d in b.stage.drives)

@@ -1,0 +1,59 @@
+"""Cyclic synchronous position: targets and force offsets taken over at SYNC."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+
+
+def test_csp_takes_the_pair_over_at_sync_and_interpolates(streaming, plant):
+    host = streaming
+    plant.commands.clear()
+    rows = host.stream([1000, 3000, 3000], force=25)
+    x_commands = [c for c in plant.commands if c[1] == 0]
+    assert [round(c[2] * 1e9) for c in x_commands] == [2_501_000, 2_503_000, 2_503_000]
+    assert all(c[4] == 10 for c in x_commands)
+    assert x_commands[0][3] == pytest.approx(25 * 0.04)
+    # sampled at the SYNC, before its own setpoint acts: one cycle behind
+    assert [row[1] for row in rows] == [0, 1000, 3000]
+    assert [row[2] for row in rows] == [0, 25, 25]
+    assert rows[-1][0] & 0x1000  # follows the command value
+
+
+def test_rpdo_without_sync_does_nothing(streaming, plant):
+    streaming.wait(0.5)
+    plant.commands.clear()
+    streaming.send(0x201, struct.pack("<Hih", 0x0F, 5000, 0))
+    streaming.wait(5)
+    assert plant.commands == []
+
+
+def test_offset_is_cleared_at_enable(host, plant):
+    host.write(1, 0x6060, 0, "b", 8)
+    host.write(1, 0x60B2, 0, "h", 100)
+    host.nmt(1)
+    for word in (0x06, 0x07):
+        host.cycle(0, force=100, word=word)
+    host.cycle(0, force=100, word=0x0F)
+    assert plant.commands[-1][3] == 0.0
+    host.cycle(0, force=100)
+    assert plant.commands[-1][3] == 4.0
+
+
+def test_target_beyond_the_soft_limit_is_held_at_it(streaming, plant):
+    host = streaming
+    host.write(1, 0x607D, 2, "i", 2_000)
+    host.stream([1000, 2000, 2500, 2600])
+    status, position, _ = host.cycle(2600)
+    assert position == 2000
+    assert status & 0x0800
+    assert not status & 0x1000
+    host.cycle(1500)
+    assert host.cycle(1500)[0] & 0x1800 == 0x1000
+
+
+def test_interpolation_takes_0x60c2(streaming, plant):
+    streaming.write(1, 0x60C2, 1, "B", 2)
+    streaming.cycle(1000)
+    assert plant.commands[-1][4] == 20

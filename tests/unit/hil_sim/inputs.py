@@ -1,0 +1,27 @@
+"""What tests of the plant put in: a smooth random demand, an effect written in one line."""
+
+import numpy as np
+
+from hil_sim.effects import Effect
+
+
+def effect_of(write):
+    """An effect without parameters that calls `write(ports)`."""
+
+    class Own(Effect):
+        """Of a test."""
+
+        name, group, parameters = "own", "force", ()
+        equation = enters = remedy = ""
+
+        def apply(self, ports, parameters):
+            write(ports)
+
+    return Own().at()
+
+
+def smooth_demand(seed, rows=600):
+    rng = np.random.default_rng(seed)
+    walk = np.cumsum(rng.normal(0.0, 1.0, (rows, 2)), axis=0)
+    smooth = np.apply_along_axis(np.convolve, 0, walk, np.hanning(41), "same")
+    return 1e-6 * (smooth - smooth[0])

@@ -1,0 +1,188 @@
+"""Batch simulation: closed forms, independent recordings, variants and threads."""
+
+from dataclasses import replace
+from pathlib import Path
+from threading import Thread
+
+import h5py
+import numpy as np
+import pytest
+
+from hil_sim.plant import simulate
+from hil_sim.plant.simulate import simulate_variants
+from hil_sim.settings import StageSettings
+from tests.unit.hil_sim.effects.closed_forms import both_steps
+from tests.unit.hil_sim.inputs import effect_of, smooth_demand
+
+DATA = Path(__file__).parents[3] / "data"
+
+
+def frictionless(nominal: StageSettings) -> StageSettings:
+    axes = []
+    for axis in nominal.axes:
+        friction = replace(axis.friction, coulomb=1e-9, viscous=0.0, stiffness=1e-3, wander=0.0)
+        axes.append(replace(axis, friction=friction, noise=0.0))
+    return replace(nominal, axes=tuple(axes))
+
+
+def step_response(nominal, demand, offset):
+    return simulate(nominal, np.column_stack([demand] * 2), np.column_stack([offset] * 2), None)
+
+
+def test_constant_force_accelerates_a_free_mass(nominal):
+    free = frictionless(nominal)
+    loose = replace(
+        free, axes=tuple(
+            replace(a, control=replace(a.control, kp=1e-6, ki=0.0, kd=0.0)) for a in free.axes
+        )
+    )  # fmt: skip
+    k = np.arange(101)
+    response = step_response(loose, 0.0 * k, np.where(k > 0, 4.0, 0.0))
+    # Half of the first SYNC period goes into the ramp of the offset, the current loop lags behind.
+    lag = 1e-3 + 0.5 * (1e-3 - 1e-4) + 1.0 / (2 * np.pi * 1500.0)
+    t = 0.1 - lag
+    for a, mass in enumerate((8.0, 14.0)):
+        assert response.position[-1, a] == pytest.approx(0.5 * 4.0 / mass * t**2, rel=2e-3)
+
+
+def test_force_is_reported_in_thousandths_of_the_rated_force(nominal):
+    response = simulate(nominal, np.zeros((50, 2)), np.full((50, 2), 1.234), 3)
+    for a, axis in enumerate(nominal.axes):
+        counts = response.force[:, a] / (axis.control.rated_force / 1000.0)
+        np.testing.assert_allclose(counts, np.round(counts), atol=1e-9)
+
+
+def test_output_is_clamped_and_the_integrator_waits(nominal):
+    k = np.arange(300)
+    demand = np.where((k > 10) & (k < 60), 5e-3, 0.0)
+    response = step_response(frictionless(nominal), demand, 0.0 * k)
+    assert np.abs(response.force[:, 0]).max() <= 120.0 + 1e-9
+    assert abs(response.position[-1, 0]) < 2e-5  # it comes back: nothing was wound up for long
+
+
+def test_at_rest_nothing_happens(nominal):
+    start = np.tile([0.01, -0.02], (200, 1))
+    response = simulate(nominal, start, np.zeros((200, 2)), None)
+    np.testing.assert_allclose(response.position, start, atol=1e-12)
+    assert np.abs(response.force).max() == 0.0
+
+
+def test_rest_force_is_balanced_by_friction(nominal):
+    start = np.zeros((300, 2))
+    response = simulate(nominal, start, np.zeros((300, 2)), None, rest_force=[4.0, -6.0])
+    np.testing.assert_allclose(response.force, np.tile([4.0, -6.0], (300, 1)), atol=0.061)
+    assert np.abs(response.position).max() <= 1e-9
+
+
+def test_same_seed_same_noise_other_seed_other_noise(nominal):
+    demand, offset = np.zeros((50, 2)), np.zeros((50, 2))
+    first, again = simulate(nominal, demand, offset, 1), simulate(nominal, demand, offset, 1)
+    other = simulate(nominal, demand, offset, 2)
+    assert first.position.tobytes() == again.position.tobytes()
+    assert first.position.tobytes() != other.position.tobytes()
+    noise = simulate(nominal, demand, offset, 1).position[:, 0]
+    assert 0.5e-9 < noise.std() < 3e-9
+
+
+def test_shapes_that_do_not_fit_are_refused(nominal):
+    with pytest.raises(ValueError, match="shape"):
+        simulate(nominal, np.zeros((5, 3)), np.zeros((5, 3)), None)
+
+
+@pytest.mark.parametrize("name", ["null-1", "null-1-other-moves", "null-2", "null-3"])
+def test_independent_recordings_are_reproduced(nominal, name):
+    # The figures of the first table in docs/reference-nominal.md, with the margin asked for.
+    with h5py.File(DATA / f"{name}.h5") as file:
+        signals = {
+            s: np.column_stack([file[f"axes/{a}/{s}"][:] for a in ("x", "y")])
+            for s in ("position_demand", "force_offset", "position_actual", "force_actual")
+        }
+    response = simulate(nominal, signals["position_demand"], signals["force_offset"], None)
+    for a in range(2):
+        position = signals["position_actual"][:, a] - response.position[:, a]
+        force = signals["force_actual"][:, a] - response.force[:, a]
+        assert np.sqrt(np.mean(position**2)) < 0.15e-6
+        assert np.sqrt(np.mean(force**2)) < 0.14
+
+
+@both_steps
+def test_level_over_time_is_the_ports_factor(nominal, with_effects, substeps):
+    demand = smooth_demand(1)
+    factor = 1.0 + 0.2 * np.sin(np.arange(len(demand)) / 40.0)
+    table = effect_of(lambda ports: ports.scale_time_coulomb(np.append(factor, factor[-1])))
+    level = np.column_stack([factor, np.ones_like(factor)])
+    zero = np.zeros_like(demand)
+    one = simulate(with_effects(nominal, table), demand, zero, None, substeps=substeps)
+    other = simulate(nominal, demand, zero, None, substeps=substeps, level=level)
+    assert one.position.tobytes() == other.position.tobytes()
+    plain = simulate(nominal, demand, zero, None, substeps=substeps)
+    assert np.abs(plain.force - one.force)[:, 0].max() > 0.5
+
+
+def test_an_uncoupled_axis_alone_is_the_same(nominal, with_effects, effects):
+    demand = smooth_demand(7)
+    stage = with_effects(nominal, effects["force_ripple"].at(ratio=0.05, pitch=0.01, phase=0.3))
+    whole = simulate(stage, demand, 0.0 * demand, None)
+    alone = replace(stage, axes=stage.axes[:1])
+    single = simulate(alone, demand[:, :1], 0.0 * demand[:, :1], None)
+    np.testing.assert_array_equal(single.position[:, 0], whole.position[:, 0])
+    np.testing.assert_array_equal(single.force[:, 0], whole.force[:, 0])
+
+
+def test_variants_side_by_side_are_those_alone(nominal, effects):
+    demand, offset = smooth_demand(12, 400)[:, 0], 3.0 * smooth_demand(13, 400)[:, 0] * 1e5
+    x = nominal.axes[0]
+    variants = [
+        x,
+        replace(x, mass=8.4),
+        replace(x, effects=(effects["force_offset"].at(force=1.0),)),
+        replace(x, friction=replace(x.friction, elements=4)),
+    ]
+    level = 1.0 + 0.1 * np.cos(np.arange(400) / 30.0)
+    together = simulate_variants(
+        nominal.sync_period, variants, demand, offset, 2.0, level=level, rounded=False
+    )
+    for i, axis in enumerate(variants):
+        alone = simulate(
+            replace(nominal, axes=(axis,)), demand[:, None], offset[:, None], None, [2.0],
+            level=level[:, None], substeps=1, rounded=False,
+        )  # fmt: skip
+        np.testing.assert_array_equal(together.position[:, i], alone.position[:, 0])
+        np.testing.assert_array_equal(together.force[:, i], alone.force[:, 0])
+    tied = [x, replace(x, effects=(effects["cross_coupling"].at(mass=0.3),))]
+    with pytest.raises(ValueError, match="that involve another one"):
+        simulate_variants(nominal.sync_period, tied, demand, offset)
+
+
+def test_threads_do_not_disturb_one_another(nominal, with_effects, effects):
+    demand = smooth_demand(8, 1500)
+    stages = [
+        with_effects(nominal, effects["cable_hysteresis"].at(force=f, stiffness=2e3))
+        for f in (0.5, 1.5)
+    ]
+    alone = [simulate(s, demand, 0.0 * demand, None).force for s in stages]
+    together = [None, None]
+
+    def work(i):
+        together[i] = simulate(stages[i], demand, 0.0 * demand, None).force
+
+    threads = [Thread(target=work, args=(i,)) for i in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for one, other in zip(alone, together, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_rest_force_is_shared_between_friction_and_disturbance(nominal, with_effects, effects):
+    stage = with_effects(
+        nominal,
+        effects["force_offset"].at(force=2.0),
+        effects["dead_time"].at(delay=0.0005),
+        effects["force_constant"].at(ratio=0.95),
+    )
+    zero = np.zeros((200, 2))
+    response = simulate(stage, zero, zero, None, rest_force=[4.0, 0.0], rounded=False)
+    np.testing.assert_allclose(response.force[:, 0], 4.0, atol=0.01)
+    assert np.abs(response.position).max() <= 1e-9
