@@ -76,7 +76,7 @@ class Drive:
         """Let a fault of the drive happen now, announced with this error code (CiA 402).
 
         The reaction follows 0x605E, where the fault leaves the drive something to brake with
-        (`emergency.WITHOUT_CONTROL`); in FAULT already, nothing happens.
+        (`emergency.COASTING_FAULTS`); in FAULT already, nothing happens.
 
         Args:
             code: EMCY and 0x603F, 0x0001..0xFFFF.
@@ -89,17 +89,17 @@ class Drive:
         if not 0 < code <= 0xFFFF:
             raise ValueError(f"error code 0x{code:X} is not in 0x0001..0xFFFF")
         if lasting:
-            self.motion.lasting_fault(code)
+            self.motion.raise_lasting_fault(code)
         else:
-            self.motion.fault(code)
+            self.motion.raise_fault(code)
 
     def end_fault(self, code: int | None = None) -> None:
         """The cause of a lasting fault is gone (None: of all): it can be reset from now on."""
-        self.motion.cause_ended(code)
+        self.motion.end_lasting_fault(code)
 
     def safe_torque_off(self, active: bool) -> None:
         """The STO input: force off at once, and SWITCH ON DISABLED for as long as it is active."""
-        self.motion.safe_torque_off(active)
+        self.motion.set_safe_torque_off(active)
 
     def _hook_up(self) -> None:
         live, motor = self.dictionary.live, self.motor
@@ -139,16 +139,16 @@ class Drive:
         elif old is NmtState.OPERATIONAL:
             self.pdo.stop()
         if new is NmtState.STOPPED:
-            self.motion.connection_lost(CONNECTION_ABORTED)
+            self.motion.on_connection_lost(CONNECTION_ABORTED)
         self.motion.set_remote(new in _TALKING)
         if old is NmtState.BOOTING:
-            self.motion.notice_causes()
+            self.motion.repeat_lasting_faults()
 
     def _on_reset(self, application: bool) -> None:
         self._advance_to(self._segment.now_ns)
         self._on_overflow(0)
         if not application:
-            self.motion.connection_lost(CONNECTION_ABORTED)
+            self.motion.on_connection_lost(CONNECTION_ABORTED)
             self.dictionary.reset_communication()
             return
         self.motion.switch_off()
@@ -190,7 +190,7 @@ class Drive:
         faults = self.dictionary.integer(o.ABORT_CONNECTION) == 1
         if not (faults and self.motion.state is State.ENABLED):  # else the fault announces it
             self.emergency.announce(RPDO_TIMEOUT)
-        self.motion.connection_lost(RPDO_TIMEOUT)
+        self.motion.on_connection_lost(RPDO_TIMEOUT)
 
     def _on_heartbeat(self, _: int, alive: bool) -> None:
         if alive:
@@ -198,7 +198,7 @@ class Drive:
                 self.emergency.clear(HEARTBEAT_LOST)
             return
         self.emergency.raise_(HEARTBEAT_LOST)
-        self.motion.connection_lost(HEARTBEAT_LOST)
+        self.motion.on_connection_lost(HEARTBEAT_LOST)
         behavior = self.dictionary.integer(o.ERROR_BEHAVIOR)
         if behavior == 0 and self.nmt.state is NmtState.OPERATIONAL:
             self.nmt.enter(NmtState.PRE_OPERATIONAL)

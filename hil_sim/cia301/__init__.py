@@ -2,6 +2,7 @@
 
 from hil_sim.cia301.dictionary import EDS_PATH, Dictionary, Value, key
 from hil_sim.cia301.emergency import (
+    COASTING_FAULTS,
     CONNECTION_ABORTED,
     ENCODER_LOST,
     FOLLOWING_ERROR,
@@ -14,7 +15,6 @@ from hil_sim.cia301.emergency import (
     RPDO_TIMEOUT,
     SYNC_LENGTH,
     UNDER_VOLTAGE,
-    WITHOUT_CONTROL,
     Emergency,
 )
 from hil_sim.cia301.nmt import NmtSlave, NmtState
@@ -22,6 +22,7 @@ from hil_sim.cia301.pdo_engine import PdoEngine
 from hil_sim.cia301.sdo_server import DriveSdoServer
 
 __all__ = [
+    "COASTING_FAULTS",
     "CONNECTION_ABORTED",
     "EDS_PATH",
     "ENCODER_LOST",
@@ -35,7 +36,6 @@ __all__ = [
     "RPDO_TIMEOUT",
     "SYNC_LENGTH",
     "UNDER_VOLTAGE",
-    "WITHOUT_CONTROL",
     "Dictionary",
     "DriveSdoServer",
     "Emergency",

@@ -1,10 +1,10 @@
-"""Holding brake of an axis, as the drive tells and commands it (0x60FE, bit 0).
+"""Holding brake of an axis, as the drive reports and controls it (0x60FE, bit 0).
 
-The drive sets it with the force off and releases it under power. Without power the host may release
-it, to move the axis by hand: bit 0 of 0x60FE:02 takes it over, bit 0 of 0x60FE:01 is then what it
-does, until the axis is enabled. Under power nobody sets it: that is refused.
+The drive applies it while the force is off and releases it under power. Without power the host may
+release it, to move the axis by hand: bit 0 of 0x60FE:02 selects the output, bit 0 of 0x60FE:01 then
+sets it, until the axis is enabled. Applying it under power is refused.
 
-It is told, not felt: the mechanics without force rest by their friction.
+Only the output is simulated; the mechanics without force are held by their friction.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ class Brake:
 
     Args:
         dictionary: of the drive.
-        powered: whether there is, or may be, force.
+        is_powered: whether the force is, or may be, on.
     """
 
-    def __init__(self, dictionary: Dictionary, powered: Callable[[], bool]) -> None:
+    def __init__(self, dictionary: Dictionary, is_powered: Callable[[], bool]) -> None:
         self._dictionary = dictionary
-        self._powered = powered
+        self._is_powered = is_powered
         dictionary.live[o.OUTPUTS] = self.outputs
         dictionary.check[o.OUTPUTS] = self._check
 
     def outputs(self) -> int:
-        """0x60FE:01 as it is."""
+        """0x60FE:01, bit 0 set while the brake is applied."""
         integer = self._dictionary.integer
-        if self._powered():
+        if self._is_powered():
             return 0
         return integer(o.OUTPUTS) & _SET if integer(o.OUTPUT_MASK) & _SET else _SET
 
-    def take_back(self) -> None:
-        """The axis is being enabled: the brake is the drive's own again."""
+    def take_control(self) -> None:
+        """Take the brake back from the host: the axis is being enabled."""
         values = self._dictionary.values
         values[o.OUTPUT_MASK] = self._dictionary.integer(o.OUTPUT_MASK) & ~_SET
 
     def _check(self, value: int) -> None:
-        if value & _SET and self._powered():
+        if value & _SET and self._is_powered():
             raise SdoAbortedError(abort.ABORT_APPLICATION_DEVICE_STATE)

@@ -1,17 +1,12 @@
-"""The drive's device profile (CiA 402): power states, modes, controlled stops, following error.
+"""The device profile of a drive (CiA 402): power states, modes of operation, stops, faults.
 
-The controlword acts when it is written, by SDO or PDO. What moves the demand is either the SYNC
-(csp, csv) or the profile generator, once a millisecond: pp, pv, homing, and every stop. Stops by
-the option codes 0x605A to 0x605E and 0x6007: 1 means the ramp 0x6084, 2 and up the ramp 0x6085
-(this drive has no stop at the current limit), 0 no ramp.
+The controlword acts when it is written, by SDO or PDO. Option codes 0x605A to 0x605E and 0x6007
+select the stop: 0 none, 1 the ramp 0x6084, 2 and up the ramp 0x6085 (this drive has no stop at the
+current limit).
 
-Faults that come by themselves: a lost host, and what `supervision.py` watches. Encoder and supply
-fail only when told to (`Drive.inject_fault`).
-
-Safe torque off takes the force away and the drive to SWITCH ON DISABLED, where it stays as long:
-statusword bit 4 is 0, 0x60FD bit 3 is 1. Bits 0 and 1 there are the end switches.
-
-The holding brake (`brake.py`) is set without power and released under it.
+Faults that arise by themselves are a lost host (0x6007) and those of `supervision`. Any other, such
+as a lost encoder, is injected (`Drive.inject_fault`). Safe torque off removes the force and holds
+the drive in SWITCH ON DISABLED while it is active: statusword bit 4 is 0, 0x60FD bit 3 is 1.
 
 Not modelled: current limits other than the loop's peak force.
 """
@@ -20,37 +15,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from canopen import SdoAbortedError
-from canopen.sdo import constants as abort
-
 from hil_sim.cia301 import (
+    COASTING_FAULTS,
     FOLLOWING_ERROR,
     HEARTBEAT_LOST,
     UNDER_VOLTAGE,
-    WITHOUT_CONTROL,
     Dictionary,
     Emergency,
 )
 from hil_sim.cia402 import objects as o
 from hil_sim.cia402.brake import Brake
-from hil_sim.cia402.homing import Homing
-from hil_sim.cia402.modes import (
-    MODE_BIT_13,
-    TARGET_REACHED,
-    TICK_NS,
-    Context,
-    CyclicPosition,
-    Mode,
-    ModeCode,
-)
-from hil_sim.cia402.profile_generator import ProfileGenerator
-from hil_sim.cia402.profile_position import ProfilePosition
-from hil_sim.cia402.state_machine import FAULT_RESET, HALT, Command, State, commanded, decode
+from hil_sim.cia402.demand import DemandSource
+from hil_sim.cia402.mode_selector import ModeSelector
+from hil_sim.cia402.modes import MODE_BIT_13, TARGET_REACHED, Context
+from hil_sim.cia402.state_machine import FAULT_RESET, HALT, Command, State, decode, next_state
 from hil_sim.cia402.supervision import Supervision
-from hil_sim.cia402.torque import CyclicTorque
-from hil_sim.cia402.velocity import CyclicVelocity, ProfileVelocity
 from hil_sim.plant import Motor
-from hil_sim.ports import CanSegment, Timer
+from hil_sim.ports import CanSegment
 
 _VOLTAGE, _REMOTE = 1 << 4, 1 << 9
 _POWERED = (State.ENABLED, State.QUICK_STOP, State.FAULT_REACTION)
@@ -61,15 +42,15 @@ _CONFIGURES = (
 
 
 class MotionControl:
-    """Power state, mode and demand of one axis.
+    """Power state, mode of operation and faults of one axis.
 
     Args:
         advance_to: brings the plant to a time [ns].
-        changed: called after a change of the statusword or the mode display.
+        on_event: called after a change of the statusword or the mode display.
 
     Attributes:
         state: CiA 402 state.
-        following: csp is active: `on_sync` is to be called at each SYNC.
+        following: a cyclic mode is active: `on_sync` is due at each SYNC.
     """
 
     def __init__(
@@ -79,7 +60,7 @@ class MotionControl:
         segment: CanSegment,
         emergency: Emergency,
         advance_to: Callable[[int], None],
-        changed: Callable[[], None],
+        on_event: Callable[[], None],
     ) -> None:
         self.state = State.SWITCH_ON_DISABLED
         self.following = False
@@ -89,91 +70,133 @@ class MotionControl:
         self._segment = segment
         self._emergency = emergency
         self._advance_to = advance_to
-        self._changed = changed
+        self._on_event = on_event
         self._remote = False
-        self._generator = ProfileGenerator(TICK_NS * 1e-9)
-        self._ticks = TICK_NS // motor.tick_ns
         self._word = 0  # controlword acted on last, and the state it left the drive in
         self._word_state = State.NOT_READY
-        self._timer: Timer | None = None
-        self._due_ns = 0
-        self._after_stop: Callable[[], None] | None = None
-        self._sticky = 0
+        self._latched_bits = 0  # of the statusword, until the fault is reset
         self._syncs = 0
-        self._causes: set[int] = set()
+        self._lasting_faults: set[int] = set()
         self._torque_off = False
-        self._watch = Supervision(
-            dictionary, motor, segment, self.fault, self._on_following_error,
+        self._demand = DemandSource(motor, segment, advance_to, self._on_tick)
+        self._supervision = Supervision(
+            dictionary, motor, segment, self.raise_fault, self._on_following_error,
             lambda: self.state is State.FAULT_REACTION,
         )  # fmt: skip
-        context = Context(dictionary, motor, segment, self._generator, self._publish)
-        self._modes: dict[int, Mode] = {
-            ModeCode.NONE: Mode(context),
-            ModeCode.PROFILE_POSITION: ProfilePosition(context),
-            ModeCode.PROFILE_VELOCITY: ProfileVelocity(context),
-            ModeCode.HOMING: Homing(context),
-            ModeCode.CYCLIC_POSITION: CyclicPosition(context),
-            ModeCode.CYCLIC_VELOCITY: CyclicVelocity(context),
-            ModeCode.CYCLIC_TORQUE: CyclicTorque(context),
-        }
-        self._mode = self._modes[ModeCode.NONE]
-        self._brake_output = Brake(dictionary, lambda: self.state in _POWERED)
+        self._context = Context(
+            dictionary, motor, segment, self._demand.generator, self._update_statusword
+        )
+        self._modes = ModeSelector(
+            self._context, self._demand, lambda: self._mode_is_active, self._on_mode_change
+        )
+        self._holding_brake = Brake(dictionary, lambda: self.state in _POWERED)
         dictionary.act_last = o.ACT_LAST
         dictionary.on_write[o.CONTROLWORD] = self._on_controlword
-        dictionary.on_write[o.MODE] = self._on_mode
-        dictionary.check[o.MODE] = self._check_mode
         for key in _CONFIGURES:
             dictionary.on_write[key] = lambda _: self._configure()
         self._configure()
-        self._publish()
+        self._update_statusword()
 
     def set_remote(self, remote: bool) -> None:
-        """Statusword bit 9: the controlword can be reached from the bus."""
+        """Set statusword bit 9: the bus can reach the controlword."""
         self._remote = remote
-        self._publish()
+        self._update_statusword()
 
     def on_sync(self) -> None:
         """Take over the setpoints of this SYNC; only while `following`."""
-        self._mode.on_sync()
-        self._watch.following(self._worst_following_error())
+        self._modes.current.on_sync()
+        self._supervision.check_following(self._worst_following_error())
         self._syncs += 1
-        if not self._syncs & 7:  # a switch does not run away
-            self._watch.travel()
+        if not self._syncs & 7:  # every eighth SYNC is soon enough for an end switch
+            self._supervision.check_travel()
 
     def switch_off(self) -> None:
-        """Force off, before a reset of the application."""
+        """Take the force off before the application is reset."""
         self._power_off(State.SWITCH_ON_DISABLED)
 
     def reset(self) -> None:
-        """As after power-on; the dictionary was reset already."""
-        self._mode = self._modes[ModeCode.NONE]
-        self._word, self._word_state, self._sticky = 0, State.NOT_READY, 0
-        self._watch.forget_force()
+        """Return to the state after power-on; the dictionary has been reset already."""
+        self._modes.reset()
+        self._word, self._word_state, self._latched_bits = 0, State.NOT_READY, 0
+        self._supervision.reset_force()
         self._configure()
-        self._publish()
+        self._update_statusword()
 
-    def _check_mode(self, value: int) -> None:
-        if value not in self._modes:
-            raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
+    def digital_inputs(self) -> int:
+        """0x60FD: bits 0 and 1 the end switches, bit 3 safe torque off."""
+        return self._supervision.end_switches() | self._torque_off << 3
 
     def _configure(self) -> None:
-        self._watch.configure()
-        self._mode.configure()
+        self._supervision.configure()
+        self._modes.current.configure()
 
-    def connection_lost(self, code: int) -> None:
-        """0x6007: heartbeat or setpoints lost, NMT stopped or reset."""
+    # Faults ----------------------------------------------------------------------------------
+
+    def raise_fault(self, code: int) -> None:
+        """Announce a fault and react to it; without effect if the drive is in a fault already."""
+        if self.state in (State.FAULT_REACTION, State.FAULT):
+            return
+        self._advance_to(self._segment.now_ns)
+        self._emergency.raise_(code)
+        self._react_to_fault(coast=code in COASTING_FAULTS)
+
+    def raise_lasting_fault(self, code: int) -> None:
+        """Raise a fault that cannot be reset before `end_lasting_fault`."""
+        self._lasting_faults.add(code)
+        self.raise_fault(code)
+        self._update_statusword()
+
+    def end_lasting_fault(self, code: int | None) -> None:
+        """Remove the cause of a lasting fault (None: of all); the drive stays in FAULT."""
+        self._lasting_faults = set() if code is None else self._lasting_faults - {code}
+        self._update_statusword()
+
+    def repeat_lasting_faults(self) -> None:
+        """After a boot, raise the lasting faults again whose cause is still there."""
+        for code in sorted(self._lasting_faults):
+            self.raise_fault(code)
+
+    def on_connection_lost(self, code: int) -> None:
+        """React to a lost host by 0x6007: heartbeat or setpoints lost, NMT stop or reset."""
         if self.state is not State.ENABLED:
             return
         self._advance_to(self._segment.now_ns)
         option = self._dictionary.integer(o.ABORT_CONNECTION)
         if option == 1:
-            if code != HEARTBEAT_LOST:  # which was announced already
+            if code != HEARTBEAT_LOST:  # that one has been announced
                 self._emergency.raise_(code)
             self._react_to_fault()
         elif option == 2:
             self._power_off(State.SWITCH_ON_DISABLED)
         elif option == 3:
-            self._go(State.QUICK_STOP)
+            self._enter(State.QUICK_STOP)
+
+    def set_safe_torque_off(self, active: bool) -> None:
+        """Set the STO input. It raises no fault, and the drive stays off when it is released."""
+        self._advance_to(self._segment.now_ns)
+        self._torque_off = active
+        if active:
+            faulty = self.state in (State.FAULT, State.FAULT_REACTION)
+            self._power_off(State.FAULT if faulty else State.SWITCH_ON_DISABLED)
+        self._update_statusword()
+
+    def _react_to_fault(self, coast: bool = False) -> None:
+        """Transitions 13 and 14: stop by 0x605E or `coast`, then force off and FAULT."""
+        if self.state in (State.FAULT_REACTION, State.FAULT):
+            return
+        option = self._dictionary.integer(o.FAULT_OPTION)
+        if self.state not in _POWERED or option == 0 or coast:
+            self._power_off(State.FAULT)
+            return
+        self._stop(option, lambda: self._power_off(State.FAULT))
+        self.state = State.FAULT_REACTION
+        self._select_demand_source()
+        self._demand.end_stop()
+        self._update_statusword()
+
+    def _on_following_error(self) -> None:
+        self._latched_bits = MODE_BIT_13
+        self.raise_fault(FOLLOWING_ERROR)
 
     # Power states ----------------------------------------------------------------------------
 
@@ -183,54 +206,41 @@ class MotionControl:
         self._advance_to(self._segment.now_ns)
         before, self._word = self._word, word
         if self.state is State.FAULT:
-            if word & FAULT_RESET and not before & FAULT_RESET and not self._causes:
-                self._sticky = 0
+            rising_edge = word & FAULT_RESET and not before & FAULT_RESET
+            if rising_edge and not self._lasting_faults:
+                self._latched_bits = 0
                 self._emergency.clear()
                 self.state = State.SWITCH_ON_DISABLED
-        else:
+        elif not self._torque_off:
             self._command(word)
-        if self.state is State.ENABLED and self._after_stop is None:
+        if self._mode_is_active:
             self._on_halt(bool(word & HALT))
-            self._mode.on_controlword(word, before)
+            self._modes.current.on_controlword(word, before)
         self._word_state = self.state
-        self._publish()
+        self._update_statusword()
 
     def _command(self, word: int) -> None:
-        if self._torque_off:
-            return
-        stopping = self._after_stop is not None
-        if stopping and self.state is State.ENABLED:
-            # on the way out by a ramp: only what is quicker still counts
-            if decode(word) not in (Command.DISABLE_VOLTAGE, Command.QUICK_STOP):
+        if self._demand.stopping:  # only a quicker stop counts
+            quicker = {Command.DISABLE_VOLTAGE}
+            if self.state is State.ENABLED:
+                quicker.add(Command.QUICK_STOP)
+            if decode(word) not in quicker:
                 return
-        elif stopping and decode(word) is not Command.DISABLE_VOLTAGE:
-            return
-        option = self._dictionary.integer(o.QUICK_STOP_OPTION)
-        new = commanded(self.state, word, option)
+        new = next_state(self.state, word, self._dictionary.integer(o.QUICK_STOP_OPTION))
         if new is not self.state:
-            self._go(new)
+            self._enter(new)
 
-    def _go(self, new: State) -> None:
-        integer = self._dictionary.integer
+    def _enter(self, new: State) -> None:
         if new is State.ENABLED:
             self._enable()
         elif new is State.QUICK_STOP:
-            option = integer(o.QUICK_STOP_OPTION)
-            if option == 0:
-                self._power_off(State.SWITCH_ON_DISABLED)
-                return
-            stay = option >= 5
-            ramp = o.PROFILE_DECELERATION if option in (1, 5) else o.QUICK_STOP_DECELERATION
-            # Also at rest the state shows until the next tick, so that a host can see it.
-            self._brake(
-                ramp, (lambda: None) if stay else lambda: self._power_off(State.SWITCH_ON_DISABLED)
-            )
-            self.state = new
+            self._quick_stop()
         elif self.state is State.ENABLED and new in (State.SWITCHED_ON, State.READY):
-            option = integer(o.DISABLE_OPTION if new is State.SWITCHED_ON else o.SHUTDOWN_OPTION)
-            if option == 1:
-                self._brake(o.PROFILE_DECELERATION, lambda: self._power_off(new))
-                self._end_stop()
+            key = o.DISABLE_OPTION if new is State.SWITCHED_ON else o.SHUTDOWN_OPTION
+            if self._dictionary.integer(key) == 1:
+                self._stop(1, lambda: self._power_off(new))
+                self._demand.end_stop()
+                self._update_statusword()
             else:
                 self._power_off(new)
         elif self.state in _POWERED:
@@ -239,202 +249,106 @@ class MotionControl:
             self.state = new
 
     def _enable(self) -> None:
-        motor = self._motor
         self._dictionary.values[o.TORQUE_OFFSET] = 0
-        self._watch.forget_position()
-        self._brake_output.take_back()
+        self._supervision.reset_following()
+        self._holding_brake.take_control()
         if self.state is not State.QUICK_STOP:
-            motor.power(True)
-            motor.worst_following_error()  # forget what was before
-        self._generator.take_over(motor.demand(), 0.0)
+            self._motor.power(True)
+            self._worst_following_error()  # forget what was before
+        self._demand.take_over(0.0)
         self.state = State.ENABLED
-        self._mode.halted = False
-        self._mode.start()
-        self._arm()
+        self._modes.current.halted = False
+        self._modes.current.start()
+        self._select_demand_source()
+
+    def _quick_stop(self) -> None:
+        option = self._dictionary.integer(o.QUICK_STOP_OPTION)
+        if option == 0:
+            self._power_off(State.SWITCH_ON_DISABLED)
+            return
+        # Also at rest the state lasts until the next tick, so that a host can see it.
+        if option >= 5:  # stays in QUICK STOP ACTIVE
+            self._stop(option - 4, lambda: None)
+        else:
+            self._stop(option, lambda: self._power_off(State.SWITCH_ON_DISABLED))
+        self.state = State.QUICK_STOP
 
     def _power_off(self, state: State) -> None:
         if self.state in _POWERED:
             self._motor.power(False)
             self._dictionary.values[o.TORQUE_OFFSET] = 0
         self.state = state
-        self._after_stop = None
-        self._mode.bits = 0
-        self._mode.halted = False
-        self._arm()
-        self._publish()
+        self._demand.abandon_stop()
+        self._modes.current.bits = 0
+        self._modes.current.halted = False
+        self._select_demand_source()
+        self._update_statusword()
 
-    def _brake(self, ramp: int, then: Callable[[], None]) -> None:
-        """Controlled stop with the deceleration of object `ramp`; the force offset goes to 0."""
+    def _deceleration(self, option: int) -> float:
+        """Of an option code: 1 the profile's, else the quick stop's [m/s^2]."""
+        return self._context.rate(
+            o.PROFILE_DECELERATION if option == 1 else o.QUICK_STOP_DECELERATION
+        )
+
+    def _stop(self, option: int, then: Callable[[], None]) -> None:
+        """Stop by an option code other than 0; the force offset goes to 0."""
         if self.following:
-            self._generator.take_over(self._motor.demand(), self._mode.velocity())
+            self._demand.take_over(self._modes.current.velocity())
         self._dictionary.values[o.TORQUE_OFFSET] = 0
-        self._generator.stop(max(1, self._dictionary.integer(ramp)) * self._motor.rate_unit)
-        self._after_stop = then
-        self._mode.bits &= ~TARGET_REACHED
-        self._arm()
+        self._demand.stop(self._deceleration(option), then)
+        self._modes.current.bits &= ~TARGET_REACHED
+        self._select_demand_source()
 
-    def _end_stop(self) -> None:
-        """Go on to what follows the stop, if the demand is at rest."""
-        if self._generator.done:
-            then, self._after_stop = self._after_stop, None
-            if then is not None:
-                then()
-            self._publish()
+    # Modes -----------------------------------------------------------------------------------
 
-    def lasting_fault(self, code: int) -> None:
-        """A fault whose cause stays: not to be reset, before `cause_ended`."""
-        self._causes.add(code)
-        self.fault(code)
-        self._publish()
+    @property
+    def _mode_is_active(self) -> bool:
+        return self.state is State.ENABLED and not self._demand.stopping
 
-    def cause_ended(self, code: int | None) -> None:
-        """The cause of a lasting fault is gone (None: of all); the fault itself stays."""
-        self._causes = set() if code is None else self._causes - {code}
-        self._publish()
-
-    def safe_torque_off(self, active: bool) -> None:
-        """The STO input; what it takes away is not a fault, and nothing comes back by itself."""
-        self._advance_to(self._segment.now_ns)
-        self._torque_off = active
-        if active and self.state not in (State.FAULT, State.FAULT_REACTION):
-            self._power_off(State.SWITCH_ON_DISABLED)
-        elif active:
-            self._power_off(State.FAULT)
-        self._publish()
-
-    def digital_inputs(self) -> int:
-        """0x60FD: end switches and interlock."""
-        return self._watch.switches() | self._torque_off << 3
-
-    def notice_causes(self) -> None:
-        """After a boot: causes that are still there are faults again."""
-        for code in sorted(self._causes):
-            self.fault(code)
-
-    def fault(self, code: int) -> None:
-        """A fault of the drive: EMCY and error code, then the reaction; nothing in FAULT."""
-        if self.state in (State.FAULT_REACTION, State.FAULT):
-            return
-        self._advance_to(self._segment.now_ns)
-        self._emergency.raise_(code)
-        self._react_to_fault(coasts=code in WITHOUT_CONTROL)
-
-    def _react_to_fault(self, coasts: bool = False) -> None:
-        """Transition 13 and 14: by 0x605E, then force off and FAULT.
-
-        Args:
-            coasts: whatever would brake is gone: force off at once.
-        """
-        if self.state in (State.FAULT_REACTION, State.FAULT):
-            return
-        option = self._dictionary.integer(o.FAULT_OPTION)
-        if self.state not in _POWERED or option == 0 or coasts:
-            self._power_off(State.FAULT)
-            return
-        ramp = o.PROFILE_DECELERATION if option == 1 else o.QUICK_STOP_DECELERATION
-        self._brake(ramp, lambda: self._power_off(State.FAULT))
-        self.state = State.FAULT_REACTION
-        self._arm()
-        self._end_stop()
-        self._publish()
+    def _on_mode_change(self) -> None:
+        self._configure()
+        self._select_demand_source()
+        self._update_statusword()
+        self._on_event()
 
     def _on_halt(self, halt: bool) -> None:
-        mode = self._mode
-        if halt and not mode.halted:
-            quick = self._dictionary.integer(o.HALT_OPTION) != 1
-            ramp = o.QUICK_STOP_DECELERATION if quick else o.PROFILE_DECELERATION
-            mode.halt(max(1, self._dictionary.integer(ramp)) * self._motor.rate_unit)
-            self._arm()
-        elif not halt and mode.halted:
-            mode.resume()
-            self._arm()
-
-    def _on_mode(self, value: int) -> None:
-        new = self._modes[value]
-        if new is self._mode:
+        if halt is self._modes.current.halted:
             return
-        if self.state is State.ENABLED and self._after_stop is None:
-            if self.following:
-                self._generator.take_over(self._motor.demand(), self._mode.velocity())
-            self._generator.stop(
-                max(1, self._dictionary.integer(o.PROFILE_DECELERATION)) * self._motor.rate_unit
-            )
-            self._dictionary.values[o.TORQUE_OFFSET] = 0
-            new.halted = self._mode.halted
-            self._mode = new
-            new.start()
+        if halt:
+            self._modes.current.halt(self._deceleration(self._dictionary.integer(o.HALT_OPTION)))
         else:
-            self._mode = new
-            new.bits = 0
-            new.halted = False
-        self._dictionary.values[o.MODE_DISPLAY] = value
-        self._configure()
-        self._arm()
-        self._publish()
-        self._changed()
+            self._modes.current.resume()
+        self._select_demand_source()
 
-    # Motion ----------------------------------------------------------------------------------
-
-    def _arm(self) -> None:
-        """Decide what drives the demand now: SYNC in csp, the tick otherwise, or nothing."""
-        stopping = self._after_stop is not None
-        enabled = self.state is State.ENABLED and not stopping
-        cyclic = not self._mode.ticking and not self._mode.halted
-        following, self.following = self.following, enabled and cyclic
-        if following and self.state in _POWERED and not self.following:
-            # Begins at once, and takes the force offset out, also when there is no way to brake.
-            self._motor.command_true(self._generator.step(), self._ticks)
-        ticking = self.state in _POWERED and not self.following
-        if ticking and self._timer is None:
-            self._due_ns = self._segment.now_ns + TICK_NS
-            self._timer = self._segment.at(self._due_ns, self._on_tick)
-        elif not ticking and self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
-
-    def _step(self) -> None:
-        if not self._generator.done:
-            self._motor.command_true(self._generator.step(), self._ticks)
+    def _select_demand_source(self) -> None:
+        mode = self._modes.current
+        self.following = self._mode_is_active and not mode.ticking and not mode.halted
+        self._demand.select(self.state in _POWERED, self.following)
 
     def _on_tick(self) -> None:
-        now = self._segment.now_ns
-        self._advance_to(now)
-        late = (now - self._due_ns) // TICK_NS  # 0 in virtual time
-        self._due_ns += (late + 1) * TICK_NS
-        self._timer = self._segment.at(self._due_ns, self._on_tick)
-        if late and not self._generator.done:
-            for _ in range(late):  # keep the profile's time
-                self._generator.step()
-            if self._generator.done:  # nobody else commands where it ended
-                self._motor.command_true(self._generator.position, self._ticks)
-        if self._after_stop is None and self.state is State.ENABLED:
-            self._mode.tick()
-            self._step()
-        elif self._generator.done:
-            self._end_stop()
+        demand = self._demand
+        if demand.stopping and demand.generator.done:
+            demand.end_stop()
+            self._update_statusword()
         else:
-            self._step()
+            if self._mode_is_active:
+                self._modes.current.tick()
+            demand.step()
         if self.state in _POWERED:
-            self._watch.following(self._worst_following_error())
-            self._watch.travel()
+            self._supervision.check_following(self._worst_following_error())
+            self._supervision.check_travel()
 
-    def _on_following_error(self) -> None:
-        self._sticky = MODE_BIT_13
-        self.fault(FOLLOWING_ERROR)
-
-    # Statusword ------------------------------------------------------------------------------
-
-    def _publish(self) -> None:
-        """Renew the statusword; a change is an event for TPDOs."""
-        word = self.state.value | self._sticky
-        if UNDER_VOLTAGE not in self._causes and not self._torque_off:
+    def _update_statusword(self) -> None:
+        """Write the statusword; a change is an event for TPDOs."""
+        word = self.state.value | self._latched_bits
+        if UNDER_VOLTAGE not in self._lasting_faults and not self._torque_off:
             word |= _VOLTAGE
         if self._remote:
             word |= _REMOTE
         if self.state is State.ENABLED:
-            word |= self._mode.bits
-        elif self.state is State.QUICK_STOP and self._after_stop is None:
+            word |= self._modes.current.bits
+        elif self.state is State.QUICK_STOP and not self._demand.stopping:
             word |= TARGET_REACHED
         if word != self._dictionary.values[o.STATUSWORD]:
             self._dictionary.values[o.STATUSWORD] = word
-            self._changed()
+            self._on_event()

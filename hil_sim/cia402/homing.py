@@ -1,11 +1,11 @@
 """Homing (hm): index pulse of the encoder, or the present position (methods 33, 34, 35, 37).
 
-33 and 34 search for the index mark in negative and positive direction with 0x6099:01, turn round
-once beyond the range switches (0x2004:01 either side of the mark), brake with 0x609A after the
-mark, and go back to it with 0x6099:02. The counter is latched by the pulse itself, so the home
-position is exact. Zero is the home position plus 0x607C. Statusword bits 13, 12, 10:
-000 under way, 001 not started or interrupted, 010 attained and moving, 011 done, 100 and 101
-error. Homing starts with the rising edge of controlword bit 4 and is interrupted when it falls.
+33 and 34 search for the index mark in negative and positive direction at 0x6099:01 and reverse once
+beyond the range switches (0x2004:01 either side of the mark). After the mark they brake with 0x609A
+and return to it at 0x6099:02. The pulse itself latches the counter, so the home position is exact.
+Zero is the home position plus 0x607C. Homing starts with the rising edge of controlword bit 4 and
+is interrupted when it falls. Statusword bits 13, 12, 10: 000 in progress, 001 not started or
+interrupted, 010 attained and moving, 011 done, 100 and 101 error.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ ATTAINED, ERROR = MODE_BIT_12, MODE_BIT_13
 
 _DIRECTION = {33: -1, 34: 1}
 _PRESENT_POSITION = (35, 37)
-_FAR = 4.0  # [m], further than the search ever gets
+_FAR = 4.0  # [m], beyond any search
 
 
 class _Phase(Enum):
@@ -38,7 +38,7 @@ class Homing(Mode):
         super().__init__(context)
         self._phase = _Phase.IDLE
         self._direction = 1
-        self._turned = False
+        self._reversed = False
         self._counter = 0
 
     def start(self) -> None:
@@ -47,7 +47,7 @@ class Homing(Mode):
         self.set_bits(TARGET_REACHED if self.context.generator.done else 0)
 
     def on_controlword(self, word: int, before: int) -> None:
-        """Start and interrupt."""
+        """Start or interrupt homing."""
         if word & START and not before & START:
             self._begin()
         elif before & START and not word & START and self._phase is not _Phase.IDLE:
@@ -56,7 +56,7 @@ class Homing(Mode):
             self.set_bits(0)
 
     def tick(self) -> None:
-        """Watch the index and the range switches."""
+        """Check index mark and range switches."""
         super().tick()
         if self.halted:
             return
@@ -69,7 +69,7 @@ class Homing(Mode):
                 self._phase = _Phase.BRAKE
                 self.context.generator.stop(self._deceleration())
             else:
-                self._look_for_switch(counter)
+                self._check_range(counter)
         elif self._phase is _Phase.BRAKE and done:
             self._phase = _Phase.RETURN
             self._go(0.0, o.HOMING_SPEED_INDEX)
@@ -80,7 +80,7 @@ class Homing(Mode):
             self.set_bits(self.bits | TARGET_REACHED)
 
     def resume(self) -> None:
-        """Go on searching."""
+        """Continue the search or the return."""
         super().resume()
         if self._phase is _Phase.SEARCH:
             self._search()
@@ -94,7 +94,7 @@ class Homing(Mode):
             self._set_home(self._counter)
         elif method in _DIRECTION:
             self._direction = _DIRECTION[method]
-            self._turned = False
+            self._reversed = False
             self._phase = _Phase.SEARCH
             self.set_bits(0)
             if not self.halted:
@@ -102,14 +102,14 @@ class Homing(Mode):
         else:
             self._fail()
 
-    def _look_for_switch(self, counter: int) -> None:
+    def _check_range(self, counter: int) -> None:
         beyond = self._direction * counter * self.context.motor.settings.increment
         if beyond <= self.integer(o.INDEX_SEARCH_RANGE) * 1e-9:
             return
-        if self._turned:
+        if self._reversed:
             self._fail()
         else:
-            self._turned = True
+            self._reversed = True
             self._direction = -self._direction
             self._search()
 
@@ -118,9 +118,8 @@ class Homing(Mode):
         self._go(here + self._direction * _FAR, o.HOMING_SPEED_SEARCH)
 
     def _go(self, target: float, speed_key: int) -> None:
-        speed = max(1, self.integer(speed_key)) * self.context.motor.speed_unit
         rate = self._deceleration()
-        self.context.generator.move(target, speed, rate, rate)
+        self.context.generator.move(target, self.context.speed(speed_key), rate, rate)
 
     def _set_home(self, counter: int) -> None:
         motor = self.context.motor
@@ -135,4 +134,4 @@ class Homing(Mode):
         self.set_bits(ERROR)
 
     def _deceleration(self) -> float:
-        return max(1, self.integer(o.HOMING_ACCELERATION)) * self.context.motor.rate_unit
+        return self.context.rate(o.HOMING_ACCELERATION)

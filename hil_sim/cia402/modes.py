@@ -1,8 +1,8 @@
 """Modes of operation: what they share, and cyclic synchronous position (csp).
 
-A mode acts only while the drive is in OPERATION ENABLED. In csp the target (0x607A) and the force
-offset (0x60B2) are taken over at each SYNC and interpolated linearly over 0x60C2, which has to be
-the SYNC period; without SYNC nothing moves.
+A mode acts only in OPERATION ENABLED. In csp the target (0x607A) and the force offset (0x60B2) are
+taken over at each SYNC and interpolated linearly over 0x60C2, which must be the SYNC period;
+without SYNC nothing moves.
 """
 
 from __future__ import annotations
@@ -16,8 +16,6 @@ from hil_sim.cia402 import objects as o
 from hil_sim.cia402.profile_generator import ProfileGenerator
 from hil_sim.plant import Motor
 from hil_sim.ports import CanSegment
-
-TICK_NS = 1_000_000  # period of the profile generator and of supervision outside csp
 
 # Statusword bits that belong to the mode.
 TARGET_REACHED = 1 << 10
@@ -43,25 +41,35 @@ class Context:
     """What a mode works on.
 
     Attributes:
-        publish: to be called after a change of `Mode.bits`.
+        update_statusword: called after a change of `Mode.bits`.
     """
 
     dictionary: Dictionary
     motor: Motor
     segment: CanSegment
     generator: ProfileGenerator
-    publish: Callable[[], None]
+    update_statusword: Callable[[], None]
+
+    def speed(self, key: int) -> float:
+        """An object's speed, at least one unit [m/s]."""
+        return max(1, self.dictionary.integer(key)) * self.motor.speed_unit
+
+    def rate(self, key: int) -> float:
+        """An object's acceleration, at least one unit [m/s^2]."""
+        return max(1, self.dictionary.integer(key)) * self.motor.rate_unit
 
 
 class Mode:
-    """Base, and the mode that holds the position (0).
+    """Base class, and the mode that holds the position (0).
 
     Attributes:
-        bits: the mode's share of the statusword.
-        halted: controlword bit 8 stands.
+        bits: the mode's bits of the statusword.
+        halted: controlword bit 8 is set.
+        ticking: the profile generator moves the demand, and `tick` is due at each of its steps;
+            otherwise SYNC does.
     """
 
-    ticking = True  # whether `tick` is to be called every TICK_NS
+    ticking = True
 
     def __init__(self, context: Context) -> None:
         self.context = context
@@ -69,50 +77,50 @@ class Mode:
         self.halted = False
 
     def configure(self) -> None:
-        """Parameters in the dictionary have changed."""
+        """Read parameters again: the dictionary has changed."""
 
     def start(self) -> None:
-        """Begin at the demand where the generator rests or comes to rest."""
+        """Begin where the demand is at rest, or will be."""
         self.set_bits(0)
 
     def velocity(self) -> float:
-        """Velocity of the demand [m/s], for a stop that follows."""
+        """Velocity of the demand [m/s], from which a stop brakes."""
         return self.context.generator.velocity
 
     def on_controlword(self, word: int, before: int) -> None:
-        """The controlword has changed."""
+        """Act on a changed controlword."""
 
     def on_sync(self) -> None:
-        """A SYNC, after the RPDOs were latched."""
+        """Act at a SYNC, after the RPDOs have been latched."""
 
     def tick(self) -> None:
-        """Every TICK_NS, after the generator's step was commanded."""
+        """Act once per TICK_NS, before the generator's next step is commanded."""
         if self.halted and self.context.generator.done:
-            self.set_bits(self.bits | TARGET_REACHED)  # with halt: velocity is 0
+            self.set_bits(self.bits | TARGET_REACHED)  # during halt: velocity is 0
 
     def halt(self, deceleration: float) -> None:
-        """Brake [m/s^2] and wait; the work is kept."""
+        """Brake with this deceleration [m/s^2] and wait; the target is kept."""
         self.halted = True
         self.set_bits(self.bits & ~TARGET_REACHED)
         self.context.generator.stop(deceleration)
 
     def resume(self) -> None:
-        """Go on after a halt."""
+        """Continue after a halt."""
         self.halted = False
         self.set_bits(self.bits & ~TARGET_REACHED)
 
     def set_bits(self, bits: int) -> None:
-        """Change the mode's share of the statusword."""
+        """Set the mode's bits of the statusword."""
         if bits != self.bits:
             self.bits = bits
-            self.context.publish()
+            self.context.update_statusword()
 
     def integer(self, key: int) -> int:
         """An object's value."""
         return self.context.dictionary.integer(key)
 
     def soft_limits(self) -> tuple[int, int]:
-        """Lowest and highest target [nm]; 0x607D counts from the machine's home position."""
+        """Lowest and highest target [units]; 0x607D is relative to the home position."""
         low, high = self.integer(o.SOFT_LIMIT_LOW), self.integer(o.SOFT_LIMIT_HIGH)
         if low >= high:
             return -(1 << 31), (1 << 31) - 1
@@ -136,7 +144,7 @@ class CyclicPosition(Mode):
         self.configure()
 
     def configure(self) -> None:
-        """Take limits and interpolation time from the dictionary."""
+        """Read limits and interpolation time from the dictionary."""
         self._low, self._high = self.soft_limits()
         self._force_limit = self.integer(o.MAX_TORQUE)
         seconds = self.integer(o.INTERPOLATION_VALUE) * 10.0 ** self.integer(o.INTERPOLATION_INDEX)
@@ -157,19 +165,19 @@ class CyclicPosition(Mode):
         return (self._last - self._before) * self.context.motor.unit / period
 
     def halt(self, deceleration: float) -> None:
-        """Brake; setpoints are passed over meanwhile."""
+        """Brake; setpoints are ignored meanwhile."""
         generator = self.context.generator
         generator.take_over(self.context.motor.demand(), self.velocity())
         super().halt(deceleration)
         self.set_bits(self.bits & ~(MODE_BIT_12 | INTERNAL_LIMIT))
 
     def resume(self) -> None:
-        """Follow again, from where the demand rests."""
+        """Follow again, from where the demand is at rest."""
         super().resume()
         self.start()
 
     def on_sync(self) -> None:
-        """Take over the pair of this SYNC."""
+        """Take over target and force offset of this SYNC."""
         if self.halted:
             return
         values, limit = self._values, self._force_limit

@@ -1,7 +1,7 @@
-"""Keys of the device-profile objects (CiA 402) in the process image, and the axis' own values.
+"""Keys of the device-profile objects (CiA 402) in the process image, and this axis' own values.
 
 Forces take the place of torques: 1/1000 of the rated force, 0x6076 in mN. Positions, velocities and
-accelerations are in the units of the axis' settings: nm, nm/s and um/s^2 where nothing is said.
+accelerations are in the units of the axis' settings, by default nm, nm/s and um/s^2.
 """
 
 from __future__ import annotations
@@ -64,16 +64,16 @@ OUTPUTS, OUTPUT_MASK = key(0x60FE, 1), key(0x60FE, 2)
 TARGET_VELOCITY = key(0x60FF)
 
 ACT_LAST = (MODE, CONTROLWORD)
-"""What acts after all other objects of the same SYNC or frame, in this order: a mode finds its
-parameters, a command the mode and the set-points that came with it."""
+"""Objects that act after all others of the same SYNC or frame, in this order: a mode finds its
+parameters, a command the mode and the setpoints that came with it."""
 
-OFF = 0xFFFFFFFF  # in 0x6065 and 0x6067: not watched
+OFF = 0xFFFFFFFF  # in 0x6065 and 0x6067: not supervised
 
 _MAGNET_PITCH = 0.032  # [m], stands for the motor revolution in the factor group
 
 
 def axis_parameters(axis: AxisSettings) -> dict[int, Value]:
-    """What this unit's objects hold after power-on in place of the EDS' examples."""
+    """Values that this axis' objects have after power-on in place of the EDS' examples, by key."""
     control = axis.control
     peak = round(1000 * control.peak_force / control.rated_force)
     low, high = (round(limit / axis.unit) for limit in axis.travel)
@@ -115,7 +115,7 @@ def axis_parameters(axis: AxisSettings) -> dict[int, Value]:
 
 
 def _si_unit(unit: float, per: int) -> int:
-    """Notation of CiA 303-2: a power of ten of metres, per second (3) or not (0); else 0."""
+    """CiA 303-2 notation of a power of ten of metres, per second (3) or not (0); else 0."""
     power = round(math.log10(unit))
     if not math.isclose(unit, 10.0**power, rel_tol=1e-9) or not -128 <= power <= 127:
         return 0

@@ -1,9 +1,9 @@
-"""The drive's own profile generator for pp, homing and every controlled stop.
+"""The drive's profile generator, for pp, pv, homing and every controlled stop.
 
 A trapezoid of velocity from any position and velocity to rest at a target, in closed form, sampled
-once per period; for a jerk-limited profile the samples go through a moving average whose length
-makes the steepest step of acceleration (from +a to -a) keep the jerk, but is at most 1 s. Rest is
-reached exactly at the target. No blending of successive set-points.
+once per period. For a jerk-limited profile the samples pass through a moving average; its length
+makes the steepest change of acceleration (from +a to -a) keep the jerk, but is at most 1 s. The
+demand comes to rest exactly at the target. Successive setpoints are not blended.
 """
 
 from __future__ import annotations
@@ -51,11 +51,11 @@ def trapezoid(
     acceleration: float,
     deceleration: float,
 ) -> tuple[Segment, ...]:
-    """Fastest way to rest at `target` within the limits, from any velocity.
+    """Plan the fastest way to rest at `target` within the limits, from any velocity.
 
     Args:
         position: now [m].
-        velocity: now [m/s]; above `speed` it is brought down first.
+        velocity: now [m/s]; above `speed` it is reduced first.
         target: [m].
         speed: > 0 [m/s].
         acceleration: > 0 [m/s^2].
@@ -68,7 +68,7 @@ def trapezoid(
     sign = 1.0 if target - position - stop >= 0 else -1.0
     v0 = sign * velocity
     distance = sign * (target - position)
-    if v0 > speed:  # overspeed towards the target: brake to the speed allowed, cruise, brake
+    if v0 > speed:  # too fast towards the target: brake to `speed`, cruise, brake
         down = (v0 - speed) / deceleration
         cruise = (distance - v0 * v0 / (2 * deceleration)) / speed
         steps = [
@@ -107,9 +107,9 @@ class ProfileGenerator:
         period: [s] between calls of `step`.
 
     Attributes:
-        position: demand given out last [m].
+        position: latest demand [m].
         velocity: of the profile, before smoothing [m/s].
-        done: the demand rests at where it was to go.
+        done: the demand is at rest at the target.
     """
 
     def __init__(self, period: float) -> None:
@@ -117,7 +117,7 @@ class ProfileGenerator:
         self.take_over(0.0, 0.0)
 
     def take_over(self, position: float, velocity: float) -> None:
-        """Begin from this demand, forgetting everything before; rest there if velocity is 0."""
+        """Restart from this demand [m, m/s]; at rest if the velocity is 0."""
         self.position = self._raw = self._end = position
         self.velocity = velocity
         self.done = velocity == 0.0
@@ -133,14 +133,14 @@ class ProfileGenerator:
         deceleration: float,
         jerk: float | None = None,
     ) -> None:
-        """Head for `target` [m] from wherever the profile is now; jerk None: none limited."""
+        """Move to `target` [m] from where the profile is now; jerk None: not limited."""
         self._smooth(None if jerk is None else 2 * max(acceleration, deceleration) / jerk)
         self._plan(
             trapezoid(self._raw, self.velocity, target, speed, acceleration, deceleration), target
         )
 
     def stop(self, deceleration: float) -> None:
-        """Brake to rest; nothing to do at rest."""
+        """Brake to rest."""
         if self.done:
             return
         distance = self.velocity * abs(self.velocity) / (2 * deceleration)
@@ -148,7 +148,7 @@ class ProfileGenerator:
         self._plan(_chain(self._raw, self.velocity, steps), self._raw + distance)
 
     def step(self) -> float:
-        """The demand one period further on [m]."""
+        """Advance by one period; the demand [m]."""
         if self.done:
             return self.position
         self._time += self.period
@@ -172,7 +172,7 @@ class ProfileGenerator:
         self.done = False
 
     def _smooth(self, duration: float | None) -> None:
-        if self.done:  # a window is never changed under way: that would jump
+        if self.done:  # a change in motion would make the demand jump
             duration = min(duration or 0.0, _LONGEST_SMOOTHING)
             length = max(1, round(duration / self.period))
             self._window = deque([self.position] * length, maxlen=length)

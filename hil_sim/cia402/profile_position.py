@@ -1,11 +1,12 @@
-"""Profile position (pp): the set-point handshake and the drive's own profile.
+"""Profile position (pp): the setpoint handshake and the drive's own profile.
 
-Write 0x607A, raise controlword bit 4; the drive takes it and raises statusword bit 12; lower bit
-4, and bit 12 falls when the drive can take another. Bit 5: at once, else one set-point waits for
-the present one to end; bit 6: relative to the target before. With bit 9 and without bit 5 the
-present target is passed at its own profile velocity, where the one that waits lies further on;
-where it lies back, there is a stop as without bit 9. At once counts also while one waits, which is
-forgotten then. Bit 10 says that the position is within 0x6067 of the target for 0x6068.
+The host writes 0x607A and raises controlword bit 4; the drive accepts the setpoint and raises
+statusword bit 12; the host lowers bit 4, and bit 12 falls when the drive can accept another one.
+With bit 5 a setpoint acts at once and discards a waiting one; without it, one setpoint waits until
+the present one ends. Bit 6: relative to the previous target. Bit 9 without bit 5: the present
+target is passed at its profile velocity if the waiting one lies further on in the same direction;
+otherwise the axis stops there. Statusword bit 10: the position has been within 0x6067 of the target
+for 0x6068.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ JERK_LIMITED = 3  # of 0x6086
 
 @dataclass(frozen=True, slots=True)
 class Setpoint:
-    """A target with the profile parameters it was given with.
+    """A target with the profile parameters that came with it.
 
     Attributes:
-        target: [nm], inside the soft limits.
-        clipped: it was asked for beyond them.
-        passing: the target before is passed without a stop.
-        speed, acceleration, deceleration, jerk: SI units, jerk None: not limited.
+        target: within the soft limits [units].
+        clipped: the target asked for was beyond them.
+        passing: the previous target is passed without a stop.
+        speed, acceleration, deceleration, jerk: SI units; jerk None: not limited.
     """
 
     target: int
@@ -49,10 +50,10 @@ class ProfilePosition(Mode):
         self._waiting: Setpoint | None = None
         self._target = 0
         self._inside_ns: int | None = None
-        self._passing = 0  # direction in which the target is passed, 0: there is a stop
+        self._passing = 0  # direction in which the target is passed; 0: the axis stops there
 
     def start(self) -> None:
-        """Rest (or come to rest) where the demand is; that is the target."""
+        """Take the present demand as the target."""
         motor = self.context.motor
         self._active = self._waiting = None
         self._passing = 0
@@ -61,22 +62,22 @@ class ProfilePosition(Mode):
         self.set_bits(0)
 
     def on_controlword(self, word: int, before: int) -> None:
-        """Handshake of bit 4."""
+        """Handshake by bit 4."""
         if word & NEW_SETPOINT and not before & NEW_SETPOINT:
             at_once = bool(word & IMMEDIATELY)
             if self.bits & ACKNOWLEDGE and not at_once:
-                return  # both places are taken
-            self._take(at_once, bool(word & RELATIVE), bool(word & PASSING))
+                return  # one is active, one waits
+            self._accept(at_once, bool(word & RELATIVE), bool(word & PASSING))
         elif not word & NEW_SETPOINT and self._waiting is None:
             self.set_bits(self.bits & ~ACKNOWLEDGE)
 
     def tick(self) -> None:
-        """Next set-point, target reached."""
+        """Start the waiting setpoint; update target reached."""
         super().tick()
         if self.halted:
             return
         done = self.context.generator.done
-        if self._waiting is not None and (done or self._passed()):
+        if self._waiting is not None and (done or self._has_passed_target()):
             setpoint, self._waiting = self._waiting, None
             self._run(setpoint)
             if not self.integer(o.CONTROLWORD) & NEW_SETPOINT:
@@ -96,36 +97,35 @@ class ProfilePosition(Mode):
             self.set_bits(self.bits | TARGET_REACHED)
 
     def resume(self) -> None:
-        """Go on to the target."""
+        """Continue to the target."""
         super().resume()
         if self._active is not None:
             self._run(self._active)
-            self._pass()
+            self._pass_target()
 
-    def _take(self, immediately: bool, relative: bool, passing: bool) -> None:
+    def _accept(self, immediately: bool, relative: bool, passing: bool) -> None:
         base = 0
         if relative:
             base = self._target if self._waiting is None else self._waiting.target
         wanted = base + self.integer(o.TARGET_POSITION)
         low, high = self.soft_limits()
         target = min(max(wanted, low), high)
-        motor = self.context.motor
+        context = self.context
         jerk_limited = self.integer(o.PROFILE_TYPE) == JERK_LIMITED
         setpoint = Setpoint(
             target,
             target != wanted,
             passing,
-            max(1, self.integer(o.PROFILE_VELOCITY)) * motor.speed_unit,
-            max(1, self.integer(o.PROFILE_ACCELERATION)) * motor.rate_unit,
-            max(1, self.integer(o.PROFILE_DECELERATION)) * motor.rate_unit,
-            max(1, self.integer(o.PROFILE_JERK)) * motor.rate_unit if jerk_limited else None,
+            context.speed(o.PROFILE_VELOCITY),
+            context.rate(o.PROFILE_ACCELERATION),
+            context.rate(o.PROFILE_DECELERATION),
+            context.rate(o.PROFILE_JERK) if jerk_limited else None,
         )
-        busy = self._active is not None and not self.context.generator.done
+        busy = self._active is not None and not context.generator.done
         if busy and not immediately:
             self._waiting = setpoint
             if not self.halted:
-                self._pass()
-            self.set_bits(self.bits | ACKNOWLEDGE)
+                self._pass_target()
         else:
             self._waiting = None
             if self.halted:
@@ -133,10 +133,10 @@ class ProfilePosition(Mode):
                 self._target = target
             else:
                 self._run(setpoint)
-            self.set_bits(self.bits | ACKNOWLEDGE)
+        self.set_bits(self.bits | ACKNOWLEDGE)
 
-    def _pass(self) -> None:
-        """Head for the set-point that waits, where that leads on past the present target."""
+    def _pass_target(self) -> None:
+        """Move on to the waiting setpoint if it lies beyond the present target."""
         active, waiting = self._active, self._waiting
         if active is None or waiting is None or not waiting.passing:
             return
@@ -153,7 +153,7 @@ class ProfilePosition(Mode):
             active.jerk,
         )
 
-    def _passed(self) -> bool:
+    def _has_passed_target(self) -> bool:
         here = self.context.motor.to_drive(self.context.generator.position)
         return self._passing * (here - self._target) > 0
 

@@ -1,7 +1,7 @@
 """CiA 402 power state machine, pure: states, statusword bits, transitions by controlword.
 
-Option codes decide how the drive gets to a standstill on the way; that is `drive.py`'s business,
-as are fault reset (an edge, not a command) and the transitions that the drive makes by itself.
+How the drive comes to a standstill on the way, fault reset (an edge, not a command) and transitions
+that the drive makes by itself are in `device_profile`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ HALT = 1 << 8
 
 
 class State(Enum):
-    """States, each with its statusword bits 0 to 3, 5 and 6 (bit 5: no quick stop)."""
+    """States; the value is statusword bits 0 to 3, 5 and 6 (bit 5: no quick stop)."""
 
     NOT_READY = 0x00
     SWITCH_ON_DISABLED = 0x40
@@ -26,17 +26,17 @@ class State(Enum):
 
 
 class Command(Enum):
-    """Controlword commands, told apart by bits 0, 1, 2, 3 and 7."""
+    """Controlword commands, encoded in bits 0, 1, 2, 3 and 7."""
 
     SHUTDOWN = "shutdown"
-    SWITCH_ON = "switch on"  # the same code is "disable operation" when enabled
+    SWITCH_ON = "switch on"  # in OPERATION ENABLED the same code is "disable operation"
     ENABLE = "enable operation"
     DISABLE_VOLTAGE = "disable voltage"
     QUICK_STOP = "quick stop"
 
 
 def decode(controlword: int) -> Command | None:
-    """The command; None while bit 7 is set, which belongs to no command but fault reset."""
+    """The command; None while bit 7 is set, which is fault reset only."""
     if controlword & FAULT_RESET:
         return None
     if not controlword & 0x02:
@@ -68,8 +68,8 @@ _TRANSITIONS: dict[tuple[State, Command], State] = {
 }
 
 
-def commanded(state: State, controlword: int, quick_stop_option: int) -> State:
-    """The state that a controlword asks for; the present one when it asks for nothing else."""
+def next_state(state: State, controlword: int, quick_stop_option: int) -> State:
+    """The state that a controlword leads to, `state` itself if it commands no transition."""
     command = decode(controlword)
     if command is None:
         return state

@@ -1,7 +1,7 @@
-"""What a drive watches by itself while its force is on, and what it calls a fault.
+"""What a drive supervises while its force is on, and which faults follow.
 
-Following error (outside 0x6065 for longer than 0x6066), end switch (over-travel), and full force
-for too long, far from the demand (over-current): something holds the axis.
+Following error outside 0x6065 for longer than 0x6066; an end switch (over-travel); nearly full
+force for too long at a following error that shows the axis is held (over-current).
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from hil_sim.plant import Motor
 from hil_sim.ports import CanSegment
 
 SWITCH_DISTANCE = 5e-3
-"""End switches beyond the travel, where the mechanics are [m]."""
+"""Distance of the end switches beyond the travel [m]."""
 OVERLOAD_SHARE, OVERLOAD_NS = 0.98, 200_000_000
-"""Over-current: this share of the peak force for so long ..."""
+"""Over-current: this share of the peak force for this long [ns] ..."""
 OVERLOAD_ERROR = 10e-6
-"""... at more than this following error [m]."""
+"""... at a following error above this [m]."""
 
 
 class Supervision:
-    """Watches one axis.
+    """Supervises one axis.
 
     Args:
-        dictionary: with window and timeout of the following error.
-        motor: that is watched.
-        segment: whose time it is.
-        fault: called with the code of a fault.
-        left: called instead where the following error is the fault.
-        reacting: whether the drive is brought to a stop for a fault already.
+        dictionary: holds window and timeout of the following error.
+        motor: supervised.
+        segment: gives the time.
+        on_fault: called with the error code.
+        on_following_error: called instead for a following error.
+        is_reacting: whether the drive is stopping for a fault already.
     """
 
     def __init__(
@@ -39,17 +39,18 @@ class Supervision:
         dictionary: Dictionary,
         motor: Motor,
         segment: CanSegment,
-        fault: Callable[[int], None],
-        left: Callable[[], None],
-        reacting: Callable[[], bool],
+        on_fault: Callable[[int], None],
+        on_following_error: Callable[[], None],
+        is_reacting: Callable[[], bool],
     ) -> None:
         self._dictionary, self._motor, self._segment = dictionary, motor, segment
-        self._fault, self._left, self._reacting = fault, left, reacting
+        self._on_fault, self._is_reacting = on_fault, is_reacting
+        self._on_following_error = on_following_error
         self._outside_ns: int | None = None
         self._overloaded_ns: int | None = None
-        self._beyond = False
+        self._beyond_travel = False
         self._overload = OVERLOAD_ERROR / motor.unit
-        self._window, self._calm, self._timeout_ns = math.inf, self._overload, 0
+        self._window, self._unsuspicious, self._timeout_ns = math.inf, self._overload, 0
         settings = motor.settings
         self._switches = tuple(
             round((limit + side * SWITCH_DISTANCE) / settings.increment)
@@ -57,55 +58,59 @@ class Supervision:
         )
 
     def configure(self) -> None:
-        """Take over what the dictionary says."""
+        """Read window and timeout from the dictionary."""
         window = self._dictionary.integer(o.FOLLOWING_WINDOW)
         self._window = math.inf if window == o.OFF else float(window)
-        self._calm = min(self._window, self._overload)
+        self._unsuspicious = min(self._window, self._overload)
         self._timeout_ns = self._dictionary.integer(o.FOLLOWING_TIMEOUT) * 1_000_000
 
-    def forget_position(self) -> None:
-        """The axis begins anew at its demand."""
+    def reset_following(self) -> None:
+        """Restart the timeout: the axis is at its demand."""
         self._outside_ns = None
 
-    def forget_force(self) -> None:
-        """Force that was too large does not count any more."""
+    def reset_force(self) -> None:
+        """Restart the time at nearly full force."""
         self._overloaded_ns = None
 
-    def switches(self) -> int:
-        """End switches: bit 0 the lower one, bit 1 the upper one."""
+    def end_switches(self) -> int:
+        """State of the end switches: bit 0 the lower, bit 1 the upper one."""
         counter, (low, high) = self._motor.counter(), self._switches
         return (counter <= low) | (counter >= high) << 1
 
-    def travel(self) -> None:
-        """End switches; a fault on the way out only, so that the axis can be brought back."""
+    def check_travel(self) -> None:
+        """Check the end switches; only passing one outwards is a fault, so the axis can return."""
         low, high = self._switches
         beyond = not low <= self._motor.counter() <= high
-        if beyond is not self._beyond:
-            self._beyond = beyond
+        if beyond is not self._beyond_travel:
+            self._beyond_travel = beyond
             if beyond:
-                self._fault(OVER_TRAVEL)
+                self._on_fault(OVER_TRAVEL)
 
-    def following(self, worst: float) -> None:
-        """Over-current and following error, by the worst following error [units]."""
-        if worst <= self._calm:
+    def check_following(self, worst: float) -> None:
+        """Check force and following error.
+
+        Args:
+            worst: largest following error since the last call [units].
+        """
+        if worst <= self._unsuspicious:
             self._overloaded_ns = self._outside_ns = None
             return
         if worst > self._overload:
-            self._force()
+            self._check_force()
         else:
             self._overloaded_ns = None
         if worst <= self._window:
             self._outside_ns = None
             return
-        if self._reacting():
+        if self._is_reacting():
             return
         now = self._segment.now_ns
         if self._outside_ns is None:
             self._outside_ns = now
         if now - self._outside_ns >= self._timeout_ns:
-            self._left()
+            self._on_following_error()
 
-    def _force(self) -> None:
+    def _check_force(self) -> None:
         now = self._segment.now_ns
         control = self._motor.settings.control
         full = OVERLOAD_SHARE * 1000 * control.peak_force / control.rated_force
@@ -114,4 +119,4 @@ class Supervision:
         elif self._overloaded_ns is None:
             self._overloaded_ns = now
         elif now - self._overloaded_ns >= OVERLOAD_NS:
-            self._fault(OVER_CURRENT)
+            self._on_fault(OVER_CURRENT)

@@ -1,8 +1,8 @@
-"""Cyclic synchronous torque (cst): the force itself is the set-point, no loop around it.
+"""Cyclic synchronous torque (cst): the force itself is the setpoint, without a position loop.
 
-At each SYNC target torque (0x6071) and torque offset (0x60B2) are taken over and act at once, their
-sum within max torque (0x6072); bit 12 says that the drive follows the command value. Whatever
-follows (halt, quick stop, another mode) closes the position loop where the axis is.
+At each SYNC the sum of target torque (0x6071) and torque offset (0x60B2), within max torque
+(0x6072), acts at once; bit 12 says that the drive follows the command value. Halt, quick stop or
+another mode closes the position loop where the axis is.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ class CyclicTorque(CyclicPosition):
     """cst (10)."""
 
     def velocity(self) -> float:
-        """Velocity of the axis [m/s]: there is no demand to brake."""
+        """Velocity of the axis [m/s]: no demand is moving."""
         if self.halted:
             return super().velocity()
         motor = self.context.motor

@@ -1,9 +1,9 @@
 """Velocity modes: profile velocity (pv) and cyclic synchronous velocity (csv).
 
-Both run through the position loop: what they move is its demand. pv ramps to 0x60FF with 0x6083 and
-0x6084 and brakes in time for the soft limits; bit 10 says that the velocity is inside 0x606D for
-0x606E, bit 12 that it is below 0x606F. csv adds 0x60FF up from SYNC to SYNC, exactly, with the
-force offset 0x60B2, and stops at the soft limits.
+Both move the demand of the position loop. pv ramps to 0x60FF with 0x6083 and 0x6084 and brakes in
+time for the soft limits; bit 10 says that the velocity has been within 0x606D for 0x606E, bit 12
+that it is below 0x606F. csv integrates 0x60FF from SYNC to SYNC, exactly, with the force offset
+0x60B2, and stops at the soft limits.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class ProfileVelocity(Mode):
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
-        self._running: tuple[int, int, int] | None = None
+        self._running: tuple[int, float, float] | None = None
         self._inside_ns: int | None = None
 
     def start(self) -> None:
@@ -43,7 +43,7 @@ class ProfileVelocity(Mode):
         self._running = None
 
     def tick(self) -> None:
-        """A new target velocity; velocity reached, speed zero, soft limit."""
+        """Take a new target velocity; update velocity reached, speed zero and soft limit."""
         super().tick()
         speed = self.context.motor.velocity()
         zero = abs(speed) <= self.integer(o.VELOCITY_THRESHOLD)
@@ -52,17 +52,18 @@ class ProfileVelocity(Mode):
             self.set_bits(bits)
             return
         target = self.integer(o.TARGET_VELOCITY)
-        order = (
-            target, self.integer(o.PROFILE_ACCELERATION), self.integer(o.PROFILE_DECELERATION)
+        setpoint = (
+            target, self.context.rate(o.PROFILE_ACCELERATION),
+            self.context.rate(o.PROFILE_DECELERATION),
         )  # fmt: skip
-        if order != self._running:
-            self._running = order
+        if setpoint != self._running:
+            self._running = setpoint
             self._inside_ns = None
-            self._run(*order)
+            self._run(*setpoint)
             bits &= ~(TARGET_REACHED | INTERNAL_LIMIT)
         now = self.context.segment.now_ns
         if target and self.context.generator.done:
-            bits |= INTERNAL_LIMIT  # rests at the soft limit
+            bits |= INTERNAL_LIMIT  # stopped at the soft limit
         if abs(speed - target) > self.integer(o.VELOCITY_WINDOW):
             self._inside_ns = None
             bits &= ~TARGET_REACHED
@@ -73,28 +74,28 @@ class ProfileVelocity(Mode):
                 bits |= TARGET_REACHED
         self.set_bits(bits)
 
-    def _run(self, target: int, acceleration: int, deceleration: int) -> None:
+    def _run(self, target: int, acceleration: float, deceleration: float) -> None:
         generator, motor = self.context.generator, self.context.motor
-        up, down = (max(1, rate) * motor.rate_unit for rate in (acceleration, deceleration))
         low, high = self.soft_limits()
         limit = motor.to_true(high if target > 0 else low)
         beyond = generator.position >= limit if target > 0 else generator.position <= limit
         if target == 0 or beyond:
-            generator.stop(down)
+            generator.stop(deceleration)
         else:
-            generator.move(limit, abs(target) * motor.speed_unit, up, down)
+            speed = abs(target) * motor.speed_unit
+            generator.move(limit, speed, acceleration, deceleration)
 
 
 class CyclicVelocity(CyclicPosition):
     """csv (9): bit 12 says that the drive follows the command value."""
 
     def start(self) -> None:
-        """Follow from the next SYNC on, from where the demand is."""
+        """Follow from the next SYNC on, starting at the present demand."""
         super().start()
         motor = self.context.motor
         ratio = Fraction(repr(motor.speed_unit)) / Fraction(repr(motor.unit)) / _NANO
         self._per, self._whole = ratio.numerator, ratio.denominator
-        self._fine = self._last * self._whole  # units and their fractions, added up exactly
+        self._fine = self._last * self._whole  # fractions of a unit, summed exactly
 
     def on_sync(self) -> None:
         """Take over the velocity of this SYNC."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hil_sim.cia402 import State
-from hil_sim.cia402.state_machine import Command, commanded, decode
+from hil_sim.cia402.state_machine import Command, decode, next_state
 
 # CiA 402 "command coding": bits 7, 3, 2, 1, 0; x is either.
 CODING = {
@@ -57,12 +57,12 @@ def test_every_controlword_is_at_most_one_command():
 def test_transitions(state):
     for word in range(256):
         expected = TABLE.get(state, {}).get(decode(word), state)
-        assert commanded(state, word, quick_stop_option=2) is expected, hex(word)
+        assert next_state(state, word, quick_stop_option=2) is expected, hex(word)
 
 
 @pytest.mark.parametrize("option", range(9))
 def test_quick_stop_can_be_left_by_enable_only_where_the_drive_stays(option):
-    left = commanded(State.QUICK_STOP, 0x0F, option) is State.ENABLED
+    left = next_state(State.QUICK_STOP, 0x0F, option) is State.ENABLED
     assert left == (option >= 5)
 
 
