@@ -1,9 +1,9 @@
 """The virtual drive: a CANopen node (CiA 301) around a CiA 402 axis.
 
-Puts together dictionary, SDO server, NMT, errors, process data and motion control. No input or
+Connects dictionary, SDO server, NMT, EMCY, process data and motion control. It does no input or
 output of its own: frames come from and go to a `CanSegment`, the mechanics are a `PlantPort`. At
-SYNC k the drive samples for its synchronous TPDOs first and lets the synchronous RPDOs act
-afterwards. All parameters are volatile.
+SYNC k it samples for its synchronous TPDOs first and then lets the synchronous RPDOs act. All
+parameters are volatile.
 """
 
 from __future__ import annotations
@@ -29,14 +29,17 @@ from hil_sim.plant import Motor
 from hil_sim.ports import CanSegment, PlantPort
 from hil_sim.settings import StageSettings
 
-_TALKING = (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL)  # SDO and EMCY exist
+_COMMUNICATING = (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL)
+"""NMT states in which SDO and EMCY exist."""
 
 
 class Drive:
     """One node: the drive of `stage.axes[axis]`.
 
     Args:
-        plant: all axes' plant; `axis` is this drive's.
+        stage: settings of the whole stage.
+        axis: number of this drive's axis in it.
+        plant: plant of all axes.
         segment: the bus; the node boots on it at once (`nmt.BOOT_NS` until the boot-up message).
     """
 
@@ -50,7 +53,9 @@ class Drive:
         self.nmt = NmtSlave(
             self.node_id, self.dictionary, segment, self._on_nmt, self._on_reset, self._on_heartbeat
         )
-        self.emergency = Emergency(self.dictionary, segment, lambda: self.nmt.state in _TALKING)
+        self.emergency = Emergency(
+            self.dictionary, segment, lambda: self.nmt.state in _COMMUNICATING
+        )
         self.pdo = PdoEngine(
             self.dictionary, segment, self.emergency.announce, self._on_setpoints_lost
         )
@@ -69,18 +74,18 @@ class Drive:
         self._sync_length = 0
         self._sync_reported = False
         self._power_on_counter = self.motor.origin
-        self._hook_up()
+        self._connect_objects()
         self.nmt.power_on()
 
     def inject_fault(self, code: int, lasting: bool = False) -> None:
-        """Let a fault of the drive happen now, announced with this error code (CiA 402).
+        """Cause a fault of the drive now, announced with this error code (CiA 402).
 
-        The reaction follows 0x605E, where the fault leaves the drive something to brake with
-        (`emergency.COASTING_FAULTS`); in FAULT already, nothing happens.
+        The drive reacts by 0x605E, or takes the force off at once if the fault leaves it nothing to
+        brake with (`emergency.COASTING_FAULTS`). Without effect in FAULT.
 
         Args:
             code: EMCY and 0x603F, 0x0001..0xFFFF.
-            lasting: its cause stays until `end_fault`, and until then no reset is taken; with
+            lasting: the cause remains, and a reset is refused, until `end_fault`; with
                 under-voltage the statusword shows no supply (bit 4).
 
         Raises:
@@ -94,14 +99,14 @@ class Drive:
             self.motion.raise_fault(code)
 
     def end_fault(self, code: int | None = None) -> None:
-        """The cause of a lasting fault is gone (None: of all): it can be reset from now on."""
+        """Remove the cause of a lasting fault (None: of all), so that it can be reset."""
         self.motion.end_lasting_fault(code)
 
     def safe_torque_off(self, active: bool) -> None:
-        """The STO input: force off at once, and SWITCH ON DISABLED for as long as it is active."""
+        """Set the STO input: force off, and SWITCH ON DISABLED for as long as it is active."""
         self.motion.set_safe_torque_off(active)
 
-    def _hook_up(self) -> None:
+    def _connect_objects(self) -> None:
         live, motor = self.dictionary.live, self.motor
         live[o.POSITION_ACTUAL] = motor.position
         live[o.TORQUE_ACTUAL] = motor.force
@@ -117,7 +122,7 @@ class Drive:
         self.dictionary.on_write[o.SYNC_COB_ID] = lambda _: self._subscribe(self.nmt.state)
 
     def _check_sync(self, value: int) -> None:
-        # bit 30: we produce no SYNC; bit 31 says nothing
+        # bit 30: the drive produces no SYNC; bit 31 has no meaning
         if value & 0x7FFFF800 or not 0x080 <= value & 0x7FF <= 0x57F:
             raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
 
@@ -128,7 +133,7 @@ class Drive:
         if state is NmtState.OPERATIONAL:
             self._sync_id = self.dictionary.integer(o.SYNC_COB_ID) & 0x7FF
             segment.subscribe(self._sync_id, self._on_sync)
-        if state in _TALKING:
+        if state in _COMMUNICATING:
             segment.subscribe(0x600 + self.node_id, self._on_sdo)
 
     def _on_nmt(self, new: NmtState, old: NmtState) -> None:
@@ -140,7 +145,7 @@ class Drive:
             self.pdo.stop()
         if new is NmtState.STOPPED:
             self.motion.on_connection_lost(CONNECTION_ABORTED)
-        self.motion.set_remote(new in _TALKING)
+        self.motion.set_remote(new in _COMMUNICATING)
         if old is NmtState.BOOTING:
             self.motion.repeat_lasting_faults()
 
@@ -168,13 +173,13 @@ class Drive:
             raise SdoAbortedError(abort.ABORT_APPLICATION_DEVICE_STATE)
 
     def _on_overflow(self, value: int) -> None:
-        """SYNC carries a counter from now on, or none."""
+        """SYNC carries a counter if the value is not 0."""
         self._sync_length = 1 if value else 0
         self._sync_reported = False
 
     def _on_sync(self, data: bytes) -> None:
         if len(data) != self._sync_length:
-            if not self._sync_reported:  # once: a flood of EMCYs helps nobody
+            if not self._sync_reported:  # once, not at every SYNC
                 self._sync_reported = True
                 self.emergency.announce(SYNC_LENGTH)
             return
@@ -186,7 +191,7 @@ class Drive:
             motion.on_sync()
 
     def _on_setpoints_lost(self) -> None:
-        """By 0x6007, as when the host itself is lost; the EMCY says which."""
+        """React by 0x6007, as to a lost host; the EMCY tells the two apart."""
         faults = self.dictionary.integer(o.ABORT_CONNECTION) == 1
         if not (faults and self.motion.state is State.ENABLED):  # else the fault announces it
             self.emergency.announce(RPDO_TIMEOUT)

@@ -1,8 +1,8 @@
 """What a virtual drive needs of its surroundings: a CAN segment, and the plant it drives.
 
-The drives do no input or output of their own. `lockstep.World` is a segment in virtual time,
-`server.RealTimeSegment` one in real time on any python-can bus; `plant.Plant` is the plant, and a
-test may put anything in its place that has these methods.
+`bus.World` is a segment in virtual time, `bus.server.RealTimeSegment` one in real time on any
+python-can bus. `plant.Plant` is the simulated plant; tests may substitute anything with its
+methods.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ class Timer(Protocol):
     """A pending action of a segment's clock."""
 
     def cancel(self) -> None:
-        """Forget the action; harmless when it has run already."""
+        """Cancel the action; harmless if it has run."""
 
 
 class CanSegment(Protocol):
     """The bus as a node sees it: 11-bit data frames and one clock.
 
     Attributes:
-        now_ns: time of the frame or timer being handled [ns], zero when the segment came up.
+        now_ns: time of the frame or timer being handled [ns], 0 when the segment was made.
     """
 
     @property
@@ -30,39 +30,39 @@ class CanSegment(Protocol):
         """See above."""
 
     def emit(self, can_id: int, data: bytes) -> None:
-        """Send a data frame; delivered after the present handler has returned."""
+        """Send a data frame; it is delivered after the present handler has returned."""
 
     def at(self, time_ns: int, action: Callable[[], None]) -> Timer:
-        """Call `action` at `time_ns`, or as soon as possible when that has passed."""
+        """Call `action` at `time_ns`, or as soon as possible if that has passed."""
 
     def subscribe(self, can_id: int, handler: Callable[[bytes], None]) -> None:
         """Call `handler` with the payload of every frame with this id."""
 
     def unsubscribe(self, can_id: int, handler: Callable[[bytes], None]) -> None:
-        """Undo `subscribe`; harmless when it was not subscribed."""
+        """Undo `subscribe`; harmless if there is nothing to undo."""
 
 
 class PlantPort(Protocol):
-    """All axes of the plant and their control loops, in true coordinates and SI units.
+    """All axes of the plant and their control loops, in SI units.
 
-    `axis` counts from 0 in the order of `StageSettings.axes`. Positions are in metres from the
-    plant's own zero, where the index mark of each encoder is.
+    `axis` counts from 0 in the order of `StageSettings.axes`. Positions are true coordinates:
+    zero is the index mark of the axis' encoder.
     """
 
     def advance_to(self, time_ns: int) -> None:
-        """Integrate every control tick that starts before `time_ns`; idempotent."""
+        """Integrate every control tick that starts before `time_ns` and is not yet done."""
 
     def power(self, axis: int, on: bool) -> None:
-        """Close the loop (demand := actual, integrator := 0) or take all force off."""
+        """Close the loop (demand := actual, integrator := 0) or take the force off."""
 
     def open_loop(self, axis: int) -> None:
-        """Let the force alone be commanded, until `power` closes the loop again."""
+        """Command the force alone, until `power` closes the loop again."""
 
     def command(self, axis: int, position: float, force: float, ticks: int) -> None:
         """Ramp demand [m] and force offset [N] linearly to this pair within `ticks` ticks."""
 
     def start_clock(self) -> None:
-        """A host begins to stream setpoints: t = 0 for whatever depends on time."""
+        """Set t = 0 for effects that depend on time: a host begins to stream setpoints."""
 
     def encoder(self, axis: int) -> int:
         """Encoder counter [increments], noise included."""
@@ -71,7 +71,7 @@ class PlantPort(Protocol):
         """Measured motor force [N]."""
 
     def demand(self, axis: int) -> float:
-        """Demand inside the control loop [m]."""
+        """Position demand inside the control loop [m]."""
 
     def velocity(self, axis: int) -> float:
         """Low-passed encoder velocity [m/s]."""

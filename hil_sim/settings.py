@@ -1,6 +1,6 @@
-"""What the simulator needs to know of a stage: frozen, SI units, checked when made.
+"""Settings of the simulator: frozen, in SI units, checked when made.
 
-Figures and their meaning: docs/reference-stage.md.
+Values and meaning: docs/reference-stage.md.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import Any, Protocol
 
 SUBSTEPS = 5
 """Plant steps per control tick of the reference (docs/reference-stage.md)."""
-_COARSE = 2e-4
-"""Control period up to which one plant step per tick follows what swings and sticks [s]."""
+_LONGEST_COARSE_STEP = 2e-4
+"""Longest plant step that follows oscillation and stick-slip [s]."""
 
 
 def _require(condition: bool, name: str, reason: str) -> None:
@@ -32,11 +32,11 @@ def _not_negative(settings: object, *names: str) -> None:
         _require(math.isfinite(value) and value >= 0, name, f"must be >= 0, is {value!r}")
 
 
-class SwitchedOn(Protocol):
-    """A physical effect with its figures: `hil_sim.effects.AppliedEffect`."""
+class PortWriter(Protocol):
+    """A physical effect with its values: `hil_sim.effects.AppliedEffect`."""
 
     def apply(self, ports: Any) -> None:
-        """Write it into the ports of its axis (`hil_sim.effects.EffectPorts`)."""
+        """Write the effect into the ports of its axis (`hil_sim.effects.ports.EffectPorts`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,12 +80,13 @@ class FrictionSettings:
 
 @dataclass(frozen=True, slots=True)
 class CascadeSettings:
-    """A position loop (P) that demands a velocity from a velocity loop (PI).
+    """A position loop (P) whose output is the setpoint of a velocity loop (PI).
 
     Attributes:
-        position_gain: [1/s].  velocity_gain: [N s/m].
+        position_gain: [1/s].
+        velocity_gain: [N s/m].
         velocity_integral: [N/m].
-        feedforward: share of the demanded velocity that is added, 0..1.
+        feedforward: share of the demand's velocity added to the setpoint, 0..1.
         span: ticks over which the encoder is differenced, 1 or 2.
     """
 
@@ -106,13 +107,15 @@ class ControlSettings:
     """The drive's position loop, current loop and force scaling.
 
     Attributes:
-        kp: [N/m].  ki: [N/(m s)].  kd: [N s/m]; of a cascade what its gains come to.
+        kp: [N/m].
+        ki: [N/(m s)].
+        kd: [N s/m]; of a cascade, kp, ki and kd are its equivalents.
         derivative_time: low-pass time constant of the derivative [s].
         current_bandwidth: of the first-order current loop [Hz].
         rated_force: unit of the CiA 402 force values [N].
-        peak_force: clamp of the controller's output [N].
+        peak_force: limit of the controller's output [N].
         period: control tick Tc [s].
-        cascade: in place of the PID.
+        cascade: replaces the PID; None: PID.
     """
 
     kp: float
@@ -133,18 +136,22 @@ class ControlSettings:
 
 @dataclass(frozen=True, slots=True)
 class AxisSettings:
-    """One axis: its plant, drive, encoder and the limits its drive enforces.
+    """One axis: plant, drive, encoder and the limits that the drive enforces.
 
     Attributes:
-        name: as in the machine file.  node: CANopen node id, 1..127.
+        name: as in the machine file.
+        node: CANopen node id, 1..127.
         mass: moved mass [kg].
-        increment: encoder increment [m].  noise: encoder noise rms [m].
+        friction: of the plant.
+        control: of the drive.
+        increment: encoder increment [m].
+        noise: encoder noise, rms [m].
         travel: (lowest, highest) position [m].
         velocity, acceleration, jerk: limits [m/s, m/s^2, m/s^3].
-        following_error: window [m].
-        effects: what else acts on the axis.
-        unit, velocity_unit, acceleration_unit: of the drive's integers on the bus [m, m/s, m/s^2];
-            jerk in acceleration units per second.
+        following_error: following error window [m].
+        effects: physical effects beyond the plain model.
+        unit, velocity_unit, acceleration_unit: one unit of the drive's integers on the bus [m, m/s,
+            m/s^2]; jerk is in acceleration units per second.
     """
 
     name: str
@@ -159,7 +166,7 @@ class AxisSettings:
     acceleration: float
     jerk: float
     following_error: float
-    effects: tuple[SwitchedOn, ...] = ()
+    effects: tuple[PortWriter, ...] = ()
     unit: float = 1e-9
     velocity_unit: float = 1e-9
     acceleration_unit: float = 1e-6
@@ -177,7 +184,8 @@ class StageSettings:
     """The whole stage.
 
     Attributes:
-        sync_period: Ts [s]; a whole number of every axis' control periods.
+        sync_period: Ts [s], a whole number of control periods.
+        axes: all with the same control period.
     """
 
     sync_period: float
@@ -206,5 +214,5 @@ class StageSettings:
 
     @property
     def quick_substeps(self) -> int:
-        """Fewest plant steps per control tick that are sound: 1, or the reference's."""
-        return 1 if self.control_period <= _COARSE else SUBSTEPS
+        """Fewest plant steps per control tick that are accurate: 1, or those of the reference."""
+        return 1 if self.control_period <= _LONGEST_COARSE_STEP else SUBSTEPS

@@ -1,7 +1,7 @@
 """The virtual stage: one plant with all axes, and a virtual drive for each of them.
 
-Does no input or output of its own: attached to a `lockstep.World` it lives in virtual time,
-`server.serve` runs it in real time on any python-can bus.
+It does no input or output of its own. Attached to a `bus.World` it lives in virtual time;
+`bus.serve` runs it in real time on any python-can bus.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ from hil_sim.drive import Drive
 from hil_sim.ports import CanSegment, PlantPort
 from hil_sim.settings import StageSettings
 
-START_RANGE = 5e-3  # a stage is switched on within this distance of its index marks [m]
-_START_STREAM = 0x5354  # keeps the start positions apart from the plant's noise of the same seed
+START_RANGE = 5e-3
+"""Largest distance of the axes from their index marks at power-on [m]."""
+_START_STREAM = 0x5354  # random numbers apart from those of the plant's noise
 
 
-def start_positions(settings: StageSettings, seed: int | None) -> tuple[float, ...]:
-    """Where the axes stand at power-on, true coordinates [m], on whole encoder increments."""
+def draw_start_positions(settings: StageSettings, seed: int | None) -> tuple[float, ...]:
+    """True positions of the axes at power-on [m], on whole encoder increments."""
     generator = np.random.default_rng((_START_STREAM, 0 if seed is None else seed))
     drawn = generator.uniform(-START_RANGE, START_RANGE, len(settings.axes))
     return tuple(
@@ -29,20 +30,20 @@ def start_positions(settings: StageSettings, seed: int | None) -> tuple[float, .
 
 
 class VirtualStage:
-    """Plant and drives, switched on when attached to a bus.
+    """Plant and drives; the drives are switched on when attached to a bus.
 
     Args:
         settings: of the stage.
-        seed: of encoder noise, repeatability and start positions; None: noise-free.
+        seed: of encoder noise, friction wander and start positions; None: noise-free.
         start: true positions at power-on [m], one per axis; None: drawn from the seed.
-        plant: anything that behaves like the plant; None: the simulated one.
+        plant: used in place of the simulated one.
 
     Attributes:
         plant: the plant of all axes.
         drives: one per axis, in their order; empty until `attach`.
 
     Raises:
-        ValueError: two axes with the same node id, or `start` of another length than the axes.
+        ValueError: two axes with the same node id, or `start` has the wrong length.
     """
 
     def __init__(
@@ -54,27 +55,27 @@ class VirtualStage:
     ) -> None:
         nodes = [axis.node for axis in settings.axes]
         if len(set(nodes)) < len(nodes):
-            raise ValueError(f"node: every axis needs its own, are {nodes}")
+            raise ValueError(f"node: every axis needs its own, got {nodes}")
         if start is not None and len(start) != len(nodes):
-            raise ValueError(f"start: one position per axis ({len(nodes)}), are {len(start)}")
+            raise ValueError(f"start: needs one position per axis ({len(nodes)}), got {len(start)}")
         self.settings = settings
         if plant is None:
             from hil_sim.plant import Plant  # compiles: only where it is needed
 
             plant = Plant(
-                settings, seed, start_positions(settings, seed) if start is None else start
+                settings, seed, draw_start_positions(settings, seed) if start is None else start
             )
         self.plant = plant
         self.drives: tuple[Drive, ...] = ()
 
     def attach(self, segment: CanSegment | Sequence[CanSegment]) -> None:
-        """Switch the drives on, on this bus.
+        """Switch the drives on.
 
         Args:
-            segment: of all drives, or one for each: its own connection to the bus.
+            segment: the bus of all drives, or one connection to it for each drive.
 
         Raises:
-            ValueError: they are on a bus already.
+            ValueError: the stage is attached to a bus already.
         """
         if self.drives:
             raise ValueError("stage: is attached to a bus already")

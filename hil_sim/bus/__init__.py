@@ -1,6 +1,6 @@
-"""The virtual drives' bus: lock-step in virtual time, faults, any python-can bus in real time."""
+"""The virtual drives' bus: virtual time or real time on any python-can bus, and faults on it."""
 
-from hil_sim.bus.fault_rules import Injected
+from hil_sim.bus.fault_rules import InjectedFault
 from hil_sim.bus.fault_world import FaultyWorld
 from hil_sim.bus.faults import FaultPlan
 from hil_sim.bus.lockstep import LockstepBus
@@ -10,7 +10,7 @@ from hil_sim.bus.world import World
 __all__ = [
     "FaultPlan",
     "FaultyWorld",
-    "Injected",
+    "InjectedFault",
     "LockstepBus",
     "World",
     "serve",

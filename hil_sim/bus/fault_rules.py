@@ -1,6 +1,6 @@
-"""Which frames the faults of a plan strike, and what becomes of them.
+"""Which frames the faults of a plan act on, and what becomes of them.
 
-A `Line` is one direction of frames with its rules; `fault_world` puts the lines in their places.
+A `FaultyLine` carries the frames of one direction; `fault_world` connects the lines.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ Send = Callable[[bytes], None]
 
 
 @dataclass(slots=True)
-class Injected:
-    """What became of one fault of the plan.
+class InjectedFault:
+    """A fault of the plan, and when it occurred.
 
     Attributes:
-        fault: it.
-        count: how often it struck.
-        first_ns, last_ns: when [ns]; -1 before it did.
+        fault: as planned.
+        count: occurrences.
+        first_ns, last_ns: time of the first and the last one [ns]; -1 before the first.
     """
 
     fault: f.Fault
@@ -37,38 +37,45 @@ class Injected:
     last_ns: int = -1
 
     def note(self, now_ns: int) -> None:
-        """It struck."""
+        """Count an occurrence."""
         self.count += 1
         self.last_ns = now_ns
         if self.first_ns < 0:
             self.first_ns = now_ns
 
 
-class Line:
-    """One direction of frames, with the rules that strike there and the frames held back."""
+class FaultyLine:
+    """Carries frames in one direction, with the rules that act there and the frames held back."""
 
-    def __init__(self, world: World, rules: list[Rule]) -> None:
+    def __init__(self, world: World, rules: list[FrameRule]) -> None:
         self._world = world
         self._rules = rules
-        self._of: dict[tuple[int, int | None], tuple[Rule, ...]] = {}
+        self._matching: dict[tuple[int, int | None], tuple[FrameRule, ...]] = {}
         self._held: list[Callable[[], None]] = []
 
     def carry(self, can_id: int, data: bytes, node: int | None, send: Send) -> None:
-        """Send a frame the way the rules have it."""
-        rules = self._of.get((can_id, node))
+        """Send a frame as the rules leave it: lost, altered, repeated, late or held back.
+
+        Args:
+            can_id: of the frame.
+            data: of the frame.
+            node: the node that sends or receives it; None: the host, to all nodes.
+            send: delivers a payload.
+        """
+        rules = self._matching.get((can_id, node))
         if rules is None:
-            rules = tuple(r for r in self._rules if r.fits(can_id, node))
-            self._of[can_id, node] = rules
+            rules = tuple(r for r in self._rules if r.matches(can_id, node))
+            self._matching[can_id, node] = rules
         held, self._held = self._held, []
         frames = [(0, data)]
         hold_ns = 0
+        now = self._world.now_ns
         for rule in rules:
-            if rule.strikes(can_id, data, self._world.now_ns):
+            if rule.triggers(can_id, data, now):
                 if isinstance(rule.fault, f.Reorder):
                     hold_ns = nanoseconds(rule.fault.hold)
                 else:
-                    frames = rule.changed(can_id, frames)
-        now = self._world.now_ns
+                    frames = rule.alter(can_id, frames)
         for delay, payload in frames:
             if hold_ns:
                 self._hold(now + delay + hold_ns, partial(send, payload))
@@ -79,7 +86,7 @@ class Line:
         if frames:
             for release in held:
                 release()
-        else:  # nothing went by that could have overtaken them
+        else:  # lost: it has overtaken none of those held back
             self._held = held
 
     def _hold(self, latest_ns: int, send: Callable[[], None]) -> None:
@@ -95,10 +102,12 @@ class Line:
         self._world.at(latest_ns, release)
 
 
-class Rule:
-    """A fault of frames: whether it strikes this one, and what comes of it."""
+class FrameRule:
+    """A fault of frames: whether it acts on a frame, and what it makes of it."""
 
-    def __init__(self, entry: Injected, fault: f.FrameFault, random: np.random.Generator) -> None:
+    def __init__(
+        self, entry: InjectedFault, fault: f.FrameFault, random: np.random.Generator
+    ) -> None:
         self.fault = fault
         frames = self.fault.frames
         self.node = frames.node
@@ -110,34 +119,34 @@ class Rule:
         self._seen = 0
         self._last: dict[int, bytes] = {}
 
-    def on_way(self, sender: f.Sender) -> bool:
-        """Whether it strikes frames that go this way."""
+    def acts_on_frames_of(self, sender: f.Sender) -> bool:
+        """Whether it acts on frames of the host, or of the drives."""
         return self._frames.sender in (None, sender)
 
-    def fits(self, can_id: int, node: int | None) -> bool:
+    def matches(self, can_id: int, node: int | None) -> bool:
         """Whether it is about frames with this id, of this node."""
         ids = self._frames.ids
         return (ids is None or can_id in ids) and self.node in (None, node)
 
-    def strikes(self, can_id: int, data: bytes, now_ns: int) -> bool:
-        """Whether it strikes this frame; counts it."""
+    def triggers(self, can_id: int, data: bytes, now_ns: int) -> bool:
+        """Decide whether it acts on this frame, which is counted."""
         frames = self._frames
-        struck = self._after_ns <= now_ns < self._until_ns
-        if struck:
+        acts = self._after_ns <= now_ns < self._until_ns
+        if acts:
             self._seen += 1
-            struck = (
+            acts = (
                 (not frames.nth or self._seen in frames.nth)
                 and (frames.at_most is None or self._entry.count < frames.at_most)
                 and (frames.probability >= 1.0 or self._random.random() < frames.probability)
             )
-        if struck:
+        if acts:
             self._entry.note(now_ns)
         else:
             self._last[can_id] = data
-        return struck
+        return acts
 
-    def changed(self, can_id: int, frames: list[tuple[int, bytes]]) -> list[tuple[int, bytes]]:
-        """What comes of the frames (delay [ns], data)."""
+    def alter(self, can_id: int, frames: list[tuple[int, bytes]]) -> list[tuple[int, bytes]]:
+        """What the fault makes of frames, each (delay [ns], data)."""
         match self.fault:
             case f.Drop():
                 return []
@@ -145,8 +154,8 @@ class Rule:
                 return frames * (1 + copies)
             case f.Delay(least=least, most=most):
                 return [
-                    # Up to whole microseconds, more than that no bus log shows; and never to 0: a
-                    # SYNC at its very instant is one control tick of the drive before all others.
+                    # Rounded up to the resolution of a bus log, 1 us, and never 0: a SYNC without
+                    # any delay would be one control tick of the drive before all others.
                     (delay + math.ceil(self._random.uniform(least, most) * 1e6) * 1000, data)
                     for delay, data in frames
                 ]
@@ -157,17 +166,17 @@ class Rule:
         return frames
 
 
-class SdoAborts:
-    """Answers SDO requests in the place of a node."""
+class SdoAbortRule:
+    """Answers SDO requests in place of a node."""
 
-    def __init__(self, entry: Injected, fault: f.SdoAbort) -> None:
+    def __init__(self, entry: InjectedFault, fault: f.SdoAbort) -> None:
         self._entry = entry
         self._fault = fault
         self._after_ns = nanoseconds(fault.after)
         self._seen = 0
 
     def answer(self, can_id: int, data: bytes, now_ns: int) -> tuple[int, bytes] | None:
-        """The abort frame, or None where the request may pass."""
+        """Id and data of the abort, or None if the request may pass."""
         fault = self._fault
         if can_id != 0x600 + fault.node or now_ns < self._after_ns or not _initiates(data):
             return None
@@ -193,5 +202,5 @@ def _initiates(data: bytes) -> bool:
 
 
 def nanoseconds(seconds: float) -> int:
-    """A time of a plan in [ns]."""
+    """Convert a time of a plan to [ns]."""
     return round(seconds * 1e9)

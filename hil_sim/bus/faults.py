@@ -1,8 +1,8 @@
-"""Faults of bus and drives, as frozen settings; `fault_world.FaultyWorld` makes them happen.
+"""Faults of bus and drives, as frozen settings; `fault_world.FaultyWorld` lets them occur.
 
 Times are virtual, in seconds from the power-on of the virtual stage. Node ids and CAN-IDs are those
-on the bus. Everything random is drawn from the plan's seed, for each fault from a stream of its
-own: another fault in the plan does not change what this one does.
+on the bus. Each fault draws its random numbers from a stream of its own, seeded by the plan: adding
+a fault does not change what the others do.
 """
 
 from __future__ import annotations
@@ -50,17 +50,17 @@ def _check_time(value: float, name: str) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Frames:
-    """Which frames a fault strikes: those that fit all of it.
+    """Which frames a fault acts on: those that meet all of these conditions.
 
     Attributes:
         ids: CAN-IDs, None for any.
         sender: "host" or "drives", None for both.
-        node: with sender "drives", the node that sends. With "host", the one node that is to
-            receive it: the others get the frame as it was sent.
+        node: with sender "drives", the node that sends the frame. With "host", the one node whose
+            reception is affected; the others receive the frame as it was sent.
         after, until: window of time [s]; `until` itself is outside.
-        nth: which of the frames that fit so far, counted from 1 in the window; empty for all.
-        probability: with which one of these is struck.
-        at_most: how many are struck, None for any number.
+        nth: which frames of those that meet the conditions above, counted from 1; empty for all.
+        probability: of the fault for each of these.
+        at_most: number of frames affected, None for any.
     """
 
     ids: frozenset[int] | None = None
@@ -78,7 +78,7 @@ class Frames:
         _check(0 < self.probability <= 1, "probability", "must be in (0, 1]")
         _check(all(n >= 1 for n in self.nth), "nth", "counts from 1")
         _check(self.at_most is None or self.at_most >= 1, "at_most", "must be >= 1")
-        _check(self.node is None or self.sender is not None, "node", "needs the sender")
+        _check(self.node is None or self.sender is not None, "node", "needs sender")
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ class Drop:
 
 @dataclass(frozen=True, slots=True)
 class Duplicate:
-    """The frame comes `copies` times more, at once."""
+    """The frame is repeated at once, `copies` times."""
 
     frames: Frames
     copies: int = 1
@@ -101,7 +101,7 @@ class Duplicate:
 
 @dataclass(frozen=True, slots=True)
 class Delay:
-    """The frame comes later, by a time [s] drawn evenly between `least` and `most`."""
+    """The frame is late by a time [s] drawn uniformly between `least` and `most`."""
 
     frames: Frames
     least: float
@@ -114,7 +114,7 @@ class Delay:
 
 @dataclass(frozen=True, slots=True)
 class Reorder:
-    """The frame comes after the next one of the same direction, or after `hold` [s]."""
+    """The frame arrives after the next one of its direction, or after `hold` [s]."""
 
     frames: Frames
     hold: float = 1e-3
@@ -125,7 +125,7 @@ class Reorder:
 
 @dataclass(frozen=True, slots=True)
 class Resize:
-    """The frame comes with this length [bytes]: cut, or filled up with zeros."""
+    """The frame arrives with this length [bytes], truncated or padded with zeros."""
 
     frames: Frames
     length: int
@@ -136,21 +136,22 @@ class Resize:
 
 @dataclass(frozen=True, slots=True)
 class Freeze:
-    """The frame carries the data of the last frame with its id before the fault began."""
+    """The frame carries the data of the last frame with its id before the fault."""
 
     frames: Frames
 
 
 @dataclass(frozen=True, slots=True)
 class SdoAbort:
-    """SDO accesses to a node are aborted, from the n-th on; the node never sees them.
+    """SDO accesses to a node are aborted; the node never sees them.
 
     Attributes:
         node: of the server.
-        nth: the first one, from 1, of those that fit.  times: how many in a row.
+        nth: the first access aborted, counted from 1.
+        times: how many in a row.
         code: abort code.
         index: object, None for any.
-        after: only accesses from this time on count [s].
+        after: accesses before this time are not counted [s].
     """
 
     node: int
@@ -169,12 +170,12 @@ class SdoAbort:
 
 @dataclass(frozen=True, slots=True)
 class BusOff:
-    """A controller neither sends nor receives for a while, then is back.
+    """A CAN controller is bus-off for some time: it neither sends nor receives.
 
-    A drive tells the bus so afterwards (EMCY 0x8140). At the host, sending is an error meanwhile.
+    A drive announces its return (EMCY 0x8140). At the host, sending is an error meanwhile.
 
     Attributes:
-        node: whose, None for the host's.
+        node: of the controller, None for the host's.
         at, duration: [s].
     """
 
@@ -189,7 +190,7 @@ class BusOff:
 
 @dataclass(frozen=True, slots=True)
 class Reboot:
-    """A drive starts anew at `at` [s], as by its watchdog: force off, parameters gone."""
+    """A drive restarts at `at` [s], as by its watchdog: force off, parameters lost."""
 
     node: int
     at: float
@@ -200,16 +201,15 @@ class Reboot:
 
 @dataclass(frozen=True, slots=True)
 class DriveFault:
-    """A fault inside a drive, at a time or at a place; exactly one of them.
+    """A fault inside a drive, either at a time or at a position.
 
     Attributes:
         node: of the drive.
         code: error code, 0x603F.
         at: time [s].
-        position: 0x6064 crosses this [m] while the drive follows setpoints in csp; looked at
-            every millisecond, happens once.
-        until: its cause stays until then [s], and no reset is taken before; None: it has passed
-            when it is announced.
+        position: the fault occurs once, when 0x6064 crosses this [m] while the drive follows
+            setpoints in a cyclic mode; checked every millisecond.
+        until: the cause remains until then [s], and a reset is refused; None: it is momentary.
     """
 
     node: int
@@ -220,7 +220,9 @@ class DriveFault:
 
     def __post_init__(self) -> None:
         _check(0 < self.code <= 0xFFFF, "code", f"must be 0x0001..0xFFFF, is {self.code:#x}")
-        _check((self.at is None) != (self.position is None), "at", "either a time or a position")
+        _check(
+            (self.at is None) != (self.position is None), "at", "needs either a time or a position"
+        )
         if self.at is not None:
             _check_time(self.at, "at")
         if self.until is not None:
@@ -234,7 +236,7 @@ class SafeTorqueOff:
     Attributes:
         node: of the drive.
         at: time [s].
-        until: it stays active until then [s]; None: for good.
+        until: it stays active until then [s]; None: to the end.
     """
 
     node: int
@@ -253,11 +255,11 @@ Fault = FrameFault | SdoAbort | BusOff | Reboot | DriveFault | SafeTorqueOff
 
 @dataclass(frozen=True, slots=True)
 class FaultPlan:
-    """What is to go wrong.
+    """The faults of a run.
 
     Attributes:
         faults: in the order in which they act on a frame.
-        seed: of everything random in them.
+        seed: of their random numbers.
     """
 
     faults: tuple[Fault, ...] = field(default=())

@@ -1,8 +1,8 @@
 """python-can interface `lockstep`: a bus in virtual time, delivered in one thread.
 
-When `send` returns, everything that follows from the frame at this instant is done (world.py).
-Only waiting moves time: `recv` with a timeout, and `bus.clock.sleep_until_ns`. No `can.Notifier`:
-a second thread would run the time away, and is refused.
+When `send` returns, everything that follows from the frame at this instant has happened (`world`).
+Only waiting moves time: `recv` with a timeout, and `bus.clock.sleep_until_ns`. `can.Notifier`
+cannot be used: its thread would move the time, and is refused.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ __all__ = ["LockstepBus", "LockstepClock", "LockstepPeriodicTask", "World"]
 class LockstepBus(can.BusABC):
     """python-can's view of a `World`: `can.Bus(interface="lockstep", channel=name)`.
 
-    `recv` is overridden as a whole, since `BusABC.recv` measures timeouts on the wall clock.
-    Periodic sending runs on virtual timers.
+    `recv` is overridden, because `BusABC.recv` measures timeouts on the wall clock.
+    Periodic sending uses virtual timers.
 
     Attributes:
         world: the segment.
@@ -54,18 +54,17 @@ class LockstepBus(can.BusABC):
         self.clock = LockstepClock(self.world)
         self.channel_info = f"lockstep bus {self.world.name!r}"
         self._queue: deque[Frame] = deque()
-        # The thread that may use the bus: one compare in `send` and `recv` says that it is open,
-        # too (0 is no thread's).
+        # The thread that may use the bus; 0, which is no thread's, once it is closed.
         self._thread = get_ident()
-        # Own frames are skipped by identity of the sender: a new object matches nobody.
+        # Own frames are skipped by the identity of the sender, which no new object matches.
         self.world.connect(object() if receive_own_messages else self, self._queue)
         super().__init__(channel=channel, can_filters=can_filters)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send; when this returns, all that follows from the frame at this instant is done."""
+        """Send a frame; on return, everything that follows from it at this instant has happened."""
         world = self.world
         if get_ident() != self._thread:
-            self._refuse()
+            self._raise_refusal()
         if msg.is_extended_id or msg.is_remote_frame or msg.is_error_frame:
             flags = (msg.is_extended_id, msg.is_remote_frame, msg.is_error_frame)
             world.transmit(self, msg.arbitration_id, bytes(msg.data), flags)
@@ -73,19 +72,19 @@ class LockstepBus(can.BusABC):
             world.transmit(self, msg.arbitration_id, bytes(msg.data))
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """The next frame; virtual time passes only while there is none.
+        """Return the next frame; virtual time passes only while there is none.
 
         Args:
-            timeout: virtual time to wait at most [s]; negative counts as 0, None: no limit.
+            timeout: longest wait in virtual time [s]; negative counts as 0, None: no limit.
         """
         world = self.world
         if get_ident() != self._thread:
-            self._refuse()
+            self._raise_refusal()
         queue = self._queue
         if queue:
             if self._filters is None:
                 return self._message(queue.popleft())
-        elif timeout == 0 and world.quiet():
+        elif timeout == 0 and world.is_quiet():
             return None
         deadline = None if timeout is None else world.now_ns + max(0, round(timeout * 1e9))
         while True:
@@ -98,7 +97,7 @@ class LockstepBus(can.BusABC):
 
     def _message(self, frame: Frame) -> can.Message:
         time_ns, can_id, data, flags, sender = frame
-        # field by field: the constructor takes twice as long, and frames come at every SYNC
+        # field by field: the constructor takes twice as long
         message: can.Message = _new(can.Message)
         message.timestamp = time_ns * 1e-9
         message.arbitration_id = can_id
@@ -110,15 +109,15 @@ class LockstepBus(can.BusABC):
         message.is_fd = message.bitrate_switch = message.error_state_indicator = False
         return message
 
-    def _refuse(self) -> None:
+    def _raise_refusal(self) -> None:
         self.world.check_thread()
         raise can.CanOperationError(f"{self.channel_info}: closed")
 
     def flush_tx_buffer(self) -> None:
-        """Nothing is ever waiting to be sent."""
+        """Do nothing: no frame ever waits to be sent."""
 
     def shutdown(self) -> None:
-        """Leave the world; harmless when repeated."""
+        """Disconnect from the world; harmless if repeated."""
         if self._thread:
             self._thread = 0
             self.world.disconnect(self._queue)
@@ -164,7 +163,7 @@ class LockstepPeriodicTask(
             self.start()
 
     def start(self) -> None:
-        """Send the first frame now; nothing when already running."""
+        """Send the first frame now, unless the task is running."""
         if self._running:
             return
         now = self._bus.world.now_ns
@@ -174,7 +173,7 @@ class LockstepPeriodicTask(
         self._fire()
 
     def stop(self) -> None:
-        """Send no more."""
+        """Stop sending."""
         self._running = False
         if self._timer is not None:
             self._timer.cancel()

@@ -1,11 +1,11 @@
 """The virtual stage in real time on any python-can bus: `stagectl sim`.
 
-One thread: waits for a frame or the next timer, brings the plant to its time (the drives do that
-themselves) and lets the drives handle it. A real drive samples when SYNC interrupts it; so a frame
-is handled at the time it came where the bus tells that, and a late loop shows up as late answers,
-never as samples of another instant. The control ticks keep in phase with SYNC, as real drives' do.
-A SYNC that the next one has overtaken is not answered any more. Frames that the bus refuses are
-lost, and counted. A bus that goes away is waited for where it can be opened again (`connection`).
+One thread waits for a frame or the next timer and lets the drives handle it; they bring the plant
+to that time. A real drive samples when SYNC interrupts it, so a frame is handled at its time of
+arrival if the bus time-stamps it: a late loop answers late, but never with samples of another
+instant. The control ticks are kept in phase with SYNC, as in real drives. A SYNC is not answered if
+the next one has already arrived. Frames that the bus refuses are lost, and counted. If the bus can
+be reopened, its failure is waited out (`connection`).
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from hil_sim.bus.connection import Connection
 from hil_sim.bus.subscriptions import Handler, PendingAction, Subscriptions
 from hil_sim.stage import VirtualStage
 
-_LONGEST_WAIT = 0.05  # s, how soon `stop` is noticed on a silent bus
+_LONGEST_WAIT = 0.05  # [s], so that `stop` is noticed on a silent bus
 _SYNC = 0x080
-_STAMPED = ("socketcan", "udp_multicast", "virtual")  # interfaces with this computer's time stamps
-_OLDEST = 1_000_000_000  # ns, a frame that seems older has another clock's stamp
-_GAIN, _SLEW = 2e-3, 1_000  # of the lock on SYNC: per SYNC, and at most so much [ns]
-_LOOK_NS = 50_000_000  # how often the two clocks are compared
+_STAMPED = ("socketcan", "udp_multicast", "virtual")  # interfaces stamped by this computer's clock
+_OLDEST = 1_000_000_000  # [ns]; an older time stamp is of another clock
+_GAIN, _SLEW = 2e-3, 1_000  # of the phase lock: share of the error, and limit [ns], per SYNC
+_COMPARE_NS = 50_000_000  # period at which the two clocks are compared
 
 
 class StopSignal(Protocol):
@@ -41,7 +41,7 @@ _new = object.__new__
 
 
 class _Frame(can.Message):
-    """A data frame of ours: python-can's `virtual` bus copies it field by field otherwise."""
+    """A data frame that python-can's `virtual` bus copies quickly."""
 
     __slots__ = ()
 
@@ -59,9 +59,9 @@ class RealTimeSegment:
 
     Attributes:
         now_ns: time of the frame or timer being handled [ns], 0 when the segment was made.
-        refused: frames that the bus did not take.
-        sync_overtaken: the frame being handled is a SYNC, and the next one has come already.
-        overtaken: how many of those there were.
+        refused: number of frames that the bus did not accept.
+        sync_overtaken: the frame being handled is a SYNC, and the next one has arrived already.
+        overtaken: number of such SYNCs.
     """
 
     def __init__(
@@ -70,21 +70,26 @@ class RealTimeSegment:
         clock: Callable[[], int] = time.monotonic_ns,
         tick_ns: int = 0,
         reopen: Callable[[], can.BusABC | None] | None = None,
-        told: Callable[[str], object] = lambda _: None,
+        notify: Callable[[str], object] = lambda _: None,
     ) -> None:
-        """With `tick_ns`, time is shifted until SYNCs come in the middle of a tick.
+        """Connect to a bus; `reopen` and `notify` are those of `Connection`.
 
-        `reopen` and `told` are those of `Connection`.
+        Args:
+            bus: open.
+            clock: monotonic time [ns].
+            tick_ns: control period, kept in phase with SYNC; 0: not.
+            reopen: see above.
+            notify: see above.
         """
         self.now_ns = 0
         self.refused = self.overtaken = 0
-        self._connection = Connection(bus, reopen, told, clock)
+        self._connection = Connection(bus, reopen, notify, clock)
         self._stamped = any(f".{name}" in type(bus).__module__ for name in _STAMPED)
         self._waiting: deque[tuple[int, int, bytes]] = deque()
         self.sync_overtaken = False
         self._clock = clock
         self._origin = clock()
-        self._look_at_the_clock()
+        self._compare_clocks()
         self._tick_ns, self._gain = tick_ns, 1.0
         self._timers: list[tuple[int, int, PendingAction]] = []
         self._timer_count = 0
@@ -112,69 +117,68 @@ class RealTimeSegment:
         self._handlers.unsubscribe(can_id, handler)
 
     def close(self) -> None:
-        """Close the bus, where it was up to us to open it again."""
+        """Close the bus, if it was to be reopened here."""
         self._connection.close()
 
     def handle_next(self) -> None:
-        """Wait for one frame or timer (not for ever) and handle what is due."""
+        """Wait a limited time for a frame or timer, and handle what is due."""
         if not self._waiting:
             wait = _LONGEST_WAIT
             if self._timers:
                 wait = min(wait, max(0.0, (self._timers[0][0] - self._elapsed()) * 1e-9))
             message = self._connection.recv(wait)
-            while message is not None:  # what else is there: a SYNC may have been overtaken
-                self._take(message)
+            while message is not None:  # all of them: a SYNC may have been overtaken
+                self._enqueue(message)
                 message = self._connection.recv(0.0)
         if self._waiting:
-            came, can_id, data = self._waiting.popleft()
-            self._run_timers(came)
-            self.now_ns = max(self.now_ns, came)
+            arrival, can_id, data = self._waiting.popleft()
+            self._run_timers(arrival)
+            self.now_ns = max(self.now_ns, arrival)
             self.sync_overtaken = can_id == _SYNC and any(i == _SYNC for _, i, _ in self._waiting)
             self.overtaken += self.sync_overtaken
             if can_id == _SYNC and self._tick_ns:
-                self._lock(came)
+                self._track_sync(arrival)
             for handler in self._handlers.get(can_id, ()):
                 handler(data)
             self.sync_overtaken = False
         else:
             self._run_timers(self._elapsed())
 
-    def _take(self, message: can.Message) -> None:
+    def _enqueue(self, message: can.Message) -> None:
         if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
             return
         now = self._elapsed()
-        came = now
+        arrival = now
         if self._stamped:
-            if now - self._looked > _LOOK_NS:
-                self._look_at_the_clock()
-            came = int(message.timestamp * 1e9) - self._wall
-            if not now - _OLDEST < came <= now:
-                came = now
-        self._waiting.append((came, message.arbitration_id, bytes(message.data)))
+            if now - self._compared > _COMPARE_NS:
+                self._compare_clocks()
+            arrival = int(message.timestamp * 1e9) - self._wall
+            if not now - _OLDEST < arrival <= now:
+                arrival = now
+        self._waiting.append((arrival, message.arbitration_id, bytes(message.data)))
 
-    def _look_at_the_clock(self) -> None:
-        """What the wall clock, which frames are stamped by, reads at our 0."""
-        looks = []
-        for _ in range(3):  # something may come in between: a quick look had nothing
+    def _compare_clocks(self) -> None:
+        """Measure what the wall clock, which stamps the frames, reads at time 0."""
+        readings = []
+        for _ in range(3):  # the quickest reading is the one that was not interrupted
             before, wall, after = self._clock(), time.time_ns(), self._clock()
-            looks.append((after - before, wall - (before + after) // 2))
-        self._wall = min(looks)[1] + self._origin
-        self._looked = self._elapsed()
+            readings.append((after - before, wall - (before + after) // 2))
+        self._wall = min(readings)[1] + self._origin
+        self._compared = self._elapsed()
 
-    def _lock(self, came: int) -> None:
-        """Let the drives' control ticks follow SYNC, as a drive's phase-locked loop does.
+    def _track_sync(self, arrival: int) -> None:
+        """Shift time until SYNC is in the middle of a control tick, as a phase-locked loop does.
 
-        With SYNC in the middle of a tick, some jitter doesn't cost a tick: the demand would stand
-        still for one.
+        There, jitter of SYNC does not skip a tick, in which the demand would stand still.
         """
-        away = came % self._tick_ns - self._tick_ns // 2
+        error = arrival % self._tick_ns - self._tick_ns // 2
         self._gain = max(_GAIN, self._gain / (1.0 + self._gain))
-        shift = max(-_SLEW, min(round(self._gain * away), _SLEW))
+        shift = max(-_SLEW, min(round(self._gain * error), _SLEW))
         self._origin += shift
         self._wall += shift
 
     def _run_timers(self, until: int) -> None:
-        """All that is due until then, at its own time or now, whichever is later."""
+        """Run the timers that are due until then, each at its time or now, whichever is later."""
         while self._timers and self._timers[0][0] <= until:
             due, _, timer = heapq.heappop(self._timers)
             self.now_ns = max(self.now_ns, due)
@@ -191,26 +195,26 @@ def serve(
     bus: can.BusABC,
     stop: StopSignal,
     reopen: Callable[[], can.BusABC | None] | None = None,
-    told: Callable[[str], object] = lambda _: None,
+    notify: Callable[[str], object] = lambda _: None,
 ) -> RealTimeSegment:
     """Run the stage's drives on `bus` until `stop` is set.
 
     Args:
         stage: not attached to a bus yet.
         bus: any python-can bus; this loop is its only reader.
-        stop: `threading.Event` or alike.
-        reopen: opens the bus again after it has failed, None while that can't be done. With it a
-            bus that goes away is waited for, and is closed here in the end.
-        told: called with a line when the bus goes, and when it is back.
+        stop: a `threading.Event` or similar.
+        reopen: opens the bus again, or returns None while it cannot be opened. With it a failure
+            of the bus is waited out, and the bus is closed here at the end.
+        notify: called with a line when the bus fails and when it is back.
 
     Returns:
         The segment, with its count of refused frames.
 
     Raises:
-        can.CanError: the bus failed while receiving, and there is no `reopen`.
+        can.CanError: the bus has failed, and there is no `reopen`.
     """
     tick_ns = round(stage.settings.control_period * 1e9)
-    segment = RealTimeSegment(bus, tick_ns=tick_ns, reopen=reopen, told=told)
+    segment = RealTimeSegment(bus, tick_ns=tick_ns, reopen=reopen, notify=notify)
     try:
         stage.attach(segment)
         while not stop.is_set():

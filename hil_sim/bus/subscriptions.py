@@ -1,4 +1,4 @@
-"""Who listens to which CAN-ID, and actions that wait for their time: shared by all segments."""
+"""Handlers by CAN-ID, and actions at a time: shared by all segments."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ Handler = Callable[[bytes], None]
 
 
 class Subscriptions(dict[int, tuple[Handler, ...]]):
-    """CAN-ID -> handlers, in the order in which they subscribed."""
+    """Handlers by CAN-ID, in the order of subscription."""
 
     def subscribe(self, can_id: int, handler: Handler) -> None:
         """Call `handler` with the payload of every data frame with this 11-bit id."""
         self[can_id] = (*self.get(can_id, ()), handler)
 
     def unsubscribe(self, can_id: int, handler: Handler) -> None:
-        """Undo `subscribe`; harmless when it was not subscribed."""
+        """Undo `subscribe`; harmless if there is nothing to undo."""
         rest = tuple(h for h in self.get(can_id, ()) if h != handler)
         if rest:
             self[can_id] = rest
@@ -24,10 +24,10 @@ class Subscriptions(dict[int, tuple[Handler, ...]]):
 
 
 class PendingAction:
-    """An action at a time; what a segment's `at` returns.
+    """An action at a given time, returned by a segment's `at`.
 
     Attributes:
-        action: None when it has run or was cancelled.
+        action: None once it has run or been cancelled.
     """
 
     __slots__ = ("action",)
@@ -36,5 +36,5 @@ class PendingAction:
         self.action: Callable[[], None] | None = action
 
     def cancel(self) -> None:
-        """Forget the action."""
+        """Cancel the action."""
         self.action = None

@@ -1,11 +1,11 @@
-"""A CAN segment in virtual time: clock, timers, nodes, and hosts' receive queues, in one thread.
+"""A CAN segment in virtual time: clock, timers, nodes and hosts' receive queues, in one thread.
 
-An integer-nanosecond clock, a heap of timers, the nodes' handlers by CAN id and a queue of frames
-that is drained before `transmit` returns: a SYNC sent by a host has been answered by every node
-then, and nothing else has happened. Time moves only in `step` and `sleep_until_ns`.
+It has a clock in integer nanoseconds, a heap of timers, the nodes' handlers by CAN-ID and a queue
+of frames that is drained before `transmit` returns: when a host has sent SYNC, every node has
+answered it and nothing else has happened. Time moves only in `step` and `sleep_until_ns`.
 
-Not modelled: bit times and arbitration (frames keep the order they were sent in), bus errors,
-remote frames and extended ids towards the nodes (they reach the other hosts only).
+Not modelled: bit times, arbitration (frames keep the order in which they are sent), bus errors.
+Remote frames and extended ids reach the other hosts, but no node.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ import can
 from hil_sim.bus.subscriptions import Handler, PendingAction, Subscriptions
 
 Frame = tuple[int, int, bytes, tuple[bool, bool, bool], object]
-"""Time [ns], id, data, (extended id, remote, error), sender: None for the nodes."""
+"""Time [ns], id, data, (extended id, remote, error), sender (None for a node)."""
 
-DATA_FRAME = (False, False, False)  # extended id, remote, error: what nodes listen to
+DATA_FRAME = (False, False, False)  # extended id, remote, error: the only frames nodes receive
 
 _NOBODY: tuple[Handler, ...] = ()
 _worlds: weakref.WeakValueDictionary[str, World] = weakref.WeakValueDictionary()
@@ -32,9 +32,9 @@ _worlds: weakref.WeakValueDictionary[str, World] = weakref.WeakValueDictionary()
 class World:
     """One CAN segment in virtual time.
 
-    It belongs to the thread that made it. Registered under `name` for as long as somebody holds
-    it (a bus or a node does), so that `can.Bus(interface="lockstep", channel=name)` finds it; a
-    new world takes the name over from an older one.
+    It belongs to the thread that made it. While referenced (by a bus or a node) it is registered
+    under `name`, so that `can.Bus(interface="lockstep", channel=name)` finds it; a new world
+    replaces an older one of the same name.
 
     Attributes:
         name: the channel.
@@ -50,14 +50,14 @@ class World:
         self._handlers = Subscriptions()
         self._frames: deque[Frame] = deque()
         self._queues: tuple[tuple[object, deque[Frame]], ...] = ()
-        self._hosts: tuple[Callable[[Frame], None], ...] = ()  # what a node sends goes to
+        self._hosts: tuple[Callable[[Frame], None], ...] = ()  # receive the frames of nodes
         self._others: dict[object, tuple[Callable[[Frame], None], ...]] = {}
         self._delivering = False
         _worlds[name] = self
 
     @classmethod
     def get(cls, channel: object) -> World:
-        """The world of this channel, a new and empty one if there is none."""
+        """The world of this channel; a new one if there is none."""
         name = str(channel)  # can.Bus turns the channel "0" into an int
         world = _worlds.get(name)
         return cls(name) if world is None else world
@@ -73,21 +73,21 @@ class World:
         self._handlers.unsubscribe(can_id, handler)
 
     def emit(self, can_id: int, data: bytes) -> None:
-        """Send a data frame from a node. A node that listens to its own id hears itself."""
+        """Send a data frame from a node; one that is subscribed to the id receives it itself."""
         if not self._delivering:
             World.transmit(self, None, can_id, data)
             return
         frame = (self.now_ns, can_id, data, DATA_FRAME, None)
         if self._frames or can_id in self._handlers:
             self._frames.append(frame)
-        else:  # only hosts want it, and nothing is ahead of it
+        else:  # only for hosts, and no frame is ahead of it
             for hand_to in self._hosts:
                 hand_to(frame)
 
     def at(self, time_ns: int, action: Callable[[], None]) -> PendingAction:
-        """Call `action` when virtual time reaches `time_ns` (at the next wait if it has)."""
+        """Call `action` when virtual time reaches `time_ns`, at the next wait if it has passed."""
         timer = PendingAction(action)
-        self._timer_count += 1  # equal times run in the order they were asked for
+        self._timer_count += 1  # equal times run in the order of these calls
         heapq.heappush(self._timers, (max(time_ns, self.now_ns), self._timer_count, timer))
         return timer
 
@@ -101,19 +101,19 @@ class World:
         """
         if get_ident() != self._thread:
             raise can.CanOperationError(
-                f"lockstep bus {self.name!r}: used by another thread than the one that made it "
-                "(no can.Notifier here: its waiting would run virtual time away)"
+                f"lockstep bus {self.name!r}: used by a thread other than the one that made it "
+                "(can.Notifier cannot be used: virtual time would run while it waits)"
             )
 
     def connect(self, owner: object, queue: deque[Frame]) -> None:
-        """Append every frame from now on to `queue`; `owner` is told its own frames apart by."""
-        self._arrange((*self._queues, (owner, queue)))
+        """Append every frame from now on to `queue`, except those that `owner` sends."""
+        self._set_queues((*self._queues, (owner, queue)))
 
     def disconnect(self, queue: deque[Frame]) -> None:
         """Undo `connect`."""
-        self._arrange(tuple(entry for entry in self._queues if entry[1] is not queue))
+        self._set_queues(tuple(entry for entry in self._queues if entry[1] is not queue))
 
-    def _arrange(self, queues: tuple[tuple[object, deque[Frame]], ...]) -> None:
+    def _set_queues(self, queues: tuple[tuple[object, deque[Frame]], ...]) -> None:
         self._queues = queues
         self._hosts = tuple(queue.append for _, queue in queues)
         self._others = {
@@ -128,14 +128,14 @@ class World:
         data: bytes,
         flags: tuple[bool, bool, bool] = DATA_FRAME,
     ) -> None:
-        """Send a host's frame and deliver it with everything that follows from it."""
+        """Send a host's frame; deliver it and every frame that it causes."""
         frames, handlers_of = self._frames, self._handlers.get
         if self._delivering:
             frames.append((self.now_ns, can_id, data, flags, owner))
             return
         self._delivering = True
         try:
-            while True:  # this frame, and all that its receivers send at once, in order
+            while True:  # this frame, then those that its receivers send at once, in order
                 for hand_to in self._others.get(owner, self._hosts):
                     hand_to((self.now_ns, can_id, data, flags, owner))
                 if flags is DATA_FRAME:
@@ -151,13 +151,13 @@ class World:
         """Move time to the next timer and run all timers of that instant.
 
         Args:
-            deadline_ns: not beyond this time [ns]; None: as far as it takes.
+            deadline_ns: latest time [ns]; None: no limit.
 
         Returns:
-            False when no timer was due until the deadline, which is then the present.
+            False if no timer was due until the deadline, which is now the time.
 
         Raises:
-            can.CanOperationError: no deadline and no timer: nothing could ever happen.
+            can.CanOperationError: neither a deadline nor a timer.
         """
         timers = self._timers
         while timers and timers[0][2].action is None:
@@ -165,7 +165,7 @@ class World:
         if not timers:
             if deadline_ns is None:
                 raise can.CanOperationError(
-                    f"lockstep bus {self.name!r}: waiting for ever with no timer pending"
+                    f"lockstep bus {self.name!r}: waiting without limit, but no timer is pending"
                 )
         elif deadline_ns is None or timers[0][0] <= deadline_ns:
             instant = timers[0][0]
@@ -180,15 +180,14 @@ class World:
             self.now_ns = deadline_ns
         return False
 
-    def quiet(self) -> bool:
+    def is_quiet(self) -> bool:
         """Whether no timer is due now."""
         timers = self._timers
         return not timers or timers[0][0] > self.now_ns
 
     def sleep_until_ns(self, time_ns: int) -> None:
         """Let virtual time pass until `time_ns`, running every timer on the way."""
-        if get_ident() != self._thread:
-            self.check_thread()
+        self.check_thread()
         timers = self._timers
         if not timers or timers[0][0] > time_ns:
             if time_ns > self.now_ns:
@@ -199,7 +198,7 @@ class World:
 
 
 class LockstepClock:
-    """Virtual time of a world, in place of the monotonic clock."""
+    """Virtual time of a world, in place of a monotonic clock."""
 
     __slots__ = ("_world",)
 

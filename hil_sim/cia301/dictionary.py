@@ -1,10 +1,9 @@
-"""The drive's object dictionary: objects and defaults from the EDS, values as one process image.
+"""The drive's object dictionary: objects and defaults from the EDS, values in one process image.
 
-Values are kept decoded, in a plain dict by `key(index, subindex)`, which the modes read and the
-PDO engine packs and unpacks straight away. Access by SDO goes through `get_data` and `set_data`,
-which check access type, length and range and answer with the abort codes of CiA 301; an object
-can be `live` (its value is computed when read), a `check` (may refuse a value) and an
-`on_write` (acts on it).
+The process image holds decoded values in a plain dict by `key(index, subindex)`; the modes read it
+and the PDO engine packs and unpacks it directly. SDO access goes through `get_data` and `set_data`,
+which check access type, length and range and answer with the abort codes of CiA 301. An object may
+be `live` (computed when read), have a `check` (may refuse a value) and an `on_write` (acts on it).
 """
 
 from __future__ import annotations
@@ -31,13 +30,13 @@ def key(index: int, subindex: int = 0) -> int:
 
 
 def name(key_: int) -> str:
-    """The object as people write it, `0x6099:01`."""
+    """The object in the usual notation, `0x6099:01`."""
     return f"0x{key_ >> 8:04X}:{key_ & 0xFF:02X}"
 
 
 @functools.cache
 def load_eds(path: Path, node_id: int) -> ObjectDictionary:
-    """The EDS with `$NODEID` resolved; only read from, so shared."""
+    """The EDS with `$NODEID` resolved; shared, never written."""
     return import_od(str(path), node_id=node_id)
 
 
@@ -46,16 +45,19 @@ class Dictionary:
 
     Args:
         node_id: 1..127, resolves `$NODEID` in the EDS.
-        parameters: values that this unit has in place of the EDS' defaults (limits, gains,
-            rated force), by key.
+        parameters: defaults of this unit in place of the EDS' (limits, gains, rated force), by key.
+        path: of the EDS.
 
     Attributes:
-        values: the process image: decoded values by key.
-        live: by key, a function that gives the value of the moment; it goes before `values`.
-        check: by key, called with the new value before it is stored; raises `SdoAbortedError`.
-        on_write: by key, called after a value was stored, also for values from an RPDO.
+        values: the process image, decoded values by key.
+        live: by key, a function that returns the present value; takes precedence over `values`.
+        check: by key, called with a new value before it is stored; may raise `SdoAbortedError`.
+        on_write: by key, called after a value has been stored, by SDO or RPDO.
         act_last: keys whose `on_write` runs after that of all other objects of a SYNC or frame, in
             this order.
+
+    Raises:
+        ValueError: a parameter that the EDS does not have.
     """
 
     def __init__(
@@ -82,18 +84,18 @@ class Dictionary:
         self.act_last: tuple[int, ...] = ()
         self.reset_all()
 
-    # What canopen's SdoServer asks of its node.
+    # canopen's SdoServer reads this attribute of its node.
     @property
     def object_dictionary(self) -> ObjectDictionary:
-        """The EDS as loaded."""
+        """The objects, with types and access."""
         return self.objects
 
     def reset_all(self) -> None:
-        """Every value as after power-on."""
+        """Set every value to its power-on value."""
         self.values.update(self._defaults)
 
     def reset_communication(self) -> None:
-        """Objects 0x1000 to 0x1FFF as after power-on."""
+        """Set objects 0x1000 to 0x1FFF to their power-on values."""
         self.values.update({k: v for k, v in self._defaults.items() if k in COMMUNICATION_AREA})
 
     def integer(self, key_: int) -> int:
@@ -101,7 +103,7 @@ class Dictionary:
         return self.values[key_]  # type: ignore[return-value]
 
     def get_data(self, index: int, subindex: int, check_readable: bool = False) -> bytes:
-        """The encoded value.
+        """Read and encode a value.
 
         Raises:
             SdoAbortedError: absent, write-only, or refused by the object itself.
@@ -116,7 +118,7 @@ class Dictionary:
     def set_data(
         self, index: int, subindex: int, data: bytes, check_writable: bool = False
     ) -> None:
-        """Decode, check, store, act.
+        """Decode, check and store a value, then act on it.
 
         Raises:
             SdoAbortedError: absent, read-only, wrong length, out of range, or refused.

@@ -1,7 +1,7 @@
 """NMT slave of the virtual drive: boot-up, commands, heartbeat produced and consumed (CiA 301).
 
-A consumer (0x1016) starts with the first heartbeat it hears. Node guarding, LSS and SDO-less
-"sleep" states are not offered.
+A heartbeat consumer (0x1016) starts with the first heartbeat it receives. Node guarding and LSS are
+not supported.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _CONSUMERS = range(key(0x1016, 1), key(0x1016, 5))
 
 
 class NmtState(IntEnum):
-    """States, with the value that the heartbeat carries."""
+    """NMT states, with their value in the heartbeat."""
 
     BOOTING = 0
     STOPPED = 4
@@ -36,7 +36,7 @@ _RESET_NODE, _RESET_COMMUNICATION = 129, 130
 
 
 def _consumer(value: int) -> tuple[int, int]:
-    """Node and period [ms] of an entry of 0x1016; node 0, and above 127: not used."""
+    """Node and period [ms] of an entry of 0x1016; node 0: not used."""
     node = value >> 16 & 0xFF
     return node if node <= 127 else 0, value & 0xFFFF
 
@@ -45,9 +45,9 @@ class NmtSlave:
     """NMT state of a node.
 
     Args:
-        entered: called with (new, old) after each change of state.
-        reset: called before a reset, with True for the application, False for communication.
-        heartbeat: called with (node, alive) when a consumed heartbeat is lost or comes back.
+        on_state: called with (new, old) after each change of state.
+        on_reset: called before a reset, with True for the application, False for communication.
+        on_heartbeat: called with (node, alive) when a consumed heartbeat is lost or comes back.
     """
 
     def __init__(
@@ -55,17 +55,17 @@ class NmtSlave:
         node_id: int,
         dictionary: Dictionary,
         segment: CanSegment,
-        entered: Callable[[NmtState, NmtState], None],
-        reset: Callable[[bool], None],
-        heartbeat: Callable[[int, bool], None],
+        on_state: Callable[[NmtState, NmtState], None],
+        on_reset: Callable[[bool], None],
+        on_heartbeat: Callable[[int, bool], None],
     ) -> None:
         self.state = NmtState.BOOTING
         self._node_id = node_id
         self._dictionary = dictionary
         self._segment = segment
-        self._entered = entered
-        self._reset = reset
-        self._heartbeat = heartbeat
+        self._on_state = on_state
+        self._on_reset = on_reset
+        self._on_heartbeat = on_heartbeat
         self._producer: Timer | None = None
         self._consumers: list[_Consumer] = []
         dictionary.on_write[_PRODUCER] = lambda _: self._start_producer()
@@ -74,14 +74,14 @@ class NmtSlave:
             dictionary.on_write[k] = lambda _: self._start_consumers()
 
     def power_on(self) -> None:
-        """Boot: the node hears nothing and says nothing until its boot-up message."""
+        """Boot; the node neither receives nor sends before its boot-up message."""
         self._segment.at(self._segment.now_ns + BOOT_NS, self._boot_up)
 
     def enter(self, state: NmtState) -> None:
-        """Change state by the drive's own decision."""
+        """Change to this state."""
         old, self.state = self.state, state
         if old is not state:
-            self._entered(state, old)
+            self._on_state(state, old)
 
     def _boot_up(self) -> None:
         self._segment.subscribe(0x000, self._on_command)
@@ -98,23 +98,24 @@ class NmtSlave:
             self.enter(state)
         elif data[0] in (_RESET_NODE, _RESET_COMMUNICATION):
             self._segment.unsubscribe(0x000, self._on_command)
-            self._reset(data[0] == _RESET_NODE)
+            self._on_reset(data[0] == _RESET_NODE)
             self.enter(NmtState.BOOTING)
-            self._stop_timers()
+            self._stop_producer()
+            self._stop_consumers()
             self.power_on()
 
-    def _stop_timers(self) -> None:
+    def _stop_producer(self) -> None:
         if self._producer is not None:
             self._producer.cancel()
             self._producer = None
+
+    def _stop_consumers(self) -> None:
         for consumer in self._consumers:
             consumer.stop()
         self._consumers = []
 
     def _start_producer(self) -> None:
-        if self._producer is not None:
-            self._producer.cancel()
-            self._producer = None
+        self._stop_producer()
         if self._dictionary.integer(_PRODUCER):
             self._beat(self._segment.now_ns)
 
@@ -124,15 +125,13 @@ class NmtSlave:
         self._producer = self._segment.at(due_ns, lambda: self._beat(due_ns))
 
     def _start_consumers(self) -> None:
-        for consumer in self._consumers:
-            consumer.stop()
-        self._consumers = []
+        self._stop_consumers()
         for k in _CONSUMERS:
             value = self._dictionary.integer(k)
             node, period_ms = _consumer(value)
             if node and period_ms:
                 self._consumers.append(
-                    _Consumer(self._segment, node, period_ms * 1_000_000, self._heartbeat)
+                    _Consumer(self._segment, node, period_ms * 1_000_000, self._on_heartbeat)
                 )
 
     def _check_consumer(self, k: int, value: int) -> None:
@@ -145,19 +144,19 @@ class NmtSlave:
 
 
 class _Consumer:
-    """Watches one producer."""
+    """Consumes the heartbeat of one producer."""
 
     def __init__(
         self,
         segment: CanSegment,
         node: int,
         period_ns: int,
-        changed: Callable[[int, bool], None],
+        on_change: Callable[[int, bool], None],
     ) -> None:
         self._segment = segment
         self._node = node
         self._period_ns = period_ns
-        self._changed = changed
+        self._on_change = on_change
         self._deadline_ns = 0
         self._timer: Timer | None = None
         self._lost = False
@@ -174,12 +173,12 @@ class _Consumer:
             self._timer = self._segment.at(self._deadline_ns, self._on_timer)
         if self._lost:
             self._lost = False
-            self._changed(self._node, True)
+            self._on_change(self._node, True)
 
     def _on_timer(self) -> None:
-        if self._segment.now_ns < self._deadline_ns:  # heard meanwhile
+        if self._segment.now_ns < self._deadline_ns:  # a heartbeat came meanwhile
             self._timer = self._segment.at(self._deadline_ns, self._on_timer)
             return
         self._timer = None
         self._lost = True
-        self._changed(self._node, False)
+        self._on_change(self._node, False)

@@ -1,14 +1,16 @@
 """Process data objects of the virtual drive: parameters, mapping, packing (CiA 301).
 
-Synchronous TPDOs (type 1..240) sample at their SYNC and type 0 when the data changed; synchronous
-RPDOs (0..240) are kept and act at the next SYNC; 254 and 255 act at once and send on an event of
-the device profile (the statusword or the mode display changed) or on the event timer, not more
-often than the inhibit time. All values of a SYNC, or of a frame of type 254 or 255, are stored
-before any of them acts; the controlword acts last, wherever it is mapped. An RPDO whose event timer
-is set has to come again within it. The mapping is changed by the book: PDO invalid (bit 31), count
-0, entries, count, PDO valid. Not offered: RTR (252, 253), dummy entries, multiplexed PDOs; a PDO
-may be made valid with nothing mapped and does nothing then. Bit 30 (no RTR) is kept as written:
-masters clear it without ever asking by RTR, which nobody answers here.
+Synchronous TPDOs (types 1 to 240) are sampled at their SYNC, type 0 is sent if the data has
+changed. Synchronous RPDOs (0 to 240) wait for the next SYNC. Types 254 and 255 act on reception and
+are sent on an event of the device profile (statusword or mode display changed) or of the event
+timer, at most once per inhibit time. All values of a SYNC, or of a frame of type 254 or 255, are
+stored before any of them acts; the controlword acts last, wherever it is mapped. An RPDO with an
+event timer must be received again within it.
+
+The mapping is changed in the order that CiA 301 demands: PDO invalid (bit 31), count 0, entries,
+count, PDO valid. Not supported: RTR (252, 253), dummy entries, multiplexed PDOs. A PDO that is made
+valid with nothing mapped does nothing. Bit 30 (no RTR) is stored as written, because some masters
+clear it without ever requesting by RTR.
 """
 
 from __future__ import annotations
@@ -40,20 +42,19 @@ _CODES = {
     datatypes.REAL32: "f", datatypes.REAL64: "d",
 }  # fmt: skip
 
-
 Hooks = tuple[tuple[int, Callable[[int], None]], ...]
-"""What acts on a write, with the key of the object whose value it takes."""
+"""What acts on a write, each with the key of its object."""
 
 
-def in_order(hooks: Hooks, last: tuple[int, ...]) -> Hooks:
-    """Each object once, those of `last` after all others and in its order."""
+def order_hooks(hooks: Hooks, last: tuple[int, ...]) -> Hooks:
+    """Keep one hook per object; those of `last` go last, in its order."""
     by_key = dict(hooks)
     late = tuple((k, by_key.pop(k)) for k in last if k in by_key)
     return (*by_key.items(), *late)
 
 
-def _restricted(cob_id: int) -> bool:
-    """CiA 301 table of COB-IDs that no PDO may use."""
+def _is_restricted(cob_id: int) -> bool:
+    """Whether CiA 301 reserves this COB-ID, so that no PDO may use it."""
     return (
         cob_id < 0x081
         or 0x101 <= cob_id <= 0x180
@@ -86,7 +87,7 @@ class _Pdo:
             check[key(mapping, sub)] = self._check_entry
 
     def compile(self) -> None:
-        """Take the parameters from the dictionary."""
+        """Read the parameters from the dictionary."""
         values = self.dictionary
         cob = values.integer(self.cob_key)
         self.cob_id = cob & 0x7FF
@@ -114,7 +115,7 @@ class _Pdo:
             raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
         if value & _EXTENDED or identifier > 0x7FF:
             raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
-        if not value & _INVALID and _restricted(identifier):
+        if not value & _INVALID and _is_restricted(identifier):
             raise SdoAbortedError(abort.ABORT_INVALID_VALUE)
 
     def _check_type(self, value: int) -> None:
@@ -140,27 +141,26 @@ class _Pdo:
 
 
 class RpdoOwner(Protocol):
-    """What an RPDO asks of the node."""
+    """What an RPDO needs of its node."""
 
     def emergency(self, code: int) -> None:
-        """An EMCY for something that passes by itself."""
+        """Send an EMCY for an error that passes by itself."""
 
     def in_window(self) -> bool:
-        """Whether a synchronous RPDO arriving now counts."""
+        """Whether a synchronous RPDO received now counts (0x1007)."""
 
-    def stayed_away(self) -> None:
-        """An RPDO has not come again within its event timer."""
+    def on_rpdo_timeout(self) -> None:
+        """Handle an RPDO that was not received within its event timer."""
 
 
 class Rpdo(_Pdo):
     """A PDO that the drive receives.
 
     Attributes:
-        pending: received, and waiting for the SYNC.
-        windowed: it counts only within the SYNC window.
-        apply: stores a frame's values, then lets the objects that act on a write do so; made by
-            `compile`.
-        store: only stores them; returns what has to act then.
+        pending: payload that waits for the SYNC.
+        windowed: only a frame within the SYNC window counts.
+        apply: stores a frame's values, then calls the hooks; made by `compile`.
+        store: only stores them; returns the hooks to call.
     """
 
     receive = True
@@ -183,14 +183,14 @@ class Rpdo(_Pdo):
         self._hooks: Hooks = ()
 
     def compile(self) -> None:
-        """Take the parameters from the dictionary."""
+        """Read the parameters from the dictionary."""
         super().compile()
         self.stop()
         self._reported = False
         d = self.dictionary
         self._deadline_ns = d.integer(self.deadline_key) * 1_000_000
         hooks = tuple((k, d.on_write[k]) for k in self.keys if k in d.on_write)
-        self._hooks = in_order(hooks, d.act_last)
+        self._hooks = order_hooks(hooks, d.act_last)
         guarded = any(
             k in d.check or d.variables[k].min is not None or d.variables[k].max is not None
             for k in self.keys
@@ -202,17 +202,17 @@ class Rpdo(_Pdo):
             self.apply = _writer(d.values, self.keys, self.codec.unpack, self._hooks)
 
     def stop(self) -> None:
-        """Nothing is kept or waited for any more."""
+        """Discard what is pending, and stop the event timer."""
         self.pending = None
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
 
     def on_frame(self, data: bytes) -> None:
-        """Keep for the SYNC, or act at once for type 254 and 255."""
+        """Keep the frame for the SYNC, or act at once for types 254 and 255."""
         if len(data) != self.codec.size:
             short = len(data) < self.codec.size
-            if not self._reported:  # once per configuration: a flood of EMCYs helps nobody
+            if not self._reported:  # once per configuration, not at every SYNC
                 self._reported = True
                 self._engine.emergency(LENGTH_SHORT if short else LENGTH_LONG)
             if short:
@@ -232,7 +232,7 @@ class Rpdo(_Pdo):
         taken = {
             k: value
             for k, value in zip(self.keys, self.codec.unpack(data), strict=True)
-            if self._acceptable(k, value)
+            if self._accepts(k, value)
         }
         values.update(taken)
         return tuple((k, hook) for k, hook in self._hooks if k in taken)
@@ -243,13 +243,13 @@ class Rpdo(_Pdo):
             hook(values[k])  # type: ignore[arg-type]
 
     def _on_deadline(self) -> None:
-        if self._segment.now_ns < self._due_ns:  # came meanwhile
+        if self._segment.now_ns < self._due_ns:  # received meanwhile
             self._timer = self._segment.at(self._due_ns, self._on_deadline)
             return
-        self._timer = None  # until the next one comes
-        self._engine.stayed_away()
+        self._timer = None  # until the next frame
+        self._engine.on_rpdo_timeout()
 
-    def _acceptable(self, k: int, value: int) -> bool:
+    def _accepts(self, k: int, value: int) -> bool:
         variable = self.dictionary.variables[k]
         if variable.min is not None and value < variable.min:
             return False
@@ -287,7 +287,7 @@ class Tpdo(_Pdo):
         self._deferred: Timer | None = None
 
     def compile(self) -> None:
-        """Take the parameters from the dictionary."""
+        """Read the parameters from the dictionary."""
         super().compile()
         live, values = self.dictionary.live, self.dictionary.values
         self.sample = _sampler(
@@ -297,20 +297,20 @@ class Tpdo(_Pdo):
         self._sync_count = 0
 
     def start(self) -> None:
-        """Node became operational, or the PDO was changed while it is."""
+        """Start: the node has become operational, or the PDO has been changed."""
         self.stop()
         if self.valid and self.transmission in EVENT:
             self._send_event()
 
     def stop(self) -> None:
-        """No more frames from timers."""
+        """Stop the timers."""
         for timer in (self._timer, self._deferred):
             if timer is not None:
                 timer.cancel()
         self._timer = self._deferred = None
 
     def on_sync(self) -> None:
-        """Sample and send when it is this PDO's turn."""
+        """Sample and send, if this SYNC is one of this PDO's."""
         if self.transmission == 1:
             self._segment.emit(self.cob_id, self.sample())
             return
@@ -327,7 +327,7 @@ class Tpdo(_Pdo):
         self._segment.emit(self.cob_id, data)
 
     def on_event(self) -> None:
-        """Something that the device profile counts as an event happened."""
+        """Send for an event of the device profile, after the inhibit time."""
         inhibit_ns = self.dictionary.integer(self._inhibit_key) * 100_000
         if self._segment.now_ns - self._last_ns >= inhibit_ns:
             self._send_event()
@@ -353,7 +353,7 @@ def _storer(
     unpack: Callable[[bytes], tuple[Any, ...]],
     hooks: Hooks,
 ) -> Callable[[bytes], Hooks]:
-    """What stores the values of an RPDO that takes any, one of several at a SYNC."""
+    """Make `store` of an RPDO whose objects accept any value."""
 
     def store(data: bytes) -> Hooks:
         values.update(zip(keys, unpack(data), strict=True))
@@ -368,7 +368,7 @@ def _writer(
     unpack: Callable[[bytes], tuple[Any, ...]],
     hooks: Hooks,
 ) -> Callable[[bytes], None]:
-    """The same where it is the only one, with what acts; it runs at every SYNC."""
+    """Make `apply` of such an RPDO; it runs at every SYNC."""
 
     def write(data: bytes) -> None:
         values.update(zip(keys, unpack(data), strict=True))
@@ -378,7 +378,7 @@ def _writer(
     if len(keys) != 3 or len(hooks) != 1 or hooks[0][0] != keys[0]:
         return write
 
-    # as our own host maps it: the controlword acts, two setpoints are only stored
+    # the mapping of our own driver: the controlword acts, two setpoints are stored
     first, second, third = keys
     act = hooks[0][1]
 
@@ -391,8 +391,8 @@ def _writer(
 
 
 def _sampler(pack: Callable[..., bytes], readers: list[Callable[[], Any]]) -> Callable[[], bytes]:
-    """What reads the mapped objects of a TPDO and packs them; it runs at every SYNC."""
-    if len(readers) == 3:  # as our own host maps it
+    """Make `sample` of a TPDO; it runs at every SYNC."""
+    if len(readers) == 3:  # the mapping of our own driver
         first, second, third = readers
         return lambda: pack(first(), second(), third())
     return lambda: pack(*[read() for read in readers])

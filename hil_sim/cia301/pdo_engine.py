@@ -1,6 +1,6 @@
-"""All process data of a node: four RPDOs and four TPDOs, what a SYNC does with them, and when.
+"""All process data of a node: four RPDOs and four TPDOs, and what a SYNC does with them.
 
-They exist while the node is OPERATIONAL. `pdo.py` says what is offered and what is not.
+PDOs exist while the node is OPERATIONAL; `pdo` says what is supported.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from hil_sim.cia301.dictionary import Dictionary, key
-from hil_sim.cia301.pdo import EVENT, Hooks, Rpdo, Tpdo, in_order
+from hil_sim.cia301.pdo import EVENT, Hooks, Rpdo, Tpdo, order_hooks
 from hil_sim.ports import CanSegment
 
 COUNT = 4  # of each kind
@@ -19,22 +19,22 @@ class PdoEngine:
     """All PDOs of a node.
 
     Args:
-        emergency: called with an EMCY code when an RPDO has the wrong length.
-        stayed_away: called when an RPDO has not come again within its event timer.
+        announce: sends the EMCY for an RPDO of the wrong length.
+        on_timeout: called when an RPDO was not received within its event timer.
     """
 
     def __init__(
         self,
         dictionary: Dictionary,
         segment: CanSegment,
-        emergency: Callable[[int], None],
-        stayed_away: Callable[[], None],
+        announce: Callable[[int], None],
+        on_timeout: Callable[[], None],
     ) -> None:
-        self._emergency = emergency
-        self._stayed_away = stayed_away
+        self._announce = announce
+        self._on_timeout = on_timeout
         self._dictionary = dictionary
         self._segment = segment
-        self._late_bus = hasattr(segment, "sync_overtaken")  # one in real time
+        self._real_time = hasattr(segment, "sync_overtaken")
         self._running = False
         self._sync_ns = 0
         self._window_ns = 0
@@ -47,7 +47,7 @@ class PdoEngine:
         self._at_every_sync: tuple[tuple[int, Callable[[], bytes]], ...] = ()
         self._sync_tpdos: tuple[Tpdo, ...] = ()
         self._event_tpdos: tuple[Tpdo, ...] = ()
-        dictionary.on_write[_SYNC_WINDOW] = lambda _: self._arrange()
+        dictionary.on_write[_SYNC_WINDOW] = lambda _: self._select_active()
         for pdo in (*self._rpdos, *self._tpdos):
             keys = [pdo.cob_key, pdo.type_key]
             if isinstance(pdo, Rpdo):
@@ -56,34 +56,34 @@ class PdoEngine:
                 dictionary.on_write[k] = lambda _, pdo=pdo: self._changed(pdo)  # type: ignore[misc]
 
     def start(self) -> None:
-        """The node became operational: PDOs exist from now on."""
+        """Start: the node has become operational."""
         self._running = True
         for pdo in (*self._rpdos, *self._tpdos):
             pdo.compile()
-        self._arrange()
+        self._select_active()
         for tpdo in self._event_tpdos:
             tpdo.start()
 
     def stop(self) -> None:
-        """The node left operational: nothing is received or sent, nothing kept."""
+        """Stop: the node has left operational; discard what is pending."""
         self._running = False
         for tpdo in self._tpdos:
             tpdo.stop()
         for rpdo in self._rpdos:
             rpdo.stop()
-        self._arrange()
+        self._select_active()
 
     def on_sync(self) -> None:
         """Send the synchronous TPDOs that are due; call `latch` afterwards."""
-        # Overtaken, the host would take them for those of the SYNC that has come meanwhile.
-        if not (self._late_bus and self._segment.sync_overtaken):  # type: ignore[attr-defined]
+        # The host would take them for the answer to the next SYNC, which is on the bus already.
+        if not (self._real_time and self._segment.sync_overtaken):  # type: ignore[attr-defined]
             for cob_id, sample in self._at_every_sync:
                 self._emit(cob_id, sample())
             for tpdo in self._sync_tpdos:
                 tpdo.on_sync()
 
     def latch(self) -> None:
-        """Let the synchronous RPDOs received since the last SYNC act."""
+        """Apply the synchronous RPDOs received since the last SYNC."""
         if self._several:
             self._latch_several()
         else:
@@ -96,7 +96,7 @@ class PdoEngine:
             self._sync_ns = self._segment.now_ns
 
     def _latch_several(self) -> None:
-        """Store what all of them bring before any of it acts."""
+        """Store the values of all pending RPDOs before any of them acts."""
         hooks: Hooks = ()
         for rpdo in self._sync_rpdos:
             data = rpdo.pending
@@ -104,35 +104,35 @@ class PdoEngine:
                 rpdo.pending = None
                 hooks += rpdo.store(data)
         values = self._dictionary.values
-        for k, hook in in_order(hooks, self._dictionary.act_last) if len(hooks) > 1 else hooks:
+        for k, hook in order_hooks(hooks, self._dictionary.act_last) if len(hooks) > 1 else hooks:
             hook(values[k])  # type: ignore[arg-type]
 
     def emergency(self, code: int) -> None:
-        """An EMCY for something that passes by itself."""
-        self._emergency(code)
+        """Send an EMCY for an error that passes by itself."""
+        self._announce(code)
 
-    def stayed_away(self) -> None:
-        """An RPDO has not come again in time."""
-        self._stayed_away()
+    def on_rpdo_timeout(self) -> None:
+        """Handle an RPDO that was not received in time."""
+        self._on_timeout()
 
     def on_event(self) -> None:
-        """Statusword or mode display changed."""
+        """Statusword or mode display has changed."""
         for tpdo in self._event_tpdos:
             tpdo.on_event()
 
     def in_window(self) -> bool:
-        """Whether a synchronous RPDO arriving now counts (0x1007)."""
+        """Whether a synchronous RPDO received now counts (0x1007)."""
         return self._segment.now_ns - self._sync_ns <= self._window_ns
 
     def _changed(self, pdo: Rpdo | Tpdo) -> None:
         if not self._running:
             return
         pdo.compile()
-        self._arrange()
+        self._select_active()
         if isinstance(pdo, Tpdo):
             pdo.start()
 
-    def _arrange(self) -> None:
+    def _select_active(self) -> None:
         for cob_id, rpdo in self._subscribed:
             self._segment.unsubscribe(cob_id, rpdo.on_frame)
         live = self._running
@@ -143,7 +143,7 @@ class PdoEngine:
         for cob_id, rpdo in self._subscribed:
             self._segment.subscribe(cob_id, rpdo.on_frame)
         synchronous = [p for p in self._tpdos if live and p.valid and p.transmission <= 240]
-        # the usual case without a call more per PDO; mixed ones keep their order
+        # the usual case saves a call per PDO; mixed types keep their order
         simple = all(p.transmission == 1 for p in synchronous)
         self._at_every_sync = tuple((p.cob_id, p.sample) for p in synchronous if simple)
         self._sync_tpdos = () if simple else tuple(synchronous)

@@ -1,7 +1,7 @@
 """Block transfers of the virtual drive's SDO server (CiA 301, 7.2.4.3.10 to 15).
 
-Both directions with CRC-16-CCITT; segments that were lost are sent again from the last good one
-on. A client that names a protocol switch threshold gets small objects by an ordinary upload.
+Both directions with CRC-16-CCITT; lost segments are sent again from the last good one on. A client
+that names a protocol switch threshold gets small objects by an ordinary upload.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ LONGEST_BLOCK = 127
 
 
 class BlockUpload:
-    """One object on its way to the client.
+    """Sends one object to the client.
 
     Args:
         request: the client's initiation.
         data: the object.
-        send: takes each frame.
+        send: sends a frame.
 
     Raises:
         SdoAbortedError: an impossible block size.
@@ -44,7 +44,7 @@ class BlockUpload:
         send(_HEAD.pack(0xC0 | _CRC | _SIZED, index, sub) + struct.pack("<I", len(data)))
 
     def on_frame(self, data: bytes) -> None:
-        """Start, acknowledgement of a block, or the end."""
+        """Handle the start, the acknowledgement of a block, or the end."""
         subcommand = data[0] & 0x03
         if subcommand == 1 and self._ending:
             self.done = True
@@ -83,13 +83,13 @@ class BlockUpload:
 
 
 class BlockDownload:
-    """One object on its way from the client.
+    """Receives one object from the client.
 
     Args:
         request: the client's initiation.
-        longest: bytes that the server takes.
-        store: takes the object at the end; may raise `SdoAbortedError`.
-        send: takes each frame.
+        longest: bytes that the server accepts.
+        store: called with the object at the end; may raise `SdoAbortedError`.
+        send: sends a frame.
 
     Raises:
         SdoAbortedError: more than `longest`.
@@ -117,7 +117,7 @@ class BlockDownload:
         send(_HEAD.pack(0xA0 | _CRC, index, sub) + bytes((LONGEST_BLOCK, 0, 0, 0)))
 
     def on_segment(self, data: bytes) -> None:
-        """One segment of a block; out of sequence ones are asked for again."""
+        """Take one segment of a block; segments out of sequence are requested again."""
         number, last = data[0] & 0x7F, bool(data[0] & 0x80)
         if number == self._good + 1:
             self._good = number
@@ -131,7 +131,7 @@ class BlockDownload:
             self.receiving = not self._complete
 
     def on_end(self, data: bytes) -> None:
-        """The client's checksum; the value is stored and acknowledged."""
+        """Check the client's checksum, store the value and acknowledge it."""
         if data[0] & 0x03 != 1:
             raise SdoAbortedError(sdo.ABORT_INVALID_COMMAND_SPECIFIER)
         unused = data[0] >> 2 & 0x07

@@ -1,8 +1,8 @@
 """SDO server of the virtual drive: expedited, segmented and block transfers, CiA 301 abort codes.
 
-canopen's server on the drive's own dictionary and bus segment, with what it leaves out: refusal
-of an access before the first segment, toggle and size of a segmented download, and segments that
-belong to no transfer. Block transfers are `sdo_block.py`'s.
+canopen's server on the drive's dictionary and bus segment, completed: an access is refused before
+the first segment, toggle bit and size of a segmented download are checked, and so are segments that
+belong to no transfer. Block transfers are in `sdo_block`.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from hil_sim.cia301.dictionary import Dictionary
 from hil_sim.cia301.sdo_block import BlockDownload, BlockUpload
 from hil_sim.ports import CanSegment
 
-_MAX_DOWNLOAD = 4096  # bytes; a real drive has no endless buffer either
+_MAX_DOWNLOAD = 4096  # bytes; a real drive's buffer is limited, too
 
 
 class DriveSdoServer(SdoServer):
-    """Answers on 0x580 + node what is asked on 0x600 + node."""
+    """Answers requests on 0x600 + node with responses on 0x580 + node."""
 
     def __init__(self, node_id: int, dictionary: Dictionary, segment: CanSegment) -> None:
         super().__init__(0x600 + node_id, 0x580 + node_id, dictionary)
@@ -31,15 +31,15 @@ class DriveSdoServer(SdoServer):
         self._block: BlockUpload | BlockDownload | None = None
 
     def reset(self) -> None:
-        """Forget a transfer under way."""
+        """Drop the transfer in progress."""
         self._buffer = self._block = None
 
     def on_frame(self, data: bytes) -> None:
-        """Handle a request; anything but eight bytes is no SDO and is passed over."""
+        """Handle a request; a frame of any length but eight is ignored."""
         if len(data) != 8:
             return
         block = self._block
-        # a segment is told by its place in the transfer only; 0x80 is no segment but an abort
+        # only its place in the transfer makes it a segment; 0x80 is an abort
         if isinstance(block, BlockDownload) and block.receiving and data[0] != 0x80:
             try:
                 block.on_segment(data)
@@ -49,27 +49,27 @@ class DriveSdoServer(SdoServer):
             self.on_request(self.rx_cobid, data, 0.0)
 
     def send_response(self, response: bytes) -> None:
-        """Send on our segment."""
+        """Send a response."""
         self._segment.emit(self.tx_cobid, bytes(response))
 
     def abort(self, abort_code: int = sdo.ABORT_GENERAL_ERROR) -> None:
-        """Abort the transfer under way and say why."""
+        """Abort the transfer in progress."""
         self._buffer = self._block = None
         super().abort(abort_code)
 
     def request_aborted(self, data: bytes) -> None:
-        """The client gives up."""
+        """Drop the transfer: the client has aborted it."""
         self._buffer = self._block = None
         super().request_aborted(data)
 
     def init_upload(self, request: bytes) -> None:
-        """Expedited answer or the first of a segmented one."""
+        """Answer expedited, or begin a segmented upload."""
         self._download = False
         self._block = None
         super().init_upload(request)
 
     def segmented_upload(self, command: int) -> None:
-        """One segment out."""
+        """Send one segment."""
         if self._buffer is None or self._download:
             raise SdoAbortedError(sdo.ABORT_INVALID_COMMAND_SPECIFIER)
         super().segmented_upload(command)
@@ -77,7 +77,7 @@ class DriveSdoServer(SdoServer):
             self._buffer = None
 
     def init_download(self, request: bytes) -> None:
-        """Store an expedited value or begin a segmented download."""
+        """Store an expedited value, or begin a segmented download."""
         command, index, subindex = sdo.SDO_STRUCT.unpack_from(request)
         self._size = None
         self._block = None
@@ -92,7 +92,7 @@ class DriveSdoServer(SdoServer):
         super().init_download(request)
 
     def segmented_download(self, command: int, request: bytes) -> None:
-        """One segment in; the last one stores the value."""
+        """Take one segment; the last one stores the value."""
         buffer = self._buffer
         if buffer is None or not self._download:
             raise SdoAbortedError(sdo.ABORT_INVALID_COMMAND_SPECIFIER)
@@ -108,7 +108,7 @@ class DriveSdoServer(SdoServer):
             self._buffer = None
 
     def block_download(self, data: bytes) -> None:
-        """Begin or end a block download; its segments don't come here."""
+        """Begin or end a block download; `on_frame` takes its segments."""
         if data[0] & 0x01:
             if not isinstance(self._block, BlockDownload):
                 raise SdoAbortedError(sdo.ABORT_INVALID_COMMAND_SPECIFIER)
@@ -126,7 +126,7 @@ class DriveSdoServer(SdoServer):
         self._block = BlockDownload(data, _MAX_DOWNLOAD, store, self.send_response)
 
     def block_upload(self, data: bytes) -> None:
-        """Begin, go on with or end a block upload."""
+        """Begin, continue or end a block upload."""
         if data[0] & 0x03:
             if not isinstance(self._block, BlockUpload):
                 raise SdoAbortedError(sdo.ABORT_INVALID_COMMAND_SPECIFIER)

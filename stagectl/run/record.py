@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hil_sim.bus import Injected
+from hil_sim.bus import InjectedFault
 from stagectl.errors import Aborted, StagectlError
 from stagectl.history import (
     EstimateRecord,
@@ -166,7 +166,7 @@ class RunRecord:
             case StopNoticed(reason=reason):
                 self.journal.event("stop", reason=reason)
 
-    def note(self, injected: Sequence[Injected]) -> None:
+    def note(self, injected: Sequence[InjectedFault]) -> None:
         """Who reads the recording is to know that these faults were made."""
         for entry in injected:
             self.journal.event(

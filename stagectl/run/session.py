@@ -18,7 +18,7 @@ import can
 from drivers import AxisFault, DriverError, Stage
 from drivers.settings import AxisSettings, BusSettings
 from estimation.trajectory import Limits
-from hil_sim.bus import FaultyWorld, Injected, World
+from hil_sim.bus import FaultyWorld, InjectedFault, World
 from hil_sim.stage import VirtualStage
 from stagectl.config.mapping import driver_settings, stage_settings
 from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError, UnusableInput
@@ -199,7 +199,7 @@ def _known(request: RunRequest, active: ActiveMap | None) -> Mapping[str, Figure
 @contextmanager
 def _virtual_stage(
     request: RunRequest, bus: BusSettings, listener: Listener, rig: Rig | None
-) -> Iterator[tuple[BusSettings, Sequence[Injected]]]:
+) -> Iterator[tuple[BusSettings, Sequence[InjectedFault]]]:
     """The bus to use, and the faults on it.
 
     With `--simulate` it is a lock-step one with the truth's virtual drives on it.
@@ -210,7 +210,7 @@ def _virtual_stage(
     channel = f"run-{id(request)}"
     stage = VirtualStage(stage_settings(request.truth), request.seed)
     # The world is held here: the registry of worlds does not keep it alive.
-    injected: Sequence[Injected] = ()
+    injected: Sequence[InjectedFault] = ()
     if request.faults is None:
         world = World(channel)
         stage.attach(world)

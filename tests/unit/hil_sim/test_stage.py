@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 from hil_sim.bus import serve
-from hil_sim.stage import START_RANGE, VirtualStage, start_positions
+from hil_sim.stage import START_RANGE, VirtualStage, draw_start_positions
 
 
 def test_start_positions_come_from_the_seed(stage_settings):
-    one = start_positions(stage_settings, 1)
-    assert one == start_positions(stage_settings, 1) != start_positions(stage_settings, 2)
+    one = draw_start_positions(stage_settings, 1)
+    assert one == draw_start_positions(stage_settings, 1) != draw_start_positions(stage_settings, 2)
     assert all(abs(x) <= START_RANGE for x in one)
     assert all(x / 1e-9 == pytest.approx(round(x / 1e-9), abs=1e-6) for x in one)
-    drawn = [x for seed in range(200) for x in start_positions(stage_settings, seed)]
+    drawn = [x for seed in range(200) for x in draw_start_positions(stage_settings, seed)]
     assert min(drawn) < -0.9 * START_RANGE
     assert max(drawn) > 0.9 * START_RANGE
 

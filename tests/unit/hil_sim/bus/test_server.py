@@ -158,7 +158,7 @@ def test_drives_whose_bus_is_down_for_two_seconds_stop_by_themselves(stage_setti
             bus.told = False  # a new socket
             return bus
 
-        segment = RealTimeSegment(bus, clock=lambda: bus.now_ns, reopen=reopen, told=said.append)
+        segment = RealTimeSegment(bus, clock=lambda: bus.now_ns, reopen=reopen, notify=said.append)
         VirtualStage(stage_settings, 1, plant=plant).attach(segment)
         run(segment, 25)
         write(bus, segment, 0x1016, "I", 127 << 16 | 100, sub=1)

@@ -22,8 +22,8 @@ def test_timers_run_in_order_and_may_be_cancelled(bus):
     assert seen == ["first", "second", "late"]
 
 
-def test_waiting_for_ever_for_nothing_is_an_error(bus):
-    with pytest.raises(can.CanOperationError, match="no timer pending"):
+def test_waiting_without_limit_and_timer_is_an_error(bus):
+    with pytest.raises(can.CanOperationError, match="no timer is pending"):
         bus.recv(None)
 
 
