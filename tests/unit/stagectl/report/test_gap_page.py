@@ -25,7 +25,7 @@ from stagectl.report.gap_charts import Curve, bars, chart, matrix
 from stagectl.report.gap_page import headline, render_gap_page
 from stagectl.store import read_recording
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[3] / "data"
 VOID = {"meta", "br", "link", "img"}
 
 

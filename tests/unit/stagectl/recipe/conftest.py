@@ -11,7 +11,7 @@ from stagectl.config import Machine, load_machine
 from stagectl.errors import ConfigError
 from stagectl.recipe import Recipe, parse_recipe
 
-INSPECTION = Path(__file__).parents[3] / "recipes" / "inspection-20.yaml"
+INSPECTION = Path(__file__).parents[4] / "recipes" / "inspection-20.yaml"
 
 
 @pytest.fixture(scope="session")

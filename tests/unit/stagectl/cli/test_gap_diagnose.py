@@ -13,7 +13,7 @@ from stagectl.cli.gap_diagnose import diagnose
 from stagectl.config import load_machine
 from stagectl.errors import StagectlError
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[3] / "data"
 KEPT = 1200
 
 

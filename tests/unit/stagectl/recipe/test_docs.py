@@ -14,7 +14,7 @@ from stagectl.config import Machine, load_machine, parse_machine
 from stagectl.recipe import Recipe, plan
 from stagectl.recipe.schema import RecipeFile
 
-DOCS = Path(__file__).parents[3] / "docs"
+DOCS = Path(__file__).parents[4] / "docs"
 
 
 def examples(page: str) -> list[str]:

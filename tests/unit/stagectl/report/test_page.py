@@ -32,7 +32,7 @@ FRICTION = [
 @pytest.fixture(scope="module")
 def recording() -> Recording:
     """Another program's recording, with sites as a run of ours would have them."""
-    read = read_recording(Path(__file__).parents[2] / "data" / "null-1-other-moves.h5")
+    read = read_recording(Path(__file__).parents[3] / "data" / "null-1-other-moves.h5")
     moves = tuple(replace(move, site=i // 2 + 1) for i, move in enumerate(read.moves))
     return replace(read, moves=moves)
 

@@ -11,7 +11,7 @@ from stagectl.config.faults import FRAME_NAMES
 from stagectl.config.machine_file import load_machine
 from stagectl.errors import ConfigError
 
-EXAMPLE = Path(__file__).parents[3] / "examples" / "faults.yaml"
+EXAMPLE = Path(__file__).parents[4] / "examples" / "faults.yaml"
 
 
 @pytest.fixture(scope="module")
@@ -159,7 +159,7 @@ def test_what_is_wrong_is_told_with_its_place(parse, line, place, word):
 
 
 def test_the_documentation_names_every_frame_and_kind():
-    text = (Path(__file__).parents[3] / "docs" / "faults.md").read_text()
+    text = (Path(__file__).parents[4] / "docs" / "faults.md").read_text()
     kinds = (
         "drop", "duplicate", "delay", "reorder", "resize", "freeze", "sync_jitter", "sync_miss",
         "heartbeat_silence", "bus_off", "reboot", "sdo_abort", "drive", *f.DRIVE_FAULTS,
