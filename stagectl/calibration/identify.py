@@ -16,7 +16,7 @@ from estimation.move import MoveData
 from estimation.noise import encoder_noise, quantisation
 from estimation.offline import Identification, OfflineSettings, Samples, identify
 from estimation.sampled_force import kink_share, with_mean_force
-from stagectl.config.host_model import friction_model, kink_tip
+from stagectl.config.host_model import friction_model, kink_delay
 from stagectl.config.machine import Axis, Machine
 from stagectl.errors import UnusableInput
 from stagedata import Recording
@@ -127,7 +127,7 @@ def around_syncs(
     """
     move = MoveData(piece.position, piece.force, piece.valid, piece.time, 0.0)
     state = FrictionState.relaxed(friction.states, float(piece.position[0]))
-    share = kink_share(period, kink_tip(axis.drive))
+    share = kink_share(period, kink_delay(axis.drive))
     commanded = np.nan_to_num(np.concatenate([sent[:1], sent[:-1]]))
     level = with_mean_force(move, share, friction, state, period, axis.drive.peak_force, commanded)
     return replace(piece, force=level.force)

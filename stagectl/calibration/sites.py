@@ -9,9 +9,9 @@ from typing import Annotated
 from pydantic import Field, StrictInt
 
 from stagectl.calibration.sequence import REACH, SiteSequence, choose
-from stagectl.config.diagnose import Section, validate
 from stagectl.config.machine import Label, Machine
 from stagectl.config.units import PositiveLength, PositiveNumber, PositiveTime
+from stagectl.config.validation import Section, validate
 from stagectl.config.yaml_nodes import load_document
 from stagectl.errors import ConfigError
 from stagectl.recipe import NoMark, Pair, Recipe, grid_positions, parse_recipe, read_sites, schema

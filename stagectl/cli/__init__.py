@@ -1,7 +1,7 @@
-"""The command line; each command is imported only when it is called.
+"""The command line. Each command is imported only when it is called.
 
-Exit codes: 0 done, 1 other failure, 2 unusable input, 3 fault of the stage, 130 stopped by the
-operator. Messages are one line and go to standard error.
+Exit codes: 0 success, 1 other failure, 2 unusable input, 3 fault of the stage, 130 stopped by the
+operator. Error messages are one line each and go to standard error.
 """
 
 from __future__ import annotations
@@ -14,32 +14,32 @@ import click
 from stagectl.cli.lazy import LazyGroup
 
 COMMANDS = {
-    "run": ("stagectl.cli.run", "Run a recipe on the stage, or on its simulation."),
-    "sim": ("stagectl.cli.sim", "Virtual drives in real time on a CAN bus."),
-    "scan": ("stagectl.cli.scan", "Who is on the bus."),
-    "status": ("stagectl.cli.status", "What the axes are doing."),
-    "enable": ("stagectl.cli.bench:enable", "Close the loops and hold the stage."),
+    "run": ("stagectl.cli.run", "Run a recipe on the stage or on its simulation."),
+    "sim": ("stagectl.cli.sim", "Serve virtual drives on a CAN bus in real time."),
+    "scan": ("stagectl.cli.scan", "List the nodes on the bus."),
+    "status": ("stagectl.cli.status", "Show state, position, force and errors of the axes."),
+    "enable": ("stagectl.cli.bench:enable", "Enable the drives and hold the stage in place."),
     "home": ("stagectl.cli.bench:home", "Home all axes."),
     "jog": ("stagectl.cli.bench:jog", "Move one axis by a distance."),
-    "check": ("stagectl.cli.check", "Does a drive behave as CiA 402 says?"),
-    "bus-budget": ("stagectl.cli.bus_budget", "Does the PDO set fit the bus?"),
-    "gap": ("stagectl.cli.gap", "Where simulation and recording differ."),
-    "effects": ("stagectl.cli.effects", "Physical effects that a machine file can switch on."),
-    "identify": ("stagectl.cli.identify", "Friction figures out of recordings."),
-    "map": ("stagectl.cli.map", "Friction over the table, in versions."),
-    "history": ("stagectl.cli.history", "The friction history: file what is missing."),
-    "calibrate": ("stagectl.cli.calibrate", "Friction measured at fixed sites."),
-    "paper": ("stagectl.cli.paper", "The source paper's tables and claims, reproduced."),
-    "recover": ("stagectl.cli.recover", "Recordings out of what killed runs left."),
-    "replay": ("stagectl.cli.replay", "A recorded bus log drives the host again."),
-    "completion": ("stagectl.cli.completion", "Shell completion."),
+    "check": ("stagectl.cli.check", "Test a drive against CiA 301 and CiA 402."),
+    "bus-budget": ("stagectl.cli.bus_budget", "Check that the PDOs fit into the SYNC period."),
+    "gap": ("stagectl.cli.gap", "Compare simulation and recording, and explain the gap."),
+    "effects": ("stagectl.cli.effects", "List the physical effects of the simulator."),
+    "identify": ("stagectl.cli.identify", "Estimate friction parameters from recordings."),
+    "map": ("stagectl.cli.map", "Show, activate and compare friction maps."),
+    "history": ("stagectl.cli.history", "Import runs into the friction history."),
+    "calibrate": ("stagectl.cli.calibrate", "Measure friction at fixed sites and build a map."),
+    "paper": ("stagectl.cli.paper", "Reproduce the source paper's tables and claims."),
+    "recover": ("stagectl.cli.recover", "Recover the recording of a killed run."),
+    "replay": ("stagectl.cli.replay", "Rerun the host on a recorded bus log."),
+    "completion": ("stagectl.cli.completion", "Print a shell completion script."),
 }
 
 
 @click.group(cls=LazyGroup, lazy=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="stagectl")
 def cli() -> None:
-    """Two-axis direct-drive inspection stages on CANopen: run, simulate, compare.
+    """Run, simulate and calibrate two-axis direct-drive inspection stages on CANopen.
 
     \b
     Try it without hardware:
@@ -48,7 +48,7 @@ def cli() -> None:
     See what a recipe would do:
       stagectl run recipes/inspection-20.yaml --dry-run
 
-    Every command has its own --help. Units are SI throughout.
+    Every command has its own --help. All quantities are in SI units.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
 
 
@@ -60,9 +60,9 @@ def main() -> None:
     drop_stale()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a µ that a terminal cannot show is no failure
+            stream.reconfigure(errors="replace")  # the terminal may lack a character such as µ
     try:
-        # where click is not the program, an exit code that a command asks for comes back
+        # not in standalone mode, click returns the exit code that a command asked for
         if code := cli.main(standalone_mode=False):
             sys.exit(code)
     except click.exceptions.Abort:

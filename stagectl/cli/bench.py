@@ -1,4 +1,4 @@
-"""`stagectl enable`, `home` and `jog`: the stage moved by hand, all checks of a run included."""
+"""`stagectl enable`, `home` and `jog`: move the stage by hand, with all checks of a run."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 _JOG_VELOCITY = 10e-3
 _JOG_ACCELERATION = 1.0
-"""Of a jog, where the axis' limits allow them [m/s, m/s^2]."""
-_SLICE = 0.05
-_NEGATIVE = {"ignore_unknown_options": True}  # -2mm is a distance, no option
+"""Default profile of a jog, reduced to the axis limits [m/s, m/s^2]."""
+_SLICE = 0.05  # between looks at Ctrl-C [s]
+_NEGATIVE = {"ignore_unknown_options": True}  # -2mm is a distance, not an option
 
 
 class Quantity(click.ParamType[float]):
-    """A number (SI) or a text with its unit, such as `-50um`."""
+    """A number in SI units, or a number with its unit, such as `-50um`."""
 
     def __init__(self, dimension: str) -> None:
         self.name = dimension
@@ -46,19 +46,19 @@ class Quantity(click.ParamType[float]):
             self.fail(str(error), param, ctx)
 
 
-@click.command(short_help="Close the loops and hold the stage.")
+@click.command
 @bus_options
 @click.option("--hold", "duration", type=NumberRange(0, 3600),
-              help="Disable again after so long [s]; without it on Ctrl-C.")  # fmt: skip
-@click.option("--reset", is_flag=True, help="Acknowledge faults first.")
+              help="Disable again after this time [s].  [default: at Ctrl-C]")  # fmt: skip
+@click.option("--reset", is_flag=True, help="Acknowledge drive faults first.")
 def enable(
     machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int,
     duration: float | None, reset: bool,
 ) -> None:  # fmt: skip
-    """Boot the drives and hold all axes where they stand, under force; then disable.
+    """Enable all axes and hold them where they are, then disable them.
 
-    The loops stay closed for as long as this command runs: drives quick-stop when they no longer
-    hear their host.
+    The position loops stay closed for as long as this command runs. If it is killed, the drives
+    miss its heartbeat and quick-stop by themselves.
     """
     bench = Bench(machine, bus, simulate, seed)
     if simulate and duration is None:
@@ -66,23 +66,23 @@ def enable(
     with bench.stage() as stage, interruptible() as stopped:
         _boot(stage, reset)
         stage.enable()
-        _say(stage, "enabled, holding")
+        _report_positions(stage, "enabled, holding")
         end = None if duration is None else stage.clock.now_ns() + round(duration * 1e9)
         while not stopped() and (end is None or stage.clock.now_ns() < end):
             left = _SLICE if end is None else min(_SLICE, (end - stage.clock.now_ns()) * 1e-9)
             stage.hold(left)
-        _say(stage, "held")
+        _report_positions(stage, "held")
         stage.disable()
     click.echo("disabled")
 
 
-@click.command(short_help="Home all axes.")
+@click.command
 @bus_options
-@click.option("--reset", is_flag=True, help="Acknowledge faults first.")
+@click.option("--reset", is_flag=True, help="Acknowledge drive faults first.")
 def home(
     machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int, reset: bool
 ) -> None:
-    """Home all axes by their machine file's methods, then disable them.
+    """Home all axes by the methods in the machine file, then disable them.
 
     The drives keep their zero until they are switched off.
     """
@@ -90,30 +90,32 @@ def home(
     with bench.stage() as stage, interruptible():
         _boot(stage, reset)
         stage.home(force=True)
-        _say(stage, "homed")
+        _report_positions(stage, "homed")
         stage.disable()
 
 
-@click.command(short_help="Move one axis by a distance.", context_settings=_NEGATIVE)
+@click.command(context_settings=_NEGATIVE)
 @click.argument("axis")
 @click.argument("distance", type=Quantity("LENGTH"))
 @bus_options
-@click.option("--velocity", type=Quantity("VELOCITY"), help="Of the move [10 mm/s].")
-@click.option("--here", is_flag=True, help="Don't home: trust the zero that the drive has.")
-@click.option("--reset", is_flag=True, help="Acknowledge faults first.")
+@click.option(
+    "--velocity", type=Quantity("VELOCITY"), help="Velocity of the move.  [default: 10 mm/s]"
+)
+@click.option("--here", is_flag=True, help="Do not home first; rely on the drive's present zero.")
+@click.option("--reset", is_flag=True, help="Acknowledge drive faults first.")
 def jog(
     axis: str, distance: float, machine: Path | None, bus: tuple[str, str] | None, simulate: bool,
     seed: int, velocity: float | None, here: bool, reset: bool,
 ) -> None:  # fmt: skip
-    """Move AXIS by DISTANCE (metres, or with a unit: 2mm, -50um) with the drive's own profile.
+    """Move AXIS by DISTANCE (in metres, or with a unit: 2mm, -50um) in profile position mode.
 
     \b
       stagectl jog x 2mm --simulate
       stagectl jog y -50um --velocity 1mm/s
 
-    Homes the stage first, since limits count from its zero, and so starts there; after `stagectl
-    home`, --here starts where the axis stands. Velocity and target are checked against the
-    machine file before anything is sent that moves the axis.
+    The stage is homed first, because the travel limits count from its zero, so the move starts
+    there. After `stagectl home`, use --here to start where the axis is. Velocity and target are
+    checked against the machine file before the axis moves.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
     bench = Bench(machine, bus, simulate, seed)
     chosen = _axis(bench.axes, axis)
@@ -128,15 +130,17 @@ def jog(
         start = stage.targets[column]
         stage.move_to(axis, start + distance, speed, acceleration)
         stage.hold(0.1)
-        _say(stage, f"{axis} moved by {(stage.positions[column] - start) * 1e3:.6f} mm")
+        _report_positions(
+            stage, f"{axis} moved by {(stage.positions[column] - start) * 1e3:.6f} mm"
+        )
         stage.disable()
 
 
 def _boot(stage: Stage, reset: bool) -> None:
-    """Boots the drives; says what they do without."""
+    """Boot the drives and report what they lack."""
     stage.boot()
-    for clause in (*stage.limitations, *stage.notices):
-        click.echo(clause, err=True)
+    for notice in (*stage.limitations, *stage.notices):
+        click.echo(notice, err=True)
     if reset:
         stage.reset_faults()
 
@@ -161,7 +165,7 @@ def _profile(axis: AxisSettings, velocity: float | None) -> tuple[float, float]:
 
 
 def _check_distance(axis: AxisSettings, distance: float, here: bool) -> None:
-    """What can be known before anything is sent: from its zero, or not at all further."""
+    """Refuse a distance that cannot be within the travel, wherever the axis is."""
     low, high = axis.travel
     if here and abs(distance) > high - low:
         reason = f"{distance:g} m is more than its travel of {high - low:g} m"
@@ -172,7 +176,7 @@ def _check_distance(axis: AxisSettings, distance: float, here: bool) -> None:
     raise click.BadParameter(f"axis {axis.name}: {reason}", param_hint="DISTANCE")
 
 
-def _say(stage: Stage, what: str) -> None:
+def _report_positions(stage: Stage, what: str) -> None:
     at = ", ".join(
         f"{axis.name} {position * 1e3:.6f} mm"
         for axis, position in zip(stage.axes, stage.positions, strict=True)

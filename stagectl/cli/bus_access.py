@@ -1,7 +1,7 @@
-"""How the commands for a stage on its bench get at its bus: options, an onlooker, a stage.
+"""Bus access of the bench commands (scan, status, check, enable, home, jog).
 
-`--simulate` puts the virtual stage on a lock-step bus in virtual time, made for this one command:
-its drives have just been switched on.
+With `--simulate`, each command gets a virtual stage of its own, on a lock-step bus in virtual time,
+whose drives have just been switched on.
 """
 
 from __future__ import annotations
@@ -21,49 +21,52 @@ if TYPE_CHECKING:
     from drivers.canopen import Network
     from drivers.settings import AxisSettings, BusSettings
     from drivers.stage import Stage
-    from stagectl.config.machine import Machine
+    from stagectl.config import Machine
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 _BOOT = 0.1
-"""Virtual drives need 20 ms from power-on to their boot-up message [s]."""
+"""Time for the virtual drives' boot-up messages, which come 20 ms after power-on [s]."""
 
 
 def bus_options(command: F) -> F:
     """`--machine`, `--bus`, `--simulate`, `--seed`."""
     for option in (
         click.option("--seed", type=click.IntRange(0), default=1, show_default=True,
-                     help="Of the virtual stage's noise and start position."),
-        click.option("--simulate", is_flag=True, help="On the virtual stage, in virtual time."),
-        click.option("--bus", type=BusType(), help="Instead of the machine file's."),
-        click.option("--machine", type=FILE, help="Machine file of the stage [wafer-xy]."),
+                     help="Seed of the virtual stage's noise and start position."),
+        click.option("--simulate", is_flag=True, help="Use a virtual stage, in virtual time."),
+        click.option("--bus", type=BusType(),
+                     help="CAN bus, e.g. socketcan:can0.  [default: the machine file's]"),
+        click.option("--machine", type=FILE,
+                     help="Machine file of the stage.  [default: wafer-xy]"),
     ):  # fmt: skip
         command = option(command)
     return command
 
 
 class Bench:
-    """A machine and the bus that it is on.
+    """A machine and its bus.
 
     Args:
-        machine: its file, None for the packaged one.
-        bus: (interface, channel) instead of the machine's.
-        simulate: on the virtual stage instead.
+        machine: its file; None for the packaged one.
+        bus: (interface, channel) instead of the machine file's.
+        simulate: use a virtual stage instead.
         seed: of the virtual stage.
 
     Raises:
-        click.UsageError: both `bus` and `simulate`.
+        click.UsageError: both `bus` and `simulate` are given.
         ConfigError: the machine file cannot be used.
     """
 
     def __init__(
         self, machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int
     ) -> None:
-        from stagectl.config.machine_file import load_machine
-        from stagectl.config.mapping import driver_settings
+        from stagectl.config import driver_settings, load_machine
 
         if simulate and bus is not None:
-            raise click.UsageError("--bus: --simulate brings its own bus, in virtual time")
+            raise click.UsageError(
+                "--bus cannot be combined with --simulate, which has a bus of its own"
+            )
         self.machine: Machine = load_machine(machine)
         self.bus: BusSettings
         self.axes: tuple[AxisSettings, ...]
@@ -74,10 +77,10 @@ class Bench:
 
     @contextmanager
     def on_bus(self) -> Iterator[BusSettings]:
-        """The bus to open, virtual drives on it where asked for; driver errors become ours.
+        """Settings of the bus to open, with virtual drives on it in a simulation.
 
         Raises:
-            RunFault: bus, node or axis failed.
+            RunFault: bus, node or axis failed (in place of the driver's error).
         """
         from drivers.errors import DriverError
         from stagectl.errors import RunFault
@@ -88,7 +91,7 @@ class Bench:
                 return
             from hil_sim.bus import World
             from hil_sim.stage import VirtualStage
-            from stagectl.config.mapping import stage_settings
+            from stagectl.config import stage_settings
 
             world = World(f"bench-{id(self)}")
             VirtualStage(stage_settings(self.machine), self._seed).attach(world)
@@ -98,8 +101,8 @@ class Bench:
             raise RunFault(str(failed)) from failed
 
     @contextmanager
-    def onlooker(self) -> Iterator[Network]:
-        """The bus without a SYNC and without a heartbeat: drives don't take us for their host.
+    def observer(self) -> Iterator[Network]:
+        """The bus, without SYNC or heartbeat: the drives do not take this program for their host.
 
         Raises:
             RunFault: bus, node or axis failed.
@@ -117,7 +120,7 @@ class Bench:
 
     @contextmanager
     def stage(self) -> Iterator[Stage]:
-        """The stage, not booted yet; disabled and closed at the end.
+        """The stage, not booted; disabled and closed at the end.
 
         Raises:
             RunFault: bus, node or axis failed.
@@ -130,25 +133,25 @@ class Bench:
 
 @contextmanager
 def interruptible() -> Iterator[Callable[[], bool]]:
-    """Ctrl-C interrupts what is under way; the drives are stopped on the way out.
+    """Turn the first Ctrl-C into an orderly end, and ignore further ones while drives are stopped.
 
-    A second one does not break that off: once it came, Ctrl-C is heard no more.
-
-    Gives a function that says from then on to wait for Ctrl-C instead, and whether it came.
+    Yields:
+        A function that returns whether Ctrl-C was pressed. From its first call on, Ctrl-C only
+        sets that flag; before, it interrupts what is under way.
     """
-    asked = waited_for = False
+    pressed = polled = False
 
     def stopped() -> bool:
-        nonlocal waited_for
-        waited_for = True
-        return asked
+        nonlocal polled
+        polled = True
+        return pressed
 
     def handler(number: int, _: Any) -> None:
-        nonlocal asked
-        if asked:
+        nonlocal pressed
+        if pressed:
             return
-        asked = True
-        if not waited_for:
+        pressed = True
+        if not polled:
             raise KeyboardInterrupt
 
     before = {n: signal.signal(n, handler) for n in (signal.SIGINT, signal.SIGTERM)}
@@ -157,6 +160,6 @@ def interruptible() -> Iterator[Callable[[], bool]]:
     except KeyboardInterrupt:
         raise click.exceptions.Abort from None
     finally:
-        if not asked:
+        if not pressed:
             for number, former in before.items():
                 signal.signal(number, former)

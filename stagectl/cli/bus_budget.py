@@ -1,4 +1,4 @@
-"""`stagectl bus-budget`: does the PDO set fit the SYNC rate and the bit rate?"""
+"""`stagectl bus-budget`: do the PDOs fit into the SYNC period at this bit rate?"""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.options import FILE, JSON_FILE, NumberRange, quietly, write_json
+from stagectl.cli.options import FILE, JSON_OUT, NumberRange, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from drivers.bench import BusBudget
@@ -15,24 +15,42 @@ if TYPE_CHECKING:
 _BYTES = click.IntRange(0, 8)
 
 
-@click.command(short_help="Does the PDO set fit the bus?")
-@click.option("--machine", type=FILE, help="Machine file of the stage [wafer-xy].")
-@click.option("--sync-period", type=NumberRange(1e-6, 10), help="[s] [the machine's].")
-@click.option("--bitrate", type=click.IntRange(10_000, 1_000_000), help="[the machine's]")
-@click.option("--rpdo", type=_BYTES, multiple=True, help="Bytes of an RPDO of every axis [8].")
-@click.option("--tpdo", type=_BYTES, multiple=True, help="Bytes of a TPDO of every axis [8].")
+@click.command
+@click.option("--machine", type=FILE, help="Machine file of the stage.  [default: wafer-xy]")
+@click.option(
+    "--sync-period",
+    type=NumberRange(1e-6, 10),
+    help="SYNC period [s].  [default: the machine file's]",
+)
+@click.option(
+    "--bitrate",
+    type=click.IntRange(10_000, 1_000_000),
+    help="Bit rate [bit/s].  [default: the machine file's]",
+)
+@click.option(
+    "--rpdo",
+    type=_BYTES,
+    multiple=True,
+    help="Bytes of an RPDO of each axis; repeat for several.  [default: 8]",
+)
+@click.option(
+    "--tpdo",
+    type=_BYTES,
+    multiple=True,
+    help="Bytes of a TPDO of each axis; repeat for several.  [default: 8]",
+)
 @click.option("--sync-counter", is_flag=True, help="SYNC carries a counter (0x1019).")
-@click.option("--json", "json_out", type=JSON_FILE, help="Write the figures here; - is stdout.")
+@JSON_OUT
 def command(
     machine: Path | None, sync_period: float | None, bitrate: int | None,
     rpdo: tuple[int, ...], tpdo: tuple[int, ...], sync_counter: bool, json_out: Path | None,
 ) -> None:  # fmt: skip
-    """Add up the bits of one SYNC period with worst-case stuffing, and what is left for SDO.
+    """Add up the bits of one SYNC period with worst-case bit stuffing, and what is left for SDO.
 
-    Exit code 0 when the worst cycle fits, 1 when it does not. Arithmetic: no bus is opened.
+    Exit code 0 if the worst cycle fits, 1 if not. This is arithmetic: no bus is opened.
     """
     from drivers.bench import stage_budget
-    from stagectl.config.machine_file import load_machine
+    from stagectl.config import load_machine
     from stagectl.errors import StagectlError
 
     stage = load_machine(machine)
@@ -46,14 +64,14 @@ def command(
     )
     if json_out is not None:
         write_json(_figures(budget), json_out)
-    if not quietly(json_out):
+    if not is_json_on_stdout(json_out):
         from rich.console import Console
 
         Console().print(_table(budget, stage.name))
         _verdict(budget)
     if not budget.fits:
         raise StagectlError(
-            f"the worst cycle needs {budget.peak} bits, {budget.available} fit into "
+            f"the worst cycle needs {budget.peak} bits, but {budget.available} fit into "
             f"{budget.sync_period * 1e3:g} ms at {budget.bitrate / 1e3:g} kbit/s"
         )
 
@@ -84,7 +102,7 @@ def _table(budget: BusBudget, name: str) -> Any:
         table.add_column(column, justify="left" if column == "frame" else "right")
     rows = [(x.name, str(x.data_bytes), x.worst, x.least) for x in budget.lines]
     rows.append(("cyclic frames", "", budget.worst, budget.least))
-    rows.append((f"worst cycle, {budget.heartbeats} heartbeats in it", "", budget.peak, -1))
+    rows.append((f"worst cycle, with {budget.heartbeats} heartbeats", "", budget.peak, -1))
     for label, size, worst, least in rows:
         if label == "cyclic frames":
             table.add_section()
@@ -101,7 +119,7 @@ def _verdict(budget: BusBudget) -> None:
         return
     click.echo(
         f"left for SDO: {budget.sdo_pairs} request/answer pairs in the worst cycle, "
-        f"{budget.sdo_per_second:.0f} a second in the mean"
+        f"{budget.sdo_per_second:.0f} per second on average"
     )
     if budget.sdo_pairs == 0:
-        click.echo("an SDO in the worst cycle makes it late: don't poll by SDO while streaming")
+        click.echo("an SDO in the worst cycle delays it: do not poll by SDO while streaming")

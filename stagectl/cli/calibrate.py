@@ -1,4 +1,4 @@
-"""`stagectl calibrate`: friction measured at fixed sites, and a new version of the map."""
+"""`stagectl calibrate`: measure friction at fixed sites and build a new version of the map."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.motion import machines_of, simulated_or_real, stop_on_signal
-from stagectl.cli.options import FILE, JSON_FILE, quietly, write_json
+from stagectl.cli.console import console_for
+from stagectl.cli.motion import load_machines, stage_options, stop_on_signal
+from stagectl.cli.options import FILE, JSON_OUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -24,63 +25,61 @@ if TYPE_CHECKING:
 _STYLES = {"good": "green", "watch": "yellow", "act": "red", "failed": "red"}
 
 
-@click.command(short_help="Friction measured at fixed sites.")
+@click.command
 @click.argument("sites", type=FILE)
-@click.option("--due", is_flag=True, help="Only sites that are due (the file's limits).")
-@simulated_or_real
-@click.option("--history", metavar="FILE|URL", help="As of 'stagectl run'.")
+@click.option("--due", is_flag=True, help="Only sites that are due by the limits in SITES.")
+@stage_options
+@click.option("--history", metavar="FILE|URL", help="As for 'stagectl run'.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for recording, summary, report and bus log [runs/NAME-TIME].",
+    help="Folder for recording, summary, report and bus log.  [default: runs/NAME-TIME]",
 )
 @click.option(
     "--resume",
     type=click.Path(path_type=Path, file_okay=False),
     metavar="RUN",
-    help="Go on with the interrupted calibration in this folder.",
+    help="Continue the interrupted calibration in this folder.",
 )
-@click.option("--comment", default="", help="Kept with the new map.")
-@click.option(
-    "--json", "json_out", type=JSON_FILE, help="Also write the outcome here; - is stdout."
-)
-@click.option("--dry-run", is_flag=True, help="Only say what would be done; nothing moves.")
+@click.option("--comment", default="", help="Stored with the new map.")
+@JSON_OUT
+@click.option("--dry-run", is_flag=True, help="Only list the sites to visit; nothing moves.")
 def command(
     sites: Path, due: bool, machine: Path | None, simulate: Path | None,
     bus: tuple[str, str] | None, seed: int, history: str | None, out: Path | None,
     resume: Path | None, comment: str, json_out: Path | None, dry_run: bool,
 ) -> None:  # fmt: skip
-    """Visit the sites of SITES.yaml, measure the friction of every axis, make a new map of it.
+    """Visit the sites in SITES.yaml, measure the friction of every axis there, build a new map.
 
     \b
-    On the virtual stage:
+    On a virtual stage:
       stagectl calibrate SITES.yaml --simulate TRUTH.yaml
-    Only what is due, by time, use, or what production has found:
+    Only sites that are due, by time, by use or by changes seen in production:
       stagectl calibrate SITES.yaml --due
 
-    The new map is kept in the history; 'stagectl map activate' puts it into use. Nothing of the
-    drives is changed, and the stage ends at the first site.
-    """  # noqa: D301
+    The new map is stored in the history; 'stagectl map activate' puts it into use. Drive settings
+    are not changed, and the stage ends at the first site.
+    """  # noqa: D301  (\b keeps click from wrapping what follows)
     from stagectl.calibration import load_calibration, predicted_line
     from stagectl.history import FILE_NAME, default_history
 
-    believed, truth = machines_of(machine, simulate, bus, moves=not dry_run)
+    believed, truth = load_machines(machine, simulate, bus, moves=not dry_run)
     calibration = load_calibration(sites, believed)
     started = datetime.now(UTC).astimezone()
     folder = out or Path("runs") / f"{calibration.recipe.name}-{started:%Y%m%d-%H%M%S}"
     where = default_history(history, believed, truth is not None, folder, out is not None)
-    if where is None:  # a calibration without a history would be for nothing
+    if where is None:  # a calibration is pointless without a history
         where = str((folder if resume is None else resume) / FILE_NAME)
-    quiet = quietly(json_out)
+    quiet = is_json_on_stdout(json_out)
     if not quiet:
         click.echo(
             f"{len(calibration.sequence.excursions)} moves at each site, "
-            f"{calibration.sequence.duration:.2f} s; expected to know afterwards, 1 sigma:"
+            f"{calibration.sequence.duration:.2f} s; expected uncertainty, 1 sigma:"
         )
         for line in predicted_line(calibration.sequence):
             click.echo(f"  {line}")
         if not calibration.sequence.reaches():
-            click.echo("  not as well as it should: a larger 'reach' may help")
+            click.echo("  below the required accuracy: a larger 'reach' may help")
     from stagectl.run import RunRequest
     from stagectl.sequencer import Mode
 
@@ -90,16 +89,16 @@ def command(
     )  # fmt: skip
     before: list[dict[str, Any]] = []
     if resume is not None:
-        recipe, resumed, before = _gone_on_with(calibration, resume)
+        recipe, resumed, before = _resume(calibration, resume)
         request = replace(request, resumed=resumed)
     else:
-        chosen = _chosen(calibration, request, due, quiet)
-        if not chosen:
+        selected = _select_sites(calibration, request, due, quiet)
+        if not selected:
             click.echo("no site is due", err=quiet)
             if json_out is not None:
                 write_json(_as_dict(request, None, [], calibration.sequence), json_out)
             return
-        recipe = calibration.at(chosen)
+        recipe = calibration.at(selected)
     if dry_run:
         places = recipe.sites[0 if request.resumed is None else request.resumed.done :]
         for x, y in places:
@@ -114,10 +113,8 @@ def command(
         raise error
 
 
-def _gone_on_with(
-    calibration: Calibration, folder: Path
-) -> tuple[Recipe, Resumed, list[dict[str, Any]]]:
-    """The sites of an interrupted calibration, whatever is due now, and what it has found."""
+def _resume(calibration: Calibration, folder: Path) -> tuple[Recipe, Resumed, list[dict[str, Any]]]:
+    """The sites of an interrupted calibration, due or not, and the estimates it made."""
     from stagectl.calibration import load_interrupted_calibration
     from stagectl.run import load_interrupted
 
@@ -127,7 +124,7 @@ def _gone_on_with(
     return recipe, resumed, list(interrupted.friction)
 
 
-def _chosen(
+def _select_sites(
     calibration: Calibration, request: RunRequest, due: bool, quiet: bool
 ) -> tuple[Pair, ...]:
     """All sites, or those that are due."""
@@ -148,19 +145,26 @@ def _measure(
     request: RunRequest, calibration: Calibration, comment: str, json_out: Path | None, quiet: bool,
     before: list[dict[str, Any]],
 ) -> Exception | None:  # fmt: skip
-    """Run the calibration, keep the map, say what came of it; returns what ended it early.
+    """Run the calibration, store the map, print the outcome.
 
-    `before`: estimates of the interrupted calibration that this one goes on with.
+    Args:
+        request: of the run.
+        calibration: its sites and moves.
+        comment: stored with the map.
+        json_out: file for the outcome; None for none.
+        quiet: standard output is reserved for JSON.
+        before: estimates of the interrupted calibration that this one continues.
+
+    Returns:
+        What ended the calibration early, or None.
     """
-    from rich.console import Console
-
     from stagectl.calibration import outcomes, overall, reached_lines, visited
     from stagectl.cli.progress import RunProgress
     from stagectl.errors import StagectlError, UnusableInput
     from stagectl.history import StageKey
     from stagectl.run import Listener, execute
 
-    console = Console(stderr=quiet)
+    console = console_for(json_out)
     machine = request.machine
     with RunProgress(console, request.recipe, tuple(machine.axes)) as progress:
         result = execute(request, Listener(progress.phase, progress.event, stop_on_signal))
@@ -172,33 +176,33 @@ def _measure(
     if failed is None:
         try:
             if result.unwritten is not None:
-                raise StagectlError(f"{result.unwritten}, 'stagectl map build' then makes the map")
+                raise StagectlError(f"{result.unwritten}, then 'stagectl map build' builds the map")
             number, built, changes = _new_map(request, stage, comment)
-        except UnusableInput as error:  # too few sites, say
+        except UnusableInput as error:  # such as too few sites
             console.print(f"no new map: {error}", style="yellow", markup=False, soft_wrap=True)
         except StagectlError as error:
             failed = StagectlError(f"no new map: {error}")
     friction = [*before, *result.summary["friction"]]
     sites = request.recipe.sites
-    if result.error is not None:  # of sites that it did not come to there is nothing to say
+    if result.error is not None:  # leave out sites that were not reached
         sites = visited(sites, friction)
     found = outcomes(sites, friction, tuple(machine.axes), built, changes)
     console.print(_table(found, calibration.sequence), crop=False, soft_wrap=True)
     reached = reached_lines(found, calibration.sequence)
     if reached:
-        console.print("known now, median of the sites, 1 sigma:")
+        console.print("uncertainty reached, median over the sites, 1 sigma:")
     for line in [*(f"  {line}" for line in reached), *overall(changes)]:
         console.print(line, markup=False, soft_wrap=True)
     if number is not None:
         console.print(
-            f"map {number} kept in {request.history}; 'stagectl map activate {number} --history "
+            f"map {number} stored in {request.history}; 'stagectl map activate {number} --history "
             f"{request.history}' puts it into use",
             markup=False, soft_wrap=True,
         )  # fmt: skip
     elif result.error is not None:
         console.print(
             f"interrupted after {len(sites)} of {len(request.recipe.sites)} visits; "
-            f"'stagectl calibrate ... --resume {request.folder}' goes on",
+            f"'stagectl calibrate ... --resume {request.folder}' continues",
             markup=False, soft_wrap=True,
         )  # fmt: skip
     if json_out is not None:
@@ -209,11 +213,14 @@ def _measure(
 def _new_map(
     request: RunRequest, stage: StageKey, comment: str
 ) -> tuple[int, FrictionMap, list[AxisChange]]:
-    """Its number, itself, and what has changed since the version before; kept in the history.
+    """Build a map and store it in the history.
+
+    Returns:
+        Its number, the map, and its changes from the version before.
 
     Raises:
-        UnusableInput: there is too little to make one of.
-        StagectlError: the history cannot be read, or written.
+        UnusableInput: there are too few data for a map.
+        StagectlError: the history cannot be read or written.
     """
     from stagectl.history import open_history
     from stagectl.maps import build_map, compare, map_versions, to_json, tracking_settings
@@ -231,24 +238,16 @@ def _new_map(
 
 
 def _table(found: list[SiteOutcome], sequence: SiteSequence) -> RenderableType:
-    """A line per site and axis; what should be done, below it."""
+    """A row per site and axis; suggestions below the table."""
     from rich import box
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))  # fits into 80 columns
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))  # fits 80 columns
     for title in (
-        "site",
-        "x, mm",
-        "y, mm",
-        "axis",
-        "Fc, N",
-        "±1 sigma",
-        "change",
-        "bit (exp.)",
-        "",
-    ):
+        "site", "x, mm", "y, mm", "axis", "Fc, N", "±1 sigma", "change", "bit (exp.)", "",
+    ):  # fmt: skip
         table.add_column(title, justify="left" if title == "" else "right", no_wrap=True)
     lines: list[RenderableType] = []
     for entry in found:

@@ -1,4 +1,4 @@
-"""`stagectl check`: does a drive behave as CiA 402 says?"""
+"""`stagectl check`: conformance of a drive to CiA 301 and CiA 402."""
 
 from __future__ import annotations
 
@@ -8,43 +8,43 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.bus_access import Bench, bus_options, interruptible
-from stagectl.cli.options import JSON_FILE, quietly, write_json
+from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from drivers.bench.conformance import Finding
 
 
-@click.command(short_help="Does a drive behave as CiA 402 says?")
+@click.command
 @click.argument("node", type=click.IntRange(1, 126))
 @bus_options
 @click.option("--power/--no-power", default=True, show_default=True,
-              help="Also what needs the axis under force.")  # fmt: skip
+              help="Include checks that enable the drive.")  # fmt: skip
 @click.option("--homing", is_flag=True,
-              help="Also home at the present position: the drive's zero changes.")  # fmt: skip
-@click.option("--failures", is_flag=True, help="Show only what is not a pass.")
-@click.option("--json", "json_out", type=JSON_FILE, help="Write the findings here; - is stdout.")
+              help="Include homing at the present position: changes the drive's zero.")  # fmt: skip
+@click.option("--failures", is_flag=True, help="List only checks that did not pass.")
+@JSON_OUT
 def command(
     node: int, machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int,
     power: bool, homing: bool, failures: bool, json_out: Path | None,
 ) -> None:  # fmt: skip
-    """Check NODE against CiA 301 and CiA 402, any drive, without an EDS.
+    """Test the drive with node id NODE, of any make, against CiA 301 and CiA 402; needs no EDS.
 
-    The axis comes under force where it stands and gets its actual position as set-point; keep
-    clear all the same. Values that are changed are put back, the drive ends disabled. Refused
-    while another host is on the bus. Exit code 0 when nothing failed, else 1.
+    The axis is enabled in place, with its actual position as the setpoint; keep clear of it all
+    the same. Objects that are written get their old values back, and the drive ends disabled.
+    Refused while another host is on the bus. Exit code 0 if no check failed, else 1.
     """
     from drivers.bench.conformance import Verdict, run
     from drivers.canopen import LISTENING
     from stagectl.errors import StagectlError
 
     bench = Bench(machine, bus, simulate, seed)
-    with bench.onlooker() as network, interruptible():
-        network.listen(LISTENING)  # a stage that runs is left alone
+    with bench.observer() as network, interruptible():
+        network.listen(LISTENING)  # refuses a bus on which a host is active
         findings = run(network, node, power=power, homing=homing)
         label = network.label
     if json_out is not None:
         write_json([_entry(f) for f in findings], json_out)
-    if not quietly(json_out):
+    if not is_json_on_stdout(json_out):
         from rich.console import Console
 
         shown = [f for f in findings if not failures or f.verdict is not Verdict.PASS]
@@ -55,7 +55,7 @@ def command(
     failed = [f for f in findings if f.verdict is Verdict.FAIL]
     if failed:
         raise StagectlError(
-            f"node {node}: {len(failed)} of {len(findings)} checks failed, the first one: "
+            f"node {node}: {len(failed)} of {len(findings)} checks failed, first: "
             f"{failed[0].group}: {failed[0].name}: {failed[0].detail}"
         )
 

@@ -1,4 +1,4 @@
-"""`stagectl completion`: the script that makes a shell complete stagectl's commands."""
+"""`stagectl completion`: completion of commands and options in a shell."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import click
 from click.shell_completion import get_completion_class
 
 
-@click.command(short_help="Shell completion.")
+@click.command
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 def command(shell: str) -> None:
     """Print the completion script for SHELL.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.options import JSON_FILE, write_json
+from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from hil_sim.effects import Effect, Parameter
@@ -16,18 +16,18 @@ if TYPE_CHECKING:
 WIDTH = 96
 
 
-@click.command(short_help="Physical effects that a machine file can switch on.")
+@click.command
 @click.argument("names", nargs=-1, metavar="[EFFECT]...")
-@click.option("--json", "json_out", type=JSON_FILE, help="Write them here; - is stdout.")
-@click.option("--markdown", is_flag=True, help="Print the table of docs/sim-to-real.md.")
+@JSON_OUT
+@click.option("--markdown", is_flag=True, help="Print the table in docs/sim-to-real.md.")
 def command(names: tuple[str, ...], json_out: Path | None, markdown: bool) -> None:
-    """List the effects, or say of each EFFECT where it comes from and what is done about it.
+    """List the simulator's physical effects; for each EFFECT named, its origin and remedy.
 
-    In a machine file: axes.NAME.effects: [{effect: cogging, amplitude: 1.2, pitch: 0.03,
-    phase: 0}]. Those of installed packages are among them.
+    A machine file switches them on: axes.NAME.effects: [{effect: cogging, amplitude: 1.2,
+    pitch: 0.03, phase: 0}]. Effects of installed plug-ins are included.
     """
     from hil_sim.effects.library import EffectError, library
-    from stagectl.config.diagnose import suggestion
+    from stagectl.config.validation import suggest
     from stagectl.errors import UnusableInput
 
     try:
@@ -36,25 +36,25 @@ def command(names: tuple[str, ...], json_out: Path | None, markdown: bool) -> No
         raise UnusableInput(str(error)) from error
     for name in names:
         if name not in known:
-            raise UnusableInput(f"unknown effect '{name}'{suggestion(name, list(known))}")
+            raise UnusableInput(f"unknown effect '{name}'{suggest(name, list(known))}")
     chosen = [known[name] for name in names] if names else list(known.values())
     if json_out is not None:
-        write_json([_figures(effect) for effect in chosen], json_out)
-        if str(json_out) == "-":
-            return
+        write_json([_as_dict(effect) for effect in chosen], json_out)
+    if is_json_on_stdout(json_out):
+        return
     if markdown:
         click.echo("\n".join(markdown_table(chosen)))
     elif names:
-        click.echo("\n\n".join(_portrait(effect) for effect in chosen))
+        click.echo("\n\n".join(_details(effect) for effect in chosen))
     elif json_out is None:
         for effect in chosen:
             click.echo(f"{effect.name:<22}{effect.equation}")
             for parameter in effect.parameters:
-                click.echo(f"    {parameter.key:<18}{_about(parameter)}")
+                click.echo(f"    {parameter.key:<18}{_describe(parameter)}")
 
 
 def plausible(parameter: Parameter) -> str:
-    """The range that real stages show, as a text: `0.4…2 N`, `±0.03…0.15 times the mass`."""
+    """The range found on real stages as text: `0.4…2 N`, `±0.03…0.15 times the mass`."""
     if parameter.plausible is None:
         return "on the travel" if parameter.role == "place" else "0…2 pi rad"
     low, high = parameter.plausible
@@ -65,7 +65,7 @@ def plausible(parameter: Parameter) -> str:
 
 
 def markdown_table(effects: list[Effect]) -> list[str]:
-    """Rows of a table of effects, heading first."""
+    """Lines of a Markdown table of effects."""
     rows = [
         "| effect | keys: unit, usual range | enters | usual remedy |",
         "| --- | --- | --- | --- |",
@@ -78,18 +78,18 @@ def markdown_table(effects: list[Effect]) -> list[str]:
     return rows
 
 
-def _about(parameter: Parameter) -> str:
+def _describe(parameter: Parameter) -> str:
     unit = f" [{parameter.unit}]" if parameter.unit else ""
     meaning = parameter.meaning or parameter.key
     return f"{meaning}{unit}, usually {plausible(parameter)}"
 
 
-def _portrait(effect: Effect) -> str:
+def _details(effect: Effect) -> str:
     lines = [effect.name, f"  {effect.equation}", ""]
-    lines += [f"  {p.key:<14}{_about(p)}" for p in effect.parameters]
+    lines += [f"  {p.key:<14}{_describe(p)}" for p in effect.parameters]
     for title, text in (
-        ("where it comes from", effect.origin()),
-        ("how it enters", effect.enters),
+        ("origin", effect.origin()),
+        ("enters", effect.enters),
         ("usual remedy", effect.remedy),
     ):
         lines += ["", f"  {title}"]
@@ -97,7 +97,7 @@ def _portrait(effect: Effect) -> str:
     return "\n".join(lines)
 
 
-def _figures(effect: Effect) -> dict[str, Any]:
+def _as_dict(effect: Effect) -> dict[str, Any]:
     return {
         "effect": effect.name,
         "group": effect.group,

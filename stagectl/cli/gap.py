@@ -1,4 +1,4 @@
-"""`stagectl gap`: where simulation and recording differ, and why."""
+"""`stagectl gap`: the difference between simulation and recording, and its causes."""
 
 from __future__ import annotations
 
@@ -7,14 +7,26 @@ import click
 from stagectl.cli.lazy import LazyGroup
 
 COMMANDS = {
-    "measure": ("stagectl.cli.gap_measure:measure", "The gap of a machine file and its floor."),
-    "compare": ("stagectl.cli.gap_measure:compare", "Two machine files, the same recordings."),
-    "diagnose": ("stagectl.cli.gap_diagnose:diagnose", "Where the gap lies, what causes it."),
-    "blind": ("stagectl.cli.gap_blind:blind", "The diagnosis checked on sealed effects."),
-    "import": ("stagectl.cli.gap_import:import_data", "Foreign data (.mat, .csv) as a recording."),
+    "measure": ("stagectl.cli.gap_measure:measure", "Measure the gap of a machine file."),
+    "compare": ("stagectl.cli.gap_measure:compare", "Compare two machine files on recordings."),
+    "diagnose": ("stagectl.cli.gap_diagnose:diagnose", "Find the physical causes of the gap."),
+    "blind": ("stagectl.cli.gap_blind:blind", "Test the diagnosis on simulated stages."),
+    "import": ("stagectl.cli.gap_import:import_data", "Convert .mat or .csv data to a recording."),
 }
 
 
-@click.group(cls=LazyGroup, lazy=COMMANDS, short_help="Where simulation and recording differ.")
+@click.group(cls=LazyGroup, lazy=COMMANDS)
 def command() -> None:
-    """The gap between a machine file's simulation and what a stage recorded."""
+    """Compare what a stage recorded with what its machine file's simulation predicts.
+
+    The gap is the rms of recorded minus simulated position and force. Its floor is the part that
+    even a perfect model leaves: encoder noise and the friction's own scatter.
+
+    \b
+    How large is it?
+      stagectl gap measure REC.h5
+    What causes it? Write an improved machine file (a twin), too:
+      stagectl gap diagnose REC.h5 --twin TWIN.yaml
+    How much closer is the twin, on a recording that it was not fitted to?
+      stagectl gap compare MACHINE.yaml TWIN.yaml OTHER.h5
+    """  # noqa: D301  (\b keeps click from wrapping what follows)

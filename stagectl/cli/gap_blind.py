@@ -1,4 +1,4 @@
-"""`stagectl gap blind`: the diagnosis checked on stages whose effects are drawn and sealed."""
+"""`stagectl gap blind`: test the diagnosis on simulated stages with sealed causes."""
 
 from __future__ import annotations
 
@@ -12,37 +12,44 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.gap_measure import console_for
-from stagectl.cli.options import FILE, JSON_FILE, OUTPUT, quietly, write_json
+from stagectl.cli.console import console_for, progress_bar
+from stagectl.cli.options import FILE, JSON_OUT, OUTPUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from sim2real.blind import Outcome, Setup
-    from stagectl.config.machine import Machine
 
 
-@click.command("blind", short_help="Check the diagnosis on effects that are sealed.")
-@click.option("--trials", type=click.IntRange(1), default=20, show_default=True)
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
-@click.option("--leave-out", is_flag=True, help="Take the true effects out of the library first.")
+@click.command("blind")
+@click.option(
+    "--trials", type=click.IntRange(1), default=20, show_default=True, help="Stages to diagnose."
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(0),
+    default=1,
+    show_default=True,
+    help="Seed of all that is drawn.",
+)
+@click.option("--leave-out", is_flag=True, help="Remove the true effects from the library first.")
 @click.option("--only", metavar="EFFECT", help="Draw this effect in every trial.")
-@click.option("--machine", type=FILE, help="Machine file of the stage [the reference stage].")
+@click.option("--machine", type=FILE, help="Machine file of the stage.  [default: wafer-xy]")
 @click.option(
     "--elements",
     type=click.IntRange(1, 64),
-    help="Friction elements of the stage [machine file's].",
+    help="Friction elements of the stage.  [default: the machine file's]",
 )
 @click.option(
     "--substeps",
     type=click.IntRange(5, 1000),
-    help="Plant steps per control tick of the stage [drawn].",
+    help="Plant steps per control tick of the stage.  [default: drawn]",
 )
 @click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Threads.")
-@click.option("--lines", type=OUTPUT, help="Append each trial here; trials that it holds are kept.")
-@click.option("--label", default="", help="Version that is checked, for lines and page.")
-@click.option("--json", "json_out", type=JSON_FILE, help="Write the figures here; - is stdout.")
-@click.option("--docs", type=OUTPUT, help="Write the page of all trials in --lines (Markdown).")
+@click.option("--lines", type=OUTPUT, help="Append each trial here; skip trials it already holds.")
+@click.option("--label", default="", help="Version under test, for lines and page.")
+@JSON_OUT
+@click.option("--docs", type=OUTPUT, help="Write a Markdown page on all trials in --lines.")
 def blind(
     trials: int,
     seed: int,
@@ -57,22 +64,23 @@ def blind(
     json_out: Path | None,
     docs: Path | None,
 ) -> None:
-    """Draw what is wrong with a stage, seal it, diagnose a recording of it, score the answer.
+    """Test the diagnosis: draw hidden effects, simulate, diagnose the recording, score the result.
 
-    For each trial a SHA-256 of the answer is printed before the diagnosis starts, the answer after
-    it. Ctrl-C ends the check with the figures so far; with --lines it goes on from there.
+    For each trial, the SHA-256 of the true answer is printed before the diagnosis starts and the
+    answer itself after it. Ctrl-C ends with the scores so far; with --lines, the next call
+    continues from there.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from stagectl.errors import UnusableInput
 
     setup = replace(
-        _setup(_machine(machine), seed, leave_out, only),
+        _setup(machine, seed, leave_out, only),
         elements=elements,
         substeps=substeps,
         jobs=jobs,
     )
     about = {"label": label, "only": only, "elements": elements, "substeps": substeps}
-    console = console_for(quietly(json_out))
+    console = console_for(json_out)
     everything = _read(lines)
     outcomes = {
         outcome.number: outcome
@@ -85,7 +93,7 @@ def blind(
         for number in range(trials):
             if number in outcomes:
                 continue
-            outcome = _tried(setup, number, trials, console)
+            outcome = _run_one(setup, number, trials, console)
             outcomes[number] = outcome
             if lines is not None:
                 line = {**about, **outcome.to_json()}
@@ -102,22 +110,13 @@ def blind(
             _conclude(list(outcomes.values()), everything, console, json_out, docs, label)
 
 
-def _machine(path: Path | None) -> Machine:
-    from importlib import resources
-
-    from stagectl.config.machine_file import load_machine
-
-    if path is not None:
-        return load_machine(path)
-    return load_machine(Path(str(resources.files("stagectl"))) / "data/machines/wafer-xy.yaml")
-
-
-def _setup(model: Machine, seed: int, leave_out: bool, only: str | None) -> Setup:
+def _setup(machine: Path | None, seed: int, leave_out: bool, only: str | None) -> Setup:
     from hil_sim.effects.library import EffectError, library
     from sim2real.blind import Setup, find_pool
-    from stagectl.config.mapping import stage_settings
+    from stagectl.config import load_machine, stage_settings
     from stagectl.errors import ConfigError, UnusableInput
 
+    model = load_machine(machine)
     try:
         effects = library()
     except EffectError as error:
@@ -143,45 +142,37 @@ def _read(lines: Path | None) -> list[tuple[dict[str, Any], Outcome]]:
     try:
         texts = lines.read_text(encoding="utf-8").splitlines()
     except UnicodeDecodeError as error:
-        raise UnusableInput(f"{lines}: is not a file of lines of a blind check") from error
+        raise UnusableInput(f"{lines}: is not a file of blind trials") from error
     for number, text in enumerate(texts, 1):
         try:
             line = dict(json.loads(text))
             found.append((line, Outcome.from_json(line)))
         except (ValueError, TypeError, KeyError, AttributeError) as error:
-            raise UnusableInput(f"{lines}:{number}: is no line of a blind check") from error
+            raise UnusableInput(f"{lines}:{number}: is not a blind trial") from error
     return found
 
 
-def _tried(setup: Setup, number: int, trials: int, console: Console) -> Outcome:
-    """One trial, with what is printed of it."""
-    from rich.progress import Progress, TimeElapsedColumn
-
+def _run_one(setup: Setup, number: int, trials: int, console: Console) -> Outcome:
+    """Run one trial and print it."""
     from sim2real.blind import describe_reported, describe_truth, draw_trial, is_wrong, run_trial
 
     def say(text: str, style: str = "") -> None:
         console.print(text, markup=False, highlight=False, soft_wrap=True, style=style)
 
-    columns = (*Progress.get_default_columns()[:3], TimeElapsedColumn())
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
-    ) as bar:
-        task = bar.add_task(f"trial {number + 1}/{trials}: drawing", total=None)
+    name = f"trial {number + 1}/{trials}"
+    with progress_bar(console, f"{name}: drawing") as update:
         trial = draw_trial(setup, number)
         say(f"trial {number}  sealed {trial.sealed.digest}")
         outcome = run_trial(
             setup, trial, time.perf_counter, time.process_time,
-            lambda what, done, total: bar.update(
-                task, description=f"trial {number + 1}/{trials}: {what}", completed=done,
-                total=total,
-            ),
+            lambda what, done, total: update(f"{name}: {what}", done, total),
         )  # fmt: skip
     say(f"  key {trial.sealed.text}\n  nonce {trial.sealed.nonce}")
     missed = is_wrong(outcome)
     say(
         f"  {describe_truth(outcome)} -> {describe_reported(outcome)}: "
         f"{outcome.error or outcome.verdict}, {outcome.seconds:.0f} s"
-        f" ({outcome.processor:.0f} s of processor)",
+        f" ({outcome.processor:.0f} s processor time)",
         "red" if missed else "green",
     )
     return outcome
@@ -195,11 +186,11 @@ def _conclude(
     docs: Path | None,
     label: str,
 ) -> None:
-    """Figures of this check on the console and as JSON; the page is of all lines."""
+    """Print and write the scores of this check; the page covers all lines."""
     from sim2real.blind import score_outcomes, table_rows, write_page
 
     counted = score_outcomes(outcomes)
-    if not quietly(json_out):
+    if not is_json_on_stdout(json_out):
         for row in table_rows(counted):
             console.print(row, markup=False, highlight=False, soft_wrap=True)
     if json_out is not None:

@@ -1,29 +1,29 @@
-"""`stagectl gap diagnose`: where the gap lies and what causes it."""
+"""`stagectl gap diagnose`: where the gap is and which physical effects cause it."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from stagectl.cli.gap_measure import console_for, gap_table, machine_of
-from stagectl.cli.options import FILE, JSON_FILE, OUTPUT, quietly, write_json
+from stagectl.cli.console import console_for, progress_bar
+from stagectl.cli.gap_measure import gap_table, machine_of
+from stagectl.cli.options import FILE, JSON_OUT, OUTPUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
     from sim2real.attribution import Pairs
-    from sim2real.diagnosis import Diagnosis, Progress
+    from sim2real.diagnosis import Diagnosis
     from sim2real.report import GapReport, NextExperiment
-    from stagectl.config.machine import Machine
+    from stagectl.config import Machine
 
-_WHERE_SHOWN = 6
-_ABOUT = 7  # characters of the longest "cause", "channel", ...
-_ALIKE_SHOWN = 8
+_MAX_CELLS = 6  # places of the gap that are listed
+_LABEL_WIDTH = 7  # characters of "channel", the longest label
+_MAX_COMPARED = 8  # effects whose similarity is shown
 _VERDICTS = {
     "no_gap": ("No gap", "green"),
     "explained": ("Explained", "green"),
@@ -33,18 +33,25 @@ _VERDICTS = {
 }
 
 
-@click.command("diagnose", short_help="Where the gap lies, and what causes it.")
+@click.command("diagnose")
 @click.argument("recordings", type=FILE, nargs=-1, required=True, metavar="REC.h5...")
-@click.option("--machine", type=FILE, help="Machine file to compare [the recordings' own].")
-@click.option("--json", "json_out", type=JSON_FILE, help="Write the report here; - is stdout.")
-@click.option("--html", "html_out", type=OUTPUT, help="Write the report as a page to look at.")
-@click.option("--twin", type=OUTPUT, help="Write the machine file with the effects found.")
-@click.option("--next", "next_out", type=OUTPUT, help="Write the moves that would tell most next.")
+@click.option(
+    "--machine", type=FILE, help="Machine file to examine.  [default: the recordings' own]"
+)
+@JSON_OUT
+@click.option("--html", "html_out", type=OUTPUT, help="Write the report as an HTML page.")
+@click.option("--twin", type=OUTPUT, help="Write the machine file with the causes found added.")
+@click.option(
+    "--next",
+    "next_out",
+    type=OUTPUT,
+    help="Write a recipe of the moves that would settle most open questions.",
+)
 @click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Threads.")
 @click.option(
     "--correct/--no-correct",
     default=False,
-    help="Go on with channels corrected for what is wrong with them [no].",
+    help="Correct faulty channels and continue with them.  [default: no]",
 )
 def diagnose(
     recordings: tuple[Path, ...],
@@ -56,17 +63,29 @@ def diagnose(
     jobs: int,
     correct: bool,
 ) -> None:
-    """Channels, gap and floor, where the gap lies, and its causes.
+    """Find out where simulation and recording differ and which physical effects cause it.
 
-    Several recordings of one stage are diagnosed together. Channels come first: units, signs,
-    delays, clocks and the controller are checked before any physics is suspected.
-    """
-    # Each axis has its own thread; linear algebra with threads of its own would fight them.
+    The channels of the recording are checked first: units, signs, delays, clocks and the control
+    law. Then gap and floor are measured, effects are fitted, and what they explain is tested on
+    held-out moves. Several recordings of one stage are diagnosed together.
+
+    \b
+    Verdicts:
+      No gap             the machine file describes the stage down to its noise
+      Explained          the causes listed close nearly all of the gap
+      Partly explained   the causes listed close some of it
+      Unexplained        there is a gap, but no known effect causes it
+      Insufficient       these recordings cannot support a diagnosis
+
+    A cause comes with its parameters (±1 sigma), its probability p and the usual remedy; effects
+    that these recordings cannot tell apart are listed together.
+    """  # noqa: D301  (\b keeps click from wrapping what follows)
+    # Each axis has its own thread; more threads inside linear algebra would slow them down.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from hil_sim.effects.library import EffectError, library
     from sim2real import diagnosis
     from sim2real.diagnosis import examine
-    from stagectl.config.mapping import stage_settings
+    from stagectl.config import stage_settings
     from stagectl.errors import ConfigError, UnusableInput
     from stagectl.store import read_recording
 
@@ -74,9 +93,8 @@ def diagnose(
     model = machine_of(machine, *recorded)
     settings = stage_settings(model)
     tolerance = {name: axis.plant.tolerance for name, axis in model.axes.items()}
-    quiet = quietly(json_out)
-    console = console_for(quiet)
-    with _diagnosing(console) as progress:
+    console = console_for(json_out)
+    with progress_bar(console, "reading") as progress:
         try:
             effects = library()
             examined = examine(recorded, settings, correct=correct, progress=progress)
@@ -92,45 +110,50 @@ def diagnose(
         from stagectl.report import write_gap_page
 
         write_gap_page(
-            html_out, report, examined, model.name,
-            explained=found.explained or None, likeness=_likeness(found), profiles=found.profiles,
-        )  # fmt: skip
+            html_out,
+            report,
+            examined,
+            model.name,
+            explained=found.explained or None,
+            similarity=_similarity(found),
+            profiles=found.profiles,
+        )
     if twin is not None:
         _write_twin(twin, model, report, found.plant)
     if next_out is not None and report.next_experiment is not None:
         next_out.write_text(_recipe(report.next_experiment), encoding="utf-8")
-    if not quiet:
-        _show(console, report, model.name)
+    if not is_json_on_stdout(json_out):
+        _print_report(console, report, model.name)
         if next_out is not None and report.next_experiment is None:
-            console.print(f"{next_out} is not written: no moves are called for", markup=False)
+            console.print(f"{next_out} is not written: no further moves needed", markup=False)
 
 
-def _likeness(found: Diagnosis) -> dict[str, Pairs]:
-    """How alike the most suspected effects are, on axes with causes; else on all."""
+def _similarity(found: Diagnosis) -> dict[str, Pairs]:
+    """Similarity of the most likely effects, on axes with causes or, without any, on all axes."""
     from sim2real.attribution import signature_similarity
 
     named = {cause.axis for cause in found.report.causes}
-    alike = {}
+    similarity = {}
     for axis, searched in found.searches.items():
         if named and axis not in named:
             continue
         causes = [cause.effect for cause in found.report.causes if cause.axis == axis]
         others = sorted(searched.scanned, key=lambda name: -searched.scanned[name])
-        names = list(dict.fromkeys([*causes, *others]))[:_ALIKE_SHOWN]
-        alike[axis] = signature_similarity(searched.signatures, names)
-    return alike
+        names = list(dict.fromkeys([*causes, *others]))[:_MAX_COMPARED]
+        similarity[axis] = signature_similarity(searched.signatures, names)
+    return similarity
 
 
 def _write_twin(
     path: Path, machine: Machine, report: GapReport, plant: Mapping[str, Mapping[str, float]]
 ) -> None:
-    from stagectl.config.twin import twin_text
+    from stagectl.config.twin import render_twin
 
     effects: dict[str, list[tuple[str, dict[str, float]]]] = {}
     for cause in report.causes:
         parameters = {key: p.value for key, p in cause.parameters.items()}
         effects.setdefault(cause.axis, []).append((cause.effect, parameters))
-    path.write_text(twin_text(machine, effects, plant), encoding="utf-8")
+    path.write_text(render_twin(machine, effects, plant), encoding="utf-8")
 
 
 def _recipe(experiment: NextExperiment) -> str:
@@ -142,31 +165,17 @@ def _recipe(experiment: NextExperiment) -> str:
     )
 
 
-@contextmanager
-def _diagnosing(console: Console) -> Iterator[Progress]:
-    from rich.progress import Progress, TimeElapsedColumn
-
-    columns = (*Progress.get_default_columns()[:3], TimeElapsedColumn())
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
-    ) as bar:
-        task = bar.add_task("reading", total=None)
-        yield lambda what, done, total: bar.update(
-            task, description=what, completed=done, total=total
-        )
-
-
-def _show(console: Console, report: GapReport, machine: str) -> None:
-    """The report in a screenful."""
+def _print_report(console: Console, report: GapReport, machine: str) -> None:
+    """The report on one screen."""
     word, colour = _VERDICTS[report.verdict]
     lines = [(f"[bold {colour}]{word}[/]:", report.reason)]
     lines += [
         ("channel", f"{f.text}{' (corrected)' if f.applied else ''}") for f in report.channels
     ]
-    console.print(_lines(lines))
+    console.print(_grid(lines))
     if report.gap is not None:
         console.print(gap_table(report.gap, f"Gap of {machine} (rms)"))
-    lines = [("where", cell.text) for cell in report.where[:_WHERE_SHOWN]]
+    lines = [("where", cell.text) for cell in report.where[:_MAX_CELLS]]
     for cause in report.causes:
         figures = ", ".join(
             f"{key} {p.value:.4g} ± {p.sigma:.2g} {p.unit}" for key, p in cause.parameters.items()
@@ -179,24 +188,24 @@ def _show(console: Console, report: GapReport, machine: str) -> None:
     for group in report.confusable:
         lines.append(("alike", f"{group.axis}: {', '.join(group.effects)}: {group.why}"))
     if report.gap_closed is not None:
-        interval = report.gap_closed_interval
-        held = "" if interval is None else f" ({interval[0]:.2f} to {interval[1]:.2f})"
+        ends = report.gap_closed_interval
+        interval = "" if ends is None else f" ({100 * ends[0]:.0f} to {100 * ends[1]:.0f} %)"
         lines.append(
-            ("closed", f"{report.gap_closed:.2f}{held} of the gap, on moves that took no part")
+            ("closed", f"{100 * report.gap_closed:.0f} %{interval} of the gap, on held-out moves")
         )
     if report.next_experiment is not None:
         lines.append(("next", report.next_experiment.why))
-    console.print(_lines(lines))
+    console.print(_grid(lines))
 
 
-def _lines(lines: Sequence[tuple[str, str]]) -> RenderableType:
-    """What each line is about, and beside it what is too long for one line."""
+def _grid(lines: Sequence[tuple[str, str]]) -> RenderableType:
+    """Labels in a column of their own, so that long texts wrap beside them."""
     from rich.markup import escape
     from rich.table import Table
 
     grid = Table.grid(padding=(0, 2, 0, 0))
-    grid.add_column(min_width=_ABOUT, no_wrap=True)
+    grid.add_column(min_width=_LABEL_WIDTH, no_wrap=True)
     grid.add_column(overflow="fold")
-    for about, text in lines:
-        grid.add_row(about, escape(text))
+    for label, text in lines:
+        grid.add_row(label, escape(text))
     return grid

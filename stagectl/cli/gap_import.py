@@ -1,4 +1,4 @@
-"""`stagectl gap import`: foreign data as a recording."""
+"""`stagectl gap import`: data of other programs as a recording."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import click
 from stagectl.cli.options import FILE, OUTPUT
 
 
-@click.command("import", short_help="Foreign data (.mat, .csv) as a recording.")
+@click.command("import")
 @click.argument("data", type=FILE)
-@click.option("--map", "how", type=FILE, required=True, help="Which column is what, in what unit.")
-@click.option("--out", type=OUTPUT, help="Recording to write [DATA.h5, here].")
+@click.option("--map", "how", type=FILE, required=True, help="Map of columns to channels (YAML).")
+@click.option("--out", type=OUTPUT, help="Recording to write.  [default: DATA.h5 in this folder]")
 def import_data(data: Path, how: Path, out: Path | None) -> None:
-    """Make a recording out of DATA, a .mat or .csv file, by a map.
+    """Convert DATA, a .mat or .csv file, into a recording that the other gap commands read.
 
-    The map names the column, unit, factor and delay of each channel, and the machine file that
-    goes into the recording; its drives may have a PID or a cascade. Example: examples/emps.
+    The map names the column, unit, factor and delay of each channel, and the machine file of the
+    stage; its drives may have a PID or a cascaded position loop. Example: examples/emps.
     """
     from stagectl.config.import_map import load_map
     from stagectl.store import import_recording, write_recording

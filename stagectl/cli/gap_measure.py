@@ -1,81 +1,77 @@
-"""`stagectl gap measure` and `compare`: the gap of machine files; nothing is fitted."""
+"""`stagectl gap measure` and `compare`: the gap of machine files, without any fit."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.options import FILE, JSON_FILE, quietly, write_json
+from stagectl.cli.console import ProgressUpdate, console_for, progress_bar
+from stagectl.cli.options import FILE, JSON_OUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from hil_sim.settings import StageSettings
     from sim2real.gap import Gap, Measured
     from sim2real.report import GapFigures
-    from stagectl.config.machine import Machine
+    from stagectl.config import Machine
     from stagedata import Recording
 
 
-@click.command("measure", short_help="The gap of a machine file against a recording.")
+@click.command("measure")
 @click.argument("recording", type=FILE)
-@click.option("--machine", type=FILE, help="Machine file to compare [the recording's own].")
-@click.option("--json", "json_out", type=JSON_FILE, help="Write the figures here; - is stdout.")
+@click.option(
+    "--machine", type=FILE, help="Machine file to simulate.  [default: the recording's own]"
+)
+@JSON_OUT
 def measure(recording: Path, machine: Path | None, json_out: Path | None) -> None:
-    """Simulate RECORDING's demands in closed loop and compare; nothing is fitted.
+    """Simulate the setpoints of RECORDING in closed loop and compare; nothing is fitted.
 
-    The gap is the rms of recorded minus simulated, noise-free. The floor is what a perfect model
-    would still show, for encoder noise and the repeatability that the machine file states; where
-    the recording repeats moves, it is checked against them.
+    The gap is the rms of recorded minus simulated (noise-free) position and force. The floor is
+    what a perfect model would still leave: encoder noise and the friction repeatability stated in
+    the machine file. Moves that the recording repeats serve as a check of the floor.
     """
     from sim2real.report import FORMAT, VERSION, gap_json
-    from stagectl.config.mapping import stage_settings
+    from stagectl.config import stage_settings
     from stagectl.store import read_recording
 
     recorded = read_recording(recording)
     model = machine_of(machine, recorded)
-    quiet = quietly(json_out)
-    console = console_for(quiet)
-    with _simulating(console) as progress:
-        found = _measured(recorded, stage_settings(model), progress)
+    console = console_for(json_out)
+    with progress_bar(console, "simulating") as update:
+        found = _measure(recorded, stage_settings(model), update)
     if json_out is not None:
         report = {"format": FORMAT, "version": VERSION, "recordings": [str(recording)]}
         write_json({**report, "gap": gap_json(found.gap)}, json_out)
-    if not quiet:
+    if not is_json_on_stdout(json_out):
         console.print(gap_table(found.gap, f"Gap of {model.name} against {recording.name} (rms)"))
         for line in repeat_lines(found):
             console.print(line, markup=False, highlight=False)
 
 
-@click.command("compare", short_help="Two machine files against the same recordings.")
+@click.command("compare")
 @click.argument("first", type=FILE, metavar="A.yaml")
 @click.argument("second", type=FILE, metavar="B.yaml")
 @click.argument("recordings", type=FILE, nargs=-1, required=True, metavar="REC.h5...")
-@click.option("--json", "json_out", type=JSON_FILE, help="Write the figures here; - is stdout.")
+@JSON_OUT
 def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: Path | None) -> None:
-    """Which of two machine files is closer to the recordings, and by how much.
+    """Compare two machine files on the same recordings: which one is closer, and by how much.
 
-    Nothing is fitted. Gap closed is that of B over A, above A's floor.
+    Nothing is fitted. Gap closed is the share of A's gap above its floor that B removes.
     """
     from sim2real.gap import gap_closed, pool_gaps
     from sim2real.report import FORMAT, VERSION, GapFigures, gap_json
-    from stagectl.config.machine_file import load_machine
-    from stagectl.config.mapping import stage_settings
+    from stagectl.config import load_machine, stage_settings
     from stagectl.store import read_recording
 
-    machines = [load_machine(path) for path in (first, second)]
-    settings = [stage_settings(machine) for machine in machines]
+    settings = [stage_settings(load_machine(path)) for path in (first, second)]
     recorded = [read_recording(path) for path in recordings]
-    quiet = quietly(json_out)
-    console = console_for(quiet)
+    console = console_for(json_out)
     gaps = []
-    with _simulating(console) as progress:
+    with progress_bar(console, "simulating") as update:
         for model in settings:
-            each = [(_measured(r, model, progress).gap, len(r)) for r in recorded]
+            each = [(_measure(r, model, update).gap, len(r)) for r in recorded]
             gaps.append(pool_gaps(each))
     before, after = gaps
     share = gap_closed(before, after)
@@ -94,7 +90,7 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
             "machines": [str(first), str(second)],
         }
         write_json({**report, "gap": gap_json(both), "gap_closed": share}, json_out)
-    if not quiet:
+    if not is_json_on_stdout(json_out):
         console.print(
             gap_table(both, f"Gap of {first.name} (A) and {second.name} (B) (rms)", "A", "B")
         )
@@ -102,35 +98,35 @@ def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: P
 
 
 def closed_line(share: float | None) -> str:
-    """Gap closed in words."""
+    """The share of the gap closed, as a sentence."""
     if share is None:
-        return "A is too close to its floor, or too far off, for a share of the gap to be closed."
+        return "No share of the gap can be stated: A is too close to its floor, or too far off."
     if share < 0:
-        return f"B is farther from the recordings than A: gap closed {share:.2f}."
-    return f"B closes {share:.2f} of A's gap (1 is all of it)."
+        return f"B is farther from the recordings than A (gap closed: {share:.2f})."
+    return f"B closes {100 * share:.0f} % of A's gap."
 
 
 def repeat_lines(found: Measured) -> list[str]:
-    """What the recording's repeated moves say of the floor; nothing where none repeats."""
+    """The scatter of repeated moves compared with the floor, one line per axis that has any."""
     lines = []
     for axis, signals in found.repeats.items():
         parts = [f"{signal} {check.ratio:.1f} x" for signal, check in signals.items()]
         moves = next(iter(signals.values())).moves
         lines.append(
-            f"{axis}: {moves} moves repeat another; they scatter by {', '.join(parts)} "
-            "what the machine file's repeatability gives"
+            f"{axis}: {moves} repeated moves scatter by {', '.join(parts)} "
+            "what the machine file's repeatability predicts"
         )
     return lines
 
 
 def machine_of(machine: Path | None, *recorded: Recording) -> Machine:
-    """The machine file named, or the one that the recordings carry.
+    """The machine file named, or the one inside the recordings.
 
     Raises:
-        UnusableInput: recordings that were made with different machine files.
+        UnusableInput: the recordings were made with different machine files.
         ConfigError: the machine file cannot be used.
     """
-    from stagectl.config.machine_file import load_machine, parse_machine
+    from stagectl.config import load_machine, parse_machine
     from stagectl.errors import UnusableInput
 
     if machine is not None:
@@ -140,41 +136,31 @@ def machine_of(machine: Path | None, *recorded: Recording) -> Machine:
         if other.machine != first.machine:
             raise UnusableInput(
                 f"{other.source}: made with another machine file than {first.source}; "
-                "say with --machine which one counts"
+                "choose one with --machine"
             )
     return parse_machine(first.machine, f"{first.source}:machine")
 
 
-def _measured(
-    recorded: Recording, settings: StageSettings, progress: Callable[[int, int], object]
-) -> Measured:
+def _measure(recorded: Recording, settings: StageSettings, update: ProgressUpdate) -> Measured:
+    from functools import partial
+
     from sim2real.gap import compare_with_model
     from stagectl.errors import UnusableInput
 
     try:
-        return compare_with_model(recorded, settings, progress=progress)
+        return compare_with_model(recorded, settings, progress=partial(update, "simulating"))
     except ValueError as error:
         raise UnusableInput(f"{recorded.source}: {error}") from error
 
 
-def console_for(quiet: bool) -> Console:
-    """Where people read: standard error where the JSON goes to standard output."""
-    from rich.console import Console
-
-    return Console(stderr=quiet)
-
-
-@contextmanager
-def _simulating(console: Console) -> Iterator[Callable[[int, int], object]]:
-    from rich.progress import Progress
-
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("simulating", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
-
-
 def gap_table(found: Mapping[str, Mapping[str, GapFigures]], title: str, *names: str) -> Any:
-    """Gaps and floors, in the units people read; `explained` where there is one."""
+    """Gaps and floors in µm and N.
+
+    Args:
+        found: axis -> signal -> figures.
+        title: of the table.
+        names: of the columns of `nominal` and `explained`; "gap" and "explained" by default.
+    """
     from rich.table import Table
 
     both = any(f.explained is not None for signals in found.values() for f in signals.values())

@@ -1,4 +1,4 @@
-"""`stagectl history`: what concerns the friction history as a whole."""
+"""`stagectl history`: maintenance of the friction history."""
 
 from __future__ import annotations
 
@@ -9,24 +9,26 @@ import click
 from stagectl.cli.lazy import LazyGroup
 
 COMMANDS = {
-    "import": ("stagectl.cli.history:import_run", "File what a run's history did not get."),
+    "import": ("stagectl.cli.history:import_run", "Add a run's estimates to its history."),
 }
 
 
 @click.group(name="history", cls=LazyGroup, lazy=COMMANDS)
 def command() -> None:
-    """The friction history: every estimate of every run (stage.db, or PostgreSQL)."""
+    """The friction history: every estimate of every run, in a stage.db file or PostgreSQL."""
 
 
-@click.command("import", short_help="File what a run's history did not get.")
+@click.command("import")
 @click.argument("run", type=click.Path(path_type=Path))
-@click.option("--history", metavar="FILE|URL", help="File it there [the run's own history].")
+@click.option(
+    "--history", metavar="FILE|URL", help="Import into this one.  [default: the run's own]"
+)
 def import_run(run: Path, history: str | None) -> None:
-    """File all estimates of RUN, a folder, that its history does not have.
+    """Import the estimates of RUN, a run's folder, that are missing in its history.
 
-    A run goes on where its history is locked, full or out of reach, and says so at its end; the
-    next run of the stage with the same history files what is missing by itself, as long as the
-    folder is where it was. Importing twice adds nothing.
+    A run continues if its history is locked, full or out of reach, and reports that at its end.
+    The next run with the same history imports what is missing by itself, unless the folder has
+    been moved. Importing twice adds nothing.
     """
     from stagectl.errors import UnusableInput
     from stagectl.history import file_run, open_history, runs_in
@@ -34,7 +36,7 @@ def import_run(run: Path, history: str | None) -> None:
     for noted in runs_in(run):
         where = history or noted.where
         if where is None:
-            raise UnusableInput(f"{run}: was made without a history; name one: --history")
+            raise UnusableInput(f"{run}: was made without a history; name one with --history")
         opened = open_history(where, write=True)
         try:
             added = file_run(opened, noted)
@@ -42,7 +44,7 @@ def import_run(run: Path, history: str | None) -> None:
             opened.close()
         total = len(noted.estimates)
         click.echo(
-            f"{added} of {total} estimates filed in {opened.name}"
+            f"{added} of {total} estimates imported into {opened.name}"
             if added
-            else f"all {total} estimates are in {opened.name} already"
+            else f"all {total} estimates are already in {opened.name}"
         )

@@ -1,4 +1,4 @@
-"""`stagectl identify`: friction figures, Stribeck curve and hysteresis shape out of recordings."""
+"""`stagectl identify`: friction parameters, Stribeck curve and hysteresis shape from recordings."""
 
 from __future__ import annotations
 
@@ -8,24 +8,31 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.options import FILE, JSON_FILE, quietly, write_json
+from stagectl.cli.options import FILE, JSON_OUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from estimation.offline import Figure, Identification
 
-TOLD = ("estimated", "with its neighbours")
+ESTIMATED = ("estimated", "with its neighbours")
+"""Verdicts on parameters that the recordings determine."""
 FORMAT, VERSION = "stagectl-friction", 1
 
 
-@click.command(short_help="Friction figures out of recordings.")
+@click.command
 @click.argument("recordings", type=FILE, nargs=-1, required=True)
-@click.option("--machine", type=FILE, help="What is believed before [the first recording's own].")
-@click.option("--axis", "only", multiple=True, help="Only this axis (may be given again).")
 @click.option(
-    "--elements", type=click.IntRange(1, 64), help="Maxwell-slip elements [the machine file's]."
+    "--machine",
+    type=FILE,
+    help="Machine file with the prior values.  [default: that in the first recording]",
 )
-@click.option("--shape/--no-shape", default=True, help="Print every k_i and nu_i too.")
-@click.option("--json", "json_out", type=JSON_FILE, help="Write the figures here; - is stdout.")
+@click.option("--axis", "only", multiple=True, help="Only this axis; repeat for several.")
+@click.option(
+    "--elements",
+    type=click.IntRange(1, 64),
+    help="Maxwell-slip elements.  [default: the machine file's]",
+)
+@click.option("--shape/--no-shape", default=True, help="Also print every k_i and nu_i.")
+@JSON_OUT
 def command(
     recordings: tuple[Path, ...],
     machine: Path | None,
@@ -34,18 +41,18 @@ def command(
     shape: bool,
     json_out: Path | None,
 ) -> None:
-    """Estimate what single moves do not tell, from all moves of RECORDINGS of one stage.
+    """Estimate the complete friction model from all moves in RECORDINGS of one stage.
 
     Per axis: Coulomb force, viscous friction, presliding stiffness, relaxation rate, Stribeck
-    curve, direction asymmetry and the shape of the hysteresis (k_i, nu_i), with mass, force offset
-    and lag beside them. A figure of which the recordings say less than was believed before stays at
-    its prior, and says so. Recordings with many micro-moves in both directions say most. How to
-    read sigma and gain: docs/estimator.md.
+    curve, direction asymmetry and the shape of the hysteresis (k_i, nu_i), together with mass,
+    force offset and lag. A parameter about which the recordings say less than its prior keeps the
+    prior and is marked. Recordings with many micro-moves in both directions are most informative.
+    How to read sigma and gain: docs/estimator.md.
     """
     from rich.console import Console
 
     from stagectl.calibration import identify_axis
-    from stagectl.config.machine_file import load_machine, parse_machine
+    from stagectl.config import load_machine, parse_machine
     from stagectl.errors import UnusableInput
     from stagectl.store import read_recording
 
@@ -58,7 +65,6 @@ def command(
     for name in only:
         if name not in model.axes:
             raise UnusableInput(f"{model.source}: no axis {name!r}, it has {', '.join(model.axes)}")
-    quiet = quietly(json_out)
     console = Console(stderr=True)
     found: dict[str, Identification] = {}
     for name in only or tuple(model.axes):
@@ -66,7 +72,7 @@ def command(
             found[name] = identify_axis(read, model, name, elements)
     if json_out is not None:
         write_json(_report(found, recordings, model.name), json_out)
-    if not quiet:
+    if not is_json_on_stdout(json_out):
         for name, answer in found.items():
             click.echo("\n".join(_lines(name, answer, shape)))
 
@@ -107,36 +113,34 @@ def _finite(value: float) -> float | None:
 
 
 def _lines(name: str, answer: Identification, shape: bool) -> list[str]:
-    """Tables of one axis and what they rest on, 80 columns wide."""
+    """The tables of one axis and their data basis, 80 columns wide."""
     lines = [
         f"Axis {name}",
-        f"  {'figure':23s} {'before':>15s} {'estimate':>20s} {'gain':>6s}  verdict",
+        f"  {'parameter':23s} {'prior':>15s} {'estimate':>20s} {'gain':>6s}  verdict",
     ]
     springs = [f for f in answer.figures if f.name.startswith("k_")]
     shares = [f for f in answer.figures if f.name.startswith("nu_")]
     for f in answer.figures:
         if f not in springs and f not in shares:
             label = f"{f.name} [{f.unit}]" if f.unit else f.name
-            value, gain = _after(f)
-            lines.append(f"  {label:23s} {_before(f):>15s} {value:>20s} {gain:>6s}  {f.verdict}")
+            value, gain = _estimate(f)
+            lines.append(f"  {label:23s} {_prior(f):>15s} {value:>20s} {gain:>6s}  {f.verdict}")
     if shape:
-        head = f"  {'i':>2s} {'k_i before':>15s} {'k_i':>18s} {'nu_i before':>17s} {'nu_i':>18s}"
+        head = f"  {'i':>2s} {'k_i prior':>15s} {'k_i':>18s} {'nu_i prior':>17s} {'nu_i':>18s}"
         lines += ["", head]
         for i, (k, nu) in enumerate(zip(springs, shares, strict=True), 1):
-            first, second = _after(k)[0] or "prior", _after(nu)[0] or "prior"
-            lines.append(
-                f"  {i:>2d} {_before(k):>15s} {first:>18s} {_before(nu):>17s} {second:>18s}"
-            )
+            first, second = _estimate(k)[0] or "prior", _estimate(nu)[0] or "prior"
+            lines.append(f"  {i:>2d} {_prior(k):>15s} {first:>18s} {_prior(nu):>17s} {second:>18s}")
     return [*lines, "", *_summary(answer), ""]
 
 
-def _before(figure: Figure) -> str:
+def _prior(figure: Figure) -> str:
     return f"{figure.prior:.4g} ± {figure.prior_sigma:.2g}"
 
 
-def _after(figure: Figure) -> tuple[str, str]:
-    """Estimate with sigma, and gain; blank where there is no estimate."""
-    if figure.verdict not in TOLD:
+def _estimate(figure: Figure) -> tuple[str, str]:
+    """Estimate with sigma, and gain; blank if there is no estimate."""
+    if figure.verdict not in ESTIMATED:
         return "", ""
     digits = 2
     if figure.value != 0.0 and figure.sigma > 0.0:
@@ -150,9 +154,9 @@ MACHINE_KEYS = (
 
 
 def _for_machine_file(answer: Identification) -> list[str]:
-    """The figures that a machine file has, as it has them."""
-    values = {n: answer[n].value for n in MACHINE_KEYS if answer[n].verdict in TOLD}
-    if answer["relaxation_rate"].verdict in TOLD:
+    """The estimates that a machine file has keys for, in its syntax."""
+    values = {n: answer[n].value for n in MACHINE_KEYS if answer[n].verdict in ESTIMATED}
+    if answer["relaxation_rate"].verdict in ESTIMATED:
         values["attraction"] = answer["relaxation_rate"].value * answer["coulomb"].value
     if not values:
         return []
@@ -162,12 +166,12 @@ def _for_machine_file(answer: Identification) -> list[str]:
 
 
 def _summary(answer: Identification) -> list[str]:
-    """What the table rests on."""
+    """The data basis of the estimates, and how well the model fits."""
     if answer.reason is not None:
         return [f"  Nothing estimated: {answer.reason}."]
-    held = f", {answer.held_out:.2f} on moves held out" if math.isfinite(answer.held_out) else ""
+    held = f", {answer.held_out:.2f} on held-out moves" if math.isfinite(answer.held_out) else ""
     return [
-        f"  {answer.samples} samples in motion, {answer.blocks} blocks. Residual over its noise:",
-        f"  {answer.before:.2f} before, {answer.misfit:.2f} after{held}; 1 is perfect.",
+        f"  {answer.samples} samples in motion, {answer.blocks} blocks. Residual over noise:",
+        f"  {answer.before:.2f} with the priors, {answer.misfit:.2f} fitted{held}; 1 is ideal.",
         *_for_machine_file(answer),
     ]

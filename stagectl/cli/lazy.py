@@ -1,4 +1,4 @@
-"""A command group whose commands are imported only when they are called."""
+"""A command group that imports a command only when it is called."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import click
 
 
 class LazyGroup(click.Group):
-    """A group whose commands are imported on demand.
+    """A group that imports its commands on demand.
 
     Args:
-        lazy: command -> (module, or module:attribute where that is not `command`; one line on it),
-            in the order of their use.
+        lazy: command -> (module or module:attribute, attribute `command` by default; one-line
+            help), in the order in which they are listed.
     """
 
     def __init__(self, *args: Any, lazy: Mapping[str, tuple[str, str]], **keywords: Any) -> None:
@@ -23,11 +23,11 @@ class LazyGroup(click.Group):
         self._lazy = lazy
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """All commands, in the order of their use."""
+        """All commands, in the order given."""
         return list(self._lazy)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The command, imported now."""
+        """Import the command."""
         if cmd_name not in self._lazy:
             near = get_close_matches(cmd_name, self._lazy, 1)
             if near and not ctx.resilient_parsing:
@@ -38,6 +38,6 @@ class LazyGroup(click.Group):
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The list of commands without importing them."""
+        """List the commands without importing them."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, text) for name, (_, text) in self._lazy.items()])

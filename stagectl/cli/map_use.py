@@ -1,105 +1,107 @@
-"""`stagectl map`: how a map comes into use, and out of it: `build`, `activate`, `rollback`."""
+"""`stagectl map build`, `activate` and `rollback`: which friction map runs use."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.history_access import chosen, history_options, machine_of, open_for, versions_of
-from stagectl.cli.options import FILE, JSON_OUT, NumberRange, quietly, write_json
+from stagectl.cli.history_access import history_options, open_stage_history, select_version
+from stagectl.cli.options import FILE, JSON_OUT, NumberRange, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from stagectl.history import History, StageKey
     from stagectl.maps import MapVersion
 
 MAX_AGE = 365.0
-"""A map of so long ago [days] is not put into use without being asked for."""
+"""Default age from which a map is refused [days]."""
 
 
-@click.command("build", short_help="Make a new version out of the history.")
+def _check_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """`--machine` and `--max-age`: what a version is checked against."""
+    for option in (
+        click.option("--max-age", type=NumberRange(0.0), default=MAX_AGE, show_default=True,
+                     help="Refuse a map older than this [days]."),
+        click.option("--machine", type=FILE,
+                     help="Machine file that the map must fit.  [default: wafer-xy]"),
+    ):  # fmt: skip
+        command = option(command)
+    return command
+
+
+@click.command("build")
 @history_options
-@click.option("--date", type=click.DateTime(), help="As things stood then, UTC [now].")
-@click.option("--since", type=click.DateTime(), help="Nothing earlier goes in, UTC.")
-@click.option("--comment", default="", help="Kept with it.")
+@click.option("--date", type=click.DateTime(), help="State of the map at this date, UTC [now].")
+@click.option("--since", type=click.DateTime(), help="Ignore estimates before this date, UTC.")
+@click.option("--comment", default="", help="Stored with the map.")
 def build(
-    history: str | None, stage_name: str | None, simulated: bool | None, date: object,
-    since: object, comment: str,
+    history: str | None, stage_name: str | None, simulated: bool | None, date: datetime | None,
+    since: datetime | None, comment: str,
 ) -> None:  # fmt: skip
-    """Make a new version out of what is in the history; it is not put into use by this."""
-    from datetime import UTC, datetime
-
+    """Build a new version from the estimates in the history. Runs use it once it is activated."""
     from stagectl.maps import build_map, to_json
 
-    def seconds(value: object, default: float) -> float:
-        return value.replace(tzinfo=UTC).timestamp() if isinstance(value, datetime) else default
+    def timestamp(value: datetime | None, default: float) -> float:
+        return default if value is None else value.replace(tzinfo=UTC).timestamp()
 
-    opened, stage = open_for(history, stage_name, simulated, write=True)
-    try:
-        built = build_map(opened, stage, seconds(date, float("inf")), seconds(since, float("-inf")))
+    with open_stage_history(history, stage_name, simulated, write=True) as (opened, stage):
+        until, first = timestamp(date, float("inf")), timestamp(since, float("-inf"))
+        built = build_map(opened, stage, until, first)
         number = opened.save_map(stage, datetime.now(UTC).timestamp(), comment, to_json(built))
-    finally:
-        opened.close()
     sites = ", ".join(f"{name}: {len(axis.sites)} sites" for name, axis in built.axes.items())
     click.echo(
-        f"map {number} of {stage} ({sites}); 'stagectl map activate {number}' puts it in use"
+        f"map {number} of {stage} ({sites}); 'stagectl map activate {number}' puts it into use"
     )
 
 
-@click.command("activate", short_help="Put a version into use, once it is known to fit.")
+@click.command("activate")
 @click.argument("number", type=int, required=False)
 @history_options
-@click.option("--machine", type=FILE, help="Machine file that it has to fit [wafer-xy].")
-@click.option("--check", is_flag=True, help="Only say whether it could be.")
-@click.option("--max-age", type=NumberRange(0.0), default=MAX_AGE, show_default=True,
-              help="An older one is refused [days].")  # fmt: skip
+@_check_options
+@click.option("--check", is_flag=True, help="Only report whether it could be activated.")
 @JSON_OUT
 def activate(
     number: int | None, history: str | None, stage_name: str | None, simulated: bool | None,
     machine: Path | None, check: bool, max_age: float, json_out: Path | None,
 ) -> None:  # fmt: skip
-    """Put version NUMBER [the last] into use: runs on this history go by it from the next on."""
-    opened, stage = open_for(history, stage_name, simulated, write=not check)
-    try:
-        version = chosen(versions_of(opened, stage), number, opened.name, last=True)
-        _apply(opened, stage, version, machine, max_age, None if check else "activated", json_out)
-    finally:
-        opened.close()
+    """Put version NUMBER [the latest] into use: further runs with this history use it.
+
+    Refused if the map does not fit the machine file or is too old.
+    """
+    with open_stage_history(history, stage_name, simulated, write=not check) as (opened, stage):
+        version = select_version(opened, stage, number, latest=True)
+        reason = None if check else "activated"
+        _activate(opened, stage, version, machine, max_age, reason, json_out)
 
 
-@click.command("rollback", short_help="Back to the version that was in use before.")
+@click.command("rollback")
 @history_options
-@click.option("--machine", type=FILE, help="Machine file that it has to fit [wafer-xy].")
-@click.option("--max-age", type=NumberRange(0.0), default=MAX_AGE, show_default=True,
-              help="An older one is refused [days].")  # fmt: skip
+@_check_options
 @JSON_OUT
 def rollback(
     history: str | None, stage_name: str | None, simulated: bool | None, machine: Path | None,
     max_age: float, json_out: Path | None,
 ) -> None:  # fmt: skip
-    """Put the version into use that was before the present one; none where there was none."""
-    opened, stage = open_for(history, stage_name, simulated, write=True)
-    try:
-        before = _before_present(opened, stage)
-        if before is None:
-            from datetime import UTC, datetime
-
-            from stagectl.maps import applied
-
-            opened.activate(stage, None, datetime.now(UTC).timestamp(), "rolled back")
-            click.echo(f"{stage}: no map in use", err=quietly(json_out))
-            if json_out is not None:
-                write_json(applied(stage, None, [], "rolled back"), json_out)
+    """Return to the version that was in use before the current one, or to none."""
+    with open_stage_history(history, stage_name, simulated, write=True) as (opened, stage):
+        number = _previous_version(opened, stage)
+        if number is not None:
+            version = select_version(opened, stage, number)
+            _activate(opened, stage, version, machine, max_age, "rolled back", json_out)
             return
-        version = chosen(versions_of(opened, stage), before, opened.name)
-        _apply(opened, stage, version, machine, max_age, "rolled back", json_out)
-    finally:
-        opened.close()
+        from stagectl.maps import applied
+
+        opened.activate(stage, None, datetime.now(UTC).timestamp(), "rolled back")
+        click.echo(f"{stage}: no map in use", err=is_json_on_stdout(json_out))
+        if json_out is not None:
+            write_json(applied(stage, None, [], "rolled back"), json_out)
 
 
-def _before_present(history: History, stage: StageKey) -> int | None:
-    """The version in use before the present one; rollbacks go further back, not to and fro."""
+def _previous_version(history: History, stage: StageKey) -> int | None:
+    """The version used before the current one; repeated rollbacks go further back each time."""
     from stagectl.errors import UnusableInput
 
     used: list[int | None] = [None]
@@ -114,31 +116,31 @@ def _before_present(history: History, stage: StageKey) -> int | None:
     return used[-2]
 
 
-def _apply(
+def _activate(
     history: History, stage: StageKey, version: MapVersion, machine: Path | None, max_age: float,
     reason: str | None, json_out: Path | None,
 ) -> None:  # fmt: skip
-    """Check a version, and put it into use where there is a reason to; what was found is said."""
-    from datetime import UTC, datetime
-
+    """Check a version and report the findings; put it into use unless `reason` is None."""
+    from stagectl.config import load_machine
     from stagectl.errors import UnusableInput
     from stagectl.maps import applied, outdated, problems
 
-    now, quiet = datetime.now(UTC).timestamp(), quietly(json_out)
-    found = [*problems(version.map, machine_of(machine)), *outdated(version.map, now, max_age)]
+    now, quiet = datetime.now(UTC).timestamp(), is_json_on_stdout(json_out)
+    model = load_machine(machine)
+    found = [*problems(version.map, model), *outdated(version.map, now, max_age)]
     grave = [problem.text for problem in found if problem.grave]
-    if grave and machine is None and stage.machine != machine_of(None).name:
-        grave.append(f"name the machine file of {stage.machine}: --machine")
+    if grave and machine is None and stage.machine != model.name:
+        grave.append(f"name the machine file of {stage.machine} with --machine")
     if json_out is not None:
         write_json(applied(stage, version.number, found, None if grave else reason), json_out)
     if grave:
         raise UnusableInput(
-            f"{history.name}: map {version.number} cannot be applied: {'; '.join(grave)}"
+            f"{history.name}: map {version.number} cannot be activated: {'; '.join(grave)}"
         )
     for problem in found:
         click.echo(f"note: {problem.text}", err=quiet)
     if reason is None:
-        click.echo(f"map {version.number} can be applied", err=quiet)
+        click.echo(f"map {version.number} can be activated", err=quiet)
         return
     history.activate(stage, version.number, now, reason)
     click.echo(f"{stage}: map {version.number} is in use from now on ({reason})", err=quiet)

@@ -1,4 +1,4 @@
-"""What the commands share that move a stage or its simulation: options, machines, stopping."""
+"""Options, machine files and stop signals of the commands that move a stage or a simulation."""
 
 from __future__ import annotations
 
@@ -12,55 +12,61 @@ import click
 from stagectl.cli.options import FILE, BusType
 
 if TYPE_CHECKING:
-    from stagectl.config.machine import Machine
+    from stagectl.config import Machine
 
 _PACKAGED = "wafer-xy"
-_HOSTS_OWN = Path("the host's own")
+_SAME_AS_HOST = Path("same as the host")
+"""`--simulate` without a value."""
 
 
-def simulated_or_real(command: Callable[..., None]) -> Callable[..., None]:
-    """The options --machine, --simulate, --bus and --seed, for `machines_of`."""
+def stage_options(command: Callable[..., None]) -> Callable[..., None]:
+    """The options --machine, --simulate, --bus and --seed, for `load_machines`."""
     for option in (
         click.option("--seed", type=click.IntRange(0), default=1, show_default=True,
-                     help="Of the simulation's noise and repeatability."),
+                     help="Seed of the simulated noise and friction scatter."),
         click.option("--bus", type=BusType(),
-                     help="Instead of the machine file's, e.g. socketcan:can0."),
-        click.option("--simulate", type=FILE, is_flag=False, flag_value=_HOSTS_OWN,
-                     metavar="[TRUTH]", help="Run on virtual drives whose plant is this machine "
-                     "file [the host's own]."),
+                     help="CAN bus, e.g. socketcan:can0.  [default: the machine file's]"),
+        click.option("--simulate", type=FILE, is_flag=False, flag_value=_SAME_AS_HOST,
+                     metavar="[TRUTH]", help="Run on virtual drives, in virtual time. TRUTH: "
+                     "machine file of the simulated stage.  [default: the host's own]"),
         click.option("--machine", type=FILE,
-                     help="What the host believes of the stage [wafer-xy]."),
+                     help="Machine file: the host's model of the stage.  [default: wafer-xy]"),
     ):  # fmt: skip
         command = option(command)
     return command
 
 
-def machines_of(
+def load_machines(
     machine: Path | None, simulate: Path | None, bus: tuple[str, str] | None, moves: bool = True
 ) -> tuple[Machine, Machine | None]:
-    """What the host believes, and what the virtual stage is: None on a real one.
+    """The machine as the host believes it to be, and the simulated one (None on a real stage).
 
-    Says so where nothing could move, unless nothing is to (`moves`).
+    Args:
+        machine: `--machine`.
+        simulate: `--simulate`.
+        bus: `--bus`.
+        moves: whether the stage is to move; if so, warns that a virtual bus has no drives on it.
 
     Raises:
-        click.UsageError: a simulation was asked for, and a bus too.
-        ConfigError: a machine file is unusable, or the two don't fit each other.
+        click.UsageError: both `simulate` and `bus` are given.
+        ConfigError: a machine file is unusable, or the two do not match.
     """
     if simulate is not None and bus is not None:
-        raise click.UsageError("--bus: --simulate brings its own bus, in virtual time")
+        raise click.UsageError(
+            "--bus cannot be combined with --simulate, which has a bus of its own"
+        )
     believed = _load(machine)
     if simulate is None:
         if moves and (bus[0] if bus else believed.bus.interface) == "virtual":
-            click.echo("a virtual bus is this process' own, without drives: --simulate has them",
-                       err=True)  # fmt: skip
+            click.echo("a virtual bus has no drives on it; --simulate adds them", err=True)
         return believed, None
-    truth = believed if simulate == _HOSTS_OWN else _load(simulate)
-    _check_truth(believed, truth)
+    truth = believed if simulate == _SAME_AS_HOST else _load(simulate)
+    _check_match(believed, truth)
     return believed, truth
 
 
 def stop_on_signal(stop: Callable[[str], None]) -> None:
-    """Ctrl-C, SIGTERM and a lost terminal ask for a controlled stop from now on."""
+    """From now on, Ctrl-C, SIGTERM and a lost terminal request a controlled stop."""
 
     def handler(number: int, _: Any) -> None:
         name = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
@@ -71,29 +77,21 @@ def stop_on_signal(stop: Callable[[str], None]) -> None:
 
 
 def _load(path: Path | None) -> Machine:
-    from stagectl.config.machine_file import load_machine
+    from stagectl.config import load_machine
 
     packaged = path is None or (str(path) == _PACKAGED and not path.exists())
     return load_machine(None if packaged else path)
 
 
-def _check_truth(believed: Machine, truth: Machine) -> None:
-    """The same axes and SYNC, so that host and virtual drives can work together."""
+def _check_match(believed: Machine, truth: Machine) -> None:
+    """Host and virtual drives need the same axes, node ids and SYNC period."""
     from stagectl.errors import ConfigError
 
-    if list(truth.axes) != list(believed.axes):
-        raise ConfigError(
-            f"{truth.source}: axes: {', '.join(truth.axes)}; "
-            f"the host's machine file has {', '.join(believed.axes)}"
-        )
+    def require(key: str, there: object, here: object) -> None:
+        if there != here:
+            raise ConfigError(f"{truth.source}: {key}: {there}; the host's machine file has {here}")
+
+    require("axes", ", ".join(truth.axes), ", ".join(believed.axes))
     for name, axis in truth.axes.items():
-        if axis.node != believed.axes[name].node:
-            raise ConfigError(
-                f"{truth.source}: axes.{name}.node: {axis.node}; "
-                f"the host's machine file has {believed.axes[name].node}"
-            )
-    if truth.bus.sync_period != believed.bus.sync_period:
-        raise ConfigError(
-            f"{truth.source}: bus.sync_period: {truth.bus.sync_period:g} s; "
-            f"the host's machine file has {believed.bus.sync_period:g} s"
-        )
+        require(f"axes.{name}.node", axis.node, believed.axes[name].node)
+    require("bus.sync_period", f"{truth.bus.sync_period:g} s", f"{believed.bus.sync_period:g} s")

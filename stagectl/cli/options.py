@@ -11,14 +11,14 @@ from typing import Any
 import click
 
 FILE = click.Path(path_type=Path, dir_okay=True)
-"""A file to read; that it can be read is checked where it is read, with a better message."""
+"""A file to read. Whoever reads it checks that it can be read, and has the better message."""
 
 
 class _Output(click.Path):
-    """A file to write: refused before a long computation, not after.
+    """A file to write, checked before a long computation rather than after it.
 
     Args:
-        standard: - is standard output.
+        standard: whether `-` stands for standard output.
     """
 
     def __init__(self, standard: bool = False) -> None:
@@ -31,11 +31,11 @@ class _Output(click.Path):
         param: click.Parameter | None,
         ctx: click.Context | None,
     ) -> str | bytes | os.PathLike[str]:
-        """Its folder is there, and it can be written."""
+        """Check that its folder exists and that it can be written."""
         path = Path(value)
         if str(path) == "-":
             if not self._standard:
-                self.fail("standard output is not for this: name a file", param, ctx)
+                self.fail("cannot be written to standard output: name a file", param, ctx)
             return path
         if path.is_dir():
             self.fail(f"{path}: is a directory", param, ctx)
@@ -49,26 +49,26 @@ class _Output(click.Path):
 OUTPUT = _Output()
 """A file to write."""
 JSON_FILE = _Output(standard=True)
-"""A file to write JSON to; - is standard output."""
+"""A file to write JSON to; `-` is standard output."""
 
 JSON_OUT = click.option(
-    "--json", "json_out", type=JSON_FILE, help="Also write what is said here; - is stdout."
+    "--json", "json_out", type=JSON_FILE, help="Also write the result as JSON; - is stdout."
 )
-"""`--json`; with `-`, what people read goes to standard error."""
+"""`--json`; with `-`, all text for people goes to standard error."""
 
 
-def quietly(json_out: Path | None) -> bool:
-    """Whether standard output is for JSON alone."""
+def is_json_on_stdout(json_out: Path | None) -> bool:
+    """Whether standard output is reserved for JSON."""
     return json_out is not None and str(json_out) == "-"
 
 
 class NumberRange(click.FloatRange):
-    """A number within bounds; click's own takes nan for one within any."""
+    """A number within bounds; click's own class accepts nan."""
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        """A number that is one."""
+        """The number, refused if it is nan."""
         number = float(super().convert(value, param, ctx))
         if math.isnan(number):
             self.fail(f"{value} is not a number", param, ctx)
@@ -83,7 +83,7 @@ class BusType(click.ParamType[tuple[str, str]]):
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[str, str]:
-        """Split at the first colon (channels may hold more of them)."""
+        """Split at the first colon; a channel may contain more of them."""
         if isinstance(value, tuple):
             return value
         interface, colon, channel = str(value).partition(":")
@@ -93,9 +93,9 @@ class BusType(click.ParamType[tuple[str, str]]):
 
 
 def write_json(values: Any, path: Path) -> None:
-    """Write JSON to a file, or to standard output where the path is `-`."""
+    """Write JSON to a file, or to standard output if the path is `-`."""
     text = json.dumps(values, indent=1, allow_nan=False) + "\n"
-    if str(path) == "-":
+    if is_json_on_stdout(path):
         click.echo(text, nl=False)
     else:
         path.write_text(text, encoding="utf-8")

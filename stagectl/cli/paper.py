@@ -1,4 +1,4 @@
-"""`stagectl paper`: the source paper's simulation, its tables and its claims."""
+"""`stagectl paper`: reproduction of the source paper's simulation, tables and claims."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.options import JSON_FILE, OUTPUT, quietly, write_json
+from stagectl.cli.console import console_for, progress_bar
+from stagectl.cli.options import JSON_OUT, OUTPUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -15,54 +16,56 @@ if TYPE_CHECKING:
     from stagectl.paper import Case, Study
 
 
-@click.command(short_help="The source paper's tables and claims, reproduced.")
-@click.option("--json", "json_out", type=JSON_FILE, help="Write the figures here; - is stdout.")
-@click.option("--out", type=OUTPUT, help="Write a page (.md) and its plots into images/ by it.")
-@click.option("--quick", is_flag=True, help="Fewer noisy runs, no sensitivity.")
-@click.option("--rate", default=20_000, show_default=True, help="Samples per second.")
+@click.command
+@JSON_OUT
 @click.option(
-    "--cut-off", default=500.0, show_default=True, help="Of the low-pass filter [Hz]; 0: none."
+    "--out", type=OUTPUT, help="Write a Markdown page, and its plots to images/ next to it."
+)
+@click.option("--quick", is_flag=True, help="Fewer noisy runs, no sensitivity study.")
+@click.option("--rate", default=20_000, show_default=True, help="Sampling rate [Hz].")
+@click.option(
+    "--cut-off",
+    default=500.0,
+    show_default=True,
+    help="Cut-off of the low-pass filter [Hz]; 0: none.",
 )
 @click.option(
     "--profile",
     type=click.Choice(["sine", "jerk-limited"]),
     default="sine",
     show_default=True,
-    help="Of the demand.",
+    help="Motion profile of the setpoints.",
 )
 @click.option(
-    "--bandwidth", default=100.0, show_default=True, help="Of the position loop, -3 dB [Hz]."
+    "--bandwidth",
+    default=100.0,
+    show_default=True,
+    help="-3 dB bandwidth of the position loop [Hz].",
 )
-@click.option("--feedforward", is_flag=True, help="Add mass times demanded acceleration.")
+@click.option("--feedforward", is_flag=True, help="Add acceleration feedforward.")
 @click.option(
     "--initial",
     type=click.Choice(["tied", "free"]),
     default="tied",
     show_default=True,
-    help="Element forces where a zone begins: known from the model, or estimated.",
+    help="Element forces at the start of a zone: from the model, or estimated.",
 )
 def command(json_out: Path | None, out: Path | None, quick: bool, **chosen: Any) -> None:
     """Simulate section IV of the source paper and check its tables and claims.
 
-    25 mm, 16 friction elements in the plant and 4 in the model, no noise, one window against two,
-    with the force as logged and aligned with the position. What the paper leaves open is an option.
+    A move of 25 mm, 16 friction elements in the plant and 4 in the model, no noise. One window is
+    compared with two, with the force as logged and aligned with the position. Whatever the paper
+    does not specify is an option.
     """
-    from rich.console import Console
-    from rich.progress import Progress
+    from functools import partial
 
     from stagectl.errors import UnusableInput
     from stagectl.paper import page, study, tables
 
-    quiet = quietly(json_out)
-    console = Console(stderr=quiet)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("simulating", total=None)
+    console = console_for(json_out)
+    with progress_bar(console, "simulating") as update:
         try:
-            found = study.run(
-                _case(chosen),
-                quick,
-                lambda done, total: bar.update(task, completed=done, total=total),
-            )
+            found = study.run(_case(chosen), quick, partial(update, "simulating"))
         except ValueError as error:
             raise UnusableInput(f"paper: {error}") from error
     if json_out is not None:
@@ -78,7 +81,7 @@ def command(json_out: Path | None, out: Path | None, quick: bool, **chosen: Any)
         )
     if out is not None:
         page.write(found, out)
-    if not quiet:
+    if not is_json_on_stdout(json_out):
         _show(found, console)
         if out is not None:
             console.print(f"page: {out}")
@@ -114,7 +117,7 @@ def _show(found: Study, console: Console) -> None:
     if not found.sensitivity:
         return
     varied = Table(
-        title="Two windows, errors in %, one choice changed (aligned unless said)",
+        title="Two windows, errors in %, one choice changed (aligned unless stated)",
         title_justify="left",
     )
     for name in ("choice", "", "Fc", "C", "sigma_v", "sigma0"):
@@ -128,7 +131,7 @@ def _show(found: Study, console: Console) -> None:
 
 
 def _estimates(found: Study) -> Any:
-    """One row per parameter and method, so that it fits a terminal."""
+    """One row per parameter and method, to fit a terminal."""
     from rich.markup import escape
     from rich.table import Table
 

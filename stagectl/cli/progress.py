@@ -1,7 +1,7 @@
-"""What the operator sees while a run goes on: site, phase, settling, friction so far.
+"""Progress display of a run: site, phase, settling and friction so far.
 
-Redrawn on events, not by a thread: nothing here competes with the SYNC cycle. A screen that is gone
-(closed pipe, lost terminal) is no reason to stop a stage.
+Redrawn on events, not by a thread, so nothing here competes with the SYNC cycle. A closed pipe or a
+lost terminal does not stop the stage.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from stagectl.sequencer import (
 )
 
 REDRAW = 0.1
-"""Shortest time between two drawings [s]."""
+"""Shortest time between two redraws [s]."""
 _SCREEN_GONE = (OSError, SystemExit)
-"""What rich raises then: it answers a closed pipe with the end of the program."""
+"""What rich raises when the screen is gone; a closed pipe makes it end the program."""
 
 
 class RunProgress:
-    """A progress bar over the moves of a run, with a line of what is known.
+    """A progress bar over the moves of a run, and warnings.
 
     Args:
-        console: to draw on; where it is no terminal, only what the operator must know is printed.
+        console: to draw on; unless it is a terminal, only warnings are printed.
         recipe: to be run.
         axes: their names.
     """
@@ -75,12 +75,12 @@ class RunProgress:
         with suppress(*_SCREEN_GONE):
             self._progress.stop()
 
-    def phase(self, words: str) -> None:
-        """A phase outside the moves begins."""
-        self._draw(words)
+    def phase(self, text: str) -> None:
+        """Show a phase of the run before or after its moves."""
+        self._draw(text)
 
     def event(self, event: Event) -> None:
-        """Something happened in the run."""
+        """Show an event of the run."""
         match event:
             case DriveLimited(text=text):
                 self._warn(text)
@@ -89,7 +89,7 @@ class RunProgress:
                 self._draw(f"{self._where(event.site)}{event.kind}-move", self._begun - 1)
             case Settled():
                 took = f"{event.duration * 1e3:.0f} ms"
-                self._settling = f"settled in {took}" if event.settled else f"not in {took}"
+                self._settling = f"settled in {took}" if event.settled else f"not settled in {took}"
                 if not event.settled:
                     self._warn(
                         f"{self._where(event.site)}{event.kind}-move did not settle in {took}"
@@ -103,14 +103,14 @@ class RunProgress:
             case MarkNotFound():
                 self._warn(f"site {event.site}: mark not found, no micro-move")
             case Retrying():
-                what = "stretch" if not self._sites else "site"
+                what = "site" if self._sites else "move"
                 self._warn(
-                    f"{what} {event.stretch}: {event.fault}; trying again "
-                    f"({event.attempt} of {event.limit})"
+                    f"{what} {event.stretch}: {event.fault}; restarting "
+                    f"(attempt {event.attempt} of {event.limit})"
                 )
             case LevelStepped(axis=axis, place=(x, y), change=change, everywhere=everywhere):
                 where = "everywhere" if everywhere else f"at ({x * 1e3:.3f}, {y * 1e3:.3f}) mm"
-                self._warn(f"friction of axis {axis} has stepped by {change:+.0%} {where}")
+                self._warn(f"friction of axis {axis} stepped by {change:+.0%} {where}")
             case Stopping():
                 self._draw(f"stopping: {event.reason}")
 
@@ -118,7 +118,7 @@ class RunProgress:
         return "" if site is None else f"site {site}/{self._sites} "
 
     def _warn(self, text: str) -> None:
-        """What the operator must know, on a terminal or in a log."""
+        """Print what the operator must know, on a terminal or in a log."""
         with suppress(*_SCREEN_GONE):
             self._progress.console.print(text, style="yellow", markup=False, highlight=False)
 

@@ -1,4 +1,4 @@
-"""`stagectl recover`: recordings out of what killed runs left."""
+"""`stagectl recover`: the recording of a run that was killed."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from pathlib import Path
 import click
 
 
-@click.command(short_help="Recordings out of what killed runs left.")
+@click.command
 @click.argument("folder", type=click.Path(path_type=Path, file_okay=False, exists=True))
 def command(folder: Path) -> None:
-    """Turn the journal that a killed run left in FOLDER into its recording.h5.
+    """Convert the journal that a killed run left in FOLDER into its recording.h5.
 
-    `stagectl run --out FOLDER` does this by itself before it writes there.
+    `stagectl run --out FOLDER` does this by itself before it writes to the folder.
     """
     from stagectl.store import recover_folder
 

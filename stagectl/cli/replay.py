@@ -1,4 +1,4 @@
-"""`stagectl replay`: a recorded bus log drives the host again."""
+"""`stagectl replay`: the host, rerun on a recorded bus log."""
 
 from __future__ import annotations
 
@@ -7,26 +7,24 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.options import JSON_FILE, quietly, write_json
+from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from stagectl.run.replay.rerun import Replayed
     from stagectl.store import LoggedFrame
 
 
-@click.command(short_help="A recorded bus log drives the host again.")
+@click.command
 @click.argument("run", type=click.Path(path_type=Path, file_okay=False))
-@click.option(
-    "--json", "json_out", type=JSON_FILE, help="Also write the outcome here; - is stdout."
-)
+@JSON_OUT
 def command(run: Path, json_out: Path | None) -> None:
-    """Run the host again on the bus log in folder RUN, and tell the first frame that differs.
+    """Rerun the host on the bus log in folder RUN and report the first frame that differs.
 
-    The host gets every frame that it got then and has to send what it sent then: after a change
-    of the software, of a library or of the computer this shows whether, and where, it behaves
-    differently. No bus is touched and nothing moves. Runs in virtual time (--simulate) only.
+    The host receives every recorded frame and must send exactly what it sent then. After a change
+    of software, library or computer this shows whether, and where, the host behaves differently.
+    No bus is opened and nothing moves. Only for runs in virtual time (--simulate).
 
-    Exit code 0 the same, 1 different or a log that was changed, 2 unusable input.
+    Exit code 0 identical, 1 different or the log was modified, 2 unusable input.
     """
     from rich.console import Console
 
@@ -36,15 +34,15 @@ def command(run: Path, json_out: Path | None) -> None:
 
     with Console(stderr=True).status("reading") as status:
 
-        def told(event: Event) -> None:
+        def show(event: Event) -> None:
             if isinstance(event, MoveStarted):
                 where = "" if event.site is None else f" of site {event.site}"
                 status.update(f"{event.kind}-move{where}")
 
-        result = replay(run, Listener(event=told))
+        result = replay(run, Listener(event=show))
     if json_out is not None:
         write_json(_as_dict(result), json_out)
-    if not quietly(json_out):
+    if not is_json_on_stdout(json_out):
         for line in _lines(result, run):
             click.echo(line)
     if result.difference is not None or result.sealed is False:
@@ -54,14 +52,14 @@ def command(run: Path, json_out: Path | None) -> None:
 def _lines(result: Replayed, run: Path) -> list[str]:
     lines = []
     if result.sealed is False:
-        lines.append(f"{run}: the bus log is not as the run wrote it (SHA-256 {result.digest})")
+        lines.append(f"{run}: the bus log was modified after the run (SHA-256 {result.digest})")
     elif result.sealed is None:
-        lines.append(f"{run}: the bus log carries no digest")
-    known = f"{result.compared} frames of the host are the same, {result.frames} in the log"
+        lines.append(f"{run}: the bus log has no digest, so changes to it go unnoticed")
+    known = f"{result.compared} identical frames from the host, {result.frames} in the log"
     difference = result.difference
     if difference is None:
-        until = " up to where it was killed" if result.outcome == "killed" else ""
-        return [*lines, f"{run}: the host does the same again{until} ({known})"]
+        until = " up to where the run was killed" if result.outcome == "killed" else ""
+        return [*lines, f"{run}: the host behaves identically{until} ({known})"]
     lines.append(f"{run}: the host differs at frame {difference.number} ({known})")
     lines.append(f"  then: {_frame(difference.recorded, result, 'the log ends')}")
     lines.append(f"  now:  {_frame(difference.sent, result, 'nothing more is sent')}")

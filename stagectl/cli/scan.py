@@ -1,4 +1,4 @@
-"""`stagectl scan`: who is on the bus."""
+"""`stagectl scan`: the nodes on the bus."""
 
 from __future__ import annotations
 
@@ -8,43 +8,43 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.bus_access import Bench, bus_options
-from stagectl.cli.options import JSON_FILE, NumberRange, write_json
+from stagectl.cli.options import JSON_OUT, NumberRange, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from drivers.bench import Found
 
 
-@click.command(short_help="Who is on the bus.")
+@click.command
 @bus_options
 @click.option("--passive", is_flag=True, help="Only listen; send nothing.")
 @click.option("--listen", type=NumberRange(0.01, 60), default=0.25, show_default=True,
-              help="How long to wait for heartbeats and answers [s].")  # fmt: skip
-@click.option("--json", "json_out", type=JSON_FILE, help="Write what was found here; - is stdout.")
+              help="Wait this long for heartbeats and answers [s].")  # fmt: skip
+@JSON_OUT
 def command(
     machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int,
     passive: bool, listen: float, json_out: Path | None,
 ) -> None:  # fmt: skip
-    """List the nodes on the bus: identity, NMT state, and what a drive is doing.
+    """List the nodes on the bus with identity, NMT state and, for drives, CiA 402 state.
 
-    Nodes are found by boot-up message, heartbeat, and by asking every id for its device type
-    (SDO read of 0x1000). Nothing is written, nothing moves.
+    Nodes are found by boot-up message, by heartbeat, and by an SDO read of the device type
+    (0x1000) from every node id. Nothing is written and nothing moves.
     """
     from drivers.bench import scan
 
     bench = Bench(machine, bus, simulate, seed)
-    with bench.onlooker() as network:
+    with bench.observer() as network:
         found = scan(network, ask=not passive, listen=listen)
         label, host = network.label, network.other_host.found
     axes = {axis.node: axis.name for axis in bench.axes}
     if json_out is not None:
         write_json([_entry(node, axes) for node in found], json_out)
-        if str(json_out) == "-":
-            return
+    if is_json_on_stdout(json_out):
+        return
     from rich.console import Console
 
     Console().print(_table(found, axes, label))
     if host is not None:
-        click.echo(f"a host commands this bus: {host} was heard", err=True)
+        click.echo(f"another host is active on this bus: {host} was heard", err=True)
     for node, name in axes.items():
         if all(one.node != node for one in found):
             click.echo(
@@ -69,7 +69,7 @@ def _table(found: list[Found], axes: dict[int, str], label: str) -> Any:
     from drivers.canopen import error_text
 
     if not found:
-        return f"nobody was heard on {label}: power, wiring, termination, bit rate?"
+        return f"no node was heard on {label}: check power, wiring, termination and bit rate"
     table = Table(title=f"Nodes on {label}", title_justify="left")
     for name in ("node", "axis", "heard", "NMT", "device", "state"):
         table.add_column(name, justify="right" if name == "node" else "left", overflow="fold")
@@ -86,7 +86,7 @@ def _table(found: list[Found], axes: dict[int, str], label: str) -> Any:
 
 
 def _device(node: Found) -> str:
-    """Name, profile and the identity object, on lines short enough for a terminal of 80 columns."""
+    """Name, profile and identity object, on lines short enough for 80 columns."""
     if node.name is None and node.profile is None and node.vendor is None:
         return "-"
     serial = "-" if node.serial is None else str(node.serial)

@@ -1,4 +1,4 @@
-"""`stagectl sim`: the virtual stage in real time on a CAN bus, for any CANopen master."""
+"""`stagectl sim`: a virtual stage in real time on a CAN bus, for any CANopen master."""
 
 from __future__ import annotations
 
@@ -17,13 +17,15 @@ if TYPE_CHECKING:
     import can
 
 
-@click.command(short_help="Virtual drives in real time on a CAN bus.")
-@click.option("--machine", type=FILE, help="The stage to simulate [wafer-xy].")
-@click.option("--bus", type=BusType(), help="Any python-can bus [the machine file's].")
+@click.command
+@click.option(
+    "--machine", type=FILE, help="Machine file of the stage to simulate.  [default: wafer-xy]"
+)
+@click.option("--bus", type=BusType(), help="Any python-can bus.  [default: the machine file's]")
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True,
-              help="Of noise, repeatability and start position.")  # fmt: skip
+              help="Seed of noise, friction scatter and start position.")  # fmt: skip
 def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> None:
-    """Run one virtual CiA 402 drive per axis, their mechanics behind them, until Ctrl-C.
+    """Simulate one CiA 402 drive per axis and the mechanics behind them, until Ctrl-C.
 
     \b
     Between processes on one machine, without CAN hardware:
@@ -32,8 +34,8 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
     On SocketCAN:
       stagectl sim --bus socketcan:vcan0
 
-    The drives boot at once (boot-up message, then heartbeat); their EDS is packaged with
-    stagectl, the command prints where. They wait for a bus that goes away.
+    The drives boot at once: boot-up message, then heartbeat. The command prints the path of their
+    EDS file. If the bus goes away, they wait for it to return.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
     from drivers.canopen import open_bus
     from drivers.cyclic import RealTime
@@ -41,8 +43,7 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
     from hil_sim.bus import serve
     from hil_sim.plant import warm_up
     from hil_sim.stage import VirtualStage
-    from stagectl.config.machine_file import load_machine
-    from stagectl.config.mapping import driver_settings, eds_path, stage_settings
+    from stagectl.config import driver_settings, eds_path, load_machine, stage_settings
     from stagectl.errors import RunFault
 
     stage = load_machine(machine)
@@ -59,10 +60,10 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
             return open_bus(where)
         return None
 
-    def told(line: str) -> None:
+    def report(line: str) -> None:
         click.echo(f"bus {where}: {line}", err=True)
 
-    # the same as the host asks for; but on one core both would wait for each other
+    # what the machine file asks for the host, except the core: on one core both would block
     real_time = RealTime(replace(where.realtime, core=None))
     stop = threading.Event()
 
@@ -75,13 +76,13 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
     virtual = VirtualStage(settings, seed)
     nodes = ", ".join(f"{name} = node {axis.node}" for name, axis in stage.axes.items())
     first, axis = next(iter(stage.axes.items()))
-    click.echo(f"{stage.name} on {interface}:{channel}: {nodes}; Ctrl-C ends it")
+    click.echo(f"{stage.name} on {interface}:{channel}: {nodes}; stop with Ctrl-C")
     click.echo(f"EDS: {eds_path(stage, first, axis)}")
     real_time.begin()
     for refused in real_time.refused:
         click.echo(refused, err=True)
     try:
-        segment = serve(virtual, opened, stop, reopen, told)
+        segment = serve(virtual, opened, stop, reopen, report)
     finally:
         real_time.end()
     if segment.refused:

@@ -1,4 +1,4 @@
-"""`stagectl status`: what the axes are doing, in plain words."""
+"""`stagectl status`: the state of the axes, in plain words."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.bus_access import Bench, bus_options
-from stagectl.cli.options import JSON_FILE, write_json
+from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from drivers.bench import AxisStatus
@@ -16,23 +16,23 @@ if TYPE_CHECKING:
 _LISTEN = 0.25  # two heartbeats [s]
 
 
-@click.command(short_help="What the axes are doing.")
+@click.command
 @bus_options
-@click.option("--json", "json_out", type=JSON_FILE, help="Write the status here; - is stdout.")
+@JSON_OUT
 def command(
     machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int,
     json_out: Path | None,
 ) -> None:  # fmt: skip
     """Read state, mode, position, force and errors of all axes; nothing is changed.
 
-    Positions count from the drive's zero, which is the stage's only after homing. Works beside a
-    host that runs the stage, unless that one talks by SDO at the same moment.
+    Positions count from the drive's zero, which is the stage's zero only after homing. Can be used
+    while another host runs the stage, unless that host uses SDO at the same moment.
     """
     from drivers.bench import status_of
     from drivers.drive import Axis
 
     bench = Bench(machine, bus, simulate, seed)
-    with bench.onlooker() as network:
+    with bench.observer() as network:
         axes = [Axis(network, settings) for settings in bench.axes]
         network.pump(_LISTEN)
         statuses = [status_of(axis) for axis in axes]
@@ -40,8 +40,8 @@ def command(
             axis.node.detach()
     if json_out is not None:
         write_json({s.axis: _entry(s) for s in statuses}, json_out)
-        if str(json_out) == "-":
-            return
+    if is_json_on_stdout(json_out):
+        return
     from rich.console import Console
 
     Console().print(_table(statuses, bench.machine.name))

@@ -1,4 +1,4 @@
-"""The effects of a machine file, checked against those that the simulator has."""
+"""The effects of a machine file, checked against the simulator's library."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from hil_sim.effects.effect import Effect, Parameter
 from hil_sim.effects.library import EffectError, library
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import SUBSTEPS, AxisSettings
-from stagectl.config.diagnose import in_order, suggestion
 from stagectl.config.machine import Effect as Wanted
 from stagectl.config.machine import Machine
+from stagectl.config.validation import sort_problems, suggest
 from stagectl.config.yaml_nodes import one_line
 from stagectl.errors import ConfigError
 
-_GREATEST = 1e15  # of any figure, SI: what is computed with it stays a number
-_TRIAL = 1.0  # duration for which effects are tried [s]; nothing depends on it
+_MAX_VALUE = 1e15  # of any parameter, SI: keeps all results finite
+_TRIAL = 1.0  # duration for which the ports are checked [s], arbitrary
 
 
-def with_effects(machine: Machine, axes: Sequence[AxisSettings]) -> list[AxisSettings]:
-    """The axes with the machine's effects switched on.
+def add_effects(machine: Machine, axes: Sequence[AxisSettings]) -> list[AxisSettings]:
+    """The axes with the machine file's effects.
 
     Args:
-        machine: whose axes have effects.
-        axes: their settings, without effects, in the same order.
+        machine: its axes name the effects.
+        axes: their settings without effects, in the same order.
 
     Raises:
-        ConfigError: an effect or key that is not known, is missing, or has a value that physics
-            does not allow; one line per problem.
+        ConfigError: an unknown effect, an unknown or missing key, or a physically impossible
+            value; one line per problem.
     """
     try:
         known = library()
@@ -43,7 +43,7 @@ def with_effects(machine: Machine, axes: Sequence[AxisSettings]) -> list[AxisSet
             found = _problems(wanted, known, settings)
             if not found:
                 effect = known[wanted.name].at(**wanted.parameters)
-                if reason := _refused(replace(settings, effects=(effect,)), machine):
+                if reason := _refusal(replace(settings, effects=(effect,)), machine):
                     found = [((), reason, False)]
                 else:
                     applied.append(effect)
@@ -52,49 +52,49 @@ def with_effects(machine: Machine, axes: Sequence[AxisSettings]) -> list[AxisSet
                 for key, reason, at_key in found
             ]
         complete.append(replace(settings, effects=tuple(applied)))
-        if not problems and (reason := _refused(complete[-1], machine)):
+        if not problems and (reason := _refusal(complete[-1], machine)):
             problems.append(machine.document.problem(place, reason))
     if problems:
-        raise ConfigError(in_order(problems))
+        raise ConfigError(sort_problems(problems))
     return complete
 
 
 Problem = tuple[tuple[str, ...], str, bool]
-"""Key beneath the effect, or none; reason; whether the key itself is at fault."""
+"""Key of the effect, or none; reason; whether the key itself is wrong."""
 
 
 def _problems(wanted: Wanted, known: dict[str, Effect], axis: AxisSettings) -> list[Problem]:
     if wanted.name not in known:
-        hint = suggestion(wanted.name, list(known))
+        hint = suggest(wanted.name, list(known))
         return [(("effect",), f"unknown effect '{one_line(wanted.name)}'{hint}", False)]
     effect = known[wanted.name]
     keys = {p.key: p for p in effect.parameters}
     found: list[Problem] = []
     extra = [key for key in wanted.parameters if key not in keys]
     for key in extra:
-        found.append(((key,), f"unknown key of {effect.name}{suggestion(key, list(keys))}", True))
+        found.append(((key,), f"unknown key of {effect.name}{suggest(key, list(keys))}", True))
     for key, parameter in keys.items():
         if key in wanted.parameters:
             value = wanted.parameters[key]
             reason = parameter.refusal(value)
-            if reason is None and abs(value) > _GREATEST:
-                reason = f"must be within +-{_GREATEST:g} {parameter.unit}".rstrip()
+            if reason is None and abs(value) > _MAX_VALUE:
+                reason = f"must be within +-{_MAX_VALUE:g} {parameter.unit}".rstrip()
                 reason += f", is {value:g}"
             if reason:
                 found.append(((key,), reason, False))
-        elif not extra:  # else it may be the one misspelt
-            found.append(((), f"{effect.name}: {key} is missing ({_about(parameter)})", False))
+        elif not extra:  # else it may be there misspelt
+            found.append(((), f"{effect.name}: {key} is missing ({_describe(parameter)})", False))
     if not found and (reason := effect.refusal(wanted.parameters, axis)):
         found.append(((), reason, False))
     return found
 
 
-def _about(parameter: Parameter) -> str:
+def _describe(parameter: Parameter) -> str:
     return f"{parameter.meaning} [{parameter.unit}]" if parameter.unit else parameter.meaning
 
 
-def _refused(settings: AxisSettings, machine: Machine) -> str | None:
-    """Why the ports do not take the effects of this axis, or None."""
+def _refusal(settings: AxisSettings, machine: Machine) -> str | None:
+    """Why the simulator refuses the effects of this axis, or None."""
     ports = EffectPorts(settings, machine.bus.sync_period, _TRIAL)
     try:
         for effect in settings.effects:

@@ -1,7 +1,7 @@
-"""What a faults file means on a machine: the simulator's `FaultPlan`.
+"""From a faults file to the simulator's `FaultPlan` for a machine.
 
-Axis names and frame names become node ids and CAN-IDs of the predefined connection set of CiA 301,
-which drivers and virtual drives use.
+Axis and frame names become node ids and CAN-IDs of the predefined connection set of CiA 301, which
+both the driver and the virtual drives use.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drivers.settings import HOST_NODE
-from stagectl.config.diagnose import in_order, suggestion, validate
 from stagectl.config.faults import (
     ANY,
     HOST,
@@ -37,6 +36,7 @@ from stagectl.config.faults import (
     Window,
 )
 from stagectl.config.machine import Machine
+from stagectl.config.validation import sort_problems, suggest, validate
 from stagectl.config.yaml_nodes import Document, load_document, parse_document
 from stagectl.errors import ConfigError
 
@@ -49,8 +49,8 @@ def load_faults(path: Path, machine: Machine, seed: int) -> sim.FaultPlan:
 
     Args:
         path: of the file.
-        machine: whose axes it names.
-        seed: where the file has none.
+        machine: its axes can be named.
+        seed: used unless the file has one.
 
     Raises:
         ConfigError: the file cannot be used; one line per problem.
@@ -59,7 +59,7 @@ def load_faults(path: Path, machine: Machine, seed: int) -> sim.FaultPlan:
 
 
 def parse_faults(text: str, name: str, machine: Machine, seed: int) -> sim.FaultPlan:
-    """The faults of a text; `name` is what problems call it.
+    """The faults of a text, which messages call `name`.
 
     Raises:
         ConfigError: as `load_faults`.
@@ -74,13 +74,13 @@ def _plan(document: Document, machine: Machine, seed: int) -> sim.FaultPlan:
     mapping = _Mapping(document, machine)
     faults = [mapping.fault(section, index) for index, section in enumerate(file.faults)]
     if mapping.problems:
-        raise ConfigError(in_order(mapping.problems))
+        raise ConfigError(sort_problems(mapping.problems))
     made = tuple(fault for fault in faults if fault is not None)
     return sim.FaultPlan(made, seed if file.seed is None else file.seed)
 
 
 class _Mapping:
-    """Sections to the simulator's faults; collects what does not fit the machine."""
+    """Turns sections into the simulator's faults; collects what does not fit the machine."""
 
     def __init__(self, document: Document, machine: Machine) -> None:
         self.problems: list[str] = []
@@ -89,7 +89,7 @@ class _Mapping:
         self._index = 0
 
     def fault(self, section: FaultSection, index: int) -> sim.Fault | None:
-        """One fault, or None where there was a problem."""
+        """One fault, or None if there was a problem."""
         from hil_sim.bus import faults as sim
 
         self._index = index
@@ -175,7 +175,7 @@ class _Mapping:
         elif frame == "any":
             sender = None
         if sender is None and node is not None:
-            self._refuse("axis", "needs a frame that says who sends it")
+            self._refuse("axis", "needs a frame with a known sender")
             node = None
         window = self._window(section.after, section.until)
         return sim.Frames(
@@ -195,7 +195,7 @@ class _Mapping:
         if axis in self._nodes:
             return self._nodes[axis]
         known = [*self._nodes, *([HOST] if key == "of" else [])]
-        self._refuse(key, f"no such axis in the machine{suggestion(axis, known)}")
+        self._refuse(key, f"no such axis in the machine{suggest(axis, known)}")
         return next(iter(self._nodes.values()))
 
     def _refuse(self, key: str, reason: str) -> None:

@@ -1,7 +1,7 @@
-"""The faults file of `stagectl run --simulate --faults`: what is to go wrong, on which axis, when.
+"""The models of a faults file (`stagectl run --simulate --faults`): what fails, where and when.
 
-Keys and examples: docs/faults.md. The models hold exactly these keys; what they mean on a machine:
-`stagectl.config.fault_plan`.
+They have exactly the keys of docs/faults.md; `stagectl.config.fault_plan` applies them to a
+machine.
 """
 
 from __future__ import annotations
@@ -10,12 +10,11 @@ import re
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, StrictInt
-from pydantic_core import PydanticCustomError
 
 from drivers.settings import HOST_NODE
-from stagectl.config.diagnose import Section, suggestion
 from stagectl.config.units import Length, NotNegativeTime, Number, PositiveTime
-from stagectl.config.yaml_nodes import shown
+from stagectl.config.validation import Section, refusal, suggest
+from stagectl.config.yaml_nodes import describe_value
 
 OF_HOST = {"nmt": 0x000, "sync": 0x080, "host_heartbeat": 0x700 + HOST_NODE}
 TO_NODE = {"rpdo1": 0x200, "rpdo2": 0x300, "rpdo3": 0x400, "rpdo4": 0x500, "sdo_request": 0x600}
@@ -30,28 +29,23 @@ _OBJECT = re.compile(r"0x[0-9a-fA-F]{4}\Z")
 _CODE = re.compile(r"0x[0-9a-fA-F]{1,8}\Z")
 HOST = "host"
 LATEST = 1e9
-"""No run lasts longer [s]; times are counted in whole nanoseconds."""
-
-
-def _refuse(reason: str) -> PydanticCustomError:
-    return PydanticCustomError("reason", "{reason}", {"reason": reason})
+"""Latest time of a fault [s], well within integer nanoseconds."""
 
 
 def _frame(value: object) -> object:
     if isinstance(value, str) and _ID.match(value) and int(value, 16) <= 0x7FF:
         return value
     if value not in FRAME_NAMES:
-        hint = suggestion(str(value), list(FRAME_NAMES))
-        raise _refuse(
-            f"must be the name of a frame, or an id such as '0x181'; is {shown(value)}{hint}"
-        )
+        hint = suggest(str(value), list(FRAME_NAMES))
+        is_what = f"is {describe_value(value)}{hint}"
+        raise refusal(f"must be the name of a frame, or an id such as '0x181'; {is_what}")
     return value
 
 
 def _hexadecimal(pattern: re.Pattern[str], example: str) -> BeforeValidator:
     def convert(value: object) -> int:
         if not (isinstance(value, str) and pattern.match(value)):
-            raise _refuse(f"must be a text such as '{example}', is {shown(value)}")
+            raise refusal(f"must be a text such as '{example}', is {describe_value(value)}")
         return int(value, 16)
 
     return BeforeValidator(convert)
@@ -70,7 +64,7 @@ Span = Annotated[PositiveTime, Field(le=LATEST)]
 
 
 class Window(Section):
-    """When and how often: keys that faults of frames have in common."""
+    """When and how often a fault of frames occurs."""
 
     after: Moment = 0.0
     until: Span | None = None
@@ -80,7 +74,7 @@ class Window(Section):
 
 
 class OnFrames(Window):
-    """Faults of frames that are named."""
+    """Faults of named frames."""
 
     frame: FrameName
     axis: str | None = None
@@ -211,7 +205,7 @@ FaultSection = Annotated[
 
 
 class FaultsFile(Section):
-    """A faults file from its top."""
+    """A whole faults file."""
 
     seed: Annotated[StrictInt, Field(ge=0, lt=2**63)] | None = None
     faults: Annotated[list[FaultSection], Field(min_length=1, max_length=1000)]

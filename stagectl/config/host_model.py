@@ -1,4 +1,4 @@
-"""What the estimator is told of an axis by its machine file: friction, noise, delay, drift."""
+"""From a machine file to the estimator's model of an axis: friction, noise, delay, drift."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from estimation.online import FIGURES, BeliefSettings, EstimatorSettings
 from stagectl.config.machine import Axis, Drive
 
 SETTLED_DRIFT = (7e-4, 4e-4, 4e-4, 2e-4, 5e-5, 2e-4, 1e-4)
-"""Relative 1-sigma per move of `estimation.belief.FIGURES` where a map takes what changes with
-place and warm-up: a history shows the others to change over days, not from move to move."""
+"""Drift of `estimation.online.FIGURES` when a friction map covers place and warm-up (relative
+1-sigma per move): histories show the other parameters to change over days, not between moves."""
 
 
-def kink_tip(drive: Drive) -> float:
-    """When a kink of a drive's force comes after the sample, see `estimation.sampled_force` [s]."""
+def kink_delay(drive: Drive) -> float:
+    """Delay from a sample to the kink of a drive's force [s], see `estimation.sampled_force`."""
     return 1.0 / (2.0 * math.pi * drive.current_bandwidth) - drive.control_period / 2.0
 
 
 def friction_model(axis: Axis) -> Friction:
-    """The friction that a machine file states for an axis, as the estimator's model."""
+    """The estimator's friction model with the parameters of the machine file."""
     friction = axis.plant.friction
     return Friction(
         elements=friction.elements,
@@ -38,14 +38,13 @@ def friction_model(axis: Axis) -> Friction:
 def estimator_settings(
     axis: Axis, period: float, settled: Mapping[str, float] | None = None
 ) -> EstimatorSettings:
-    """What the estimator of an axis goes by.
+    """Settings of an axis' estimator.
 
     Args:
-        axis: as the host believes it.
+        axis: of the host's machine file.
         period: Ts [s].
-        settled: relative 1-sigma per move of figures by name where it is known from elsewhere how
-            the Coulomb force differs from place to place, `SETTLED_DRIFT` for those that are
-            missing; None: it is not.
+        settled: with a friction map in use, drift by parameter name (relative 1-sigma per move),
+            `SETTLED_DRIFT` for parameters not named; None without a map.
     """
     drive, wander = axis.drive, axis.plant.friction.repeatability
     return EstimatorSettings(
@@ -64,7 +63,7 @@ def estimator_settings(
 
 
 def _drift(settled: Mapping[str, float]) -> tuple[float, ...]:
-    """Drift of all figures; that of the Coulomb force and of the mass is not learnt."""
+    """Drift of all parameters: `SETTLED_DRIFT` with some replaced."""
     drift = list(SETTLED_DRIFT)
     for name, value in settled.items():
         drift[FIGURES.index(name)] = value

@@ -1,4 +1,4 @@
-"""The map by which foreign data become a recording: columns, units, delays, machine file."""
+"""The map that turns data of other programs into a recording: columns, units, delays, machine."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Annotated
 
 from pydantic import Field, StrictBool, StrictInt
 
-from stagectl.config.diagnose import Section, validate
 from stagectl.config.machine import AxisName, Machine, Name
 from stagectl.config.machine_file import load_machine
 from stagectl.config.units import NotNegativeTime, Number
+from stagectl.config.validation import Section, validate
 from stagectl.config.yaml_nodes import load_document
 from stagectl.errors import ConfigError
 
@@ -20,19 +20,19 @@ UNITS = {
     "N": 1.0, "mN": 1e-3, "kN": 1e3,
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6,
 }  # fmt: skip
-"""Units that a column may be in, in SI units."""
+"""Units of columns, in SI units."""
 
 
 class Column(Section):
     """One column of the data.
 
     Attributes:
-        column: its name; in CSV files without a header its number from 1.
-        unit: it is in.
-        factor: SI units per unit of the column, beside `unit`.
+        column: its name; its number from 1 in CSV files without a header.
+        unit: of its values.
+        factor: multiplied with the values, in addition to `unit`.
         offset: added after that [SI].
-        delay: samples by which it is to be moved later.
-        optional: 0 throughout where the data don't have the column.
+        delay: samples by which to shift it later.
+        optional: use zeros if the data do not have the column.
     """
 
     column: Name | StrictInt
@@ -44,7 +44,7 @@ class Column(Section):
 
 
 class AxisColumns(Section):
-    """Columns of one axis, as in the recording format; without a force offset there is none."""
+    """Columns of one axis, named as in the recording format."""
 
     position_demand: Column
     position_actual: Column
@@ -53,12 +53,12 @@ class AxisColumns(Section):
 
 
 class ImportMap(Section):
-    """How foreign data become a recording.
+    """How data become a recording.
 
     Attributes:
         machine: machine file, relative to the map.
         time: column of the time; None: samples are one SYNC period apart.
-        skip: this long from the start, samples are not valid [s].
+        skip: samples before this time are marked invalid [s].
         axes: columns of each axis of the machine file.
     """
 

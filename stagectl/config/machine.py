@@ -1,8 +1,7 @@
-"""The machine file: what the host believes of a stage, or, behind `--simulate`, what a stage is.
+"""The models of a machine file: the host's model of a stage or, after `--simulate`, the plant.
 
-The models hold exactly the keys of docs/machine.md, in SI units. `load_machine` gives a validated
-machine or a `ConfigError` with every problem. What the values together do not allow:
-`stagectl.config.machine_checks`. What the figures mean: docs/reference-stage.md.
+They have exactly the keys of docs/machine.md, in SI units. The meaning of the parameters is in
+docs/reference-stage.md; conditions between them are in `stagectl.config.machine_checks`.
 """
 
 from __future__ import annotations
@@ -18,9 +17,7 @@ from pydantic import (
     StrictInt,
     StringConstraints,
 )
-from pydantic_core import PydanticCustomError
 
-from stagectl.config.diagnose import Section
 from stagectl.config.units import (
     Length,
     NotNegativeDamping,
@@ -41,10 +38,8 @@ from stagectl.config.units import (
     PositiveTime,
     PositiveVelocity,
 )
-from stagectl.config.yaml_nodes import (
-    Document,
-    shown,
-)
+from stagectl.config.validation import Section, refusal
+from stagectl.config.yaml_nodes import Document, describe_value
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 ObjectName = Annotated[str, StringConstraints(pattern=r"^0x[0-9A-Fa-f]{1,4}:[0-9A-Fa-f]{1,2}$")]
@@ -52,7 +47,7 @@ AxisName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31
 
 
 def _label(value: object) -> object:
-    """Channels, lots and wafers are often plain whole numbers."""
+    """Accept plain integers, which channels, lots and wafers often are."""
     return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 
@@ -60,37 +55,35 @@ Label = Annotated[Name, BeforeValidator(_label)]
 
 
 class Effect(NamedTuple):
-    """A named physical effect with its parameters (SI), as in the table of effects."""
+    """A physical effect by name, with its parameters (SI)."""
 
     name: str
     parameters: Mapping[str, float]
 
 
 def _effect(value: object) -> Effect:
-    """`{effect: NAME, KEY: NUMBER, ...}`; which keys an effect has is known to the simulator."""
+    """`{effect: NAME, KEY: NUMBER, ...}`; the simulator checks the keys of each effect."""
     if not isinstance(value, dict):
-        reason = f"must be a mapping {{effect: name, key: number}}, is {shown(value)}"
-        raise PydanticCustomError("reason", "{reason}", {"reason": reason})
+        raise refusal(
+            f"must be a mapping {{effect: name, key: number}}, is {describe_value(value)}"
+        )
     name = value.get("effect")
     if not isinstance(name, str) or not name:
-        reason = "needs the key effect with the effect's name"
-        raise PydanticCustomError("reason", "{reason}", {"reason": reason})
+        raise refusal("needs the key effect with the effect's name")
     figures: dict[str, float] = {}
     for key, figure in value.items():
         if key == "effect":
             continue
         if isinstance(figure, bool) or not isinstance(figure, (int, float)):
-            reason = f"{name}: {key} must be a number (SI), is {shown(figure)}"
-            raise PydanticCustomError("reason", "{reason}", {"reason": reason})
+            raise refusal(f"{name}: {key} must be a number (SI), is {describe_value(figure)}")
         figures[key] = float(figure)
     return Effect(name, figures)
 
 
 def _pair(value: object) -> object:
     if not isinstance(value, list) or len(value) != 2:
-        what = f"{len(value)} items" if isinstance(value, list) else shown(value)
-        reason = f"must be a list of two, is {what}"
-        raise PydanticCustomError("reason", "{reason}", {"reason": reason})
+        what = f"{len(value)} items" if isinstance(value, list) else describe_value(value)
+        raise refusal(f"must be a list of two, is {what}")
     return value
 
 
@@ -98,11 +91,11 @@ LengthPair = Annotated[tuple[Length, Length], BeforeValidator(_pair)]
 
 
 class RealTime(Section):
-    """What the host asks of its operating system where the bus lives in real time.
+    """What the host requests from the operating system on a bus in real time.
 
     Attributes:
-        priority: of SCHED_FIFO, 0 for none.  core: to run on, None for any.
-        lock_memory: all of it stays in RAM.  freeze_gc: no garbage collection in motion.
+        priority: of SCHED_FIFO; 0 for none.  core: to run on; None for any.
+        lock_memory: keep all memory in RAM.  freeze_gc: no garbage collection during motion.
     """
 
     priority: Annotated[StrictInt, Field(ge=0, le=99)] = 0
@@ -112,15 +105,15 @@ class RealTime(Section):
 
 
 class Bus(Section):
-    """The CAN bus the drives are on.
+    """The CAN bus of the drives.
 
     Attributes:
         bitrate: [bit/s].  sync_period: the cycle Ts [s].
-        max_missed: cycles in a row in which a drive may stay silent before all axes are stopped.
-        max_late: cycles in a row in which SYNC may be late before all axes are stopped.
-        sync: who sends SYNC.  sync_counter: it carries one up to this (0x1019), 0 for none.
-        sync_window: of synchronous PDOs (0x1007) [s], 0 for none.
-        realtime: what the host asks of its operating system.
+        max_missed: consecutive cycles a drive may be silent before all axes are stopped.
+        max_late: consecutive cycles SYNC may be late before all axes are stopped.
+        sync: who sends SYNC.  sync_counter: its overflow value (0x1019); 0 for no counter.
+        sync_window: synchronous window length (0x1007) [s]; 0 for none.
+        realtime: what the host requests from the operating system.
     """
 
     interface: Name
@@ -136,11 +129,11 @@ class Bus(Section):
 
 
 Milliseconds = Annotated[NotNegativeTime, Field(le=65.535)]
-"""Times that drives hold as UNSIGNED16 in ms [s]."""
+"""Times that drives store as UNSIGNED16 in ms [s]."""
 
 
 class Limits(Section):
-    """What the axis may be asked for [m/s, m/s^2, m/s^3] and the following error window [m]."""
+    """Limits of the motion [m/s, m/s^2, m/s^3] and windows of following error and target [m, s]."""
 
     velocity: PositiveVelocity
     acceleration: PositiveAcceleration
@@ -152,7 +145,7 @@ class Limits(Section):
 
 
 class Encoder(Section):
-    """Increment and noise rms of the encoder [m]."""
+    """Increment and rms noise of the encoder [m]."""
 
     increment: PositiveLength
     noise: NotNegativeLength
@@ -168,13 +161,13 @@ class Pid(Section):
 
 
 class Cascade(Section):
-    """Position loop P over velocity loop PI, in place of the PID.
+    """A P position loop over a PI velocity loop, instead of the PID.
 
     Attributes:
         position_gain: [1/s].  velocity_gain: [N s/m].  velocity_integral: [N/m].
-        feedforward: share of the demanded velocity that is added.
-        span: ticks over which the encoder is differenced.
-        derivative_time: low-pass of that [s].
+        feedforward: share of the setpoint velocity that is added.
+        span: control ticks over which the encoder is differenced.
+        derivative_time: time constant of the low-pass after that [s].
     """
 
     position_gain: PositiveNumber
@@ -186,7 +179,7 @@ class Cascade(Section):
 
 
 class OptionCodes(Section):
-    """What the drive does when it is to stop: values of 0x605A, B, C, D, E and 0x6007."""
+    """How the drive stops: values of 0x605A, 0x605B, 0x605C, 0x605D, 0x605E and 0x6007."""
 
     quick_stop: Literal[0, 1, 2, 3, 5, 6, 7, 8] = 2
     shutdown: Literal[0, 1] = 1
@@ -202,12 +195,12 @@ class Drive(Section):
     Attributes:
         position_unit, velocity_unit, acceleration_unit: of its integers on the bus [m, m/s,
             m/s^2]; velocity_unit None: one position unit per second.
-        unwatched_host: whether it is powered although it goes on when its host is gone.
+        unwatched_host: whether to power a drive that keeps moving when its host is gone.
         boot_timeout: for its boot-up message [s].
         enable_timeout: for OPERATION ENABLED, phase finding included [s].
-        revision: major revision number wanted; None: that of the EDS.
-        pid: the position loop, or None where there is a cascade.
-        cascade: in place of a PID.
+        revision: required major revision number; None: that of the EDS.
+        pid: the position loop; None if there is a cascade.
+        cascade: the loops instead of a PID.
     """
 
     rated_force: PositiveForce
@@ -227,12 +220,12 @@ class Drive(Section):
 
     @property
     def force_unit(self) -> float:
-        """One count of force on the bus, 1/1000 of the rated force [N]."""
+        """One count of force on the bus: 1/1000 of the rated force [N]."""
         return self.rated_force / 1000.0
 
 
 class Repeatability(Section):
-    """How far the Coulomb level wanders by itself: rms fraction, correlation time [s]."""
+    """Random variation of the Coulomb force: relative rms, correlation time [s]."""
 
     coulomb: NotNegativeNumber = 0.0
     correlation_time: PositiveTime = 0.5
@@ -260,7 +253,7 @@ class Friction(Section):
 
 
 class Plant(Section):
-    """The mechanics; `tolerance` is how well its figures are known (relative, 1 sigma)."""
+    """The mechanics; `tolerance` is the uncertainty of the parameters (relative, 1 sigma)."""
 
     tolerance: Annotated[NotNegativeNumber, Field(lt=1)]
     mass: PositiveMass
@@ -268,7 +261,7 @@ class Plant(Section):
 
 
 class Homing(Section):
-    """How an axis is homed: CiA 402 method, search speed and index speed [m/s]."""
+    """Homing of an axis: CiA 402 method, search velocity and index velocity [m/s]."""
 
     method: Annotated[StrictInt, Field(ge=-128, le=127)] = 34
     velocity: PositiveVelocity = 0.01
@@ -280,8 +273,8 @@ class Axis(Section):
 
     Attributes:
         node: CANopen node id.  travel: lowest and highest position [m].
-        eds: the drive's EDS, relative to the machine file; None means the virtual drive's.
-        effects: what else acts on this axis, simulated only.
+        eds: the drive's EDS file, relative to the machine file; None: the virtual drive's.
+        effects: further physical effects on this axis, in simulations.
     """
 
     node: Annotated[StrictInt, Field(ge=1, le=127)]
@@ -296,12 +289,12 @@ class Axis(Section):
 
 
 class Temperature(Section):
-    """Where the stage's temperature is read: an integer object of a drive, or a plug-in.
+    """Source of the stage's temperature: an integer object of a drive, or a plug-in.
 
     Attributes:
-        axis: whose drive.  object: "0xINDEX:SUB", hexadecimal.
+        axis: of the drive.  object: "0xINDEX:SUB", hexadecimal.
         scale, offset: [deg C] per count, and at 0 counts.
-        plugin: name under the entry point group `stagectl.temperature`, instead of the others.
+        plugin: name in the entry point group `stagectl.temperature`, instead of the others.
     """
 
     axis: str | None = None
@@ -312,12 +305,12 @@ class Temperature(Section):
 
 
 class Machine(Section):
-    """A validated machine file. Sites and moves name the axes in the order of `axes`.
+    """A validated machine file. Coordinates of sites and moves are in the order of `axes`.
 
     Attributes:
-        history: where real runs write their friction history: a file beside the machine file,
-            postgresql://..., or "none"; None for `stage.db` near the run's files.
-        temperature: where it is read, if anywhere.
+        history: friction history of real runs: a file relative to the machine file,
+            postgresql://..., or "none"; None: `stage.db` near the run's files.
+        temperature: its source, if any.
     """
 
     name: Annotated[Name, Field(alias="machine")]
@@ -329,20 +322,20 @@ class Machine(Section):
     _document: Document = PrivateAttr()
 
     def attach(self, document: Document) -> None:
-        """Keep the file that this was read from."""
+        """Remember the file that this was read from."""
         self._document = document
 
     @property
     def text(self) -> str:
-        """The file's text as read: what goes into a recording."""
+        """The file's text as read, which goes into recordings."""
         return self._document.text
 
     @property
     def source(self) -> str:
-        """How the file was named."""
+        """The name of the file."""
         return self._document.name
 
     @property
     def document(self) -> Document:
-        """The parsed file, to place further problems in it."""
+        """The parsed file, for messages that point into it."""
         return self._document

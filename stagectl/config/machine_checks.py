@@ -1,4 +1,4 @@
-"""What single values of a machine file allow, but all together, or CiA 402 integers, do not."""
+"""Checks of a machine file beyond single values: consistency, ranges of CiA 402 integers."""
 
 from __future__ import annotations
 
@@ -6,40 +6,40 @@ import math
 from typing import TYPE_CHECKING, Protocol
 
 from drivers.settings import HOST_NODE
-from stagectl.config.plausible import implausible
+from stagectl.config.plausible import find_implausible
 from stagectl.config.yaml_nodes import Document
 
 if TYPE_CHECKING:
     from stagectl.config.machine import Axis, Bus, Drive, Machine
 
 POSITION_RANGE = 2**31
-"""CiA 402 positions and velocities are INTEGER32: less than so many units."""
+"""CiA 402 positions and velocities are INTEGER32: fewer units than this."""
 UNSIGNED_RANGE = 2**32 - 1
-"""Windows and accelerations are UNSIGNED32: less than so many units (all ones: no window)."""
+"""Windows and accelerations are UNSIGNED32: fewer units than this (all ones: no window)."""
 LONGEST_HOMING = 30 * 86_400.0
-"""The travel there and back, the driver's bound of a homing: at most so long [s]."""
+"""Limit of the time for twice the travel, which the driver allows for homing [s]."""
 FORCE_RANGE = 32.767
-"""CiA 402 force values are INTEGER16 in 1/1000 of the rated force: at most this multiple."""
+"""CiA 402 forces are INTEGER16 in 1/1000 of the rated force: at most this multiple."""
 
 At = tuple[str | int, ...]
 
 
 class Refuse(Protocol):
-    """Takes note of a problem."""
+    """Collects problems."""
 
     def __call__(self, location: At, reason: str) -> None:
-        """`reason` is wrong at `location`."""
+        """Note that the value at `location` is refused for `reason`."""
 
 
-def impossible(machine: Machine, document: Document) -> list[str]:
-    """One line per problem of a machine whose single values are good; empty where it has none."""
+def check_machine(machine: Machine, document: Document) -> list[str]:
+    """One line per problem; none for a consistent machine file."""
     problems: list[str] = []
 
     def refuse(location: At, reason: str) -> None:
         problems.append(document.problem(location, reason))
 
-    _bus(machine.bus, refuse)
-    _temperature(machine, refuse)
+    _check_bus(machine.bus, refuse)
+    _check_temperature(machine, refuse)
     nodes: dict[int, str] = {}
     first: float | None = None
     for name, axis in machine.axes.items():
@@ -49,14 +49,14 @@ def impossible(machine: Machine, document: Document) -> list[str]:
         elif axis.node in nodes:
             refuse((*at, "node"), f"{axis.node} is the node of axis {nodes[axis.node]} already")
         nodes.setdefault(axis.node, name)
-        strange = list(implausible(axis))
-        for key, reason in strange:
+        implausible = list(find_implausible(axis))
+        for key, reason in implausible:
             refuse((*at, *key), reason)
-        if strange:  # what else is wrong is wrong for it
+        if implausible:  # other problems would only follow from it
             continue
-        _ranges(axis, at, refuse)
-        _homing(axis, at, refuse)
-        _drive(axis.drive, (*at, "drive"), refuse)
+        _check_ranges(axis, at, refuse)
+        _check_homing(axis, at, refuse)
+        _check_drive(axis.drive, (*at, "drive"), refuse)
         sync, period = machine.bus.sync_period, axis.drive.control_period
         if period > sync or not _whole(sync / period):
             refuse(
@@ -68,7 +68,7 @@ def impossible(machine: Machine, document: Document) -> list[str]:
     return problems
 
 
-def _bus(bus: Bus, refuse: Refuse) -> None:
+def _check_bus(bus: Bus, refuse: Refuse) -> None:
     sync, window = bus.sync_period, bus.sync_window
     if not _whole(sync / 1e-6):
         refuse(("bus", "sync_period"), f"must be a whole number of us, is {sync:.12g} s")
@@ -78,7 +78,7 @@ def _bus(bus: Bus, refuse: Refuse) -> None:
         refuse(("bus", "sync_window"), f"must be 0 or 10 us to sync_period, is {window:.12g} s")
 
 
-def _temperature(machine: Machine, refuse: Refuse) -> None:
+def _check_temperature(machine: Machine, refuse: Refuse) -> None:
     thermometer = machine.temperature
     if thermometer is None:
         return
@@ -89,8 +89,8 @@ def _temperature(machine: Machine, refuse: Refuse) -> None:
         refuse(("temperature", "axis"), f"no such axis; there are {', '.join(machine.axes)}")
 
 
-def _ranges(axis: Axis, at: At, refuse: Refuse) -> None:
-    """Travel and limits, as integers on the bus."""
+def _check_ranges(axis: Axis, at: At, refuse: Refuse) -> None:
+    """Travel and limits against the ranges of integers on the bus."""
     low, high = axis.travel
     if low >= high:
         refuse((*at, "travel"), f"must be [lowest, highest], is [{low:g}, {high:g}]")
@@ -116,12 +116,12 @@ def _ranges(axis: Axis, at: At, refuse: Refuse) -> None:
             refuse(
                 (*at, "limits", key), f"beyond {most * step:.4g} {dimension}, the range of {steps}"
             )
-        elif round(value / step) < 1 and key != "position_window":  # that may be a single step
+        elif round(value / step) < 1 and key != "position_window":  # which may be below one step
             refuse((*at, "limits", key), f"{value:g} {dimension} is nothing in {steps}")
 
 
-def _homing(axis: Axis, at: At, refuse: Refuse) -> None:
-    """Speeds of homing, as integers on the bus and against the travel."""
+def _check_homing(axis: Axis, at: At, refuse: Refuse) -> None:
+    """Homing velocities against the integers on the bus and against the travel."""
     homing, limits = axis.homing, axis.limits
     step, key = _speed_unit(axis.drive)
     steps = f"{_short(step)}m/s steps (drive.{key})"
@@ -145,17 +145,17 @@ def _homing(axis: Axis, at: At, refuse: Refuse) -> None:
 
 
 def _speed_unit(drive: Drive) -> tuple[float, str]:
-    """The unit of velocities on the bus [m/s], and the key that says so."""
+    """The unit of velocities on the bus [m/s], and the key that sets it."""
     if drive.velocity_unit is not None:
         return drive.velocity_unit, "velocity_unit"
     return drive.position_unit, "position_unit"
 
 
-def _drive(drive: Drive, at: At, refuse: Refuse) -> None:
+def _check_drive(drive: Drive, at: At, refuse: Refuse) -> None:
     if drive.pid is None and drive.cascade is None:
-        refuse(at, "pid: missing (or a cascade in its place)")
+        refuse(at, "pid: missing (or a cascade instead)")
     if drive.pid is not None and drive.cascade is not None:
-        refuse((*at, "cascade"), "stands in place of pid: only one of them")
+        refuse((*at, "cascade"), "cannot be combined with pid: only one of them")
     if drive.peak_force < drive.rated_force:
         refuse((*at, "peak_force"), "must be at least rated_force")
     if drive.peak_force > FORCE_RANGE * drive.rated_force:
@@ -163,7 +163,7 @@ def _drive(drive: Drive, at: At, refuse: Refuse) -> None:
 
 
 def _short(value: float) -> str:
-    """A small length with its prefix: 1e-9 is "1 n"."""
+    """A value with an SI prefix: 1e-9 is "1 n"."""
     for scale, prefix in ((1e-9, "n"), (1e-6, "u"), (1e-3, "m")):
         if value < 999.9 * scale:
             return f"{value / scale:g} {prefix}"

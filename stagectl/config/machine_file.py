@@ -1,13 +1,13 @@
-"""Reads machine files: parsed, validated, checked as a whole."""
+"""Reading of machine files."""
 
 from __future__ import annotations
 
 from importlib import resources
 from pathlib import Path
 
-from stagectl.config.diagnose import in_order, validate
 from stagectl.config.machine import Machine
-from stagectl.config.machine_checks import impossible
+from stagectl.config.machine_checks import check_machine
+from stagectl.config.validation import sort_problems, validate
 from stagectl.config.yaml_nodes import Document, load_document, parse_document
 from stagectl.errors import ConfigError
 
@@ -25,7 +25,7 @@ def load_machine(path: Path | None = None) -> Machine:
 
 
 def parse_machine(text: str, name: str) -> Machine:
-    """The machine of a text, as found inside a recording; `name` is what problems call it.
+    """The machine of a text, such as that in a recording; messages call it `name`.
 
     Raises:
         ConfigError: the text cannot be used; one line per problem.
@@ -35,8 +35,8 @@ def parse_machine(text: str, name: str) -> Machine:
 
 def _machine(document: Document) -> Machine:
     machine = validate(document, Machine)
-    problems = impossible(machine, document)
+    problems = check_machine(machine, document)
     if problems:
-        raise ConfigError(in_order(problems))
+        raise ConfigError(sort_problems(problems))
     machine.attach(document)
     return machine

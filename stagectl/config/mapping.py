@@ -1,6 +1,6 @@
-"""From a machine file to the settings of the packages below: simulator and drivers.
+"""From a machine file to the settings of simulator and drivers.
 
-The lower packages know neither YAML nor this machine model; each takes its own frozen settings.
+Those packages know neither YAML nor the machine model; each has frozen settings of its own.
 """
 
 from __future__ import annotations
@@ -18,16 +18,14 @@ if TYPE_CHECKING:
 
 
 _STABLE = 0.5
-"""Of damping times step over mass, and stiffness times step squared over mass, at most so much: the
-same bound as with effects."""
+"""Limit of damping x step / mass and of stiffness x step^2 / mass, the same as for effects."""
 
 
 def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
-    """The simulator's settings: the machine's figures exactly, `tolerance` is never drawn.
+    """The simulator's settings: exactly the parameters in the file, nothing drawn from `tolerance`.
 
     Raises:
-        ConfigError: effects that the simulator does not have, or with values that cannot be; a
-            plant that its steps cannot follow.
+        ConfigError: unknown effects or impossible values, or a plant too stiff for its steps.
     """
     from hil_sim import settings
 
@@ -66,17 +64,17 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
             )
         )
     if any(axis.effects for axis in machine.axes.values()):
-        from stagectl.config.effects import with_effects
+        from stagectl.config.effects import add_effects
 
-        axes = with_effects(machine, axes)
+        axes = add_effects(machine, axes)
     return settings.StageSettings(sync_period=machine.bus.sync_period, axes=tuple(axes))
 
 
 def _check_steps(machine: Machine, substeps: int) -> None:
-    """Friction that semi-implicit steps cannot follow would be a plant that runs away.
+    """Refuse friction with which the semi-implicit integration would be unstable.
 
     Raises:
-        ConfigError: with the figure that is too much.
+        ConfigError: viscous friction or stiffness is too large for the step.
     """
     problems = []
     for name, axis in machine.axes.items():
@@ -108,7 +106,7 @@ def _control(drive: Drive) -> hil_sim.settings.ControlSettings:
             "derivative_time": cascade.derivative_time,
         }
     else:
-        assert drive.pid is not None  # noqa: S101 - the machine file was checked for one of them
+        assert drive.pid is not None  # noqa: S101 - machine_checks requires one of them
         gains = drive.pid.model_dump()
     return settings.ControlSettings(
         **gains,
@@ -134,7 +132,7 @@ def driver_settings(
     """The drivers' settings: bus, and per axis node, EDS, scaling, limits and homing.
 
     Raises:
-        ConfigError: an axis' EDS file is not there.
+        ConfigError: an axis' EDS file does not exist.
     """
     from drivers import settings
 
@@ -188,10 +186,10 @@ def driver_settings(
 
 
 def eds_path(machine: Machine, name: str, axis: Axis) -> Path:
-    """The axis' EDS file: beside the machine file where named there, else the virtual drive's.
+    """The axis' EDS file: the one named in the machine file, else the virtual drive's.
 
     Raises:
-        ConfigError: a named file is not there.
+        ConfigError: the file does not exist.
     """
     if axis.eds is None:
         return Path(str(resources.files("hil_sim") / "eds" / "stagectl-linear-drive.eds"))

@@ -1,7 +1,7 @@
-"""Figures that no stage has: too small or too large for physics, and for what computes with them.
+"""Plausible ranges of machine parameters: beyond them, physics or arithmetic fails.
 
-Wide on purpose, some decades beyond what was ever built: who types a wrong unit is told elsewhere,
-by its dimension. What a drive's integers hold is in `stagectl.config.machine_checks`.
+The ranges are wide, some decades beyond any stage ever built: mistaken units are found by their
+dimension, and the ranges of a drive's integers are in `stagectl.config.machine_checks`.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ RANGES: dict[str, tuple[float, float, str]] = {
     "homing.velocity": (1e-15, 1e6, "m/s"),
     "homing.index_velocity": (1e-15, 1e6, "m/s"),
 }
-"""Key below the axis -> least and greatest value, unit."""
+"""Key within the axis -> lowest and highest value, unit."""
 
 
-def implausible(axis: Axis) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Where below the axis a figure is that none has, and what it must be."""
+def find_implausible(axis: Axis) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Keys within the axis of implausible values, and what they must be."""
     for key, (least, greatest, unit) in RANGES.items():
         path = tuple(key.split("."))
         value = _value(axis, path)
@@ -60,8 +60,8 @@ def implausible(axis: Axis) -> Iterator[tuple[tuple[str, ...], str]]:
 
 
 def _value(node: object, path: tuple[str, ...]) -> float | None:
-    """The figure at a path; None where the file has no such section, or nothing there."""
+    """The value at a path; None if the file has none."""
     for name in path:
         node = None if node is None else getattr(node, name)
-    assert node is None or isinstance(node, float)  # noqa: S101 - a key of the table is a figure's
+    assert node is None or isinstance(node, float)  # noqa: S101 - all keys above are of numbers
     return node

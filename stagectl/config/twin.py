@@ -1,4 +1,4 @@
-"""A machine file with effects switched on and plant figures moved: the improved twin of a stage."""
+"""The twin of a stage: its machine file with effects added and plant parameters adjusted."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from stagectl.config.machine_file import parse_machine
 from stagectl.errors import StagectlError
 
 
-def twin_text(
+def render_twin(
     machine: Machine,
     effects: Mapping[str, Sequence[tuple[str, Mapping[str, float]]]],
     plant: Mapping[str, Mapping[str, float]] | None = None,
 ) -> str:
-    """The text of a machine file with effects added to those that it has.
+    """The text of a machine file with effects added and parameters changed.
 
     Args:
-        machine: to start from; all else stays as it is there, but for comments.
+        machine: to start from; the rest is kept, except comments.
         effects: axis -> (name, parameters in SI units) of each effect to add.
-        plant: axis -> figure -> value in SI units: `mass`, or a key under `friction`.
+        plant: axis -> parameter -> value in SI units: `mass`, or a key of `friction`.
 
     Raises:
-        StagectlError: an axis or figure that the machine file does not have.
-        ConfigError: a value that it may not have.
+        StagectlError: the machine file does not have an axis or parameter.
+        ConfigError: a value is refused.
     """
     document: Any = copy.deepcopy(machine.document.data)
     axes = document["axes"]
@@ -39,7 +39,7 @@ def twin_text(
         for key, value in figures.items():
             section = of_axis if key == "mass" else of_axis["friction"]
             if key not in section:
-                raise StagectlError(f"{machine.source}: axis {name} has no figure {key}")
+                raise StagectlError(f"{machine.source}: axis {name} has no parameter {key}")
             section[key] = float(value)
     for name, added in effects.items():
         listed = axes[name].setdefault("effects", [])

@@ -1,9 +1,9 @@
-"""Quantities in files: a number is SI; a text is a number with a unit, checked for its dimension.
+"""Quantities in files: a plain number is in SI units; a string is a number with a unit.
 
 `80 um`, `5 ms`, `0.5 m/s`, `3 m/s^2`, `30 N s/m`, `0.6 N/um`, `16.07 MN/(m s)`. Units are m, g, s,
-N, Hz with the prefixes n, u (or the micro sign), m, c, k, M, joined by `/`, `*` or a space.
-Converted exactly (in decimals), so `80 um` is the same float as `80e-6`. Only used where files come
-in: inside the program everything is a plain SI float.
+N, Hz with the prefixes n, u (or the micro sign), m, c, k, M, combined by `/`, `*` or a space. The
+dimension is checked. The conversion is exact (decimal), so `80 um` is the same float as `80e-6`.
+Used only at the border: inside the program all quantities are SI floats.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from annotated_types import Ge, Gt
 from pydantic import BeforeValidator
 from pydantic_core import PydanticCustomError
 
-from stagectl.config.yaml_nodes import one_line, shown
+from stagectl.config.yaml_nodes import describe_value, one_line
 
 Exponents = tuple[int, int, int]  # of metre, kilogram, second
 
 
 @dataclass(frozen=True, slots=True)
 class Dimension:
-    """What a quantity is: its name, its SI exponents and an example with a unit."""
+    """The dimension of a quantity: its name, SI exponents and an example with a unit."""
 
     name: str
     exponents: Exponents
@@ -73,7 +73,7 @@ def parse_unit(text: str) -> tuple[int, Exponents]:
     """A unit such as `N/(m s)` as (power of ten to SI, SI exponents).
 
     Raises:
-        ValueError: not a unit known here.
+        ValueError: unknown unit.
     """
     tokens: list[tuple[str, str, str]] = []
     position = 0
@@ -132,18 +132,18 @@ def parse_quantity(value: object, dimension: Dimension) -> float:
     """A value from a file as an SI float.
 
     Args:
-        value: a number (SI), or a text: number and unit.
-        dimension: what it has to be.
+        value: a number in SI units, or a string of number and unit.
+        dimension: required.
 
     Raises:
-        ValueError: not a finite number, no or an unknown unit, or another dimension; the text of
-            the exception says which and what was expected.
+        ValueError: not a finite number, a missing or unknown unit, or the wrong dimension; the
+            message says which, and what was expected.
     """
     expected = f"must be {dimension.name}"
     if dimension.example:
         expected += f" (SI, or a text such as '{dimension.example}')"
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        raise ValueError(f"{expected}, is {shown(value)}")
+        raise ValueError(f"{expected}, is {describe_value(value)}")
     if not isinstance(value, str):
         if not math.isfinite(value):
             raise ValueError(f"must be a finite number, is {value}")
@@ -151,7 +151,7 @@ def parse_quantity(value: object, dimension: Dimension) -> float:
     text = value.strip()
     match = _QUANTITY.match(text) if len(text) <= 64 else None
     if match is None:
-        raise ValueError(f"{expected}, is {shown(value)}")
+        raise ValueError(f"{expected}, is {describe_value(value)}")
     number, unit = match[1], match[2]
     if not unit:
         raise ValueError(f"{expected}, is a text: write {one_line(number)} without quotes")
@@ -161,13 +161,13 @@ def parse_quantity(value: object, dimension: Dimension) -> float:
         raise ValueError(f"{expected}: unknown unit '{one_line(unit, 30)}'") from None
     if exponents != dimension.exponents:
         other = next((d.name for d in _DIMENSIONS if d.exponents == exponents), "something else")
-        raise ValueError(f"{expected}, but {shown(value)} is {other}")
+        raise ValueError(f"{expected}, but {describe_value(value)} is {other}")
     try:
         result = float(Decimal(number) * Decimal(1).scaleb(ten))
     except (InvalidOperation, OverflowError):
-        raise ValueError(f"{expected}, is {shown(value)}") from None
+        raise ValueError(f"{expected}, is {describe_value(value)}") from None
     if not math.isfinite(result):
-        raise ValueError(f"must be a finite number, is {shown(value)}")
+        raise ValueError(f"must be a finite number, is {describe_value(value)}")
     return result
 
 

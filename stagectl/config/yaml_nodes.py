@@ -1,13 +1,13 @@
-"""YAML for a machine where 1e-8 matters: values with the place they stand at, nothing guessed.
+"""Strict YAML: every value with its place in the file, no surprising conversions, bounded size.
 
-Parsed by libyaml (`yaml.CSafeLoader`), but only down to its events: the values are made here, by
-the YAML 1.2 core rules, because PyYAML's own (YAML 1.1) read `1e-8` as a text, `on` as true and
-`010` as 8, and let the last of two equal keys win. Numbers are decimal and finite; keys are texts
-and unique; anchors, aliases, tags and second documents are refused; size, depth and number of
-values are bounded before anything is built, so that no file can exhaust the host.
+libyaml (`yaml.CSafeLoader`) parses the file into events; the values are made here by the YAML 1.2
+core rules. PyYAML's own rules (YAML 1.1) would read `1e-8` as a string, `on` as true and `010` as
+8, and let the last of two equal keys win. Numbers are decimal and finite; keys are strings and
+unique; anchors, aliases, tags and further documents are refused. Size, depth and number of values
+are limited before anything is built, so no file can exhaust the host.
 
-Not supported on purpose: octal and hexadecimal numbers, dates, binary, merge keys (all of them
-stay texts and fail where a number belongs).
+Octal and hexadecimal numbers, dates, binary data and merge keys are not supported: they remain
+strings and are refused where a number is expected.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ MAX_VALUES: Final = 200_000
 
 _TYPE_NAMES: Final[dict[type, str]] = {dict: "a mapping", list: "a list", type(None): "empty"}
 
-# libyaml where PyYAML was built with it (the wheels are), else the same events, slower
+# libyaml if PyYAML was built with it, as its wheels are; else the same events, more slowly
 _LOADER: Final = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _INT = re.compile(r"[-+]?[0-9]+\Z")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?\Z")
@@ -47,7 +47,7 @@ Location = Sequence[str | int]
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A place in a file; line and column count from 1."""
+    """A place in a file; line and column from 1."""
 
     line: int
     column: int
@@ -58,7 +58,7 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """A value and where it starts; `keys` holds where each key of a mapping stands."""
+    """A value and its place; `keys` has the place of each key of a mapping."""
 
     value: object
     mark: Mark
@@ -68,14 +68,14 @@ class Node:
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A parsed file: plain Python values in `data`, and the places they came from.
+    """A parsed file: plain Python values in `data`, and their places.
 
     Attributes:
-        name: how problems name the file.
+        name: of the file, in messages.
         text: the file's text as read.
         root: the tree of values with their marks.
-        problems: values that were refused, one line each. In `data` stands a placeholder for
-            them, so that the rest can be validated too: `diagnose.validate` reports both.
+        problems: values that were refused, one line each. `data` holds placeholders for them, so
+            that the rest can be validated too; `validation.validate` reports both.
     """
 
     name: str
@@ -92,12 +92,11 @@ class Document:
         """One line `file:line:column: key: reason`.
 
         Args:
-            location: keys and list indices (from 0) from the top of the file. Parts that are not
-                in the file (a missing key, a validator's own tag) are looked through: the place
-                given is then that of the nearest mapping or list around it. In the line, lists
-                count from 1, as sites do.
+            location: keys and list indices (from 0) from the top of the file. If the file does not
+                have it (a missing key, a validator's tag), the place is that of the nearest
+                mapping or list around it. The message counts list items from 1, like sites.
             reason: what is wrong there.
-            at_key: place it at the key rather than at its value.
+            at_key: whether the place is that of the key rather than of its value.
         """
         node, mark, path = self.root, self.root.mark, ""
         for position, part in enumerate(location):
@@ -108,23 +107,23 @@ class Document:
             elif position < len(location) - 1 or isinstance(part, int):
                 continue  # a validator's tag
             path += f"[{part + 1}]" if isinstance(part, int) else f".{part}"
-        return one_line_problem(self.name, mark, path.removeprefix("."), reason)
+        return format_problem(self.name, mark, path.removeprefix("."), reason)
 
 
 def one_line(text: object, limit: int = 80) -> str:
-    """The text on one line, without control characters, cut at `limit` characters."""
+    """The text on one line, without control characters, of at most `limit` characters."""
     line = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in str(text))
     return line if len(line) <= limit else line[: limit - 3] + "..."
 
 
-def one_line_problem(name: str, mark: Mark | None, key: str, reason: str) -> str:
-    """`file:line:column: key: reason`, without the parts that are not known."""
+def format_problem(name: str, mark: Mark | None, key: str, reason: str) -> str:
+    """`file:line:column: key: reason`, without the parts that are unknown."""
     place = f"{one_line(name, 300)}:{mark}" if mark else one_line(name, 300)
     return ": ".join(part for part in (place, one_line(key), one_line(reason, 400)) if part)
 
 
-def shown(value: object) -> str:
-    """A value as a problem names it: `a list`, `'abc'`, `12`."""
+def describe_value(value: object) -> str:
+    """A value as messages show it: `a list`, `'abc'`, `12`."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float):
@@ -136,26 +135,26 @@ def shown(value: object) -> str:
 
 
 def read_text(path: Path) -> str:
-    """The text of a file that should be UTF-8.
+    """The text of a UTF-8 file.
 
     Raises:
-        ConfigError: it is not there, not a file, too big, or not UTF-8 text.
+        ConfigError: there is no such file, or it is too large or not UTF-8 text.
     """
     name = str(path)
     try:
         with path.open("rb") as file:
             raw = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        raise ConfigError(one_line_problem(name, None, "", "no such file")) from None
+        raise ConfigError(format_problem(name, None, "", "no such file")) from None
     except IsADirectoryError:
         reason = "is a directory, not a file"
-        raise ConfigError(one_line_problem(name, None, "", reason)) from None
+        raise ConfigError(format_problem(name, None, "", reason)) from None
     except (OSError, ValueError) as error:
         reason = f"cannot be read: {getattr(error, 'strerror', None) or error}"
-        raise ConfigError(one_line_problem(name, None, "", reason)) from None
+        raise ConfigError(format_problem(name, None, "", reason)) from None
     if len(raw) > MAX_BYTES:
         reason = f"is larger than {MAX_BYTES // 1024 // 1024} MiB"
-        raise ConfigError(one_line_problem(name, None, "", reason))
+        raise ConfigError(format_problem(name, None, "", reason))
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -163,27 +162,28 @@ def read_text(path: Path) -> str:
         column = error.start - (before.rfind(b"\n") + 1) + 1
         mark = Mark(before.count(b"\n") + 1, column)
         reason = f"is not UTF-8 text (byte 0x{raw[error.start]:02x})"
-        raise ConfigError(one_line_problem(name, mark, "", reason)) from None
+        raise ConfigError(format_problem(name, mark, "", reason)) from None
 
 
 def load_document(path: Path) -> Document:
     """Read and parse a file.
 
     Raises:
-        ConfigError: the file cannot be read or is not YAML as taken here.
+        ConfigError: the file cannot be read, or is not YAML as defined here.
     """
     return parse_document(read_text(path), str(path))
 
 
 def parse_document(text: str, name: str) -> Document:
-    """Parse a text; `name` is what problems call it.
+    """Parse a text, which messages call `name`.
 
     Raises:
-        ConfigError: not YAML as taken here (refused values are kept in `problems` instead).
+        ConfigError: it is not YAML as defined here. Refused values do not raise; they are in
+            `problems`.
     """
     problems: list[str] = []
     if len(text) > MAX_BYTES:
-        raise ConfigError(one_line_problem(name, None, "", "is too large"))
+        raise ConfigError(format_problem(name, None, "", "is too large"))
     try:
         root = _Builder(name, problems).build(yaml.parse(text, Loader=_LOADER))
     except yaml.MarkedYAMLError as error:
@@ -191,21 +191,21 @@ def parse_document(text: str, name: str) -> Document:
         mark = Mark(place.line + 1, place.column + 1) if place else None
         context = f" ({error.context})" if error.context else ""
         reason = f"not valid YAML: {error.problem}{context}"
-        raise ConfigError(one_line_problem(name, mark, "", reason)) from None
+        raise ConfigError(format_problem(name, mark, "", reason)) from None
     except yaml.reader.ReaderError as error:
         before = text[: error.position]
         mark = Mark(before.count("\n") + 1, len(before) - (before.rfind("\n") + 1) + 1)
         reason = "not a text file: it holds control characters"
-        raise ConfigError(one_line_problem(name, mark, "", reason)) from None
+        raise ConfigError(format_problem(name, mark, "", reason)) from None
     except (yaml.YAMLError, UnicodeError) as error:
-        raise ConfigError(one_line_problem(name, None, "", f"not valid YAML: {error}")) from None
+        raise ConfigError(format_problem(name, None, "", f"not valid YAML: {error}")) from None
     if root is None or root.value is None:
-        raise ConfigError(one_line_problem(name, Mark(1, 1), "", "is empty"))
+        raise ConfigError(format_problem(name, Mark(1, 1), "", "is empty"))
     return Document(name, text, root, tuple(problems))
 
 
 class _Builder:
-    """Turns the parser's events into nodes, bounded in depth and number."""
+    """Turns the parser's events into nodes, limited in depth and number."""
 
     def __init__(self, name: str, problems: list[str]) -> None:
         self._name = name
@@ -213,12 +213,12 @@ class _Builder:
         self._values = 0
 
     def build(self, stream: Iterator[events.Event]) -> Node | None:
-        """The root node, or None for a stream without a document."""
+        """The root node; None for a stream without a document."""
         root: Node | None = None
         for event in stream:
             if isinstance(event, events.DocumentStartEvent):
                 if root is not None:
-                    self._refuse(event, "", "a second document: one file holds one")
+                    self._refuse(event, "", "a second document: a file may hold only one")
                 root = self._node(next(stream), stream, "", 0)
         return root
 
@@ -259,7 +259,7 @@ class _Builder:
             path = f"{key}.{event.value}" if key else str(event.value)
             label = self._node(event, stream, path, d + 1).value
             if not isinstance(label, str):
-                self._problem(event, path, f"a key must be a text, is {shown(label)}")
+                self._problem(event, path, f"a key must be a text, is {describe_value(label)}")
                 label = str(event.value)
             child = self._node(next(stream), stream, path, d + 1)
             if label in keys:
@@ -272,9 +272,7 @@ class _Builder:
 
     def _scalar(self, event: events.ScalarEvent, key: str) -> object:
         text = str(event.value)
-        if (
-            event.implicit and not event.implicit[0]
-        ):  # quoted or block: a text, whatever it looks like
+        if event.implicit and not event.implicit[0]:  # quoted or block: always a string
             return text
         if text in _WORDS:
             return _WORDS[text]
@@ -297,10 +295,10 @@ class _Builder:
         return text
 
     def _problem(self, event: events.Event, key: str, reason: str) -> None:
-        self._problems.append(one_line_problem(self._name, _mark(event), key, reason))
+        self._problems.append(format_problem(self._name, _mark(event), key, reason))
 
     def _refuse(self, event: events.Event, key: str, reason: str) -> NoReturn:
-        """End the parsing here: what follows could not be read in a bounded way."""
+        """Stop parsing: the rest of the file cannot be read within the limits."""
         self._problem(event, key, reason)
         raise ConfigError(self._problems)
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
 
-from stagectl.config.diagnose import in_order, suggestion, validate
 from stagectl.config.machine import Axis, Machine
+from stagectl.config.validation import sort_problems, suggest, validate
 from stagectl.config.yaml_nodes import Document, load_document, parse_document
 from stagectl.errors import ConfigError
 from stagectl.recipe import schema
@@ -80,7 +80,7 @@ def _recipe(document: Document, machine: Machine) -> Recipe:
     moves = check.moves(file.moves or [], macro, micro, ("moves",))
     check.path(moves)
     if check.problems:
-        raise ConfigError(in_order(check.problems))
+        raise ConfigError(sort_problems(check.problems))
     first, second = machine.axes
     unused = [k for k in ("expose", "fiducial") if moves and getattr(file, k) is not None]
     recipe = Recipe(
@@ -219,7 +219,7 @@ class _Check:
                 known = sorted(metadata.entry_points(group=ENTRY_POINTS).names)
                 if section.name not in known:
                     reason = f"no plug-in '{section.name}' is installed"
-                    reason += suggestion(section.name, known)
+                    reason += suggest(section.name, known)
                     self.refuse(("fiducial", "name"), reason)
                 return PluginMark(section.name)
             case _:
@@ -267,7 +267,7 @@ class _Check:
                     moves.append(To(item.to, item.kind, self.motion(item, macro, micro, here)))
                 case schema.ReverseItem():
                     if item.axis not in names:
-                        reason = f"no such axis in the machine{suggestion(item.axis, names)}"
+                        reason = f"no such axis in the machine{suggest(item.axis, names)}"
                         self.refuse((*here, "axis"), reason)
                         moves.append(Dwell(0.0))  # keeps the others in their places
                         continue

@@ -11,7 +11,6 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Discriminator, Field, StrictInt, StringConstraints, Tag
 from pydantic_core import PydanticCustomError
 
-from stagectl.config.diagnose import Section
 from stagectl.config.machine import Label, LengthPair, Name
 from stagectl.config.units import (
     NotNegativeLength,
@@ -22,6 +21,7 @@ from stagectl.config.units import (
     PositiveTime,
     PositiveVelocity,
 )
+from stagectl.config.validation import Section
 
 
 def _no_path(name: str) -> str:

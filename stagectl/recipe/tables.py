@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from stagectl.config.diagnose import suggestion
 from stagectl.config.units import LENGTH, parse_quantity
-from stagectl.config.yaml_nodes import Mark, one_line, one_line_problem, read_text, shown
+from stagectl.config.validation import suggest
+from stagectl.config.yaml_nodes import Mark, describe_value, format_problem, one_line, read_text
 from stagectl.errors import ConfigError
 from stagectl.recipe.model import Pair
 
@@ -30,7 +30,7 @@ class Row:
 
     def problem(self, reason: str) -> str:
         """One line that places `reason` at this row."""
-        return one_line_problem(self.name, self.mark, "", reason)
+        return format_problem(self.name, self.mark, "", reason)
 
 
 def read_sites(path: Path) -> tuple[Row, ...]:
@@ -78,23 +78,23 @@ def _read(path: Path, required: Sequence[str], optional: Sequence[str]) -> tuple
     known = [*required, *optional]
     if not lines:
         reason = f"is empty: a header line {','.join(required)} is expected"
-        raise ConfigError(one_line_problem(name, Mark(1, 1), "", reason))
+        raise ConfigError(format_problem(name, Mark(1, 1), "", reason))
     header_line, header_text = lines[0]
     header = [cell.strip() for cell in header_text.split(",")]
     problems: list[str] = []
     for label in header:
         if label not in known or header.count(label) > 1:
             reason = "duplicate column" if label in known else "unknown column"
-            reason += "" if label in known else suggestion(label, known)
-            problems.append(one_line_problem(name, Mark(header_line, 1), label, reason))
+            reason += "" if label in known else suggest(label, known)
+            problems.append(format_problem(name, Mark(header_line, 1), label, reason))
     for label in required:
         if label not in header:
-            problems.append(one_line_problem(name, Mark(header_line, 1), label, "is missing"))
+            problems.append(format_problem(name, Mark(header_line, 1), label, "is missing"))
     if problems:
         raise ConfigError(dict.fromkeys(problems))
     if not 1 <= len(lines) - 1 <= MAX_ROWS:
         reason = f"must have 1 to {MAX_ROWS} rows below the header, has {len(lines) - 1}"
-        raise ConfigError(one_line_problem(name, Mark(header_line, 1), "", reason))
+        raise ConfigError(format_problem(name, Mark(header_line, 1), "", reason))
 
     x, y = [label for label in required if label != "site"]
     rows: list[Row] = []
@@ -102,7 +102,7 @@ def _read(path: Path, required: Sequence[str], optional: Sequence[str]) -> tuple
         cells = line.split(",")
         if len(cells) != len(header):
             reason = f"must have {len(header)} cells, has {len(cells)}"
-            problems.append(one_line_problem(name, Mark(number, 1), "", reason))
+            problems.append(format_problem(name, Mark(number, 1), "", reason))
             continue
         values: dict[str, float] = {}
         column = 1
@@ -112,7 +112,7 @@ def _read(path: Path, required: Sequence[str], optional: Sequence[str]) -> tuple
             except ValueError as error:
                 indent = len(cell) - len(cell.lstrip())
                 mark = Mark(number, column + indent)
-                problems.append(one_line_problem(name, mark, label, str(error)))
+                problems.append(format_problem(name, mark, label, str(error)))
             column += len(cell) + 1
         if len(values) == len(header):
             site = int(values["site"]) if "site" in values else None
@@ -125,7 +125,7 @@ def _read(path: Path, required: Sequence[str], optional: Sequence[str]) -> tuple
 def _site(cell: str) -> int:
     text = cell.strip()
     if not (text.isascii() and text.isdigit() and len(text) < 10 and int(text) >= 1):
-        raise ValueError(f"must be a site number from 1, is {shown(text)}")
+        raise ValueError(f"must be a site number from 1, is {describe_value(text)}")
     return int(text)
 
 

@@ -1,4 +1,4 @@
-"""Self-contained HTML reports of runs: one file, no network, readable on a projector."""
+"""HTML pages on runs and gap diagnoses: one self-contained file each, readable offline."""
 
 from stagectl.report.gap_page import write_gap_page
 from stagectl.report.page import write_report

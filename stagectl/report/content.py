@@ -1,6 +1,6 @@
-"""What the report says in words and tables, from the run's summary alone.
+"""Sentences and tables of a run's report, from its summary alone.
 
-Values come out as text in the units people read (um, ms); every figure is from `summary.json`.
+Values are formatted in µm and ms; every one of them is from `summary.json`.
 """
 
 from __future__ import annotations
@@ -14,19 +14,31 @@ from typing import Any
 
 Summary = Mapping[str, Any]
 
-_PLAIN = {"completed": "Completed", "aborted": "Aborted", "fault": "Ended on a fault"}
-_LISTED = 6  # names listed in a notice before "and n more"
+_OUTCOMES = {
+    "completed": ("good", "Completed"),
+    "aborted": ("warning", "Aborted"),
+    "fault": ("bad", "Ended with a fault"),
+}
+_MAX_LISTED = 6  # names listed in a notice before "and n more"
+_INFORMATIVE = 1.02
+"""Gain (sigma before over sigma after) from which a move was informative about a parameter."""
+_INFORMATIVE_MOVES = {
+    "coulomb": "sliding moves",
+    "viscous": "fast moves",
+    "stiffness": "the onset of moves and reversals",
+    "attraction": "slow moves of at least two breakaway distances",
+}
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One line of the table of results: a kind of move on one axis.
+    """A row of the table of results: one kind of move on one axis.
 
     Attributes:
-        kind, axis: what it is of.  count: moves of it.
+        kind, axis: of the moves.  count: number of moves.
         peak: median and largest peak error.
         settling: per window: median, mean, 90th percentile.
-        unsettled: moves still outside at their last sample.
+        unsettled: moves still outside the tightest window at their last sample.
     """
 
     kind: str
@@ -39,7 +51,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Notice:
-    """One thing the reader should know.
+    """A message to the reader.
 
     Attributes:
         level: "good", "warning" or "bad".
@@ -52,139 +64,130 @@ class Notice:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """An estimate that was not taken over; `site` is None in a list of moves."""
+    """A refused estimate; `site` is None in a list of moves."""
 
     site: int | None
     axis: str
     reason: str
 
 
-def date(started: str) -> str:
-    """An ISO 8601 date to the second, for people; as it is where it is something else."""
+def format_date(started: str) -> str:
+    """An ISO 8601 date to the second; any other text unchanged."""
     try:
         return f"{datetime.fromisoformat(started):%Y-%m-%d %H:%M:%S %Z}".strip()
     except ValueError:
         return started
 
 
-def micrometres(value: float | None) -> str:
-    """A length [m] in um with three significant digits."""
+def format_micrometres(value: float | None) -> str:
+    """A length [m] in µm with three significant digits."""
     return "–" if value is None or not math.isfinite(value) else _digits(value * 1e6)  # noqa: RUF001
 
 
-def milliseconds(value: float | None) -> str:
+def format_milliseconds(value: float | None) -> str:
     """A time [s] in ms."""
     if value is None or not math.isfinite(value):
         return "–"  # noqa: RUF001
     return f"{value * 1e3:.1f}".removesuffix(".0")
 
 
-def window_name(key: str) -> str:
-    """A settling window's key as people say it: "5e-08" -> "±50 nm"."""
+def format_window(key: str) -> str:
+    """A settling window from its key: "5e-08" -> "±50 nm"."""
     return f"±{float(key) * 1e9:g} nm"
 
 
-def windows(summary: Summary) -> tuple[str, ...]:
+def window_keys(summary: Summary) -> tuple[str, ...]:
     """Keys of the settling windows, tightest first."""
     keys = {key for move in summary["moves"] for key in move["settling"]}
     return tuple(sorted(keys, key=float))
 
 
 def headline(summary: Summary) -> str:
-    """The run in one sentence."""
+    """The result of the run in one sentence."""
     micro = summary["micro"]
     if not micro["count"]:
         return "No micro-move was completed."
     keys = sorted(micro["settling_median"], key=float)
     times = " and to ".join(
-        f"{window_name(key)} in {milliseconds(micro['settling_median'][key])} ms" for key in keys
+        f"{format_window(key)} in {format_milliseconds(micro['settling_median'][key])} ms"
+        for key in keys
     )
     return (
         f"Micro-moves settle to {times} (medians of {micro['count']}), "
-        f"with a peak error of {micrometres(micro['peak_error_median'])}\u00a0µm."
+        f"with a peak error of {format_micrometres(micro['peak_error_median'])}\u00a0µm."
     )
 
 
-def outcome(summary: Summary) -> Notice:
+def outcome_notice(summary: Summary) -> Notice:
     """How the run ended, for the badge in the header."""
-    text = _PLAIN.get(summary["outcome"], str(summary["outcome"]).capitalize())
-    level = {"completed": "good", "aborted": "warning"}.get(summary["outcome"], "bad")
-    return Notice(level, text)
+    outcome = str(summary["outcome"])
+    return Notice(*_OUTCOMES.get(outcome, ("bad", outcome.capitalize())))
 
 
 def notices(summary: Summary) -> list[Notice]:
-    """What the reader should know beyond the tables, worst first."""
+    """Messages beyond the tables, worst first."""
     found: list[Notice] = []
     if summary["fault"]:
         found.append(Notice("bad", str(summary["fault"])))
     resumed = summary.get("resumed")
     if resumed:
-        text = f"Went on behind {resumed['done']} finished, which are in {resumed['run']}."
+        unit = "sites" if any(move["site"] for move in summary["moves"]) else "moves"
+        text = f"Continues after the first {resumed['done']} {unit} of {resumed['run']}."
         found.append(Notice("good", text))
     for retry in summary.get("retries", ()):
         place = "A move" if retry["site"] is None else f"Site {retry['site']}"
-        text = f"{place} was begun again (attempt {retry['attempt']}): {retry['fault']}"
+        text = f"{place} was restarted (attempt {retry['attempt']}): {retry['fault']}"
         found.append(Notice("warning", text))
     unsettled = [move for move in summary["moves"] if not move["settled"]]
     if unsettled:
-        names = _list_places(unsettled)
-        found.append(
-            Notice(
-                "warning",
-                f"{len(unsettled)} of {len(summary['moves'])} moves of an axis were still outside "
-                f"{window_name(windows(summary)[0])} when the next one began: {names}.",
-            )
+        text = (
+            f"{len(unsettled)} of {len(summary['moves'])} single-axis moves were still outside "
+            f"{format_window(window_keys(summary)[0])} when the next one began: "
+            f"{_list_moves(unsettled)}."
         )
+        found.append(Notice("warning", text))
     elif summary["moves"]:
         found.append(Notice("good", "Every move settled."))
-    refused = refusals(summary)
-    if refused:
-        found.append(
-            Notice(
-                "warning",
-                f"{len(refused)} of {len(summary['friction'])} friction estimates were refused.",
-            )
-        )
+    if refused := refused_estimates(summary):
+        text = f"{len(refused)} of {len(summary['friction'])} friction estimates were refused."
+        found.append(Notice("warning", text))
     cycle = summary["cycle"]
-    level = "warning" if cycle["missed"] or cycle["late"] else "good"
-    found.append(
-        Notice(
-            level,
-            f"{cycle['missed']} missed process data objects, {cycle['late']} late cycles "
-            f"of {milliseconds(cycle['period'])} ms{_punctuality(summary)}.",
-        )
+    text = (
+        f"SYNC period {format_milliseconds(cycle['period'])} ms: {cycle['missed']} TPDOs missed, "
+        f"{cycle['late']} SYNCs late{_punctuality(summary)}."
     )
+    found.append(Notice("warning" if cycle["missed"] or cycle["late"] else "good", text))
     return found
 
 
 def _punctuality(summary: Mapping[str, Any]) -> str:
-    """What else the cycle ledger tells, where there is one."""
+    """More from the cycle ledger, if there is one."""
     ledger = summary.get("punctuality")
     if ledger is None:
         return ""
-    text = f"; {ledger['tardy']} came after their window, {ledger['doubled']} twice"
+    text = f"; {ledger['tardy']} TPDOs after their window, {ledger['doubled']} received twice"
     if ledger["late_in_a_row"] > 1:
-        text += f", at most {ledger['late_in_a_row']} late cycles in a row"
+        text += f", at most {ledger['late_in_a_row']} late SYNCs in a row"
     came = [a for a in ledger["arrival"].values() if a["max"] is not None]
     if came:
-        latest = max(a["max"] for a in came)
-        text += f"; the latest {milliseconds(latest)} ms after its SYNC"
+        latest = format_milliseconds(max(a["max"] for a in came))
+        text += f"; the latest TPDO came {latest} ms after its SYNC"
     return text
 
 
-def _list_places(moves: Sequence[Mapping[str, Any]]) -> str:
+def _list_moves(moves: Sequence[Mapping[str, Any]]) -> str:
     names = [
         f"{'' if move['site'] is None else 'site ' + str(move['site']) + ' '}"
         f"{move['axis']} {move['kind']}"
         for move in moves
     ]
-    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
-    return ", ".join(names[:_LISTED]) + more
+    more = f" and {len(names) - _MAX_LISTED} more" if len(names) > _MAX_LISTED else ""
+    return ", ".join(names[:_MAX_LISTED]) + more
 
 
-def rows(summary: Summary, axes: Sequence[str]) -> list[Row]:
-    """The table of results: macro- and micro-moves, each axis; moves broken off are left out."""
-    keys = windows(summary)
+def result_rows(summary: Summary, axes: Sequence[str]) -> list[Row]:
+    """The table of results by kind of move and axis, without moves that were interrupted."""
+    keys = window_keys(summary)
     table: list[Row] = []
     for kind in ("macro", "micro", "creep", "other"):
         for axis in axes:
@@ -202,22 +205,20 @@ def rows(summary: Summary, axes: Sequence[str]) -> list[Row]:
                     axis=axis,
                     count=len(moves),
                     peak=(
-                        micrometres(median(peaks) if peaks else None),
-                        micrometres(max(peaks, default=None)),
+                        format_micrometres(median(peaks) if peaks else None),
+                        format_micrometres(max(peaks, default=None)),
                     ),
-                    settling=tuple(_times([m["settling"][key] for m in moves]) for key in keys),
+                    settling=tuple(
+                        _statistics([m["settling"][key] for m in moves]) for key in keys
+                    ),
                     unsettled=sum(not m["settled"] for m in moves),
                 )
             )
     return table
 
 
-_TOLD = 1.02
-"""A move has told a figure where it narrowed it by so much."""
-
-
-def refusals(summary: Summary) -> list[Refusal]:
-    """The estimates that were refused, in order."""
+def refused_estimates(summary: Summary) -> list[Refusal]:
+    """The refused estimates, in order."""
     return [
         Refusal(entry["site"] or None, entry["axis"], entry["reason"] or "no reason given")
         for entry in summary["friction"]
@@ -226,7 +227,7 @@ def refusals(summary: Summary) -> list[Refusal]:
 
 
 def latest_friction(summary: Summary, axes: Sequence[str]) -> list[tuple[str, str, str, str, str]]:
-    """Last accepted figure of each parameter: (axis, parameter, value, sigma, unit)."""
+    """The last accepted value of each parameter: (axis, parameter, value, sigma, unit)."""
     table: list[tuple[str, str, str, str, str]] = []
     for axis in axes:
         latest: dict[str, Mapping[str, Any]] = {}
@@ -235,56 +236,53 @@ def latest_friction(summary: Summary, axes: Sequence[str]) -> list[tuple[str, st
                 latest |= entry["parameters"]
         for name, figure in latest.items():
             table.append(
-                (axis, name, _figure(figure["value"]), _figure(figure["sigma"]), figure["unit"])
+                (axis, name, _number(figure["value"]), _number(figure["sigma"]), figure["unit"])
             )
     return table
 
 
-_TOLD_BY = {
-    "coulomb": "moves that slide",
-    "viscous": "fast moves",
-    "stiffness": "the onset of a move, and a reversal",
-    "attraction": "moves without a fast slide, of two breakaway travels and more",
-}
-
-
-def figures_that_stayed(summary: Summary, axes: Sequence[str]) -> list[tuple[str, str, str]]:
-    """Figures that no move has told, and why: (axis, parameter, why)."""
+def unchanged_parameters(summary: Summary, axes: Sequence[str]) -> list[tuple[str, str, str]]:
+    """Parameters about which no move was informative, and why: (axis, parameter, why)."""
     table: list[tuple[str, str, str]] = []
     for axis in axes:
         entries = [e for e in summary["friction"] if e["axis"] == axis]
         accepted = [e for e in entries if e["accepted"]]
         for name in entries[0]["parameters"] if entries else ():
             held = sum(name in e.get("held", ()) for e in accepted)
-            # A summary of an earlier version does not say what a move has told.
-            if any((e.get("gain", {}).get(name) or _TOLD) >= _TOLD for e in accepted):
+            # Summaries of earlier versions have no gains.
+            if any((e.get("gain", {}).get(name) or _INFORMATIVE) >= _INFORMATIVE for e in accepted):
                 continue
             if not accepted:
                 why = "no estimate was accepted"
             elif held:
-                why = f"{held} of {len(accepted)} accepted moves say less of it than was known"
+                why = f"{held} of {len(accepted)} accepted moves say less about it than was known"
             else:
-                why = "no accepted move could tell it"
-            told_by = f"; it is told by {_TOLD_BY[name]}" if name in _TOLD_BY else ""
-            table.append((axis, name, why + told_by))
+                why = "no accepted move was informative about it"
+            if name in _INFORMATIVE_MOVES:
+                why += f"; {_INFORMATIVE_MOVES[name]} would be informative"
+            table.append((axis, name, why))
     return table
 
 
-def _times(values: Sequence[float]) -> tuple[str, str, str]:
+def _statistics(values: Sequence[float]) -> tuple[str, str, str]:
     ordered = sorted(values)
     position = 0.9 * (len(ordered) - 1)
     low = math.floor(position)
     high = min(low + 1, len(ordered) - 1)
     p90 = ordered[low] + (ordered[high] - ordered[low]) * (position - low)
-    return milliseconds(median(ordered)), milliseconds(fmean(ordered)), milliseconds(p90)
+    return (
+        format_milliseconds(median(ordered)),
+        format_milliseconds(fmean(ordered)),
+        format_milliseconds(p90),
+    )
 
 
-def _figure(value: float | None) -> str:
+def _number(value: float | None) -> str:
     return "–" if value is None else _digits(value)  # noqa: RUF001
 
 
 def _digits(value: float) -> str:
-    """Three significant digits without an exponent up to millions."""
+    """Three significant digits, without an exponent."""
     if value == 0:
         return "0"
     decimals = max(0, 2 - math.floor(math.log10(abs(value))))

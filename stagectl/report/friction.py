@@ -1,8 +1,8 @@
-"""The friction panels of the report: the course of one figure of one axis each, on its own scale.
+"""The friction panels of the report: one parameter of one axis each, on a scale of its own.
 
-Before a move has told a figure, its sigma is that of the machine file, a hundred times what it is
-later. A scale that held those bars would show the course in force as a flat line. So what was not
-known yet does not set the scale; the page draws it at the edge, with an arrow.
+Until a move has been informative about a parameter, its sigma is the machine file's tolerance, some
+hundred times larger than later. A scale that included those bars would flatten everything that
+follows, so they do not count towards it; the page draws them at the edge, with an arrow.
 """
 
 from __future__ import annotations
@@ -12,23 +12,23 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import median_low
 from typing import Any
 
-KNOWN = 4.0
-"""An estimate sets the scale where its sigma is at most so many times the panel's median."""
+MAX_SIGMA = 4.0
+"""Estimates count towards the scale up to this multiple of the panel's median sigma."""
 
-LEAST = 0.005
-"""Half of the least scale, of the figure's size: less would blow nothing up to a course."""
+MIN_HALF_RANGE = 0.005
+"""Half of the smallest range, relative to the value: less would magnify noise."""
 
 
 def friction_panels(
     entries: Iterable[Mapping[str, Any]], axes: Sequence[str], by_site: bool
 ) -> list[dict[str, Any]]:
-    """One panel for each figure and axis that was estimated, the axes of a figure in a row.
+    """One panel per estimated parameter and axis, the axes of a parameter in a row.
 
     Args:
         entries: `friction` of a summary, in order.
         axes: in the order in which they are drawn.
-        by_site: estimates stand at their site, those of one site side by side; in a list of moves
-            there is none, and they are counted by axis.
+        by_site: place the estimates at their sites, those of one site side by side; otherwise (in
+            a list of moves) number them per axis.
     """
     of_axis = {axis: [entry for entry in entries if entry["axis"] == axis] for axis in axes}
     places = {axis: _places(of, by_site) for axis, of in of_axis.items()}
@@ -45,7 +45,7 @@ def friction_panels(
             ]
             points.sort(key=lambda point: point["place"])
             if points:
-                low, high = scale(points)
+                low, high = panel_range(points)
                 panels.append(
                     {
                         "name": name,
@@ -59,34 +59,34 @@ def friction_panels(
     return panels
 
 
-def scale(points: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
-    """Least and greatest value that a panel shows.
+def panel_range(points: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
+    """Lowest and highest value that a panel shows.
 
-    Every accepted figure is in it with its bar of one sigma, but those whose sigma is more than
-    `KNOWN` times the median. The last accepted figure always is: it is the one in force. Refused
-    figures may be anywhere and are in it only where none was accepted.
+    It includes accepted estimates with a bar of one sigma, unless their sigma exceeds `MAX_SIGMA`
+    times the median. The last accepted one is in use and always included. Refused estimates count
+    only if none was accepted.
 
     Args:
-        points: of one panel: `value`, `sigma` (either None where it is not a number), `accepted`.
+        points: of one panel: `value`, `sigma` (None if not a number), `accepted`.
     """
     accepted = [point for point in points if point["accepted"]] or points
-    told = [point for point in accepted if point["value"] is not None]
-    if not told:
+    finite = [point for point in accepted if point["value"] is not None]
+    if not finite:
         return 0.0, 1.0
-    typical = median_low([point["sigma"] or 0.0 for point in told])
-    shown = [point for point in told if (point["sigma"] or 0.0) <= KNOWN * typical]
+    typical = median_low([point["sigma"] or 0.0 for point in finite])
+    shown = [point for point in finite if (point["sigma"] or 0.0) <= MAX_SIGMA * typical]
     ends = [
         point["value"] + side * (point["sigma"] or 0.0)
-        for point in [*shown, told[-1]]
+        for point in [*shown, finite[-1]]
         for side in (-1, 1)
     ]
     low, high = min(ends), max(ends)
-    pad = max(0.1 * (high - low), LEAST * max(abs(low), abs(high))) or 1.0
+    pad = max(0.1 * (high - low), MIN_HALF_RANGE * max(abs(low), abs(high))) or 1.0
     return (low - pad, high + pad) if math.isfinite(high - low + 2.0 * pad) else (0.0, 1.0)
 
 
 def _places(entries: Sequence[Mapping[str, Any]], by_site: bool) -> list[float]:
-    """Where the estimates of one axis stand: at 1, 2, 3; or about their site, without overlap."""
+    """Where the estimates of one axis are drawn: at 1, 2, 3, ... or around their sites."""
     if not by_site:
         return [float(k) for k in range(1, len(entries) + 1)]
     at: dict[int, int] = {}

@@ -1,6 +1,6 @@
-"""Charts of the gap report as inline SVG: lines, bars, a matrix; coloured by the page's style.
+"""Charts of the gap report as inline SVG, coloured by the page's style: lines, bars, a matrix.
 
-Large type, few lines: they are looked at on a projector. Only what is drawn is computed.
+Large type and few lines, to be readable on a projector.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from xml.sax.saxutils import escape
 
 import numpy as np
-import numpy.typing as npt
 from markupsafe import Markup
+from numpy.typing import NDArray
 
-from stagectl.report.svg import thinned, ticks
+from stagectl.report.svg import Scale, points_of, text_element, thinned, ticks
 
-FloatArray = npt.NDArray[np.float64]
+F64 = NDArray[np.float64]
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 78, 14, 14, 48
 _POINTS = 900
@@ -28,13 +28,13 @@ class Curve:
     """A line of a chart.
 
     Attributes:
-        name: for the legend; also its class in the style: measured, before, after, floor.
+        name: in the legend, and CSS class: measured, before, after, floor.
         x, y: points, float64[n].
     """
 
     name: str
-    x: FloatArray
-    y: FloatArray
+    x: F64
+    y: F64
 
 
 def chart(
@@ -53,72 +53,46 @@ def chart(
         curves: drawn in order.
         x_label: with unit.
         y_label: with unit.
-        width: of the drawing [px]; it scales with the page.
+        width: of the drawing [px] before it is scaled to the page.
         height: likewise.
-        logarithmic: both axes.
-        zero: the vertical axis begins at zero.
+        logarithmic: whether both axes are logarithmic.
+        zero: whether the vertical axis starts at zero.
     """
     shown = [_thinned(c, logarithmic) for c in curves]
     shown = [c for c in shown if len(c.x) > 1]
     if not shown:
         return Markup("<p class='note'>Nothing to draw.</p>")
-    scale = np.log10 if logarithmic else np.asarray
-    xs = np.concatenate([scale(c.x) for c in shown])
-    ys = np.concatenate([scale(c.y) for c in shown])
-    low_x, high_x = float(xs.min()), float(xs.max())
-    low_y, high_y = (0.0 if zero else float(ys.min())), float(ys.max())
-    if high_y <= low_y:
-        low_y, high_y = low_y - 1.0, high_y + 1.0
-    pad = 0.06 * (high_y - low_y)
-    low_y, high_y = (low_y if zero else low_y - pad), high_y + pad
-    if high_x <= low_x:
-        high_x = low_x + 1.0
+    if logarithmic:
+        shown = [Curve(c.name, np.log10(c.x), np.log10(c.y)) for c in shown]
     right, bottom = width - _RIGHT, height - _BOTTOM
-
-    def px(x: float) -> float:
-        return _LEFT + (x - low_x) / (high_x - low_x) * (right - _LEFT)
-
-    def py(y: float) -> float:
-        return bottom - (y - low_y) / (high_y - low_y) * (bottom - _TOP)
-
+    low_x, high_x = _range([c.x for c in shown])
+    px = Scale(low_x, high_x if high_x > low_x else low_x + 1.0, _LEFT, right)
+    py = Scale(*_padded(*_range([c.y for c in shown]), zero), bottom, _TOP)
     parts = [_open(width, height, f"{y_label} over {x_label}")]
-    for x in _marks(low_x, high_x, 7, logarithmic):
+    for x in _marks(px, 7, logarithmic):
         parts.append(f'<path class="grid" d="M{px(x):.1f} {_TOP}V{bottom}"/>')
-        parts.append(_text(px(x), bottom + 20, _label(x, logarithmic), "middle"))
-    for y in _marks(low_y, high_y, 5, logarithmic):
-        parts.append(f'<path class="grid" d="M{_LEFT} {py(y):.1f}H{right}"/>')
-        parts.append(_text(_LEFT - 8, py(y) + 5, _label(y, logarithmic), "end"))
+        parts.append(text_element(px(x), bottom + 20, _label(x, logarithmic), "middle"))
+    for y in _marks(py, 5, logarithmic):
+        parts += _horizontal(py(y), right, _label(y, logarithmic))
     for c in shown:
-        points = " ".join(
-            f"{px(float(x)):.1f},{py(float(y)):.1f}"
-            for x, y in zip(scale(c.x), scale(c.y), strict=True)
-        )
+        points = points_of(px, py, c.x, c.y)
         parts.append(f'<polyline class="line {_class(c.name)}" points="{points}"/>')
-    parts.append(_text((_LEFT + right) / 2, height - 8, x_label, "middle", "axis"))
-    middle = (_TOP + bottom) / 2
-    parts.append(
-        f'<text class="axis" x="18" y="{middle:.0f}" text-anchor="middle" '
-        f'transform="rotate(-90 18 {middle:.0f})">{escape(y_label)}</text>'
-    )
-    return Markup("".join([*parts, "</svg>"]))  # noqa: S704 - texts are escaped above
+    parts.append(text_element((_LEFT + right) / 2, height - 8, x_label, "middle", "axis"))
+    return _closed([*parts, _y_title(y_label, bottom)])
 
 
 def bars(
     names: Sequence[str], groups: Mapping[str, Sequence[float]], y_label: str, width: int = 600
 ) -> Markup:
-    """Upright bars side by side: one group per name, one bar per key of `groups`."""
+    """A bar chart: one group of bars per name, in it one bar per key of `groups`."""
     height = 300
     right, bottom = width - _RIGHT, height - _BOTTOM
     top = max((v for values in groups.values() for v in values if math.isfinite(v)), default=1.0)
     top = top * 1.06 or 1.0
-
-    def py(y: float) -> float:
-        return bottom - y / top * (bottom - _TOP)
-
+    py = Scale(0.0, top, bottom, _TOP)
     parts = [_open(width, height, y_label)]
     for y in ticks(0.0, top, 5):
-        parts.append(f'<path class="grid" d="M{_LEFT} {py(y):.1f}H{right}"/>')
-        parts.append(_text(_LEFT - 8, py(y) + 5, f"{y:.3g}", "end"))
+        parts += _horizontal(py(y), right, f"{y:.3g}")
     step = (right - _LEFT) / max(len(names), 1)
     wide = 0.76 * step / max(len(groups), 1)
     for n, name in enumerate(names):
@@ -132,29 +106,24 @@ def bars(
                 f'width="{wide:.1f}" height="{bottom - y:.1f}"/>'
             )
         low = bottom + (20 if n % 2 == 0 or len(names) < 6 else 38)
-        parts.append(_text(_LEFT + (n + 0.5) * step, low, name, "middle"))
-    middle = (_TOP + bottom) / 2
-    parts.append(
-        f'<text class="axis" x="18" y="{middle:.0f}" text-anchor="middle" '
-        f'transform="rotate(-90 18 {middle:.0f})">{escape(y_label)}</text>'
-    )
-    return Markup("".join([*parts, "</svg>"]))  # noqa: S704
+        parts.append(text_element(_LEFT + (n + 0.5) * step, low, name, "middle"))
+    return _closed([*parts, _y_title(y_label, bottom)])
 
 
-def matrix(names: Sequence[str], likeness: Mapping[tuple[str, str], float]) -> Markup:
-    """How alike effects look, each against each: 0 (told apart) to 1 (the same)."""
+def matrix(names: Sequence[str], similarity: Mapping[tuple[str, str], float]) -> Markup:
+    """The similarity of effects, each against each: 0 (distinguishable) to 1 (identical)."""
     cell, left, top = 64, 210, 150
     size = cell * len(names)
-    parts = [_open(left + size + 110, top + size + 10, "likeness of effects", "matrix")]
+    parts = [_open(left + size + 110, top + size + 10, "similarity of effects", "matrix")]
     for i, name in enumerate(names):
-        parts.append(_text(left - 10, top + (i + 0.5) * cell + 6, name, "end"))
+        parts.append(text_element(left - 10, top + (i + 0.5) * cell + 6, name, "end"))
         x = left + (i + 0.5) * cell
         parts.append(
             f'<text x="{x:.0f}" y="{top - 10}" text-anchor="start" '
             f'transform="rotate(-45 {x:.0f} {top - 10})">{escape(name)}</text>'
         )
         for j, other in enumerate(names):
-            value = 1.0 if i == j else likeness.get((name, other), likeness.get((other, name)))
+            value = 1.0 if i == j else similarity.get((name, other), similarity.get((other, name)))
             place = f'x="{left + j * cell}" y="{top + i * cell}"'
             box = f'{place} width="{cell - 2}" height="{cell - 2}"'
             if value is None:
@@ -166,11 +135,11 @@ def matrix(names: Sequence[str], likeness: Mapping[tuple[str, str], float]) -> M
                 f'<text{dark} x="{left + (j + 0.5) * cell - 1:.0f}" '
                 f'y="{top + (i + 0.5) * cell + 6:.0f}" text-anchor="middle">{value:.2f}</text>'
             )
-    return Markup("".join([*parts, "</svg>"]))  # noqa: S704
+    return _closed(parts)
 
 
 def legend(names: Sequence[str]) -> Markup:
-    """What the lines or bars are."""
+    """The legend of lines or bars."""
     keys = "".join(
         f'<span class="entry"><i class="{_class(name)}"></i>{escape(name)}</span>' for name in names
     )
@@ -178,7 +147,7 @@ def legend(names: Sequence[str]) -> Markup:
 
 
 def _thinned(curve: Curve, logarithmic: bool) -> Curve:
-    """At most so many points; extremes stay. Points that can't be drawn go."""
+    """A curve with fewer points but its extremes, without points that cannot be drawn."""
     x, y = np.asarray(curve.x, dtype=float), np.asarray(curve.y, dtype=float)
     good = np.isfinite(x) & np.isfinite(y)
     if logarithmic:
@@ -186,10 +155,24 @@ def _thinned(curve: Curve, logarithmic: bool) -> Curve:
     return Curve(curve.name, *thinned(x[good], y[good], _POINTS))
 
 
-def _marks(low: float, high: float, most: int, logarithmic: bool) -> list[float]:
+def _range(values: Sequence[F64]) -> tuple[float, float]:
+    return min(float(v.min()) for v in values), max(float(v.max()) for v in values)
+
+
+def _padded(low: float, high: float, zero: bool) -> tuple[float, float]:
+    """A range with a margin for the vertical axis, starting at zero if asked for."""
+    low = 0.0 if zero else low
+    if high <= low:
+        low, high = low - 1.0, high + 1.0
+    pad = 0.06 * (high - low)
+    return low if zero else low - pad, high + pad
+
+
+def _marks(scale: Scale, most: int, logarithmic: bool) -> list[float]:
+    """Where an axis has grid lines; powers of ten on a logarithmic one."""
     if not logarithmic:
-        return ticks(low, high, most)
-    whole = [float(k) for k in range(math.ceil(low), math.floor(high) + 1)]
+        return ticks(scale.low, scale.high, most)
+    whole = [float(k) for k in range(math.ceil(scale.low), math.floor(scale.high) + 1)]
     return whole if len(whole) <= most + 2 else whole[:: math.ceil(len(whole) / most)]
 
 
@@ -211,6 +194,21 @@ def _open(width: float, height: float, title: str, kind: str = "chart") -> str:
     )
 
 
-def _text(x: float, y: float, text: str, anchor: str, kind: str = "") -> str:
-    of = f' class="{kind}"' if kind else ""
-    return f'<text{of} x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(text)}</text>'
+def _horizontal(y: float, right: float, label: str) -> list[str]:
+    """A horizontal grid line with its label."""
+    return [
+        f'<path class="grid" d="M{_LEFT} {y:.1f}H{right}"/>',
+        text_element(_LEFT - 8, y + 5, label, "end"),
+    ]
+
+
+def _y_title(label: str, bottom: float) -> str:
+    middle = (_TOP + bottom) / 2
+    return (
+        f'<text class="axis" x="18" y="{middle:.0f}" text-anchor="middle" '
+        f'transform="rotate(-90 18 {middle:.0f})">{escape(label)}</text>'
+    )
+
+
+def _closed(parts: Sequence[str]) -> Markup:
+    return Markup("".join([*parts, "</svg>"]))  # noqa: S704 - all texts are escaped

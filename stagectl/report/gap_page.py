@@ -1,4 +1,4 @@
-"""Writes the page of a gap diagnosis: verdict first, one file that opens offline."""
+"""The page of a gap diagnosis: verdict first, one HTML file that opens offline."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import yaml
 from markupsafe import Markup
 
@@ -19,10 +18,11 @@ from sim2real.report import GapReport
 from stagectl.report import gap_traces
 from stagectl.report.content import Notice
 from stagectl.report.gap_charts import legend, matrix
+from stagectl.report.render import render_template
 from stagectl.store import write_atomically
 
-_HERE = Path(__file__).parent
-_CANDIDATES = 12
+_STATIC = ("report.css", "gap.css")
+_MAX_CANDIDATES = 12
 _VERDICTS = {
     "no_gap": Notice("good", "No gap"),
     "explained": Notice("good", "Explained"),
@@ -52,18 +52,17 @@ def write_gap_page(
     machine: str,
     *,
     explained: Sequence[Signals] | None = None,
-    left: Sequence[str] = (),
-    likeness: Mapping[str, Pairs] | None = None,
+    similarity: Mapping[str, Pairs] | None = None,
     profiles: Sequence[FrictionOverPosition] = (),
 ) -> None:
-    """Write the page, atomically; arguments as `render_gap_page`.
+    """Write the page, atomically; arguments as for `render_gap_page`.
 
     Raises:
-        StagectlError: it cannot be written.
+        StagectlError: the file cannot be written.
     """
     text = render_gap_page(
         report, examined, machine,
-        explained=explained, left=left, likeness=likeness, profiles=profiles,
+        explained=explained, similarity=similarity, profiles=profiles,
     )  # fmt: skip
     write_atomically(path, text, "report")
 
@@ -74,28 +73,19 @@ def render_gap_page(
     machine: str,
     *,
     explained: Sequence[Signals] | None = None,
-    left: Sequence[str] = (),
-    likeness: Mapping[str, Pairs] | None = None,
+    similarity: Mapping[str, Pairs] | None = None,
     profiles: Sequence[FrictionOverPosition] = (),
 ) -> str:
     """The page's HTML.
 
     Args:
         report: of the diagnosis.
-        examined: what it rests on; its residuals are drawn.
+        examined: the recordings it is based on; their residuals are drawn.
         machine: name of the machine.
-        explained: the model's signals with the causes, one per recording; None without causes.
-        left: what is left after the causes, in sentences.
-        likeness: axis -> how alike effects are there, besides what `report.confusable` says.
-        profiles: friction over position, where it was named.
+        explained: signals of the model with the causes, one per recording; None without causes.
+        similarity: axis -> similarity of pairs of effects.
+        profiles: friction over position, where it was found to be a cause.
     """
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(_HERE / "templates"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     measured, located = examined.measured, examined.located
     sections: list[gap_traces.Section] = []
     move_name, move_panels = "", tuple[gap_traces.Panel, ...]()
@@ -106,14 +96,15 @@ def render_gap_page(
             reverse=True,
         )
         sections = [
-            gap_traces.section(measured, explained, axis, signal, share, ratio)
+            gap_traces.residual_section(measured, explained, axis, signal, share, ratio)
             for share, axis, signal in order
         ]
-        move_name, move_panels = gap_traces.telling_move(measured, explained, order[0][1], ratio)
+        move_name, move_panels = gap_traces.worst_move(measured, explained, order[0][1], ratio)
     ranked = sorted(report.candidates, key=lambda c: -c.probability)
     moves = report.next_experiment.to_json()["moves"] if report.next_experiment else ()
-    return environment.get_template("gap.html.j2").render(
-        static={name: _inline(name) for name in ("report.css", "gap.css")},
+    return render_template(
+        "gap.html.j2",
+        _STATIC,
         report=report,
         machine=machine,
         verdict=_VERDICTS[report.verdict],
@@ -124,17 +115,16 @@ def render_gap_page(
         explained=explained is not None,
         repeats=_repeats(examined),
         sections=sections,
-        profiles=[gap_traces.friction(profile) for profile in profiles],
+        profiles=[gap_traces.friction_panel(profile) for profile in profiles],
         profile_key=legend(("measured", "after")),
         move_name=move_name,
         move_panels=move_panels,
         move_key=legend(("measured", "before", *(("after",) if explained is not None else ()))),
-        residual_key=gap_traces.key(explained is not None),
-        left=left,
-        candidates=ranked[:_CANDIDATES],
-        more_candidates=max(len(ranked) - _CANDIDATES, 0),
+        residual_key=gap_traces.residual_legend(explained is not None),
+        candidates=ranked[:_MAX_CANDIDATES],
+        more_candidates=max(len(ranked) - _MAX_CANDIDATES, 0),
         taken={(cause.axis, cause.effect) for cause in report.causes},
-        matrices=_matrices(likeness or {}),
+        matrices=_matrices(similarity or {}),
         next_moves=_yaml(moves),
         with_sigma=_with_sigma,
     )
@@ -148,35 +138,37 @@ def headline(report: GapReport) -> str:
     closed = "" if report.gap_closed is None else f" closes {100 * report.gap_closed:.0f} % of it"
     match report.verdict:
         case "no_gap":
-            return "The machine file describes this stage: nothing to explain above the floor."
+            return "The machine file describes this stage down to the noise floor."
         case "explained":
             return f"The gap is {named}{':' if closed else ''}{closed}."
         case "partly_explained":
-            return (
-                f"Part of the gap is {named}{':' if closed else ''}{closed}; the rest has no name."
-            )
+            colon = ":" if closed else ""
+            return f"Part of the gap is {named}{colon}{closed}; the rest is unexplained."
         case "unexplained":
-            return "There is a gap, and no known effect accounts for it."
+            return "There is a gap, but no known effect explains it."
         case _:
-            return "These recordings can't support a diagnosis."
+            return "These recordings cannot support a diagnosis."
 
 
 def _figures(report: GapReport) -> list[tuple[str, str]]:
-    """The few figures that are read from the last row."""
+    """The key figures in large type: value and meaning."""
     figures = []
     if report.gap:
         gap = combined_gap(report.gap)  # type: ignore[arg-type]
         if math.isfinite(gap):
-            figures.append((f"{gap**0.5:.1f} x", "the floor: the gap as given"))
+            figures.append((f"{gap**0.5:.1f} x floor", "gap of the machine file"))
     if report.gap_closed is not None:
-        figures.append((f"{100 * report.gap_closed:.0f} %", "of it closed, on moves held back"))
+        figures.append((f"{100 * report.gap_closed:.0f} %", "of the gap closed, on held-out moves"))
         if report.gap_closed_interval is not None:
             low, high = (100 * end for end in report.gap_closed_interval)
-            figures.append((f"{low:.0f}–{high:.0f} %", "interval of that"))  # noqa: RUF001
+            figures.append((f"{low:.0f}–{high:.0f} %", "its confidence interval"))  # noqa: RUF001
     if report.causes:
         probable = report.causes[0]
         figures.append(
-            (f"{100 * probable.probability:.0f} %", f"sure of {probable.effect.replace('_', ' ')}")
+            (
+                f"{100 * probable.probability:.0f} %",
+                f"probability of {probable.effect.replace('_', ' ')}",
+            )
         )
     return figures
 
@@ -213,15 +205,15 @@ def _repeats(examined: Examination) -> list[str]:
         for axis, signals in m.repeats.items():
             for signal, check in signals.items():
                 lines.append(
-                    f"{axis} {signal}: {check.moves} moves repeat another; they scatter by "
-                    f"{check.ratio:.1f} times what the machine file's repeatability gives."
+                    f"{axis} {signal}: {check.moves} repeated moves scatter by "
+                    f"{check.ratio:.1f} times what the machine file's repeatability predicts."
                 )
     return lines
 
 
-def _matrices(likeness: Mapping[str, Pairs]) -> list[tuple[str, Markup]]:
-    """Likeness of the effects per axis, where it is known."""
-    axes = {axis: dict(pairs) for axis, pairs in likeness.items() if pairs}
+def _matrices(similarity: Mapping[str, Pairs]) -> list[tuple[str, Markup]]:
+    """The matrix of similarities of each axis that has any."""
+    axes = {axis: dict(pairs) for axis, pairs in similarity.items() if pairs}
     pictures = []
     for axis, pairs in axes.items():
         names = list(dict.fromkeys(name for pair in pairs for name in pair))
@@ -232,7 +224,7 @@ def _matrices(likeness: Mapping[str, Pairs]) -> list[tuple[str, Markup]]:
 
 
 def _yaml(moves: Sequence[Mapping[str, Any]]) -> str:
-    """Moves as a recipe has them."""
+    """Moves in the syntax of a recipe."""
     if not moves:
         return ""
     listed = {"moves": [dict(move) for move in moves]}
@@ -246,7 +238,7 @@ def _sentence(text: str) -> str:
 
 
 def _digits(value: float) -> str:
-    """Three significant digits, without an exponent where that is short."""
+    """Three significant digits, without an exponent unless the text would be long."""
     if value == 0 or not math.isfinite(value):
         return "0" if value == 0 else "–"  # noqa: RUF001
     if 1e-3 <= abs(value) < 1e5:
@@ -256,15 +248,10 @@ def _digits(value: float) -> str:
 
 
 def _with_sigma(value: float, sigma: float) -> tuple[str, str]:
-    """Value and sigma with the decimals that sigma's two digits ask for."""
+    """Value and sigma, both rounded to two digits of sigma."""
     if not (math.isfinite(sigma) and sigma > 0):
         return _digits(value), "–"  # noqa: RUF001
     decimals = 1 - math.floor(math.log10(sigma))
     if 0 <= decimals <= 7:
         return f"{value:.{decimals}f}", f"{sigma:.{decimals}f}"
     return f"{value:.4g}", f"{sigma:.2g}"
-
-
-def _inline(name: str) -> Markup:
-    # Our own files, not input: they go into <style> as they are.
-    return Markup((_HERE / "static" / name).read_text(encoding="utf-8"))  # noqa: S704

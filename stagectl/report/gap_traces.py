@@ -1,7 +1,7 @@
-"""What the gap report draws: one telling move, and residuals over phase, position, speed, time.
+"""The charts of the gap report: the worst move, and residuals by phase, position, speed and time.
 
-Values in the units people read: µm, N, mm, mm/s. `before` is the machine file as given, `after`
-the model with the causes, `floor` one noisy draw of the model against its noise-free run.
+Values are in µm, N, mm and mm/s. `before` is the machine file as given, `after` the model with the
+causes found, `floor` one noisy run of the model minus its noise-free run.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from markupsafe import Markup
+from numpy.typing import NDArray
 
 from sim2real.attribution import FrictionOverPosition
 from sim2real.gap import Measured, Signals
@@ -19,13 +19,13 @@ from sim2real.phases import PHASES, REST, SETTLING, split_moves, split_phases
 from stagectl.report.gap_charts import Curve, bars, chart, legend
 from stagedata import aligned_demand
 
-FloatArray = npt.NDArray[np.float64]
+F64 = NDArray[np.float64]
 
 SCALES = {"position": (1e6, "µm"), "force": (1.0, "N")}
 _BINS = 40
-_FEWEST = 8
-_SEGMENT = 1024
-_BEFORE, _AFTER = 30, 150
+_MIN_SAMPLES = 8  # in a bin that is drawn
+_SEGMENT = 1024  # samples, of the spectrum
+_BEFORE, _AFTER = 30, 150  # samples shown around the worst move
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Section:
     """Charts of one signal of one axis.
 
     Attributes:
-        axis, signal: of it.
+        axis, signal: which ones.
         share: of the gap's energy above the floor.
         panels: residual over phase, position, velocity, time, spectrum.
     """
@@ -52,69 +52,69 @@ class Section:
     panels: tuple[Panel, ...]
 
 
-def telling_move(
+def worst_move(
     measured: Sequence[Measured],
     explained: Sequence[Signals] | None,
     axis: str,
     ratio: float,
 ) -> tuple[str, tuple[Panel, ...]]:
-    """The move with most gap on an axis: force and following error, measured and simulated.
+    """Charts of the move with the largest force residual on an axis, measured and simulated.
 
     Args:
-        measured: of each recording.
-        explained: the model's signals with the causes, per recording; None where there are none.
+        measured: the gap of each recording.
+        explained: signals of the model with the causes, per recording; None without causes.
         axis: to show.
         ratio: Tc/Ts.
 
     Returns:
-        A line that says which move, and its charts.
+        Which move it is, and its charts of force and following error.
     """
-    best, energy = (0, 0), -1.0
+    worst, energy = (0, 0), -1.0
     for r, m in enumerate(measured):
         for block in split_moves(m.replay.recording, m.replay.period):
             cut = slice(block.moving, block.end)
-            left = m.residual[axis]["force"][cut] / (m.gap[axis]["force"].floor or 1.0)
-            if float(np.sum(left**2)) > energy:
-                best, energy = (r, block.number), float(np.sum(left**2))
-    m = measured[best[0]]
+            residual = m.residual[axis]["force"][cut] / (m.gap[axis]["force"].floor or 1.0)
+            if float(np.sum(residual**2)) > energy:
+                worst, energy = (r, block.number), float(np.sum(residual**2))
+    m = measured[worst[0]]
     found = split_moves(m.replay.recording, m.replay.period)
     if not found:
         return "", ()
-    block = found[best[1]]
+    block = found[worst[1]]
     shown = slice(max(block.moving - _BEFORE, 0), min(block.end + _AFTER, block.stop))
     signals = m.replay.recording.axes[axis]
     demand = aligned_demand(signals, ratio)
     time = 1e3 * (m.replay.recording.time[shown] - m.replay.recording.time[block.moving])
     panels = []
 
-    def force(of: dict[str, FloatArray]) -> FloatArray:
+    def force(of: dict[str, F64]) -> F64:
         return of["force"][shown]
 
-    def error(of: dict[str, FloatArray]) -> FloatArray:
+    def error(of: dict[str, F64]) -> F64:
         return np.asarray(1e6 * (demand - of["position"])[shown], dtype=np.float64)
 
     for title, pick, label in (("Force", force, "N"), ("Following error", error, "µm")):
         measured_curve = pick(m.replay.measured()[axis])
         models = {"before": pick(m.floor.nominal[axis])}
         if explained is not None:
-            models["after"] = pick(explained[best[0]][axis])
+            models["after"] = pick(explained[worst[0]][axis])
         curves = [Curve("measured", time, measured_curve)]
         curves += [Curve(kind, time, values) for kind, values in models.items()]
-        missed = [Curve(kind, time, measured_curve - values) for kind, values in models.items()]
+        residuals = [Curve(kind, time, measured_curve - values) for kind, values in models.items()]
         panels += [
             Panel(title, chart(curves, "time [ms]", f"{title.lower()} [{label}]", height=300)),
             Panel(
-                f"{title}: what the simulation misses",
-                chart(missed, "time [ms]", f"measured - simulated [{label}]", height=300),
+                f"{title}: residual",
+                chart(residuals, "time [ms]", f"measured - simulated [{label}]", height=300),
             ),
         ]
-    where = f"axis {axis}, move {best[1]}"
+    where = f"axis {axis}, move {worst[1]}"
     if len(measured) > 1:
         where += f" of {m.replay.recording.source}"
     return where, tuple(panels)
 
 
-def section(
+def residual_section(
     measured: Sequence[Measured],
     explained: Sequence[Signals] | None,
     axis: str,
@@ -122,10 +122,19 @@ def section(
     share: float,
     ratio: float,
 ) -> Section:
-    """Residual of one signal of one axis over everything that it is cut by; arguments as above."""
+    """Residual of one signal of one axis by phase, position, velocity, time and frequency.
+
+    Args:
+        measured: the gap of each recording.
+        explained: as for `worst_move`.
+        axis: its name.
+        signal: "position" or "force".
+        share: of the gap's energy above the floor.
+        ratio: Tc/Ts.
+    """
     scale, unit = SCALES[signal]
-    kinds: dict[str, list[FloatArray]] = {"before": [], "after": [], "floor": []}
-    by: dict[str, list[FloatArray]] = {"phase": [], "position": [], "velocity": [], "time": []}
+    kinds: dict[str, list[F64]] = {"before": [], "after": [], "floor": []}
+    by: dict[str, list[F64]] = {"phase": [], "position": [], "velocity": [], "time": []}
     valid = []
     for r, m in enumerate(measured):
         of_axis = m.replay.recording.axes[axis]
@@ -133,8 +142,8 @@ def section(
         kinds["before"].append(scale * m.residual[axis][signal])
         kinds["floor"].append(scale * m.floor.draws[0][axis][signal])
         if explained is not None:
-            left = m.replay.measured()[axis][signal] - explained[r][axis][signal]
-            kinds["after"].append(np.asarray(scale * left, dtype=np.float64))
+            residual = m.replay.measured()[axis][signal] - explained[r][axis][signal]
+            kinds["after"].append(np.asarray(scale * residual, dtype=np.float64))
         by["phase"].append(phases.phase.astype(np.float64))
         by["position"].append(1e3 * aligned_demand(of_axis, ratio))
         by["velocity"].append(1e3 * phases.velocity)
@@ -149,7 +158,7 @@ def section(
     for name, x_label in (
         ("position", "position [mm]"), ("velocity", "velocity [mm/s]"), ("time", "time [s]"),
     ):  # fmt: skip
-        # What rests stays in one place: it would hide what happens there in motion.
+        # Samples at rest pile up in one place and would hide what happens there in motion.
         shown = np.ones(len(moving), dtype=bool) if name == "time" else moving
         curves = [
             Curve(kind, *_binned(places[name][shown], values[shown]))
@@ -166,8 +175,8 @@ def section(
     return Section(axis, signal, share, tuple(panels))
 
 
-def friction(profile: FrictionOverPosition) -> Panel:
-    """Friction over position as it was found in motion, and as the effect that was named has it."""
+def friction_panel(profile: FrictionOverPosition) -> Panel:
+    """Friction over position, measured in motion and by the effect found."""
     places = 1e3 * profile.places
     curves = [
         Curve("measured", places, 100.0 * profile.heights),
@@ -177,12 +186,12 @@ def friction(profile: FrictionOverPosition) -> Panel:
     return Panel(title, chart(curves, "position [mm]", "surplus [%]"))
 
 
-def key(explained: bool) -> Markup:
-    """Legend of the residuals."""
+def residual_legend(explained: bool) -> Markup:
+    """Legend of the residuals' charts."""
     return legend(("before", "after", "floor") if explained else ("before", "floor"))
 
 
-def _by_phase(phase: FloatArray, residuals: dict[str, FloatArray], label: str) -> Markup:
+def _by_phase(phase: F64, residuals: dict[str, F64], label: str) -> Markup:
     present = [p for p in range(len(PHASES)) if np.any(phase == p)]
     groups = {
         kind: [float(np.sqrt(np.mean(values[phase == p] ** 2))) for p in present]
@@ -191,19 +200,19 @@ def _by_phase(phase: FloatArray, residuals: dict[str, FloatArray], label: str) -
     return bars([PHASES[p] for p in present], groups, label)
 
 
-def _binned(place: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Rms in bins over a range; bins that hardly hold a sample are left out."""
+def _binned(place: F64, values: F64) -> tuple[F64, F64]:
+    """Rms in bins over a range, without bins that hold too few samples."""
     edges = np.linspace(float(place.min()), float(place.max()) + 1e-12, _BINS + 1)
     at = np.clip(np.searchsorted(edges, place, side="right") - 1, 0, _BINS - 1)
     number = np.bincount(at, minlength=_BINS)
     energy = np.bincount(at, weights=values**2, minlength=_BINS)
-    good = number >= _FEWEST
+    good = number >= _MIN_SAMPLES
     centres = (edges[1:] + edges[:-1]) / 2
     return centres[good], np.sqrt(energy[good] / number[good])
 
 
-def _spectrum(values: FloatArray, period: float) -> tuple[FloatArray, FloatArray]:
-    """Amplitude density by Welch's method."""
+def _spectrum(values: F64, period: float) -> tuple[F64, F64]:
+    """Amplitude spectral density by Welch's method."""
     from scipy.signal import welch
 
     frequency, power = welch(values, 1.0 / period, nperseg=min(_SEGMENT, len(values)))

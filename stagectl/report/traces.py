@@ -1,7 +1,7 @@
-"""What the report's charts draw: every move's error and force, settling and friction over sites.
+"""The data of the report's charts: error and force of moves, settling and friction over sites.
 
-Built once as JSON-able values and embedded in the page. Errors go in as 0.1 nm, forces as 10 mN:
-finer than the encoder's and the drive's resolution, at a quarter of the bytes.
+Plain values, embedded in the page as JSON. Errors are rounded to 0.1 nm and forces to 10 mN, below
+the resolution of encoder and drive, at a quarter of the size.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from stagectl.report.content import windows
+from stagectl.report.content import window_keys
 from stagectl.report.friction import friction_panels
 from stagectl.sequencer import RESOLUTION, arrival
 from stagedata import AxisSignals, Recording, aligned_demand
 
 BEFORE = 20  # samples shown before a move
-MAX_SAMPLES = 400_000  # embedded, of all moves together: some 10 MB of page
+MAX_SAMPLES = 400_000  # of all moves together: about 10 MB of page
 
 
 def chart_data(
@@ -27,16 +27,16 @@ def chart_data(
     control_period: float,
     max_samples: int = MAX_SAMPLES,
 ) -> dict[str, Any]:
-    """Everything the charts need.
+    """All data of the charts.
 
     Args:
         recording: of the run.
         summary: of the same run.
         control_period: Tc [s].
-        max_samples: embedded at most, over all moves.
+        max_samples: most samples to embed, over all moves.
 
     Raises:
-        ValueError: the summary is that of another recording.
+        ValueError: the summary belongs to another recording.
     """
     period = float(summary["cycle"]["period"])
     entries = _entries(recording, summary)
@@ -48,12 +48,12 @@ def chart_data(
     ]
     return {
         "axes": list(recording.axes),
-        "windows": list(windows(summary)),
+        "windows": list(window_keys(summary)),
         "placeName": "site" if by_site else "move",
         "estimateName": "site" if by_site else "estimate",
         "moves": moves,
         "left_out": len(recording.moves) - len(shown),
-        "first": _most_telling(moves, windows(summary)),
+        "first": _typical_micro_move(moves, window_keys(summary)),
         "settling": [
             {
                 "place": recording.moves[number].site if by_site else number + 1,
@@ -91,9 +91,9 @@ def _entries(
 def _shown(
     recording: Recording, entries: list[dict[str, Mapping[str, Any]]], budget: int
 ) -> list[int]:
-    """Numbers of the moves whose traces are embedded: all, or the slowest to settle of a long run.
+    """Indices of the moves to embed: all, or those of a long run that settle slowest.
 
-    Micro-moves come first: they are what the stage is for.
+    Micro-moves take precedence: they are what the stage is for.
     """
 
     def slowness(number: int) -> tuple[bool, float]:
@@ -110,7 +110,7 @@ def _shown(
 
 
 def _outside(recording: Recording, number: int, axis: str, keys: Iterable[str]) -> list[str]:
-    """Windows the axis is still outside of at the last sample of a move and its rest."""
+    """Windows that the axis is still outside of at the last sample before the next move."""
     move, signals = recording.moves[number], recording.axes[axis]
     rest = slice(move.start, recording.rest_end(number))
     measured = signals.position_actual[rest][signals.valid[rest]]
@@ -169,15 +169,15 @@ def _error(signals: AxisSignals, first: int, end: int, ratio: float) -> list[flo
 def _values(
     values: npt.NDArray[np.float64], signals: AxisSignals, first: int, end: int, digits: int = 2
 ) -> list[float | None]:
-    """A slice as plain numbers; None where the sample was missed."""
+    """A slice as plain numbers; None for missed samples."""
     return [
         _round(value, digits) if valid else None
         for value, valid in zip(values[first:end], signals.valid[first:end], strict=True)
     ]
 
 
-def _most_telling(moves: list[dict[str, Any]], keys: tuple[str, ...]) -> int:
-    """Which to show first: the micro-move whose slowest axis is the median of all micro-moves."""
+def _typical_micro_move(moves: list[dict[str, Any]], keys: tuple[str, ...]) -> int:
+    """Index of the move to show first: the micro-move with the median settling time."""
     key = keys[0] if keys else ""
     times = sorted(
         (max((entry["times"][key] for entry in move["entries"].values()), default=0.0), i)
@@ -188,4 +188,4 @@ def _most_telling(moves: list[dict[str, Any]], keys: tuple[str, ...]) -> int:
 
 
 def _round(value: float, digits: int) -> float:
-    return round(float(value), digits) + 0.0  # + 0.0: -0.0 is drawn and read as 0
+    return round(float(value), digits) + 0.0  # + 0.0 turns -0.0 into 0.0

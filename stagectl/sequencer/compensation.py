@@ -32,7 +32,7 @@ from estimation.move import MoveData
 from estimation.online import Estimate, SplitHorizonEstimator
 from estimation.sampled_force import kink_share, with_mean_force
 from estimation.trajectory import Limits, Trajectory, plan
-from stagectl.config.host_model import estimator_settings, friction_model, kink_tip
+from stagectl.config.host_model import estimator_settings, friction_model, kink_delay
 from stagectl.config.machine import Axis, Machine
 
 TAKE_OVER = 0.1
@@ -97,7 +97,7 @@ class AxisCompensation:
         drive = axis.drive
         lag = 1.0 / (2.0 * math.pi * drive.current_bandwidth)
         self._ahead = lag + drive.control_period / 2.0
-        self._kink = kink_share(period, kink_tip(drive))
+        self._kink = kink_share(period, kink_delay(drive))
         self.estimator = SplitHorizonEstimator(
             friction,
             estimator_settings(axis, period, settled),

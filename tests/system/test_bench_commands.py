@@ -43,7 +43,7 @@ def test_nothing_of_scan_and_status_is_cut_off_at_80_columns():
 def test_a_passive_scan_of_a_silent_bus_says_so(call):
     failure, out, err = call("scan", "--simulate", "--passive")
     assert failure == 0
-    assert "nobody was heard" in out
+    assert "no node was heard" in out
     assert "axis x: node 1" in err
 
 
@@ -142,4 +142,4 @@ def test_a_bus_with_a_host_is_left_alone(call):
         assert host.recv(0.0) is None
         failure, _, told = call("scan", "--passive", "--listen", 1, "--bus", "virtual:with-host")
         assert failure == 0
-        assert "a host commands this bus: a heartbeat of node 127" in told
+        assert "another host is active on this bus: a heartbeat of node 127" in told

@@ -90,7 +90,7 @@ def calibrated(killed):
 
 def test_a_killed_calibration_goes_on_behind_the_last_site_and_loses_nothing(calibrated):
     folder, said, outcome = calibrated
-    assert "map 1 kept in" in said
+    assert "map 1 stored in" in said
     # Every site is told of, those before the kill as well; none is measured twice but the first.
     assert [(e["site"], e["axis"]) for e in outcome["sites"]] == [
         (site, axis) for site in (1, 2, 3, 4) for axis in "xy"
@@ -246,7 +246,9 @@ def test_due_sites_are_slipped_into_a_run_within_its_budget(calibrated, tmp_path
     (tmp_path / "sites.yaml").write_text(SITES + "due: {distance: 10 mm}\n")
     calibrate = ("--calibrate", tmp_path / "sites.yaml", "--budget", "2.0")
     said = stagectl(*run, *calibrate, "--out", tmp_path / "slipped")
-    due, slipped = map(int, re.search(r"(\d+) sites due, (\d+) slipped in", said).groups())
+    due, slipped = map(
+        int, re.search(r"(\d+) calibration sites due, (\d+) inserted", said).groups()
+    )
     assert due > slipped == 1  # the budget has room for one of them
     moves = json.loads((tmp_path / "slipped" / "summary.json").read_text())["moves"]
     assert sum(m["kind"] == "creep" or m["kind"] == "other" for m in moves) >= 8

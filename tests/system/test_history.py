@@ -100,8 +100,8 @@ def test_a_run_goes_on_beside_a_history_that_is_locked(request_, tmp_path, stage
         assert refused.returncode == 1
         assert "another program" in refused.stderr
     first, again = stagectl(*command.split()), stagectl(*command.split())
-    assert first.stdout.startswith(f"{len(made) - filed} of {len(made)} estimates filed in ")
-    assert again.stdout.startswith(f"all {len(made)} estimates are in ")
+    assert first.stdout.startswith(f"{len(made) - filed} of {len(made)} estimates imported into ")
+    assert again.stdout.startswith(f"all {len(made)} estimates are already in ")
     other = replace(request_, folder=tmp_path / "other", history=str(tmp_path / "other.db"))
     execute(replace(other, started=request_.started), Listener())
     imported, written = open_history(request_.history), open_history(other.history)
@@ -173,11 +173,11 @@ def test_a_run_without_a_history_can_be_imported_into_one(request_, tmp_path, st
     assert "history" not in summary
     refused = stagectl("history", "import", request_.folder)
     assert (refused.returncode, refused.stderr.count("\n")) == (2, 1)
-    assert "name one: --history" in refused.stderr
+    assert "name one with --history" in refused.stderr
     where = tmp_path / "fleet.db"
     done = stagectl("history", "import", request_.folder, "--history", where)
     count = len(summary["friction"])
-    assert done.stdout == f"{count} of {count} estimates filed in {where}\n"
+    assert done.stdout == f"{count} of {count} estimates imported into {where}\n"
     history = open_history(str(where))
     assert sum(history.counted(STAGE)) == count
     history.close()

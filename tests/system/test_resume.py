@@ -93,7 +93,7 @@ def test_a_run_goes_on_at_the_site_that_it_was_at(go, sites, tmp_path):
         "run": str(tmp_path / "first"), "started": first.recording.started, "done": 2,
     }  # fmt: skip
     page = (tmp_path / "second" / "report.html").read_text()
-    assert "Went on behind 2 finished" in page
+    assert "after the first 2 sites" in page
     noted = read_notes(tmp_path / "second" / "recording.h5").events[0]
     assert noted["event"] == "run"
     assert noted["resumed"]["run"] == str(tmp_path / "first")
@@ -207,7 +207,7 @@ def test_a_site_is_begun_again_after_a_fault(go, sites, tmp_path):
     (retry,) = result.summary["retries"]
     assert (retry["site"], retry["attempt"]) == (3, 1)
     assert "0x8611" in retry["fault"]
-    assert "Site 3 was begun again" in (tmp_path / "run" / "report.html").read_text()
+    assert "Site 3 was restarted" in (tmp_path / "run" / "report.html").read_text()
     # the move that was broken off ends where its samples do
     broken, after = result.recording.moves[5], result.recording.moves[6]
     assert broken.end <= after.start
@@ -283,7 +283,7 @@ def test_from_the_command_line(go, sites, tmp_path):
     folder, other = str(tmp_path / "a"), str(tmp_path / "b")
     clash = run("--resume", folder, "--out", folder)
     assert clash.exit_code == 2
-    assert "needs a folder of its own" in clash.output
+    assert "needs its own folder" in clash.output
     rest = run("--resume", folder, "--out", other, "--retries", "1")
     assert rest.exit_code == 0, rest.output
-    assert "went on behind 2 finished" in rest.output
+    assert "after the first 2 sites" in rest.output

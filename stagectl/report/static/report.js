@@ -181,7 +181,7 @@
     };
   }
 
-  // One row per entry: two series an axis, the second for those marked (not settled, refused).
+  // One row per entry: two series per axis, the second for those marked (not settled, refused).
   // Axes stand side by side at their place.
   function scatter(entries, place, value, marked) {
     const side = (axis) => (data.axes.indexOf(axis) - (data.axes.length - 1) / 2) * 0.24;
@@ -255,7 +255,7 @@
           ctx.lineTo(x, Math.min(low, bottom));
           ctx.stroke();
         }
-        // A refused figure stands at the edge as a cross; that it was refused says enough.
+        // A refused estimate outside the scale is drawn as a cross at the edge, without an arrow.
         if (high < top && (accepted || low > top)) arrow(x, top, 1);
         if (low > bottom && (accepted || high < bottom)) arrow(x, bottom, -1);
       }
@@ -274,12 +274,12 @@
 
   function frictionChart(panel, element) {
     const column = (accepted) => panel.points.map((p) => (p.accepted === accepted ? p.value : null));
-    const told = (chart, value, series, k) => known(value == null ? null : panel.points[k]);
+    const shownValue = (chart, value, series, k) => known(value == null ? null : panel.points[k]);
     return plot(element, {
       height: 240,
       scales: { x: { time: false, range: (c, low, high) => [low - 0.6, high + 0.6] }, y: { range: () => [panel.low, panel.high] } },
       axes: axes(data.estimateName, plainTicks, wholeTicks),
-      series: scatterSeries(data.estimateName, [panel.axis], "", " refused", told),
+      series: scatterSeries(data.estimateName, [panel.axis], "", " refused", shownValue),
       hooks: { draw: [estimates(panel), crosses([[2, panel.axis]])] },
     }, [panel.points.map((p) => p.place), column(true), column(false)]);
   }
@@ -353,7 +353,7 @@
       (name) => (name === "whole" ? "Whole error" : "Settling"), () => zoom,
       (name) => { zoom = name; moveCharts(); });
     if (data.left_out) {
-      find("left-out").textContent = data.left_out + " quicker moves of this long run are not drawn.";
+      find("left-out").textContent = data.left_out + " faster moves of this long run are not drawn.";
     }
     const kinds = [...new Set(data.settling.map((entry) => entry.kind))];
     settlingKind = kinds.includes("micro") ? "micro" : kinds[0];

@@ -50,9 +50,9 @@ def test_trials_that_the_lines_hold_are_not_run_again(tmp_path) -> None:
 def test_unusable_input_is_one_line(tmp_path) -> None:
     lines = tmp_path / "t.jsonl"
     lines.write_text(json.dumps(LINE) + "\n[1]\n")
-    assert run("--lines", lines) == (2, f"{lines}:2: is no line of a blind check")
+    assert run("--lines", lines) == (2, f"{lines}:2: is not a blind trial")
     lines.write_bytes(b"\x93\xff\x00")
-    assert run("--lines", lines) == (2, f"{lines}: is not a file of lines of a blind check")
+    assert run("--lines", lines) == (2, f"{lines}: is not a file of blind trials")
     code, text = run("--only", "magic")
     assert code == 2
     assert text.startswith("--only: no effect magic; there are ")

@@ -1,24 +1,24 @@
-"""What `--simulate` simulates."""
+"""Which machine files --machine and --simulate select."""
 
 from pathlib import Path
 
 import click
 from click.testing import CliRunner
 
-from stagectl.cli.motion import machines_of, simulated_or_real
+from stagectl.cli.motion import load_machines, stage_options
 from stagectl.config.machine_file import load_machine
 
 
-def test_without_a_file_it_is_what_the_host_believes(tmp_path: Path):
+def test_simulate_without_a_file_simulates_the_hosts_machine(tmp_path: Path):
     own = tmp_path / "coarse.yaml"
     text = load_machine(None).text
     own.write_text(text.replace("increment: 1.0e-9", "increment: 5.0e-9"))
     seen = []
 
     @click.command()
-    @simulated_or_real
+    @stage_options
     def command(machine, simulate, bus, seed):
-        seen.append(machines_of(machine, simulate, bus))
+        seen.append(load_machines(machine, simulate, bus))
 
     for arguments in (["--simulate"], ["--simulate", "wafer-xy"], []):
         done = CliRunner().invoke(command, ["--machine", str(own), *arguments])

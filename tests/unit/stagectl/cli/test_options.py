@@ -40,7 +40,7 @@ def test_a_number_within_its_range_is_taken() -> None:
 def test_files_are_refused_before_the_work(tmp_path: Path) -> None:
     assert JSON_FILE.convert("-", None, None) == Path("-")
     for value, why in (
-        ("-", "standard output is not for this"),
+        ("-", "cannot be written to standard output"),
         (tmp_path, "is a directory"),
         (tmp_path / "none" / "a.html", "there is no folder"),
     ):

@@ -133,7 +133,7 @@ def test_no_end_is_no_end(parse):
         ("fault: drop, frame: sync, probability: 1.5", "2:45", "must be <= 1"),
         ("fault: drop, frame: sync, nth: 0", "2:37", "must be >= 1"),
         ("fault: drop, frame: tpdo1, axis: z", "2:39", "no such axis"),
-        ("fault: drop, frame: '0x181', axis: x", "2:41", "who sends it"),
+        ("fault: drop, frame: '0x181', axis: x", "2:41", "known sender"),
         ("fault: drop, frame: sync, after: 2 s, until: 1 s", "2:51", "later than after"),
         ("fault: drop, frame: sync, after: 2 m", "2:39", "a time"),
         ("fault: delay, frame: sync, least: 2 ms, most: 1 ms", "2:40", "more than most"),

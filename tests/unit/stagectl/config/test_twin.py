@@ -4,29 +4,29 @@ import pytest
 
 from stagectl.config import load_machine, stage_settings
 from stagectl.config.machine_file import parse_machine
-from stagectl.config.twin import twin_text
+from stagectl.config.twin import render_twin
 from stagectl.errors import ConfigError, StagectlError
 
 
 def test_a_twin_is_a_machine_file_with_the_effects_and_figures():
     machine = load_machine()
     effects = {"x": [("cogging", {"amplitude": 1.2, "pitch": 0.032, "phase": 0.4})]}
-    twin = parse_machine(twin_text(machine, effects, {"y": {"mass": 14.02, "coulomb": 9.1}}), "t")
+    twin = parse_machine(render_twin(machine, effects, {"y": {"mass": 14.02, "coulomb": 9.1}}), "t")
     assert [e.name for e in twin.axes["x"].effects] == ["cogging"]
     assert twin.axes["y"].plant.mass == 14.02
     assert twin.axes["y"].plant.friction.coulomb == 9.1
     before, after = stage_settings(machine), stage_settings(twin)
     assert after.axes[0].effects
     assert after.axes[0].control == before.axes[0].control
-    again = parse_machine(twin_text(twin, {"x": [("force_offset", {"force": -1.0})]}), "t")
+    again = parse_machine(render_twin(twin, {"x": [("force_offset", {"force": -1.0})]}), "t")
     assert [e.name for e in again.axes["x"].effects] == ["cogging", "force_offset"]
 
 
 def test_what_cannot_be_is_refused():
     machine = load_machine()
     with pytest.raises(StagectlError, match="no axis z"):
-        twin_text(machine, {"z": []})
-    with pytest.raises(StagectlError, match="no figure charm"):
-        twin_text(machine, {}, {"x": {"charm": 1.0}})
+        render_twin(machine, {"z": []})
+    with pytest.raises(StagectlError, match="no parameter charm"):
+        render_twin(machine, {}, {"x": {"charm": 1.0}})
     with pytest.raises(ConfigError, match="mass"):
-        twin_text(machine, {}, {"x": {"mass": -1.0}})
+        render_twin(machine, {}, {"x": {"mass": -1.0}})

@@ -82,7 +82,7 @@ def test_every_finite_float_survives_its_own_text(number: float) -> None:
         ("? [a]\n: b", "f.yaml:1:3: a key must be a text"),
         ("a: !!float 1", "f.yaml:1:4: a: tags (!) are not supported"),
         ("a: !!python/object/apply:os.system [x]", "f.yaml:1:4: a: tags (!) are not supported"),
-        ("a: 1\n---\na: 2", "f.yaml:2:1: a second document: one file holds one"),
+        ("a: 1\n---\na: 2", "f.yaml:2:1: a second document: a file may hold only one"),
         ("", "f.yaml:1:1: is empty"),
         ("# nothing\n", "f.yaml:1:1: is empty"),
         ("a: \x01", "f.yaml:1:4: not a text file: it holds control characters"),

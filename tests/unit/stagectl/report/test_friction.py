@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from stagectl.report.friction import friction_panels, scale
+from stagectl.report.friction import friction_panels, panel_range
 
 
 def point(value: float | None, sigma: float | None, accepted: bool = True) -> dict[str, Any]:
@@ -18,29 +18,29 @@ def entry(axis: str, site: int, **values: float) -> dict[str, Any]:
     return {"axis": axis, "site": site, "accepted": True, "parameters": figures}
 
 
-def test_what_was_not_known_yet_does_not_set_the_scale():
+def test_what_was_not_known_yet_does_not_set_the_panel_range():
     course = [point(6.0e5 + d, 2e3) for d in (0.0, 500.0, -800.0, 300.0)]
-    low, high = scale([point(3.0e5, 2.4e5), point(6.07e5, 3.9e4), *course])
+    low, high = panel_range([point(3.0e5, 2.4e5), point(6.07e5, 3.9e4), *course])
     assert 5.9e5 < low < 6.0e5 - 2.8e3
     assert 6.0e5 + 2.5e3 < high < 6.1e5
 
 
 def test_a_drift_that_is_known_is_shown_whole():
     course = [point(6.0 + 0.1 * k, 0.05) for k in range(20)]
-    low, high = scale(course)
+    low, high = panel_range(course)
     assert low < 5.95
     assert high > 7.95
 
 
 def test_the_figure_in_force_is_in_the_scale_however_uncertain():
-    low, high = scale([*(point(6.0, 0.01) for _ in range(9)), point(9.0, 1.0)])
+    low, high = panel_range([*(point(6.0, 0.01) for _ in range(9)), point(9.0, 1.0)])
     assert low < 6.0
     assert high > 10.0
 
 
 def test_a_refused_figure_sets_no_scale_but_where_all_were_refused():
-    assert scale([point(6.0, 0.1), point(99.0, 0.1, accepted=False)])[1] < 7.0
-    assert scale([point(99.0, 1.0, accepted=False)])[0] > 90.0
+    assert panel_range([point(6.0, 0.1), point(99.0, 0.1, accepted=False)])[1] < 7.0
+    assert panel_range([point(99.0, 1.0, accepted=False)])[0] > 90.0
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_a_refused_figure_sets_no_scale_but_where_all_were_refused():
     ],
 )
 def test_a_scale_is_never_empty_nor_beyond_all_numbers(points: list[dict[str, Any]]):
-    low, high = scale(points)
+    low, high = panel_range(points)
     assert -float("inf") < low < high < float("inf")
 
 

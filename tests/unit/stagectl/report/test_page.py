@@ -14,7 +14,7 @@ import pytest
 
 from stagectl.errors import StagectlError
 from stagectl.report import content, write_report
-from stagectl.report.page import render
+from stagectl.report.page import render_report
 from stagectl.report.traces import BEFORE, chart_data
 from stagectl.store import FrictionEntry, ParameterEstimate, RunFacts, build_summary, read_recording
 from stagedata import Recording, aligned_demand
@@ -77,7 +77,7 @@ class Page(HTMLParser):
 
 
 def test_needs_nothing_but_itself(recording: Recording, summary: dict[str, Any]):
-    html = render(recording, summary, control_period=TC)
+    html = render_report(recording, summary, control_period=TC)
     page = Page(html)
     assert page.loads == []
     assert page.stack == []
@@ -87,7 +87,7 @@ def test_needs_nothing_but_itself(recording: Recording, summary: dict[str, Any])
 
 
 def test_says_what_the_summary_says(recording: Recording, summary: dict[str, Any]):
-    text = Page(render(recording, summary, control_period=TC)).text
+    text = Page(render_report(recording, summary, control_period=TC)).text
     assert "Completed" in text
     median = summary["micro"]["settling_median"]["5e-08"] * 1e3
     assert f"±50 nm in {median:g} ms" in text
@@ -102,7 +102,7 @@ def test_text_of_files_cannot_become_markup(recording: Recording, summary: dict[
     entry = replace(FRICTION[1], reason=evil, parameters={evil: ParameterEstimate(1, 1, evil)})
     facts = replace(FACTS, recipe=evil, fault=evil, outcome="fault")
     told = build_summary(bad, facts, [entry], control_period=TC, sync_period=TS)
-    html = render(bad, told, control_period=TC)
+    html = render_report(bad, told, control_period=TC)
     assert html.count("<script>alert") == 0
     page = Page(html)
     assert page.stack == []
@@ -110,7 +110,7 @@ def test_text_of_files_cannot_become_markup(recording: Recording, summary: dict[
 
 
 def test_embedded_error_is_that_of_the_recording(recording: Recording, summary: dict[str, Any]):
-    data = json.loads(Page(render(recording, summary, control_period=TC)).data)
+    data = json.loads(Page(render_report(recording, summary, control_period=TC)).data)
     assert len(data["moves"]) == len(recording.moves)
     number = 5
     move, shown = recording.moves[number], data["moves"][number]
@@ -164,7 +164,7 @@ def test_a_run_that_was_aborted_before_its_first_move(recording: Recording):
     empty = replace(recording, moves=())
     facts = replace(FACTS, outcome="aborted", compensation="none")
     told = build_summary(empty, facts, [], control_period=TC, sync_period=TS)
-    page = Page(render(empty, told, control_period=TC))
+    page = Page(render_report(empty, told, control_period=TC))
     assert "Aborted" in page.text
     assert "No micro-move was completed." in page.text
     assert "Friction was not estimated" in page.text
@@ -192,18 +192,20 @@ def test_is_written_whole_or_not_at_all(
     [(9e-8, "0.0900"), (5.2e-5, "52.0"), (0.025, "25 000"), (0.0, "0"), (None, "–")],  # noqa: RUF001
 )
 def test_lengths_have_three_significant_digits(metres: float | None, text: str):
-    assert content.micrometres(metres) == text
+    assert content.format_micrometres(metres) == text
 
 
 @pytest.mark.parametrize(("seconds", "text"), [(0.0, "0"), (0.1435, "143.5"), (0.002, "2")])
 def test_times_in_milliseconds(seconds: float, text: str):
-    assert content.milliseconds(seconds) == text
+    assert content.format_milliseconds(seconds) == text
 
 
-def test_moves_broken_off_are_not_in_the_table(summary: dict[str, Any]):
+def test_interrupted_moves_are_not_in_the_table(summary: dict[str, Any]):
     moves = [{**move, "completed": False} for move in summary["moves"] if move["axis"] == "x"]
     moves += [move for move in summary["moves"] if move["axis"] == "y"]
-    assert {row.axis for row in content.rows({**summary, "moves": moves}, ("x", "y"))} == {"y"}
+    assert {row.axis for row in content.result_rows({**summary, "moves": moves}, ("x", "y"))} == {
+        "y"
+    }
 
 
 def test_refused_figures_are_not_the_latest(summary: dict[str, Any]):
@@ -215,7 +217,7 @@ def test_a_list_of_moves_has_no_sites(recording: Recording, summary: dict[str, A
     entries = [{**entry, "site": None} for entry in summary["moves"]]
     friction = [{**entry, "site": 0} for entry in summary["friction"] * 2]
     bare = {**summary, "moves": entries, "friction": friction}
-    page = Page(render(replace(recording, moves=moves), bare, control_period=TC))
+    page = Page(render_report(replace(recording, moves=moves), bare, control_period=TC))
     data = json.loads(page.data)
     # the n-th estimate of an axis stands at n, not all of them at one place
     places = {panel["axis"]: [p["place"] for p in panel["points"]] for panel in data["friction"]}
@@ -226,7 +228,9 @@ def test_a_list_of_moves_has_no_sites(recording: Recording, summary: dict[str, A
     assert "site 0" not in page.text
 
 
-def test_figures_that_no_move_has_told_are_named(recording: Recording, summary: dict[str, Any]):
+def test_parameters_that_no_move_was_informative_about_are_named(
+    recording: Recording, summary: dict[str, Any]
+):
     def entry(axis: str, accepted: bool, **gain: float) -> dict[str, Any]:
         figures = {name: {"value": 1.0, "sigma": 0.1, "unit": "1"} for name in gain}
         held = [name for name, value in gain.items() if value == 1.0]
@@ -241,12 +245,15 @@ def test_figures_that_no_move_has_told_are_named(recording: Recording, summary: 
         entry("y", False, coulomb=1.0, viscous=1.0),
     ]  # fmt: skip
     told = {**summary, "friction": friction}
-    stayed = content.figures_that_stayed(told, ("x", "y"))
-    assert [line[:2] for line in stayed] == [("x", "viscous"), ("y", "coulomb"), ("y", "viscous")]
-    assert stayed[0][2].startswith(
-        "2 of 2 accepted moves say less of it than was known; it is told"
-    )
-    assert stayed[1][2].startswith("no estimate was accepted")
-    page = Page(render(recording, told, control_period=TC))
-    assert "Viscous of axis x stayed what it was at the start: 2 of 2" in page.text
+    unchanged = content.unchanged_parameters(told, ("x", "y"))
+    assert [line[:2] for line in unchanged] == [
+        ("x", "viscous"),
+        ("y", "coulomb"),
+        ("y", "viscous"),
+    ]
+    why = "2 of 2 accepted moves say less about it than was known; fast moves would be informative"
+    assert unchanged[0][2] == why
+    assert unchanged[1][2].startswith("no estimate was accepted")
+    page = Page(render_report(recording, told, control_period=TC))
+    assert "Viscous of axis x kept its initial value: 2 of 2" in page.text
     assert "Coulomb of axis x" not in page.text

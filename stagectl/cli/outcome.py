@@ -1,4 +1,4 @@
-"""The closing table of a run."""
+"""What is printed at the end of a run: outcome, moves, friction, where the files are."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from stagectl.store import SPOOL_NAME
 _STYLES = {"completed": "green", "aborted": "yellow", "fault": "red"}
 _ORDER = {"macro": 0, "micro": 1}
 _WIDTH = 80
-_LISTED = 10  # refused estimates and failed sites shown
+_MAX_LISTED = 10  # refused estimates and failed sites
 
 
-def closing(result: RunResult, folder: Path) -> RenderableType:
-    """Outcome, moves per axis, friction figures, refused estimates, where the files are."""
+def render_outcome(result: RunResult, folder: Path) -> RenderableType:
+    """Outcome, move statistics, friction, refused estimates, site verdicts, notices, files."""
     summary = result.summary
-    parts: list[RenderableType] = [_headline(result), *_went_on(summary)]
+    parts: list[RenderableType] = [_headline(result), *_interruptions(summary)]
     if summary["moves"]:
         parts.append(_moves(result))
     if summary["friction"]:
         parts += [_friction(summary["friction"]), *_refused(summary["friction"])]
-    parts += _judged(result.verdicts)
+    parts += _site_verdicts(result.verdicts)
     cycle = summary["cycle"]
     if cycle["missed"] or cycle["late"]:
-        text = f"cycles: {cycle['missed']} TPDOs missed, {cycle['late']} SYNCs late"
+        text = f"cycle: {cycle['missed']} TPDOs missed, {cycle['late']} SYNCs late"
         ledger = summary.get("punctuality")
         if ledger is not None:
             text += f" (at most {ledger['late_in_a_row']} in a row), {ledger['doubled']} doubled"
@@ -45,8 +45,8 @@ def closing(result: RunResult, folder: Path) -> RenderableType:
     if SPOOL_NAME in files:
         parts.append(
             Text(
-                f"the bus log could not be written whole (disk full?); what there is stays in "
-                f"{SPOOL_NAME}, and 'stagectl recover {folder}' makes a log of it",
+                f"the bus log is incomplete (disk full?); its frames are in {SPOOL_NAME}, and "
+                f"'stagectl recover {folder}' turns them into a log",
                 style="yellow",
             )
         )
@@ -56,7 +56,7 @@ def closing(result: RunResult, folder: Path) -> RenderableType:
 
 @dataclass(frozen=True, slots=True)
 class _Wide:
-    """At least as wide as its tables: a narrow terminal breaks their lines, none is cut off."""
+    """At least as wide as the tables: a narrow terminal wraps their lines instead of cutting."""
 
     inner: RenderableType
 
@@ -71,35 +71,36 @@ def _table(title: str) -> Table:
 def _headline(result: RunResult) -> Text:
     summary = result.summary
     moves = () if result.recording is None else result.recording.moves
-    # Of the recording: the summary leaves out a move that no axis makes (already there).
+    # From the recording: the summary leaves out moves on which no axis had any distance to go.
     sites = {move.site for move in moves if move.site is not None}
     text = Text(f"{summary['recipe']} on {summary['machine']}: ")
     text.append(summary["outcome"], style=_STYLES[summary["outcome"]])
-    text.append(f", {len(sites)} sites in {summary['duration']:.1f} s of the stage's time")
+    text.append(f", {len(sites)} sites in {summary['duration']:.1f} s")
     if summary["simulated"] and summary["wall_time"] > 0:
         speed = summary["duration"] / summary["wall_time"]
         text.append(f" (simulated in {summary['wall_time']:.2f} s, {speed:.0f} x real time)")
     return text
 
 
-def _went_on(summary: dict[str, Any]) -> list[RenderableType]:
-    """What the run took up, and what it began again."""
+def _interruptions(summary: dict[str, Any]) -> list[RenderableType]:
+    """The run that this one continues, and restarted sites."""
     lines = []
     resumed = summary.get("resumed")
     if resumed is not None:
-        lines.append(f"went on behind {resumed['done']} finished, which are in {resumed['run']}")
+        unit = "sites" if any(move["site"] for move in summary["moves"]) else "moves"
+        lines.append(f"continues after the first {resumed['done']} {unit} of {resumed['run']}")
     for retry in summary.get("retries", ()):
         where = "" if retry["site"] is None else f"site {retry['site']} "
-        lines.append(f"{where}begun again (attempt {retry['attempt']}): {retry['fault']}")
+        lines.append(f"{where}restarted (attempt {retry['attempt']}): {retry['fault']}")
     return [Text("\n".join(lines))] if lines else []
 
 
 def _moves(result: RunResult) -> Table:
-    """Medians per axis and kind, with and without the friction update where both are known."""
-    table = _table("Moves (medians)")
+    """Medians per axis and kind, before and after the first friction update."""
+    table = _table("Moves (medians: peak error, settling time to ±50 nm and ±200 nm)")
     for name in ("axis", "move", "friction"):
         table.add_column(name, no_wrap=True)
-    for name in ("count", "peak error", "±50 nm", "±200 nm", "open"):
+    for name in ("count", "peak error", "±50 nm", "±200 nm", "unsettled"):
         table.add_column(name, justify="right", no_wrap=True)
     groups: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
     for number, move in zip(_move_numbers(result), result.summary["moves"], strict=True):
@@ -122,7 +123,7 @@ def _moves(result: RunResult) -> Table:
 
 
 def _model(result: RunResult, axis: str, move: int) -> str:
-    """What the offsets of a move were made of."""
+    """The friction model behind the force offsets of a move."""
     mode: str = result.summary["compensation"]
     if mode != "estimated":
         return {"none": "no model", "model": "machine file", "oracle": "truth"}[mode]
@@ -131,7 +132,7 @@ def _model(result: RunResult, axis: str, move: int) -> str:
 
 
 def _move_numbers(result: RunResult) -> list[int]:
-    """For each entry of the summary, the index of its move in the recording."""
+    """The index in the recording of each move in the summary."""
     moves = result.recording.moves if result.recording is not None else ()
     numbers, number = [], 0
     for entry in result.summary["moves"]:
@@ -151,12 +152,12 @@ def _median(values: Sequence[float | None]) -> float:
 
 
 def _friction(entries: Sequence[dict[str, Any]]) -> Table:
-    table = _table("Friction at the end")
-    for name in ("axis", "figure"):
+    table = _table("Friction estimate at the end of the run")
+    for name in ("axis", "parameter"):
         table.add_column(name, no_wrap=True)
-    for name in ("value", "± 1 sigma"):
+    for name in ("value", "±1 sigma"):
         table.add_column(name, justify="right", no_wrap=True)
-    for name in ("unit", "estimates accepted"):
+    for name in ("unit", "moves accepted"):
         table.add_column(name, no_wrap=True)
     latest = {entry["axis"]: entry for entry in entries}
     for axis, entry in sorted(latest.items()):
@@ -178,27 +179,27 @@ def _refused(entries: Sequence[dict[str, Any]]) -> list[RenderableType]:
     refused = [
         f"{_site(e['site'])}axis {e['axis']}: {e['reason']}" for e in entries if not e["accepted"]
     ]
-    return _list("estimates refused, the last good model kept:", refused)
+    return _list("estimates refused, previous model kept:", refused)
 
 
 def _site(site: int | None) -> str:
-    """Moves of a list, not of sites, belong to none."""
+    """Moves in a list of moves belong to no site."""
     return f"site {site} " if site else ""
 
 
-def _judged(verdicts: Sequence[SiteVerdict]) -> list[RenderableType]:
+def _site_verdicts(verdicts: Sequence[SiteVerdict]) -> list[RenderableType]:
     if not verdicts:
         return []
     failed = [f"site {v.site}: {'; '.join(v.failures)}" for v in verdicts if v.failures]
-    passed = f"limits: {len(verdicts) - len(failed)} of {len(verdicts)} sites pass"
+    passed = f"limits: {len(verdicts) - len(failed)} of {len(verdicts)} sites passed"
     return _list(passed + ("; failed:" if failed else ""), failed, always=True)
 
 
 def _list(title: str, lines: Sequence[str], always: bool = False) -> list[RenderableType]:
     if not lines and not always:
         return []
-    shown = list(lines[:_LISTED])
-    if len(lines) > _LISTED:
-        shown.append(f"and {len(lines) - _LISTED} more")
-    # what a line is too long for goes on below it, not below the title
+    shown = list(lines[:_MAX_LISTED])
+    if len(lines) > _MAX_LISTED:
+        shown.append(f"and {len(lines) - _MAX_LISTED} more")
+    # long lines wrap below their own beginning, not below the title
     return [Text(title), *(Padding(Text(line), (0, 0, 0, 2), expand=False) for line in shown)]

@@ -1,7 +1,7 @@
-"""Validation of a parsed file against a pydantic model, every problem in the operator's words.
+"""Validation of a parsed file against a pydantic model, with messages for the operator.
 
-`validate` turns each pydantic error into one line `file:line:column: key: reason`; unknown keys
-get a suggestion from the keys that are known at that place.
+`validate` turns each pydantic error into one line `file:line:column: key: reason`. For an unknown
+key it suggests a known one.
 """
 
 from __future__ import annotations
@@ -12,48 +12,53 @@ from collections.abc import Iterator
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
-from pydantic_core import ErrorDetails
+from pydantic_core import ErrorDetails, PydanticCustomError
 
-from stagectl.config.yaml_nodes import Document, one_line, shown
+from stagectl.config.yaml_nodes import Document, describe_value, one_line
 from stagectl.errors import ConfigError
 
 MAX_PROBLEMS = 100
-"""Problems that are told one by one; of the others only the number."""
+"""Problems that are listed; the rest is only counted."""
 
 M = TypeVar("M", bound=BaseModel)
 
 
 class Section(BaseModel):
-    """Base of all models of files: frozen, no unknown keys."""
+    """Base of all models of files: frozen, without unknown keys."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def refusal(reason: str) -> PydanticCustomError:
+    """What a validator raises to refuse a value, for a reason in the operator's words."""
+    return PydanticCustomError("reason", "{reason}", {"reason": reason})
 
 
 def validate(document: Document, model: type[M]) -> M:
     """The document as a model.
 
     Raises:
-        ConfigError: with every problem found, in the order of the file.
+        ConfigError: every problem found, in the order of the file.
     """
     problems = list(document.problems)
     try:
         result = model.model_validate(document.data)
     except ValidationError as error:
-        refused = {_place(p) for p in problems}  # their placeholders may fail once more
+        refused = {_place(p) for p in problems}  # their placeholders may be refused again
         errors = _without_misspelt(model, error.errors(include_url=False))
         lines = (_line(document, model, e) for e in errors[:MAX_PROBLEMS])
         problems += [line for line in lines if _place(line) not in refused]
-        problems = in_order(problems)
+        problems = sort_problems(problems)
         if (more := len(errors) - MAX_PROBLEMS) > 0:
             problems.append(f"{document.name}: and {more} more problems")
         raise ConfigError(problems) from None
     if problems:
-        raise ConfigError(in_order(problems))
+        raise ConfigError(sort_problems(problems))
     return result
 
 
-def in_order(problems: list[str]) -> list[str]:
-    """Problems of one file by line and column, each once."""
+def sort_problems(problems: list[str]) -> list[str]:
+    """Problems of one file by line and column, without duplicates."""
     return sorted(dict.fromkeys(problems), key=_place)
 
 
@@ -62,8 +67,8 @@ def _place(problem: str) -> tuple[int, int]:
     return (int(match[1]), int(match[2])) if match else (0, 0)
 
 
-def suggestion(word: str, known: list[str]) -> str:
-    """`; did you mean 'x'?`, or the list of what is known where nothing is near."""
+def suggest(word: str, known: list[str]) -> str:
+    """`; did you mean 'x'?`, or the list of known words if none is similar."""
     if near := _nearest(word, known):
         return f"; did you mean '{near}'?"
     return f"; known: {', '.join(known)}" if known else ""
@@ -74,7 +79,7 @@ def _nearest(word: str, known: list[str]) -> str | None:
 
 
 def _without_misspelt(model: type[BaseModel], errors: list[ErrorDetails]) -> list[ErrorDetails]:
-    """Leaves out that a key is missing where an unknown key beside it is that key misspelt."""
+    """The errors, but not that a key is missing if it is there misspelt."""
     misspelt = {
         (*location[:-1], _nearest(str(location[-1]), _known_keys(model, location[:-1])))
         for location in (e["loc"] for e in errors if e["type"] == "extra_forbidden")
@@ -86,13 +91,13 @@ def _line(document: Document, model: type[BaseModel], error: ErrorDetails) -> st
     location, kind = error["loc"], error["type"]
     if kind == "extra_forbidden":
         word = str(location[-1])
-        reason = f"unknown key{suggestion(word, _known_keys(model, location[:-1]))}"
+        reason = f"unknown key{suggest(word, _known_keys(model, location[:-1]))}"
         return document.problem(location, reason, at_key=True)
     if kind == "union_tag_invalid":
         tag = str(error["ctx"]["discriminator"]).strip("'")
         known = re.findall(r"'([^']*)'", str(error["ctx"]["expected_tags"]))
         word = str(error["ctx"]["tag"])
-        reason = f"must be one of {', '.join(known)}, is {shown(word)}"
+        reason = f"must be one of {', '.join(known)}, is {describe_value(word)}"
         return document.problem((*location, tag), reason)
     if kind == "union_tag_not_found":
         tag = str(error["ctx"]["discriminator"]).strip("'")
@@ -104,7 +109,7 @@ def _line(document: Document, model: type[BaseModel], error: ErrorDetails) -> st
 
 def _reason(error: ErrorDetails) -> str:
     kind, value, ctx = error["type"], error["input"], error.get("ctx", {})
-    is_what = f"is {shown(value)}"
+    is_what = f"is {describe_value(value)}"
     match kind:
         case "missing":
             return "is missing"
@@ -142,18 +147,18 @@ def _reason(error: ErrorDetails) -> str:
 
 
 def _known_keys(model: type[BaseModel], location: tuple[str | int, ...]) -> list[str]:
-    """The keys that the model knows at a location (all of them where it is a union)."""
+    """The keys of the model at a location; those of all members of a union."""
     models: set[type[BaseModel]] = {model}
     for part in location:
         inner = {m for one in models for m in _models_in(_annotation(one, part))}
-        # list indices, keys of mappings and tags of unions are no fields: stay where we are;
-        # a tag names the one member of a union that was tried
+        # List indices, keys of mappings and tags of unions are not fields and do not descend;
+        # a tag selects the one member of the union that was tried.
         models = inner or {m for m in models if _has_tag(m, part)} or models
     return list(dict.fromkeys(key for one in sorted(models, key=str) for key in _keys(one)))
 
 
 def _has_tag(model: type[BaseModel], part: str | int) -> bool:
-    """Whether this is how a union calls the model: by its name, or by its one literal value."""
+    """Whether this is the model's tag in a union: its name or its only literal value."""
     return part == model.__name__ or any(
         get_origin(f.annotation) is Literal and get_args(f.annotation) == (part,)
         for f in model.model_fields.values()

@@ -1,0 +1,46 @@
+"""What commands print for people: where it goes, and progress bars."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stagectl.cli.options import is_json_on_stdout
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+ProgressUpdate = Callable[[str, int, int], None]
+"""Takes what is being done, the steps done and the number of steps."""
+
+
+def console_for(json_out: Path | None) -> Console:
+    """The console that people read: standard error if the JSON goes to standard output."""
+    from rich.console import Console
+
+    return Console(stderr=is_json_on_stdout(json_out))
+
+
+@contextmanager
+def progress_bar(console: Console, activity: str) -> Iterator[ProgressUpdate]:
+    """A progress bar that vanishes at the end; not drawn unless the console is a terminal.
+
+    Args:
+        console: to draw on.
+        activity: shown until the first update.
+
+    Yields:
+        A function that updates the bar.
+    """
+    from rich.progress import Progress, TimeElapsedColumn
+
+    columns = (*Progress.get_default_columns()[:3], TimeElapsedColumn())
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        task = bar.add_task(activity, total=None)
+        yield lambda what, done, total: bar.update(
+            task, description=what, completed=done, total=total
+        )

@@ -1,0 +1,31 @@
+"""Jinja templates and static files of the HTML pages."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+_HERE = Path(__file__).parent
+
+
+def render_template(name: str, static: tuple[str, ...], **values: Any) -> str:
+    """A page's HTML.
+
+    Args:
+        name: of the template.
+        static: names of style sheets and scripts to embed; the template finds them in `static`.
+        values: for the template; a missing one is an error.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(_HERE / "templates"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    # Our own files, not input: they go into <style> and <script> unescaped.
+    inline = {n: Markup((_HERE / "static" / n).read_text(encoding="utf-8")) for n in static}  # noqa: S704
+    return environment.get_template(name).render(static=inline, **values)
