@@ -13,7 +13,7 @@ from stagectl.store import read_recording
 from stagedata import AxisSignals, Move, Recording, aligned_demand
 
 TS, TC = 1e-3, 1e-4
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[3] / "data"
 
 
 def signals(demand: np.ndarray, error: np.ndarray | None = None, valid=None) -> AxisSignals:

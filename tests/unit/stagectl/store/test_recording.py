@@ -13,7 +13,7 @@ from stagectl.errors import StagectlError, UnusableInput
 from stagectl.store import CycleLedger, read_ledger, read_recording, write_recording
 from stagedata import AxisSignals, Move, Recording
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[3] / "data"
 
 
 def small_recording(length: int = 50, seed: int = 1) -> Recording:

@@ -7,7 +7,7 @@ from stagectl.recipe import SiteLimits
 from stagectl.sequencer import judge
 from stagectl.store import read_recording
 
-RECORDING = read_recording(Path(__file__).parents[2] / "data" / "null-1.h5")
+RECORDING = read_recording(Path(__file__).parents[3] / "data" / "null-1.h5")
 SITED = replace(
     RECORDING,
     moves=tuple(replace(m, site=1 + i // 2) for i, m in enumerate(RECORDING.moves)),

@@ -40,7 +40,7 @@ FRICTION = [
 
 @pytest.fixture(scope="module")
 def recording() -> Recording:
-    return read_recording(Path(__file__).parents[2] / "data" / "null-1-other-moves.h5")
+    return read_recording(Path(__file__).parents[3] / "data" / "null-1-other-moves.h5")
 
 
 def test_has_the_keys_of_the_format(recording: Recording):

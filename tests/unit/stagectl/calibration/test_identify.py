@@ -24,8 +24,8 @@ from stagectl.run import Listener, RunRequest, execute
 from stagectl.sequencer import Mode
 from stagectl.store import read_recording, write_recording
 
-DATA = Path(__file__).parents[1] / "data"
-RECIPE = Path(__file__).parents[2] / "recipes" / "inspection-20.yaml"
+DATA = Path(__file__).parents[3] / "data"
+RECIPE = Path(__file__).parents[4] / "recipes" / "inspection-20.yaml"
 
 
 @pytest.fixture(scope="module")

@@ -195,7 +195,7 @@ def test_a_killed_process_loses_nothing_and_the_next_command_finds_it(tmp_path: 
         [sys.executable, "-c", KILLED_WRITER, str(tmp_path)],
         stdout=subprocess.PIPE,
         text=True,
-        cwd=Path(__file__).parents[3],
+        cwd=Path(__file__).parents[4],
     )
     assert process.stdout is not None
     reported = [int(process.stdout.readline()) for _ in range(3)]

@@ -12,7 +12,7 @@ from stagectl.cli.paper import command
 from stagectl.errors import UnusableInput
 from stagectl.paper import page
 
-COMMITTED = Path(__file__).parents[3] / "docs" / "paper.md"
+COMMITTED = Path(__file__).parents[4] / "docs" / "paper.md"
 
 
 def numbers(text):

@@ -14,7 +14,7 @@ from stagectl.config.import_map import load_map
 from stagectl.errors import ConfigError, UnusableInput
 from stagectl.store import import_recording, read_recording, write_recording
 
-EXAMPLE = Path(__file__).parents[3] / "examples" / "emps"
+EXAMPLE = Path(__file__).parents[4] / "examples" / "emps"
 DATA = "STAGECTL_EMPS"
 
 

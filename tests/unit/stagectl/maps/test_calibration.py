@@ -216,5 +216,5 @@ def test_sites_that_an_interrupted_calibration_did_not_come_to_have_no_outcome()
 
 
 def test_the_calibration_that_comes_with_us_fits_the_packaged_machine(machine):
-    path = Path(__file__).parents[3] / "recipes" / "calibration-9.yaml"
+    path = Path(__file__).parents[4] / "recipes" / "calibration-9.yaml"
     assert len(load_calibration(path, machine).recipe.sites) == 9
