@@ -33,7 +33,8 @@ DEMAND = 0.5
 @contextmanager
 def wrong_by(error: float, update: bool) -> Iterator[None]:
     """Every macro-move begins with wrong figures; without `update` it ends with them too."""
-    offsets, revise_after = AxisCompensation.offsets, AxisCompensation.revise_after
+    force_offsets = AxisCompensation.force_offsets
+    revision_time = AxisCompensation.revision_time
     true: dict[int, dict[str, float]] = {}
 
     def begin(self: AxisCompensation, trajectory: Trajectory, *rest: object) -> F64:
@@ -42,17 +43,18 @@ def wrong_by(error: float, update: bool) -> Iterator[None]:
         own = true.setdefault(id(self), {name: getattr(friction, name) for name in names})
         if trajectory.duration >= TAKE_OVER:
             self.estimator.believe({n: (v * (1.0 + error), abs(error) * v) for n, v in own.items()})
-        return offsets(self, trajectory, *rest)  # type: ignore[arg-type]
+        return force_offsets(self, trajectory, *rest)  # type: ignore[arg-type]
 
     def when(self: AxisCompensation, trajectory: Trajectory) -> float:
-        return revise_after(self, trajectory) if update else math.inf
+        return revision_time(self, trajectory) if update else math.inf
 
-    AxisCompensation.offsets, AxisCompensation.revise_after = begin, when  # type: ignore[method-assign]
+    AxisCompensation.force_offsets = begin  # type: ignore[method-assign]
+    AxisCompensation.revision_time = when  # type: ignore[method-assign]
     try:
         yield
     finally:
-        AxisCompensation.offsets = offsets  # type: ignore[method-assign]
-        AxisCompensation.revise_after = revise_after  # type: ignore[method-assign]
+        AxisCompensation.force_offsets = force_offsets  # type: ignore[method-assign]
+        AxisCompensation.revision_time = revision_time  # type: ignore[method-assign]
 
 
 def settling(error: float, update: bool, seed: int) -> F64:

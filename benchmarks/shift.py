@@ -232,7 +232,7 @@ def produce(
             places = active.places
             active.places.on_step = events.append
             compensation = make_compensation(
-                machine, Mode.ESTIMATED, known=active.figures, settled=active.drift
+                machine, Mode.ESTIMATED, known=active.figures, drift=active.drift
             )
         elif mode == "global":
             if compensation is None:

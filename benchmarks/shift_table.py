@@ -78,9 +78,9 @@ class Table:
             factor = factor * (1.0 + self.spot * np.exp(-0.5 * away / SPOT_WIDTH**2))
         return factor
 
-    # The oracle: `Places` that is told.
+    # As `Places`: an oracle.
 
-    def depart(self, target: Sequence[float], time: float) -> Sequence[Expectation] | None:
+    def expected_at(self, target: Sequence[float], time: float) -> Sequence[Expectation] | None:
         """The true level at the target."""
         place = np.array([target])
         if self._place is not None and np.linalg.norm(place - self._place) < 2e-3:
@@ -94,14 +94,14 @@ class Table:
             for a, axis in enumerate(self.machine.axes.values())
         ]  # fmt: skip
 
-    def relief(self, axis: int, path: F64) -> F64:
-        """The true level on the way."""
+    def coulomb_variation(self, axis: int, path: F64) -> F64:
+        """The true variation along a path."""
         assert self._place is not None
         return self.level(axis, path) / float(self.level(axis, self._place)[0]) - 1.0
 
-    def teaches(self, kind: str) -> bool:
-        """It knows the way."""
+    def knows_path(self, kind: str) -> bool:
+        """It knows every path."""
         return True
 
-    def arrived(self, *_: object) -> None:
-        """It knows already."""
+    def learn(self, *_: object) -> None:
+        """It knows everything already."""

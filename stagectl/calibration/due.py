@@ -9,7 +9,7 @@ from pathlib import Path
 
 from stagectl.calibration.sites import DAY, Calibration, DueSection
 from stagectl.history import History, Pair, StageKey, StepRecord, Wear, is_server, open_history
-from stagectl.maps import NEAR, TrackedPlaces, load_active
+from stagectl.maps import SITE_RADIUS, TrackedPlaces, load_active
 from stagectl.run import RunRequest, begins
 
 
@@ -50,7 +50,7 @@ def due_sites(
     """
     calibrated = history.calibrated(stage)
     last = {
-        site: max((t for p, t in calibrated if math.dist(p, site) <= NEAR), default=None)
+        site: max((t for p, t in calibrated if math.dist(p, site) <= SITE_RADIUS), default=None)
         for site in sites
     }
     begins = sorted({when for when in last.values() if when is not None}, reverse=True)
@@ -101,7 +101,7 @@ def _due(
         check(done.moves, limits.moves, f"{axis}: {done.moves} moves since")
         check(done.distance, limits.distance, f"{axis}: {done.distance:.3g} m travelled since")
     for step in steps:
-        if step.kind == "common" or math.dist(step.place, site) <= NEAR:
+        if step.kind == "common" or math.dist(step.place, site) <= SITE_RADIUS:
             urgency = 1.0 + abs(step.change) / limits.change
             passed.append((urgency, f"{step.axis}: stepped by {step.change:+.0%} since"))
     if places is not None:

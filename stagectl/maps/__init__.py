@@ -6,14 +6,14 @@ from stagectl.maps.build import build_map
 from stagectl.maps.compare import AxisChange, compare
 from stagectl.maps.learning import tracking_settings
 from stagectl.maps.model import FrictionMap, MapVersion, to_json
-from stagectl.maps.places import NEAR, TrackedPlaces
+from stagectl.maps.places import SITE_RADIUS, TrackedPlaces
 from stagectl.maps.plain import applied, changed, listed, shown
 from stagectl.maps.report import write_map_report
 from stagectl.maps.snapshot import as_noted, noted
 from stagectl.maps.tables import at_place, changes_table, summary, versions_table
 
 __all__ = [
-    "NEAR",
+    "SITE_RADIUS",
     "ActiveMap",
     "AxisChange",
     "FrictionMap",

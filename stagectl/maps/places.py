@@ -1,8 +1,7 @@
-"""The active map in production: what to expect where, and what each move changes of that.
+"""The active map in production: the friction to expect at a place, updated by every move.
 
-The field of the map (evaluated once, on a grid) gives the level between sites; the sites' own
-tracking (`estimation.site_tracking`) gives what they have become since. A step at a site goes to
-whoever listens.
+The map's field, evaluated once on a grid, gives the level between sites; tracking of the sites
+(`estimation.field.SiteTracker`) gives their change since. Steps of the level are reported.
 """
 
 from __future__ import annotations
@@ -22,14 +21,14 @@ from stagectl.sequencer import Expectation, LevelStepped
 
 F64 = NDArray[np.float64]
 
-NEAR = 2e-3
+SITE_RADIUS = 2e-3
 """A move that ends within this distance of a site is a move to that site [m]."""
 GRID = 4e-3
-"""Nodes of the field's grid: a tenth of what a map resolves [m]."""
+"""Pitch of the field's grid: a tenth of what a map resolves [m]."""
 
 
 class LevelGrid:
-    """A field on a grid, straight lines in between.
+    """A field on a grid, with bilinear interpolation.
 
     Args:
         field: of the map.
@@ -61,19 +60,19 @@ class LevelGrid:
 
 
 class TrackedPlaces:
-    """`sequencer.places.Places` from a map.
+    """`sequencer.places.Places` with a friction map.
 
     Args:
         friction_map: active.
-        axes: names in the machine's order; those that the map lacks are left to themselves.
+        axes: names in the machine's order; nothing is known of those that the map lacks.
         travel: lowest and highest position of each axis [m].
-        sites: places that the run will go to [m].
+        sites: that the run will visit [m].
         settings: of the tracking, by axis.
         origin: of the stage's time [s since 1970].
-        on_step: called with each step that is found; may be set later.
+        on_step: called with each step of the level; may be set later.
 
     Attributes:
-        sites: places that are known [m].
+        sites: tracked places, those of the map and those visited [m].
         trackers: of the sites, by axis.
         origin, on_step: as above.
     """
@@ -109,12 +108,12 @@ class TrackedPlaces:
             self.trackers[name] = SiteTracker(
                 mean, covariance, self._settings[name], friction_map.date
             )
-        self._width = self._reach()
+        self._width = self._site_width()
         self._place: Pair | None = None
         self._target: int | None = None
 
     def replay(self, measured: Sequence[Measurement]) -> None:
-        """Take in what moves have shown since the map was made, in the order of time."""
+        """Update the sites with measurements since the map was made, in order of time."""
         for entry in measured:
             if entry.axis in self.trackers:
                 site = self._site_or_new(entry.place)
@@ -122,16 +121,18 @@ class TrackedPlaces:
                     site, math.log(entry.value), entry.sigma / entry.value, entry.time
                 )
 
-    def depart(self, target: Sequence[float], time: float) -> Sequence[Expectation | None] | None:
+    def expected_at(
+        self, target: Sequence[float], time: float
+    ) -> Sequence[Expectation | None] | None:
         """As `sequencer.places.Places`."""
         place = (float(target[0]), float(target[1]))
-        if self._place is not None and math.dist(place, self._place) <= NEAR:
+        if self._place is not None and math.dist(place, self._place) <= SITE_RADIUS:
             return None
         self._place = place
         self._target = self._site_or_new(place)
         return [self._expectation(name, time) for name in self._names]
 
-    def relief(self, axis: int, path: F64) -> F64:
+    def coulomb_variation(self, axis: int, path: F64) -> F64:
         """As `sequencer.places.Places`."""
         name = self._names[axis]
         if name not in self.trackers or self._place is None:
@@ -140,15 +141,15 @@ class TrackedPlaces:
         result: F64 = np.expm1(level[:-1] - level[-1])
         return result
 
-    def teaches(self, kind: str) -> bool:
-        """As `sequencer.places.Places`: the map knows the way."""
+    def knows_path(self, kind: str) -> bool:
+        """As `sequencer.places.Places`: the map covers every path."""
         return True
 
-    def arrived(self, axis: int, kind: str, estimate: Estimate, time: float) -> Expectation | None:
+    def learn(self, axis: int, kind: str, estimate: Estimate, time: float) -> Expectation | None:
         """As `sequencer.places.Places`.
 
-        A macro-move shows the level on its way as much as at its end: what is expected of the site
-        has its say as well.
+        A macro-move shows the level along its path as much as at its end, so after one the site's
+        own expectation stands, unless the level has stepped.
         """
         name = self._names[axis]
         if name not in self.trackers or self._target is None:
@@ -161,12 +162,12 @@ class TrackedPlaces:
             self._target, math.log(value), sigma / value, self.origin + time, doubt(estimate)
         )
         if seen.step is not None:
-            self._tell(name, seen, time)
+            self._report_step(name, seen, time)
         elif kind != "macro":
             return None
         return self._expectation(name, time)
 
-    def _tell(self, name: str, seen: Observation, time: float) -> None:
+    def _report_step(self, name: str, seen: Observation, time: float) -> None:
         assert self._target is not None  # noqa: S101
         self.on_step(
             LevelStepped(name, self.sites[self._target], time, seen.change, seen.step == "common")
@@ -176,26 +177,27 @@ class TrackedPlaces:
         if name not in self.trackers or self._target is None:
             return None
         tracker = self.trackers[name]
-        level = tracker.wander  # as at the last measurement, which is when the estimator's is of
+        level = tracker.wander  # as of the last measurement, like the estimator's
         tracker.advance(self.origin + time)
         mean, sigma = tracker.expected(self._target, wander=False)
         coulomb = math.exp(mean)
         return Expectation(coulomb, sigma * coulomb, level)
 
     def _level(self, name: str, path: F64) -> F64:
-        """Logarithm of the level along a path but for the common part, shape (K,).
+        """Logarithm of the level along a path without the common part, shape (K,).
 
-        What the sites are off the map by fades out around each of them.
+        Each site's deviation from the map fades out around it.
         """
         tracker = self.trackers[name]
         away = path[:, None, :] - np.array(self.sites)[None, :, :]
-        near = np.exp(-0.5 * np.einsum("kij,kij->ki", away, away) / self._width**2)
-        off = tracker.state[len(tracker.state) - len(self.sites) :]
-        result: F64 = self._grids[name].at(path) + near @ off / np.maximum(near.sum(axis=1), 1.0)
+        weight = np.exp(-0.5 * np.einsum("kij,kij->ki", away, away) / self._width**2)
+        deviation = tracker.state[len(tracker.state) - len(self.sites) :]
+        result: F64 = self._grids[name].at(path)
+        result += weight @ deviation / np.maximum(weight.sum(axis=1), 1.0)
         return result
 
-    def _reach(self) -> float:
-        """How far a site's own deviation reaches: a third of the way to the next site [m]."""
+    def _site_width(self) -> float:
+        """Standard deviation of a site's influence: a third of the distance between sites [m]."""
         places = np.array(self.sites)
         if len(places) < 2:
             return 0.01
@@ -204,9 +206,9 @@ class TrackedPlaces:
         return float(np.median(apart.min(axis=1))) / 3.0
 
     def number_of(self, place: Sequence[float]) -> int | None:
-        """Number of the site at a place [m], None where there is none."""
+        """Number of the site at a place [m]; None where there is none."""
         for i, site in enumerate(self.sites):
-            if math.dist(site, (place[0], place[1])) <= NEAR:
+            if math.dist(site, (place[0], place[1])) <= SITE_RADIUS:
                 return i
         return None
 

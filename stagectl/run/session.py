@@ -144,7 +144,7 @@ def _execute(
         request.friction_scale,
         request.truth,
         _known(request, active),
-        settled=None if active is None else active.drift,
+        drift=None if active is None else active.drift,
     )
     bus, axes = driver_settings(request.machine)
     if request.bus is not None:
@@ -343,7 +343,7 @@ class _Run:
                         Retrying(record.done + 1, again, self._request.retries, why)
                     ),
                 )
-                broken = engine.begin_anew(record.journal.samples)
+                broken = engine.restart(record.journal.samples)
                 if broken is not None:
                     record.broken_off(broken)
             finally:

@@ -1,4 +1,9 @@
-"""Runs a recipe on a stage: engine, moves, events, settling statistics."""
+"""Runs a recipe on a stage.
+
+`engine` (the steps of a plan), `mover` (one move), `compensation` (its force offsets),
+`following_error` (the host's watch), `move_data` (samples to the estimator), `settling` and
+`verdict` (how the moves went).
+"""
 
 from stagectl.sequencer.compensation import (
     TAKE_OVER,

@@ -1,10 +1,12 @@
-"""Joins estimator, friction state and feedforward to the run: the force offsets of every move.
+"""Where the force offsets of a move come from (0x60B2), and how the model behind them learns.
 
-Per axis: mass times demanded acceleration; friction predicted from the state that the stage is in
-(carried from move to move, corrected by the force at rest, evaluated ahead by the drive's lag); and
-the estimator that learns from what came back. The offset never jumps: at rest it stays where the
-last move left it, the position loop's integrator holding the rest, and a long move takes over what
-the integrator holds.
+Per axis, `force_offsets` is mass times demanded acceleration, plus friction predicted from the
+current friction state, evaluated ahead by the drive's lag. Two rules keep the offset continuous:
+at rest it stays at the last move's final value, with the drive's integrator holding the difference;
+and over a long move it takes over what the integrator holds.
+
+The friction state is carried from move to move and corrected by the force at rest. `learn` gives
+the samples of a move to the estimator (`estimation.online`), whose figures the next move uses.
 """
 
 from __future__ import annotations
@@ -36,33 +38,32 @@ from stagectl.config.host_model import estimator_settings, friction_model, kink_
 from stagectl.config.machine import Axis, Machine
 
 TAKE_OVER = 0.1
-"""Shortest move in which the offset takes over what the integrator holds [s]."""
-REVISE = 0.03
-"""Relative change of the sliding force from which a move's own offsets are revised under way."""
+"""Moves from this duration on take over what the integrator holds, and may be revised [s]."""
 REVISE_AT = 0.65
-"""When that is looked at: this share of the move's duration, while it still brakes."""
-
+"""Share of a move's duration after which its offsets may be revised; it decelerates then."""
+REVISE_FROM = 0.03
+"""Relative change of the sliding force from which they are."""
 
 Figures = Mapping[str, tuple[float, float]]
 """Friction figures by name (coulomb, viscous, stiffness, relaxation_rate), each with its sigma."""
 
 
 class Mode(StrEnum):
-    """What the force offsets are made of."""
+    """What the force offsets consist of."""
 
-    NONE = "none"
-    MODEL = "model"
-    ESTIMATED = "estimated"
-    ORACLE = "oracle"
+    NONE = "none"  # mass times acceleration only
+    MODEL = "model"  # and friction of the machine file
+    ESTIMATED = "estimated"  # and friction as estimated
+    ORACLE = "oracle"  # and the virtual stage's own friction
 
 
 @dataclass(frozen=True, slots=True)
 class Learned:
-    """An estimate with the time it took.
+    """An estimate and its cost.
 
     Attributes:
         estimate: of one axis from one move.
-        compute_time: [s].
+        compute_time: of the estimator [s].
     """
 
     estimate: Estimate
@@ -70,16 +71,20 @@ class Learned:
 
 
 class AxisCompensation:
-    """Compensation of one axis.
+    """Force offsets and friction model of one axis.
 
     Args:
-        axis: as the host believes it.
+        axis: as the host believes it to be.
         friction: model to start from.
-        mode: what the offsets are made of.
+        mode: what the offsets consist of.
         period: Ts [s].
-        settled: given where it is known from elsewhere how the Coulomb force differs from place to
-            place, so that the figures themselves hardly change from move to move: the relative
-            1-sigma of that by name, as of `estimator_settings`.
+        drift: relative 1-sigma per move of the figures by name, where a friction map accounts for
+            the Coulomb force over the table; None without a map. See
+            `config.host_model.estimator_settings`.
+
+    Attributes:
+        mode: what the offsets consist of.
+        estimator: of the friction figures, with the friction state.
     """
 
     def __init__(
@@ -88,23 +93,23 @@ class AxisCompensation:
         friction: Friction,
         mode: Mode,
         period: float,
-        settled: Mapping[str, float] | None = None,
+        drift: Mapping[str, float] | None = None,
     ) -> None:
         self.mode = mode
-        self._departed: FrictionState | None = None
-        self._mass = axis.plant.mass
-        self._period = period
+        self.estimator = SplitHorizonEstimator(
+            friction,
+            estimator_settings(axis, period, drift),
+            frozen=mode is not Mode.ESTIMATED,
+        )
+        self._mass, self._period = axis.plant.mass, period
         drive = axis.drive
         lag = 1.0 / (2.0 * math.pi * drive.current_bandwidth)
         self._ahead = lag + drive.control_period / 2.0
         self._kink = kink_share(period, kink_delay(drive))
-        self.estimator = SplitHorizonEstimator(
-            friction,
-            estimator_settings(axis, period, settled),
-            frozen=mode is not Mode.ESTIMATED,
-        )  # fmt: skip
+        # Friction state where a move to another place began, in that place's forces.
+        self._departure: FrictionState | None = None
 
-    def offsets(
+    def force_offsets(
         self,
         trajectory: Trajectory,
         samples: int,
@@ -112,33 +117,33 @@ class AxisCompensation:
         position: float,
         rest_force: float,
         rest_offset: float,
-        relief: F64 | None = None,
+        variation: F64 | None = None,
     ) -> F64:
         """Force offsets of a move, one per setpoint [N], shape (samples,).
 
         Args:
             trajectory: of the demand; setpoint k = 1..samples is its point at k Ts.
-            samples: how many.
-            moment: time of the rest before it [s].
+            samples: number of setpoints.
+            moment: time of the rest before the move [s].
             position: at rest [m].
             rest_force: force measured at rest [N].
-            rest_offset: force offset in force at rest [N].
-            relief: Coulomb force on the way, relative to that at the target, minus 1, when each
-                setpoint is reached; None where it is the same everywhere.
+            rest_offset: force offset in effect at rest [N].
+            variation: Coulomb force at each setpoint relative to that at the target, minus 1;
+                None where it is the same everywhere.
         """
         force = mass_feedforward(self._mass, trajectory, samples, self._period, self._ahead)
         if self.mode is Mode.NONE:
             return rest_offset + force
         state = self.estimator.at_rest(position, rest_force, moment)
         friction = self.estimator.effective(moment + trajectory.duration / 2.0)
-        real = None if relief is None else self._real_state(rest_force)
-        if relief is None or real is None:
+        departure = None if variation is None else self._state_at_departure(rest_force)
+        if variation is None or departure is None:
             force += friction_feedforward(
                 friction, state, trajectory, samples, self._period, self._ahead
             )
         else:
             force += varying_feedforward(
-                friction, real, relief, trajectory, self._period, self._ahead
+                friction, departure, variation, trajectory, self._period, self._ahead
             )
         if trajectory.duration >= TAKE_OVER:
             share = np.arange(1, samples + 1) * (self._period / trajectory.duration)
@@ -146,138 +151,80 @@ class AxisCompensation:
             force += (rest_force - rest_offset) * share**2 * (3.0 - 2.0 * share)
         return rest_offset + force
 
-    def revise_after(self, trajectory: Trajectory) -> float:
-        """When `revise` is worth asking [s]; infinite where it never is."""
-        asked = self.mode is Mode.ESTIMATED and trajectory.duration >= TAKE_OVER
-        return REVISE_AT * trajectory.duration if asked else math.inf
+    def revision_time(self, trajectory: Trajectory) -> float:
+        """When to call `revise_offsets`, from the start of the move [s]; infinite for never."""
+        revisable = self.mode is Mode.ESTIMATED and trajectory.duration >= TAKE_OVER
+        return REVISE_AT * trajectory.duration if revisable else math.inf
 
-    def expect(
-        self, coulomb: float, sigma: float, level: tuple[float, float] | None = None
-    ) -> None:
-        """From now on Fc is `coulomb` +- `sigma` [N], and w is as `level` says: another place."""
-        state = self.estimator.state
-        self._departed = (
-            FrictionState.relaxed(self.estimator.friction.states) if state is None else state.copy()
-        )
-        self.estimator.expect(coulomb, sigma, level)
-
-    def correct(self, coulomb: float, sigma: float, level: tuple[float, float] | None) -> None:
-        """As `expect`, of the place where the axis is: its elements keep their forces."""
-        state = self.estimator.state
-        kept = None if state is None else state.copy()
-        self.estimator.expect(coulomb, sigma, level)
-        self.estimator.state = kept
-
-    def _real_state(self, rest_force: float) -> FrictionState | None:
-        """The friction state at rest as it is where the move begins, None where it is not known."""
-        if self._departed is not None:
-            # Elements at rest keep their force, whatever the Coulomb force does meanwhile: only
-            # their sum is corrected.
-            self._departed.forces += (rest_force - self._departed.total) / len(
-                self._departed.forces
-            )
-        return self._departed
-
-    def level_with_target(self, move: MoveData, relief: F64) -> MoveData:
-        """A move's data as if the Coulomb force were everywhere what it is at the target.
-
-        Args:
-            move: as sampled.
-            relief: Fc at each sample's place, relative to that at the target, minus 1.
-        """
-        scaled = self.estimator.state
-        if scaled is None or self._departed is None:
-            return move
-        friction = self.estimator.effective(move.time)
-        return level_with_target(friction, self._departed, scaled, relief, move, self._period)
-
-    def arrive(self, move: MoveData, relief: F64) -> None:
-        """After `learn`: the friction state at the end of a move between places.
-
-        Args:
-            move: as sampled.
-            relief: as in `level_with_target`.
-        """
-        departed, self._departed = self._departed, None
-        if departed is None or self.mode is Mode.NONE:
-            return
-        end = move.time + (len(move.position) - 1) * self._period
-        friction = self.estimator.effective(end)
-        self.estimator.state = state_after(friction, departed, relief, move, self._period)
-
-    def revise(
+    def revise_offsets(
         self,
         trajectory: Trajectory,
         offsets: F64,
         sent: int,
         move: MoveData,
-        relief: F64 | None = None,
+        variation: F64 | None = None,
     ) -> F64 | None:
-        """New offsets for the rest of a move that shows the model to be wrong, else None.
+        """Recompute the rest of a move's offsets where its samples contradict the model.
 
-        Solves zone A of the move while it goes on (the paper's first aim), so that its own
-        settling has the better model already. What was sent stays: the offset goes on from there.
+        Solves zone A while the move still goes on (the paper's first aim), so that this move
+        already settles with the better model. The offset continues from the last one sent.
 
         Args:
             trajectory: of the demand.
-            offsets: of the whole move as they were planned, shape (samples,) [N].
-            sent: how many of them are gone.
-            move: samples up to now, level with the target.
-            relief: as in `offsets`.
+            offsets: of the whole move as planned, shape (samples,) [N].
+            sent: how many of them have been sent.
+            move: samples so far, leveled with the target.
+            variation: as in `force_offsets`.
+
+        Returns:
+            Offsets of the whole move, shape (samples,) [N]; None where the model holds.
         """
         preview = self.estimator.preview(self._with_mean_force(move))
-        if preview is None or abs(preview.change) < REVISE:
+        if preview is None or abs(preview.change) < REVISE_FROM:
             return None
         samples = len(offsets)
         force = mass_feedforward(self._mass, trajectory, samples, self._period, self._ahead)
         force = force[sent:] - force[sent - 1]
-        if relief is None:
+        if variation is None:
             force += remaining_feedforward(
                 preview.friction, preview.state, trajectory, sent, samples, self._period,
                 self._ahead,
             )  # fmt: skip
         else:
             state = preview.state.copy()
-            state.rescale(1.0 + float(relief[sent - 1]))  # it slides, and has followed
+            state.rescale(1.0 + float(variation[sent - 1]))  # sliding elements follow Fc
             force += varying_feedforward(
-                preview.friction, state, relief, trajectory, self._period, self._ahead, sent
+                preview.friction, state, variation, trajectory, self._period, self._ahead, sent
             )
         return np.concatenate([offsets[:sent], offsets[sent - 1] + force])
 
     def stop_offsets(
         self, stop: Trajectory, samples: int, offset: float, acceleration: float
     ) -> F64:
-        """Force offsets of a motion to rest out of the middle of a move [N], shape (samples,).
+        """Force offsets of a deceleration from mid-move to rest [N], shape (samples,).
 
-        Friction stays what it is; only the force for the acceleration goes.
+        Friction is taken to stay as it is; only the force for the acceleration changes.
 
         Args:
-            stop: the motion to rest.
-            samples: how many.
-            offset: in force when the stop begins [N].
-            acceleration: demanded then [m/s^2].
+            stop: trajectory to rest.
+            samples: number of setpoints.
+            offset: in effect when it begins [N].
+            acceleration: demanded at that moment [m/s^2].
         """
         force = mass_feedforward(self._mass, stop, samples, self._period, self._ahead)
         return offset - self._mass * acceleration + force
 
-    def _with_mean_force(self, move: MoveData) -> MoveData:
-        estimator = self.estimator
-        return with_mean_force(
-            move, self._kink, estimator.effective(move.time), estimator.state, self._period,
-            estimator.settings.peak_force,
-        )  # fmt: skip
-
-    def forget_state(self) -> None:
-        """The stage has been without power: its friction figures stay, its state is unknown."""
-        self.estimator.forget_state()
-
     def learn(self, move: MoveData) -> Learned | None:
-        """Follow a move, and update the model from it where that is the mode.
+        """Carry the friction state through a move and, in mode ESTIMATED, learn from it.
 
-        Returns the estimate, or None in the modes that do not estimate.
+        Args:
+            move: as sampled, leveled with the target where the Coulomb force varies.
+
+        Returns:
+            The estimate; None in the other modes.
 
         Raises:
-            ValueError: a move that cannot be followed (too short, nothing valid).
+            ValueError: the move is too short, or has no valid samples.
         """
         if self.mode is Mode.NONE:
             return None
@@ -286,6 +233,78 @@ class AxisCompensation:
         spent = time.perf_counter() - begin
         return Learned(estimate, spent) if self.mode is Mode.ESTIMATED else None
 
+    def forget_state(self) -> None:
+        """The stage has been without power: its friction state is unknown, the figures stand."""
+        self.estimator.forget_state()
+
+    def expect_at_target(
+        self, coulomb: float, sigma: float, level: tuple[float, float] | None = None
+    ) -> None:
+        """Expect another Coulomb force at the next move's target.
+
+        Args:
+            coulomb: there [N].
+            sigma: its standard deviation [N].
+            level: the wander w and its standard deviation; None: unknown.
+        """
+        state = self.estimator.state
+        self._departure = (
+            FrictionState.relaxed(self.estimator.friction.states) if state is None else state.copy()
+        )
+        self.estimator.expect(coulomb, sigma, level)
+
+    def correct_at_place(
+        self, coulomb: float, sigma: float, level: tuple[float, float] | None
+    ) -> None:
+        """Correct the Coulomb force where the axis is; its elements keep their forces.
+
+        Arguments as in `expect_at_target`.
+        """
+        state = self.estimator.state
+        kept = None if state is None else state.copy()
+        self.estimator.expect(coulomb, sigma, level)
+        self.estimator.state = kept
+
+    def level_with_target(self, move: MoveData, variation: F64) -> MoveData:
+        """A move's samples as if the Coulomb force were that of the target all the way.
+
+        Args:
+            move: as sampled.
+            variation: Fc at each sample relative to that at the target, minus 1.
+        """
+        scaled = self.estimator.state
+        if scaled is None or self._departure is None:
+            return move
+        friction = self.estimator.effective(move.time)
+        return level_with_target(friction, self._departure, scaled, variation, move, self._period)
+
+    def carry_state(self, move: MoveData, variation: F64) -> None:
+        """After `learn`: carry the friction state through a move with varying Coulomb force.
+
+        Arguments as in `level_with_target`.
+        """
+        departure, self._departure = self._departure, None
+        if departure is None or self.mode is Mode.NONE:
+            return
+        end = move.time + (len(move.position) - 1) * self._period
+        friction = self.estimator.effective(end)
+        self.estimator.state = state_after(friction, departure, variation, move, self._period)
+
+    def _state_at_departure(self, rest_force: float) -> FrictionState | None:
+        """The friction state where a move to another place begins; None where it is unknown."""
+        if self._departure is not None:
+            # Elements at rest keep their forces whatever Fc does; only their sum is measured.
+            forces = self._departure.forces
+            forces += (rest_force - self._departure.total) / len(forces)
+        return self._departure
+
+    def _with_mean_force(self, move: MoveData) -> MoveData:
+        estimator = self.estimator
+        return with_mean_force(
+            move, self._kink, estimator.effective(move.time), estimator.state, self._period,
+            estimator.settings.peak_force,
+        )  # fmt: skip
+
 
 def make_compensation(
     machine: Machine,
@@ -293,17 +312,17 @@ def make_compensation(
     scale: float = 1.0,
     truth: Machine | None = None,
     known: Mapping[str, Figures] | None = None,
-    settled: Mapping[str, Mapping[str, float]] | None = None,
+    drift: Mapping[str, Mapping[str, float]] | None = None,
 ) -> tuple[AxisCompensation, ...]:
-    """Compensation of every axis, in the machine's order, compiled and ready.
+    """Compensation of every axis in the machine's order, its kernels compiled.
 
     Args:
         machine: what the host believes.
-        mode: what the offsets are made of.
-        scale: of the machine file's friction figures to start from; the truth is not scaled.
-        truth: where `mode` is oracle, whose friction figures to use.
-        known: axis -> figures that an earlier run has learned, where `mode` is estimated.
-        settled: axis -> as of `AxisCompensation`; None: the Coulomb force is the same everywhere.
+        mode: what the offsets consist of.
+        scale: factor on the machine file's friction figures; those of `truth` are not scaled.
+        truth: machine whose friction figures to use in mode ORACLE.
+        known: axis -> figures that an earlier run has learned, for mode ESTIMATED.
+        drift: axis -> drift as in `AxisCompensation`; None without a friction map.
     """
     source = truth if mode is Mode.ORACLE and truth is not None else machine
     scale = scale if source is machine else 1.0
@@ -313,7 +332,7 @@ def make_compensation(
             friction_model(source.axes[name]).scaled(scale),
             mode,
             machine.bus.sync_period,
-            None if settled is None else settled.get(name, {}),
+            None if drift is None else drift.get(name, {}),
         )
         for name, axis in machine.axes.items()
     )
@@ -321,19 +340,19 @@ def make_compensation(
         for name, compensation in zip(machine.axes, made, strict=True):
             if name in known:
                 compensation.estimator.believe(known[name])
-    _warm_up(next(iter(machine.axes.values())), machine.bus.sync_period)
+    _compile_kernels(next(iter(machine.axes.values())), machine.bus.sync_period)
     return made
 
 
-def _warm_up(axis: Axis, period: float) -> None:
-    """Run the compiled kernels once, on a throw-away axis, before anything moves."""
-    scratch = AxisCompensation(axis, friction_model(axis), Mode.ESTIMATED, period)
+def _compile_kernels(axis: Axis, period: float) -> None:
+    """Run the compiled kernels once on a throw-away axis, before anything moves."""
+    compensation = AxisCompensation(axis, friction_model(axis), Mode.ESTIMATED, period)
     limits = axis.limits
     motion = plan(
         0.0, 1e-3, Limits(limits.velocity / 10, limits.acceleration / 10, limits.jerk / 10)
     )
     samples = math.ceil(motion.duration / period) + 20
-    force = scratch.offsets(motion, samples, 0.0, 0.0, 0.0, 0.0)
+    force = compensation.force_offsets(motion, samples, 0.0, 0.0, 0.0, 0.0)
     position = motion.sample(np.asarray(np.arange(samples) * period, np.float64))[0]
     for start in (0.0, 1.0):
-        scratch.learn(MoveData(position, force, np.ones(samples, dtype=np.bool_), start, 0.0))
+        compensation.learn(MoveData(position, force, np.ones(samples, dtype=np.bool_), start, 0.0))

@@ -1,9 +1,9 @@
-"""The run: macro-move, settle, estimate, micro-move, settle, expose, site after site.
+"""Runs a plan step by step: macro-move, settle, estimate, micro-move, settle, expose.
 
-Goes through a plan step by step and lets the compensation learn from each move before the next one
-begins. A request to stop brings the stage to rest along a trajectory and ends the run as aborted.
-What goes wrong in the drives comes through as their own exception, the stage being stopped by then.
-Not here: opening, homing and disabling the stage, files, the screen.
+The compensation learns from each move before the next one begins. A request to stop brings the
+stage to rest along a trajectory and raises `Aborted`. Faults of the drives pass through as the
+driver's exceptions; the stage has been stopped by then. How a move is made: `mover`.
+Opening, homing and disabling the stage, files and the display are `stagectl.run`'s.
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ from stagectl.sequencer.places import Places
 from stagedata import Move
 
 LEAD_IN = 0.1
-"""Rest before the first move, in which the force at rest is measured [s]."""
+"""Rest before the first move, to measure the force at rest [s]."""
 MAX_RETRIES = 3
-"""How often `on_timeout: retry` waits once more before the run stops."""
+"""Further waits of `on_timeout: retry` before the run stops."""
 
 
 class StopRequest:
-    """Asked for by a signal handler or another thread; looked at on every SYNC.
+    """A stop asked for by a signal handler or another thread, and polled on every SYNC.
 
     Args:
-        noticed: called with the reason when it is seen for the first time, which is when it acts.
+        noticed: called with the reason when the request is first seen, which is when it acts.
     """
 
     def __init__(self, noticed: Callable[[str], object]) -> None:
@@ -56,12 +56,12 @@ class StopRequest:
         self._noticed: Callable[[str], object] | None = noticed
 
     def __call__(self, reason: str) -> None:
-        """Ask for a controlled stop; the first reason stays."""
+        """Ask for a controlled stop; the first reason is kept."""
         if self.reason is None:
             self.reason = reason
 
-    def asked(self) -> bool:
-        """Whether a stop was asked for."""
+    def is_asked(self) -> bool:
+        """Whether a stop has been asked for."""
         if self.reason is None:
             return False
         if self._noticed is not None:
@@ -76,14 +76,14 @@ class Engine:
     Args:
         stage: enabled in csp, at rest.
         axes: in the order of the plan's coordinates.
-        fiducial: where the micro-moves' targets come from.
+        fiducial: finds the targets of the micro-moves.
         period: Ts [s].
         on_move: called with each move before its first sample.
         on_event: called with each event.
-        places: how friction differs over the table; None: not known to.
+        places: friction over the table; None where it is taken to be the same everywhere.
 
     Attributes:
-        stop: call it with a reason to bring the run to a controlled stop.
+        stop: call it with a reason for a controlled stop.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class Engine:
         places: Places | None = None,
     ) -> None:
         self.stop = StopRequest(lambda reason: on_event(StopNoticed(reason)))
-        self._mover = Mover(stage, axes, period, self.stop.asked, places)
+        self._mover = Mover(stage, axes, period, self.stop.is_asked, places)
         self._fiducial = fiducial
         self._period = period
         self._on_move, self._on_event = on_move, on_event
@@ -111,26 +111,26 @@ class Engine:
         """SYNCs streamed so far."""
         return self._mover.samples
 
-    def begin_anew(self, samples: int) -> Move | None:
-        """After a fault, the stage enabled again at rest: what was known of its state is void.
+    def restart(self, samples: int) -> Move | None:
+        """Start again after a fault, with the stage enabled at rest and its friction state unknown.
 
         Args:
-            samples: SYNCs that the broken-off stream got to, all in all.
+            samples: SYNCs streamed so far, those of the interrupted stream included.
 
         Returns:
-            The move that was broken off as it was really made, None where there was none.
+            The interrupted move, ending where it really did; None where there was none.
         """
         self._mark = None
         self._site_position = tuple(self._mover.target)
-        return self._mover.begin_anew(samples)
+        return self._mover.restart(samples)
 
     def run(self, steps: Sequence[MarkedStep]) -> None:
-        """Go through the steps; the stage ends at rest, enabled, its force offsets in force.
+        """Carry out the steps; the stage ends at rest, enabled, its force offsets in effect.
 
         Raises:
             Aborted: a stop was asked for; the stage is at rest.
-            RunFault: a site did not settle and its recipe says stop, the stage being at rest; or an
-                axis does not follow, which is for the caller to stop.
+            RunFault: a move did not settle and the recipe says stop, the stage being at rest; or
+                the following error is too large, and the caller has to stop the stage.
             drivers.DriverError: an axis or the bus failed; all axes are stopped.
         """
         try:
@@ -170,13 +170,13 @@ class Engine:
         profile = step.profile
         limits = Limits(profile.velocity, profile.acceleration, profile.jerk)
         self._on_event(MoveStarted(step.site, step.kind, self._mover.time))
-        if not self._mover.go(
-            step.kind, step.site, target, limits, self._on_move, step.place or target
+        if not self._mover.move_to(
+            target, limits, step.kind, step.site, self._on_move, step.place or target
         ):
             self._check_stop()
 
     def _target_of(self, step: MoveStep) -> tuple[float, ...] | None:
-        """Absolute target on the setpoints' grid; None where there is no mark to go to."""
+        """Absolute target on the grid of the setpoints; None where the mark was not found."""
         if step.target is not None:
             wanted: Sequence[float] = step.target
         elif step.relative is not None:
@@ -195,7 +195,7 @@ class Engine:
         self._on_event(MarkNotFound(site) if found is None else MarkFound(site, found))
 
     def _settle(self, step: SettleStep) -> None:
-        """Wait for the window; a move that never came about (no mark) has nothing to wait for."""
+        """Wait until the last move has settled; without a move (no mark) there is nothing to do."""
         move = self._mover.move
         if move is None:
             return
@@ -212,7 +212,7 @@ class Engine:
         )
 
     def _wait(self, step: SettleStep) -> tuple[float, bool]:
-        """Hold until all axes have stayed in the window; time waited [s], and whether they did."""
+        """Hold until all axes have stayed in the window; time waited [s], and whether they have."""
         window, targets = step.window, tuple(self._mover.target.tolist())
         needed = max(1, round(step.hold / self._period))
         inside = 0
@@ -238,7 +238,7 @@ class Engine:
     def _learn(self) -> None:
         move = self._mover.move
         for axis, learned in self._mover.learn():
-            assert move is not None  # noqa: S101  else there would be nothing to learn from
+            assert move is not None  # noqa: S101  nothing is learned without a move
             site = move.site
             place = self._place or (
                 tuple(move.target.values()) if site is None else self._site_position
@@ -258,5 +258,5 @@ class Engine:
             )
 
     def _check_stop(self) -> None:
-        if self.stop.asked():
+        if self.stop.is_asked():
             raise Aborted(self.stop.reason or "stopped")

@@ -1,4 +1,4 @@
-"""What happens in a run, as data: for the progress display, the journal and the console."""
+"""Events of a run, for the journal, the progress display and the console."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from estimation.online import Estimate
 
 @dataclass(frozen=True, slots=True)
 class DriveLimited:
-    """Something that a drive does without, and what follows; before it is powered."""
+    """A drive lacks an optional function; `text` says which, and what follows. Before power-on."""
 
     text: str
 
@@ -25,12 +25,12 @@ class MoveStarted:
 
 @dataclass(frozen=True, slots=True)
 class Settled:
-    """The wait after a move is over.
+    """The wait after a move has ended.
 
     Attributes:
         site: from 1, None outside sites.
         kind: of the move.
-        duration: from the end of the demand until the hold time was full [s].
+        duration: from the end of the demand until the axes had stayed in the window [s].
         settled: False where the timeout came first.
     """
 
@@ -42,18 +42,18 @@ class Settled:
 
 @dataclass(frozen=True, slots=True)
 class FrictionUpdated:
-    """The estimator has looked at a move of one axis.
+    """The estimator has evaluated a move of one axis.
 
     Attributes:
         site: from 1, None outside sites.
         axis: its name.
-        estimate: what came of it.
+        estimate: its result, accepted or not.
         compute_time: of the estimator [s].
         kind: of the move.
         place: nominal position of the site, or the move's target [m].
         distance: moved by this axis [m].
-        time: of the stage when the move was over, its rest included [s].
-        reach: longest distance of any axis in it [m].
+        time: of the stage at the end of the rest after the move [s].
+        reach: longest distance of any axis in the move [m].
     """
 
     site: int | None
@@ -69,14 +69,14 @@ class FrictionUpdated:
 
 @dataclass(frozen=True, slots=True)
 class Exposed:
-    """The camera has taken its picture: the site is done."""
+    """The camera has exposed the site."""
 
     site: int | None
 
 
 @dataclass(frozen=True, slots=True)
 class StretchDone:
-    """A site, or an entry of a list of moves, is over and will not be done again.
+    """A site, or an entry of a list of moves, is complete and will not be repeated.
 
     Attributes:
         number: of the stretch, from 1.
@@ -89,10 +89,12 @@ class StretchDone:
 
 @dataclass(frozen=True, slots=True)
 class Retrying:
-    """A stretch is begun again after a fault.
+    """A stretch is repeated after a fault.
 
     Attributes:
-        stretch: its number, from 1.  attempt: from 1, at most `limit`.
+        stretch: its number, from 1.
+        attempt: from 1, at most `limit`.
+        limit: attempts allowed.
         fault: what happened.
     """
 
@@ -104,7 +106,7 @@ class Retrying:
 
 @dataclass(frozen=True, slots=True)
 class MarkFound:
-    """Where the fiducial of a site is: `offset` from the site [m]."""
+    """The fiducial of a site was found at `offset` from the site [m]."""
 
     site: int
     offset: tuple[float, float]
@@ -112,35 +114,35 @@ class MarkFound:
 
 @dataclass(frozen=True, slots=True)
 class MarkNotFound:
-    """The fiducial of this site was not found: no micro-move."""
+    """The fiducial of a site was not found: there is no micro-move."""
 
     site: int
 
 
 @dataclass(frozen=True, slots=True)
 class StopNoticed:
-    """The operator's request to stop has been seen; it takes effect from the next sample on."""
+    """The operator's request to stop takes effect from the next sample on."""
 
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
 class Stopping:
-    """The run is being brought to a stop, and why."""
+    """The run is ending early, for this reason."""
 
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
 class LevelStepped:
-    """The friction level has stepped, which drift does not explain.
+    """The friction level has stepped by more than drift explains.
 
     Attributes:
         axis: its name.
         place: where [m].
         time: of the stage [s].
         change: relative.
-        everywhere: the whole table has, not that place alone.
+        everywhere: on the whole table, not at this place alone.
     """
 
     axis: str

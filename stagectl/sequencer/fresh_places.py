@@ -1,4 +1,4 @@
-"""Sites that nothing is known of yet: every one is met with an open mind."""
+"""Friction over the table without a map: at every new place the Coulomb force is open again."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from stagectl.sequencer.places import Expectation
 
 F64 = NDArray[np.float64]
 
-NEAR = 5e-3
-"""Moves within this distance stay at their site [m]."""
+SAME_PLACE = 5e-3
+"""Moves within this distance stay at their place [m]."""
 SPREAD = 0.3
-"""How far the Coulomb force of another site may be from the last one's, relative, 1 sigma."""
+"""Relative standard deviation of the Coulomb force from one place to the next."""
 
 
 class FreshPlaces:
-    """`sequencer.places.Places` without a map: at each new place the Coulomb force is open again.
+    """`sequencer.places.Places` that knows of each place what the last one has shown.
 
     Args:
         coulomb: axis -> Coulomb force to begin with [N], in the machine's order.
@@ -30,22 +30,22 @@ class FreshPlaces:
         self._coulomb = list(coulomb.values())
         self._place: tuple[float, ...] | None = None
 
-    def depart(self, target: Sequence[float], time: float) -> Sequence[Expectation] | None:
-        """As `Places`."""
-        if self._place is not None and math.dist(self._place, target) <= NEAR:
+    def expected_at(self, target: Sequence[float], time: float) -> Sequence[Expectation] | None:
+        """As `Places`: the Coulomb force of the last place, with a wide spread."""
+        if self._place is not None and math.dist(self._place, target) <= SAME_PLACE:
             return None
         self._place = tuple(target)
         return [Expectation(value, SPREAD * value) for value in self._coulomb]
 
-    def relief(self, axis: int, path: F64) -> F64:
-        """As `Places`: nothing is known of the way."""
+    def coulomb_variation(self, axis: int, path: F64) -> F64:
+        """As `Places`: unknown, so none."""
         return np.zeros(len(path))
 
-    def teaches(self, kind: str) -> bool:
-        """As `Places`: a level that differs along a long way looks like viscous friction."""
+    def knows_path(self, kind: str) -> bool:
+        """As `Places`: over a long path, unknown variation would be taken for viscous friction."""
         return kind != "macro"
 
-    def arrived(self, axis: int, kind: str, estimate: Estimate, time: float) -> Expectation | None:
-        """As `Places`: the next site is expected to be as the last one was."""
+    def learn(self, axis: int, kind: str, estimate: Estimate, time: float) -> Expectation | None:
+        """As `Places`: the next place is expected to be like this one."""
         self._coulomb[axis] = estimate.friction.coulomb * estimate.level
         return None

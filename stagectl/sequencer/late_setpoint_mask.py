@@ -1,4 +1,7 @@
-"""Samples whose force says nothing about friction: after late setpoints or lost SYNCs."""
+"""Masks samples whose force says nothing about friction: after late setpoints or lost SYNCs.
+
+The position of a masked sample still counts; see `estimation.move.MoveData`.
+"""
 
 from __future__ import annotations
 
@@ -12,27 +15,27 @@ from stagectl.sequencer.sample_validity import EXACT, bridged_positions, grid_pl
 from stagedata import Samples
 
 LATE, LATE_STEPS = 0.03, 100
-"""A SYNC further off its place than this share of Ts makes the drive's demand pause and jump; the
+"""A SYNC off its place by more than this share of Ts makes the drive's demand pause and jump. The
 jump matters where the axis would have moved by this many of its smallest steps meanwhile."""
 DECAY = 1e-3
 """Time constant of the fast part of the drive's response to such a jump [s]: the low-pass of its
 derivative. The rest of the response changes little within a sample period."""
 OUTLIER = 8.0
-"""Standard deviations by which a position must disagree with its neighbours and the force."""
+"""Standard deviations by which an outlier disagrees with its neighbours and the force."""
 
-_QUARTER = 0.3186  # first quartile of |normal| over its standard deviation: most may be outliers
-_HALF = 0.6745  # its median
+_QUARTER = 0.3186  # first quartile of |normal| over its standard deviation: robust to outliers
+_HALF = 0.6745  # its median, likewise
 _BEND = np.array([1.0, -2.0, 1.0])
 _JUMP = np.convolve(_BEND, _BEND)
 _AROUND = len(_JUMP)
 
 
 def late_setpoints(samples: Samples, period: float) -> NDArray[np.bool_]:
-    """Samples disturbed by setpoints that came late, on the grid, shape (places, n).
+    """Samples disturbed by late setpoints, on the grid of SYNCs, shape (places, n).
 
-    The demand of a drive whose setpoints come late pauses and then jumps. The force changes within
-    the sample period that follows, so the sampled force is not the one that accelerates the axis.
-    With setpoints 0.15 ms late at 0.1 m/s it is off by 5 N, on 8 kg.
+    Where setpoints come late, the drive's demand pauses and then jumps. The force changes within
+    the following sample period, so the sampled force is not the one that accelerates the axis: with
+    setpoints 0.15 ms late at 0.1 m/s it is off by 5 N, on 8 kg.
 
     Args:
         samples: of a move.
@@ -48,7 +51,7 @@ def late_setpoints(samples: Samples, period: float) -> NDArray[np.bool_]:
     if not len(late):
         return mask
     for a, position in enumerate(bridged_positions(samples).T):
-        least = _least(samples, a)
+        least = _smallest_jump(samples, a)
         step = np.abs(np.diff(position))
         speed = np.append(step, 0.0) / np.append(np.diff(place), 1)
         for k in late:
@@ -63,11 +66,11 @@ def late_setpoints(samples: Samples, period: float) -> NDArray[np.bool_]:
 
 
 def missed_syncs(samples: Samples, period: float) -> NDArray[np.bool_]:
-    """Samples disturbed by a SYNC that did not reach the drive; `filled_to_grid` already.
+    """Samples disturbed by a SYNC that did not reach the drive, after `filled_to_grid`.
 
-    A missing sample may have been lost on its way to the host, which is harmless, or it was never
-    taken, and the setpoint was not applied either. Then the drive's demand paused for the length of
-    the hole, and the force after it differs from what the force before it predicts.
+    A missing sample may have been lost on its way to the host, which is harmless. Or it was never
+    taken and the setpoint never applied: then the drive's demand paused for the length of the gap,
+    and the force after it differs from what the force before it predicts.
 
     Args:
         samples: of a move, shape (K, n).
@@ -77,11 +80,11 @@ def missed_syncs(samples: Samples, period: float) -> NDArray[np.bool_]:
     for a, valid in enumerate(samples.valid.T):
         rows = np.flatnonzero(valid)
         apart = np.diff(rows)
-        holes = np.flatnonzero(apart > 1)
+        gaps = np.flatnonzero(apart > 1)
         force, position = samples.force[rows, a], samples.position[rows, a]
-        if not len(holes) or len(rows) < _AROUND:
+        if not len(gaps) or len(rows) < _AROUND:
             continue
-        least = _least(samples, a)
+        least = _smallest_jump(samples, a)
         steps = np.diff(force) / apart
         bends = np.abs(np.diff(steps))[(apart[1:] == 1) & (apart[:-1] == 1)]
         finest = np.abs(steps[steps != 0.0])
@@ -89,18 +92,18 @@ def missed_syncs(samples: Samples, period: float) -> NDArray[np.bool_]:
             continue
         usual = max(float(np.median(bends)) / _HALF, float(finest.min()))
         speed = np.abs(np.diff(position)) / apart
-        for i in holes[holes > 0]:
-            before, behind, hole = rows[i], rows[i + 1], apart[i]
-            off = abs(force[i + 1] - force[i] - steps[i - 1] * hole)
-            jump = float(speed[max(i - 3, 0) : i + 1].max() * (hole - 1))
-            known = off <= OUTLIER * usual * hole * (hole + 1) / 2 and not mask[before, a]
+        for i in gaps[gaps > 0]:
+            before, behind, gap = rows[i], rows[i + 1], apart[i]
+            off = abs(force[i + 1] - force[i] - steps[i - 1] * gap)
+            jump = float(speed[max(i - 3, 0) : i + 1].max() * (gap - 1))
+            known = off <= OUTLIER * usual * gap * (gap + 1) / 2 and not mask[before, a]
             if jump > least and not known:
                 mask[before : behind + _decayed_after(jump / least, period), a] = True
     return mask
 
 
-def _least(samples: Samples, a: int) -> float:
-    """Smallest jump of an axis' demand that spoils its force [m]; inf where the axis rests."""
+def _smallest_jump(samples: Samples, a: int) -> float:
+    """Smallest jump of an axis' demand that disturbs its force [m]; inf where the axis rests."""
     measured = np.abs(np.diff(samples.position[samples.valid[:, a], a]))
     return LATE_STEPS * float(measured[measured > 0.0].min()) if measured.any() else math.inf
 
@@ -111,11 +114,11 @@ def _decayed_after(ratio: float, period: float) -> int:
 
 
 def outliers(samples: Samples, period: float, masses: Sequence[float]) -> NDArray[np.bool_]:
-    """Samples whose position contradicts the force around it; `resampled_to_grid` already.
+    """Samples whose position contradicts the force around it, after `resampled_to_grid`.
 
     Time stamps of irregular SYNCs can be microseconds off. At 0.1 m/s, 5 us are 0.5 um: the axis
-    seems to jump there and back without any force. Late setpoints that `late_setpoints` cannot know
-    of show in the same way.
+    appears to jump there and back without any force. Late setpoints that `late_setpoints` cannot
+    detect look the same.
 
     Args:
         samples: of a move.
@@ -127,13 +130,13 @@ def outliers(samples: Samples, period: float, masses: Sequence[float]) -> NDArra
     if len(known) < _AROUND or np.ptp(known) <= EXACT * period:
         return mask
     for a, mass in enumerate(masses):
-        whole = np.convolve(samples.valid[:, a], np.ones(_AROUND), "valid") == _AROUND
-        if not whole.any():
+        wgap = np.convolve(samples.valid[:, a], np.ones(_AROUND), "valid") == _AROUND
+        if not wgap.any():
             continue
         off = np.convolve(samples.position[:, a], _JUMP, "valid")
         off -= period**2 / mass * np.convolve(samples.force[:, a], _BEND, "valid")[1:-1]
         off = np.abs(off)
-        usual = float(np.quantile(off[whole], 0.25)) / _QUARTER
-        for k in np.flatnonzero(whole & (off > OUTLIER * usual)):
+        usual = float(np.quantile(off[wgap], 0.25)) / _QUARTER
+        for k in np.flatnonzero(wgap & (off > OUTLIER * usual)):
             mask[k + 1 : k + 4, a] = True
     return mask

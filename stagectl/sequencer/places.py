@@ -1,4 +1,7 @@
-"""What the sequencer asks of whoever knows how friction differs over the table."""
+"""The sequencer's port to friction over the table: what to expect at a place, and along a path.
+
+`maps.TrackedPlaces` answers from a friction map, `FreshPlaces` without one.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +22,9 @@ class Expectation:
     """The Coulomb force of one axis at a place.
 
     Attributes:
-        coulomb: Fc there [N].  sigma: its standard deviation [N].
-        level: the wander w as it is now and its standard deviation; None: not known.
+        coulomb: Fc there [N].
+        sigma: its standard deviation [N].
+        level: the current wander w of Fc and its standard deviation; None: unknown.
     """
 
     coulomb: float
@@ -29,38 +33,45 @@ class Expectation:
 
 
 class Places(Protocol):
-    """Knows the Coulomb force of every axis over the table, and learns of it from moves.
+    """Knows the Coulomb force of every axis over the table, and learns it from moves.
 
     Axes are numbered in the machine's order; positions are those of all axes.
     """
 
-    def depart(self, target: Sequence[float], time: float) -> Sequence[Expectation | None] | None:
-        """Before a move: what to expect at its target, or None where it stays at its place.
-
-        Of an axis that nothing is known of, the entry is None.
+    def expected_at(
+        self, target: Sequence[float], time: float
+    ) -> Sequence[Expectation | None] | None:
+        """Before a move: the friction expected at its target, axis by axis.
 
         Args:
-            target: [m].
+            target: of the move [m].
             time: of the stage [s].
+
+        Returns:
+            None where the move stays at its place; an entry is None for an axis of which nothing
+            is known.
         """
 
-    def relief(self, axis: int, path: F64) -> F64:
-        """Fc on the way relative to that at the last departure's target, minus 1, shape (K,).
+    def coulomb_variation(self, axis: int, path: F64) -> F64:
+        """Fc along a path relative to that at the last target asked for, minus 1, shape (K,).
 
         Args:
-            axis: whose.
+            axis: its number.
             path: positions [m], shape (K, n).
         """
 
-    def teaches(self, kind: str) -> bool:
-        """Whether a move of this kind can be learned from: is friction on its way known?"""
+    def knows_path(self, kind: str) -> bool:
+        """Whether friction along moves of this kind is known, so that they can be learned from."""
 
-    def arrived(self, axis: int, kind: str, estimate: Estimate, time: float) -> Expectation | None:
-        """After a move: what it has shown. An answer replaces what is believed of the place.
+    def learn(self, axis: int, kind: str, estimate: Estimate, time: float) -> Expectation | None:
+        """After a move: learn from its estimate.
 
         Args:
-            axis: whose.
+            axis: its number.
             kind: of the move.
             estimate: what the estimator made of it.
             time: of the stage [s].
+
+        Returns:
+            What is now known of the place, where that should replace what the axis believes.
         """

@@ -1,9 +1,8 @@
-"""Which samples of a move the estimator can use, and at what instants they count.
+"""Which samples of a move the estimator can use, and at which instants they were taken.
 
-A drive samples when SYNC reaches it (CiA 301). A sample can belong to another instant than the grid
-says for two reasons: its SYNC left early or late, which the host measured and `resampled_to_grid`
-corrects; or SYNC took longer than usual on the bus, which is only bounded by the sample's arrival
-(`without_unpunctual`). How long the answer itself took says nothing more than that.
+A drive samples when SYNC reaches it (CiA 301). That can be off the grid for two reasons: SYNC left
+early or late, which the host measures and `resampled_to_grid` corrects; or SYNC took longer than
+usual on the bus, which only the arrival of the answer bounds (`without_unpunctual`).
 """
 
 from __future__ import annotations
@@ -18,23 +17,23 @@ from stagedata import Samples
 F64 = NDArray[np.float64]
 
 PUNCTUAL = 0.01
-"""The instant of a sample has to be known to this share of Ts."""
+"""The instant of a sample must be known to this share of Ts."""
 EXACT = 1e-5
-"""A SYNC that is off its place by less than this share of Ts counts as exactly on it."""
+"""A SYNC off its place by less than this share of Ts counts as exactly on it."""
 REACH = 0.3
 """Samples taken within this share of Ts of their place are interpolated to it."""
 STALE_STEPS = 20
-"""A jump by this many of the axis' smallest steps: it moved while its samples repeated."""
+"""A jump by this many of the axis' smallest steps shows that it moved while samples repeated."""
 
 _NODES, _SPREAD = 4, 5
 """Samples used to interpolate a position, and the number of periods they may span."""
 
 
 def without_late(samples: Samples) -> Samples:
-    """Marks samples of late SYNCs as invalid, and those that answer an earlier SYNC.
+    """Mark samples of late SYNCs as invalid, and those that answer an earlier SYNC.
 
-    After a missed sample, the first of two that arrive for one SYNC answers an earlier SYNC: the
-    drive was delayed.
+    Where two samples arrive for one SYNC after a missed one, the drive was delayed, and the first
+    of them answers an earlier SYNC.
     """
     valid = samples.valid & ~samples.late[:, None]
     valid[1:-1] &= (samples.extra[2:] == 0) | samples.valid[:-2]
@@ -42,7 +41,7 @@ def without_late(samples: Samples) -> Samples:
 
 
 def mean_force(samples: Samples) -> F64:
-    """Mean force of each axis over its valid samples, over all where there is none [N]."""
+    """Mean force of each axis over its valid samples, or over all if none is valid [N]."""
     means = [
         float(values[ok].mean() if ok.any() else values.mean())
         for values, ok in zip(samples.force.T, samples.valid.T, strict=True)
@@ -51,7 +50,7 @@ def mean_force(samples: Samples) -> F64:
 
 
 def bridged_positions(samples: Samples) -> F64:
-    """Positions, interpolated linearly where samples are invalid [m], shape (K, n)."""
+    """Positions with straight lines across invalid samples [m], shape (K, n)."""
     index = np.arange(len(samples))
     columns = [
         np.interp(index, index[ok], values[ok]) if ok.any() else values
@@ -61,12 +60,12 @@ def bridged_positions(samples: Samples) -> F64:
 
 
 def without_unpunctual(samples: Samples, period: float) -> Samples:
-    """Marks samples as invalid whose SYNC may have arrived noticeably off its usual delay.
+    """Mark samples as invalid whose SYNC may have reached the drive off its usual delay.
 
-    SYNC arrived before its answer did, and where the host knows, before it had left for good. The
-    distance of that bound from its median bounds how far the sample is off its instant. At 10 mm/s,
-    10 us are 0.1 um, which looks like 2 N on 8 kg; with 15 us either way, estimates are off by more
-    than their sigma.
+    SYNC arrived before its answer and, where the host knows that, before sending it had returned.
+    The deviation of this bound from its median bounds how far the sample is off its instant. At
+    10 mm/s, 10 us are 0.1 um, which looks like 2 N on 8 kg; 15 us either way put estimates off by
+    more than their sigma.
 
     Args:
         samples: of a move.
@@ -82,9 +81,9 @@ def without_unpunctual(samples: Samples, period: float) -> Samples:
 
 
 def without_stale(samples: Samples) -> Samples:
-    """Marks samples as invalid that repeat the previous one although the axis moved on.
+    """Mark samples as invalid that repeat the previous one although the axis moved on.
 
-    A drive that sends old data repeats position and force to the last bit; then the position jumps.
+    A drive that sends old data repeats position and force to the last bit, then the position jumps.
     """
     valid = samples.valid.copy()
     for position, force, ok in zip(samples.position.T, samples.force.T, valid.T, strict=True):
@@ -94,7 +93,7 @@ def without_stale(samples: Samples) -> Samples:
             continue
         same = (step == 0.0) & (np.diff(force[rows]) == 0.0)
         jumped = step > STALE_STEPS * step[step > 0.0].min()
-        # the step that ends a run of repeats decides about all of them
+        # The step that ends a run of repeats decides about all of them.
         ends = np.where(~same, np.arange(len(same)), len(same))
         ends = np.minimum.accumulate(ends[::-1])[::-1]
         stale = same & np.append(jumped, False)[ends]
@@ -103,12 +102,12 @@ def without_stale(samples: Samples) -> Samples:
 
 
 def grid_places(samples: Samples, period: float) -> NDArray[np.int64]:
-    """Index of each SYNC on the grid, counted from the first one's, shape (K,)."""
+    """Index of each SYNC on the grid, from the first one on, shape (K,)."""
     return np.asarray(np.round((samples.time - samples.time[0]) / period), dtype=np.int64)
 
 
 def filled_to_grid(samples: Samples, period: float) -> Samples:
-    """With an invalid row wherever a SYNC period was skipped."""
+    """Insert an invalid row for every skipped SYNC period."""
     place = grid_places(samples, period)
     if place[-1] == len(place) - 1:
         return samples
@@ -120,10 +119,10 @@ def filled_to_grid(samples: Samples, period: float) -> Samples:
 
 
 def resampled_to_grid(samples: Samples, period: float) -> Samples:
-    """As if every SYNC had left at its place; `filled_to_grid` already.
+    """Interpolate samples to the instants at which SYNC was due, after `filled_to_grid`.
 
-    Position by the cubic through four samples around that instant, force by the line through two.
-    A sample without such neighbours becomes invalid, unless its offset hardly matters.
+    Positions by the cubic through the four samples around, forces by the line through two. A sample
+    without such neighbours becomes invalid, unless its offset is negligible.
 
     Args:
         samples: of a move.
@@ -163,12 +162,12 @@ def resampled_to_grid(samples: Samples, period: float) -> Samples:
 def _neighbours(
     rows: NDArray[np.int64], at: NDArray[np.int64], before: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Where in `rows` the interpolation nodes of each sample begin, and whether they are close.
+    """First interpolation node of each sample in `rows`, and whether its nodes are close enough.
 
     Args:
         rows: indices of valid samples, in order.
-        at: which of them to interpolate.
-        before: whether the grid place lies before the sample.
+        at: indices into `rows` of the samples to interpolate.
+        before: whether the place on the grid is before the sample.
     """
     starts = np.clip(at[:, None] - np.arange(_NODES), 0, len(rows) - _NODES)
     spread = rows[starts + _NODES - 1] - rows[starts]

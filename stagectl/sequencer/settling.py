@@ -1,11 +1,8 @@
-"""Peak error and settling time of moves, to the definitions of docs/formats/run.md.
+"""Peak error and settling time of recorded moves, as defined in docs/formats/run.md.
 
-Pure functions on recorded samples. The positions are the encoder's. What a run does when a move
-does not settle is the engine's business, not this module's.
-
-Alignment is the reference stage's: d_k = r_{k-1} + (r_k - r_{k-1}) Tc/Ts is the demand inside the
-drive when sample k is taken. Samples whose TPDO was missed (`valid` false) are no measurement and
-are left out of every maximum and comparison.
+Positions are the encoder's. Errors are taken against d_k = r_{k-1} + (r_k - r_{k-1}) Tc/Ts, the
+demand inside the drive when sample k is taken. Samples without a TPDO (`valid` false) are left out
+of every maximum and comparison.
 """
 
 from __future__ import annotations
@@ -22,25 +19,28 @@ FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 WINDOWS = (5e-8, 2e-7)
-RESOLUTION = 1e-9  # of setpoints on the bus [m]; a shorter move is none
+RESOLUTION = 1e-9
+"""Of setpoints on the bus [m]; what is shorter is no move."""
 
-# Rounding to the resolution leaves the demand within half of it of its target.
+# Rounded to the resolution, the demand ends within half of it from its target.
 _ARRIVED = 0.5 * RESOLUTION + 1e-12
 
 
 @dataclass(frozen=True, slots=True)
 class MoveResult:
-    """How one axis did in one move.
+    """Peak error and settling of one axis in one move.
 
     Attributes:
         move: number of the move in the recording, from 0.
-        site: from 1, or None.  axis: its name.  kind: of the move.
+        site: from 1, or None.
+        axis: its name.
+        kind: of the move.
         distance: |to - from| [m].
-        peak_error: largest |d_k - position| while the demand moves [m]; nan when every sample of
-            the motion was missed.
+        peak_error: largest |d_k - position| while the demand moves [m]; nan where every sample of
+            the motion is invalid.
         settling: window [m] -> settling time [s].
         settled: inside the tightest window at its last sample.
-        completed: the demand reached its target; false for a move that was broken off.
+        completed: the demand reached its target; false for an interrupted move.
     """
 
     move: int
@@ -61,7 +61,8 @@ class MoveStatistics:
     Attributes:
         count: entries (one per move and axis that moves).
         peak_error_median: [m], None without entries.
-        settling_median: window [m] -> [s]; likewise mean and p90 (90th percentile, linear).
+        settling_median, settling_mean, settling_p90: window [m] -> [s]; p90 is the 90th
+            percentile, interpolated linearly.
     """
 
     count: int
@@ -93,7 +94,7 @@ def arrival(demand: FloatArray, target: float, start: int, end: int) -> int | No
 def peak_error(
     position: FloatArray, aligned: FloatArray, valid: BoolArray, start: int, end: int
 ) -> float:
-    """Largest |d_k - position| in [start, end) [m]; nan when no sample there is valid.
+    """Largest |d_k - position| in [start, end) [m]; nan where no sample there is valid.
 
     Args:
         position: float64[K], position actual [m].
@@ -117,8 +118,8 @@ def settling(
 ) -> tuple[float, bool]:
     """Settling time to +-window.
 
-    With j the last sample in [arrived, end) outside the window: (j + 1 - arrived) period, or 0
-    when there is none. A move still outside at its last sample counts with the whole time.
+    (j + 1 - arrived) period, where j is the last sample in [arrived, end) outside the window; 0
+    where there is none. A move still outside at its last sample counts with the whole time.
 
     Args:
         position: float64[K], position actual [m].
@@ -189,7 +190,7 @@ def _axis_result(
 ) -> MoveResult:
     target = move.target[axis]
     arrived = arrival(signals.position_demand, target, move.start, end)
-    # A move that was broken off has no arrival: its rest counts from where the demand stopped.
+    # An interrupted move has no arrival: its rest begins where the demand stopped.
     rest = min(move.end, end) if arrived is None else arrived
     times = {
         w: settling(signals.position_actual, signals.valid, target, rest, end, w, period)
@@ -220,7 +221,7 @@ def statistics(
         results: of `summarise_moves`.
         kind: "macro", "micro", ...
         windows: half widths [m].
-        axis: only this one; None takes all together.
+        axis: only this one; None: all together.
     """
     chosen = [
         r for r in results if r.kind == kind and r.completed and (axis is None or r.axis == axis)

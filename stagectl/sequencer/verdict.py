@@ -1,6 +1,6 @@
-"""Pass or fail per site, by the recipe's `limits`: judged on the site's micro-move.
+"""Pass or fail per site by the recipe's `limits`, judged on the site's micro-move.
 
-Where a site has no micro-move (no fiducial) its macro-move is judged.
+A site without micro-move (no fiducial) is judged on its macro-move.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from stagedata import Recording
 
 @dataclass(frozen=True, slots=True)
 class SiteVerdict:
-    """One site: `failures` says what exceeded its limit; empty is a pass."""
+    """One site; `failures` names what exceeded its limit, and is empty for a pass."""
 
     site: int
     failures: tuple[str, ...]
@@ -29,7 +29,7 @@ def judge(
     control_period: float,
     sync_period: float,
 ) -> tuple[SiteVerdict, ...]:
-    """Verdicts of all sites visited, in their order; empty where the recipe has no limits.
+    """Verdicts of all sites in the order of their visit; none where the recipe has no limits.
 
     Args:
         recording: of the run.

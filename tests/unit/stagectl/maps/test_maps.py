@@ -271,23 +271,23 @@ def test_in_production_a_site_is_known_on_arrival_and_its_step_is_found(history)
     places, steps = active.places, []
     places.on_step = steps.append
     assert isinstance(places, TrackedPlaces)
-    there = places.depart(unseen, 1.0)
+    there = places.expected_at(unseen, 1.0)
     for axis, expected in zip("xy", there, strict=True):
         truth = level(axis, unseen)
         assert abs(expected.coulomb - truth) < 3 * expected.sigma + 0.02 * truth
-    assert places.depart((unseen[0] + 1e-4, unseen[1]), 2.0) is None  # a micro-move stays
+    assert places.expected_at((unseen[0] + 1e-4, unseen[1]), 2.0) is None  # a micro-move stays
     path = np.linspace((-0.03, -0.02), unseen, 30)
-    relief = places.relief(0, path)
+    variation = places.coulomb_variation(0, path)
     truth = np.array([level("x", p) for p in path]) / level("x", unseen) - 1
-    assert np.abs(relief - truth).max() < 0.03
-    assert relief[-1] == pytest.approx(0.0, abs=1e-9)
+    assert np.abs(variation - truth).max() < 0.03
+    assert variation[-1] == pytest.approx(0.0, abs=1e-9)
     for k in range(3):  # settle the common level first
         for place in GRID[:5]:
-            places.depart(place, 10.0 + k)
-            places.arrived(0, "macro", estimate((level("x", place), 0.02)), 10.0 + k)
+            places.expected_at(place, 10.0 + k)
+            places.learn(0, "macro", estimate((level("x", place), 0.02)), 10.0 + k)
     assert steps == []
-    places.depart(GRID[12], 20.0)
-    answer = places.arrived(0, "macro", estimate((1.2 * level("x", GRID[12]), 0.02)), 20.5)
+    places.expected_at(GRID[12], 20.0)
+    answer = places.learn(0, "macro", estimate((1.2 * level("x", GRID[12]), 0.02)), 20.5)
     assert [(s.axis, s.place, s.everywhere) for s in steps] == [("x", GRID[12], False)]
     assert answer.coulomb == pytest.approx(1.2 * level("x", GRID[12]), rel=0.04)
 

@@ -1,4 +1,4 @@
-"""The engine on a plant without a bus: order of things, settling, stops, lost marks."""
+"""The engine on a plant without a bus: order of steps, settling, stops, missing marks."""
 
 from dataclasses import replace
 
@@ -120,7 +120,7 @@ def test_a_site_goes_macro_settle_learn_micro_settle_expose():
     assert moves[1].origin == moves[0].target
     assert marks.asked == [(1, (0.02, 0.01)), (2, (0.04, 0.01))]
     kinds = [type(e) for e in events]
-    # What the macro-move taught is there before the micro-move begins.
+    # The macro-move has been learned from before the micro-move begins.
     first = kinds.index(FrictionUpdated)
     assert kinds[:first] == [MoveStarted, Settled, MarkFound]
     assert kinds[first : first + 3] == [FrictionUpdated, FrictionUpdated, MoveStarted]
@@ -129,7 +129,7 @@ def test_a_site_goes_macro_settle_learn_micro_settle_expose():
         assert stage.demands[move.end - 1] == pytest.approx(list(move.target.values()), abs=1e-9)
 
 
-def test_moves_mark_where_the_demand_runs():
+def test_moves_span_the_samples_in_which_the_demand_moves():
     engine, stage, moves, _ = make()
     engine.run(site(1, (0.02, 0.0)))
     demand = np.array(stage.demands)
@@ -140,7 +140,7 @@ def test_moves_mark_where_the_demand_runs():
     assert engine.samples == len(demand)
 
 
-def test_offsets_never_jump():
+def test_force_offsets_never_jump():
     engine, stage, _, _ = make()
     engine.run([*site(1, (0.02, 0.01)), *site(2, (0.04, -0.01))])
     offsets = np.array(stage.offsets)
@@ -160,7 +160,7 @@ def test_settles_as_soon_as_the_window_is_held():
     assert min(e.duration for e in settled) >= 0.005 - 1e-12
 
 
-def test_timeout_continues_or_stops_as_the_recipe_says():
+def test_a_timeout_continues_stops_or_retries_as_the_recipe_says():
     never = SettleStep(1e-10, 0.05, 0.03, "continue")
     engine, _, _, events = make(Mode.NONE)
     engine.run([MoveStep(1, "macro", (0.01, 0.0), MACRO), never])
@@ -179,7 +179,7 @@ def test_timeout_continues_or_stops_as_the_recipe_says():
     assert sum(isinstance(e, Settled) for e in events) == 4
 
 
-def test_a_mark_that_is_not_found_means_no_micro_move():
+def test_without_a_mark_there_is_no_micro_move():
     engine, _, moves, events = make(marks=Marks(None))
     engine.run(site(1, (0.01, 0.0)))
     assert [m.kind for m in moves] == ["macro"]
@@ -187,7 +187,7 @@ def test_a_mark_that_is_not_found_means_no_micro_move():
     assert Exposed(1) in events
 
 
-def test_stop_in_the_middle_of_a_move_brakes_within_the_limits():
+def test_a_stop_in_mid_move_decelerates_within_the_limits():
     engine, stage, moves, events = make(Mode.ORACLE)
     stage.at_sample[220] = lambda: engine.stop("by test")
     with pytest.raises(Aborted, match="by test"):
@@ -206,7 +206,7 @@ def test_stop_in_the_middle_of_a_move_brakes_within_the_limits():
     assert len(moves) == 1
 
 
-def test_stop_while_waiting_ends_at_once():
+def test_a_stop_at_rest_takes_effect_at_once():
     engine, stage, moves, _ = make()
     stage.at_sample[50] = lambda: engine.stop("early")
     with pytest.raises(Aborted):
@@ -215,7 +215,7 @@ def test_stop_while_waiting_ends_at_once():
     assert moves == []
 
 
-def test_relative_moves_and_dwells():
+def test_moves_can_be_relative_with_dwells_between():
     engine, _, moves, _ = make()
     engine.run(
         [

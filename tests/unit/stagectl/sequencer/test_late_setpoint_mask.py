@@ -42,7 +42,7 @@ def truth():
     return position, 8.0 * acceleration
 
 
-def test_a_force_behind_late_setpoints_says_nothing():
+def test_the_force_after_late_setpoints_is_masked():
     samples = jittered(1e-5)
     samples.position[:, 0] = np.round(samples.position[:, 0], 9)
     assert not late_setpoints(samples, TS).any()  # what a drive's lock on SYNC takes
@@ -56,7 +56,7 @@ def test_a_force_behind_late_setpoints_says_nothing():
     assert {*range(79, 87)} < set(where)  # the longer it stood still, the longer it takes
 
 
-def test_behind_a_hole_a_force_that_was_not_to_be_expected_says_nothing():
+def test_an_unexpected_force_after_a_missed_sync_is_masked():
     samples = jittered(0.0)
     samples.position[:, 0] = np.round(samples.position[:, 0], 9)
     samples.force[:, 0] = np.round(samples.force[:, 0] / 0.04) * 0.04
@@ -69,7 +69,7 @@ def test_behind_a_hole_a_force_that_was_not_to_be_expected_says_nothing():
     assert not missed_syncs(samples, TS).any()
 
 
-def test_a_position_of_another_instant_is_told_by_the_force():
+def test_a_position_that_contradicts_the_force_is_masked():
     samples = jittered(1e-5)
     rng = np.random.default_rng(3)
     samples.position[:, 0] += rng.normal(0.0, 1e-9, COUNT)

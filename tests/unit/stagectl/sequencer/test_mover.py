@@ -1,4 +1,4 @@
-"""How samples reach the estimator when the bus was not punctual."""
+"""Moves and holds: what reaches the estimator from an unpunctual bus, and what is learned."""
 
 import math
 from dataclasses import replace
@@ -17,7 +17,7 @@ from stagedata import Samples
 TS = 1e-3
 
 
-def test_behind_a_hole_the_first_of_two_answers_is_that_of_a_sync_before():
+def test_after_a_gap_the_first_of_two_answers_is_that_of_an_earlier_sync():
     count = 10
     block = replace(
         Samples.missing(count, 1),
@@ -32,9 +32,9 @@ def test_behind_a_hole_the_first_of_two_answers_is_that_of_a_sync_before():
 
 
 class Echo:
-    """A stage that is where it is told to be; at `skip` periods are passed over, `late` is late.
+    """A stage that follows at once; it skips periods at `skip`, and its SYNC is late at `late`.
 
-    Samples come 0.2 ms after their SYNC, those of `straggling` 15 us later.
+    Samples arrive 0.2 ms after their SYNC, those of `straggling` 15 us later.
     """
 
     targets = (0.0,)
@@ -73,43 +73,45 @@ class Echo:
 
 
 class Notes:
-    """Stands in for the compensation: keeps what it is given."""
+    """Stands in for the compensation, and keeps what it is given."""
 
     def __init__(self, revise_at=math.inf):
         self.moves, self.moments, self.asked = [], [], []
         self.revise_at = revise_at
 
-    def offsets(self, trajectory, samples, moment, position, rest_force, rest_offset, relief):
+    def force_offsets(
+        self, trajectory, samples, moment, position, rest_force, rest_offset, variation
+    ):
         self.moments.append((moment, rest_force))
         return np.zeros(samples)
 
     def learn(self, move):
         self.moves.append(move)
 
-    def revise_after(self, trajectory):
+    def revision_time(self, trajectory):
         return self.revise_at
 
-    def revise(self, trajectory, offsets, sent, move, relief):
+    def revise_offsets(self, trajectory, offsets, sent, move, variation):
         self.asked.append((sent, move))
         revised = offsets.copy()
         revised[sent:] = 7.0
         return revised
 
 
-def go(revise_at=math.inf, **trouble):
+def make_move(revise_at=math.inf, **trouble):
     notes = Notes(revise_at)
     axis = MovingAxis("x", Limits(1.0, 10.0, 2000.0), 1e-9, notes)
     mover = Mover(Echo(**trouble), [axis], TS, lambda: False)
     mover.hold(0.02)
-    mover.go("macro", 1, (0.01,), Limits(0.5, 3.0, 200.0), lambda _: None)
+    mover.move_to((0.01,), Limits(0.5, 3.0, 200.0), "macro", 1, lambda _: None)
     mover.hold(0.03)
     mover.learn()
     notes.offsets_sent = np.concatenate(mover._stage.offsets)[:, 0]  # noqa: SLF001
     return notes
 
 
-def test_a_punctual_move_is_handed_over_as_it_is():
-    notes = go()
+def test_a_punctual_move_reaches_the_estimator_unchanged():
+    notes = make_move()
     (move,) = notes.moves
     assert move.valid.all()
     assert move.time == pytest.approx(0.018)  # two samples at rest come first
@@ -119,20 +121,20 @@ def test_a_punctual_move_is_handed_over_as_it_is():
     assert move.position[-1] == 0.01
 
 
-def test_late_samples_do_not_count():
-    plain, late = go().moves[0], go(late=(60, 61)).moves[0]
+def test_samples_of_late_syncs_are_invalid():
+    plain, late = make_move().moves[0], make_move(late=(60, 61)).moves[0]
     assert (~late.valid).sum() == 2
     np.testing.assert_array_equal(late.position, plain.position)
 
 
-def test_samples_that_come_at_another_time_than_the_others_do_not_count():
-    plain, ragged = go().moves[0], go(straggling=(60, 70)).moves[0]
+def test_samples_with_an_unusual_delay_are_invalid():
+    plain, ragged = make_move().moves[0], make_move(straggling=(60, 70)).moves[0]
     assert np.diff(np.flatnonzero(~ragged.valid)).tolist() == [10]
     np.testing.assert_array_equal(ragged.position, plain.position)
 
 
-def test_periods_passed_over_are_holes_in_time():
-    plain, holed = go().moves[0], go(skip=(60,)).moves[0]
+def test_skipped_periods_become_invalid_samples():
+    plain, holed = make_move().moves[0], make_move(skip=(60,)).moves[0]
     assert len(holed.position) == len(plain.position) + 2
     assert (~holed.valid).sum() == 2
     hole = np.flatnonzero(~holed.valid)
@@ -141,8 +143,8 @@ def test_periods_passed_over_are_holes_in_time():
     np.testing.assert_array_equal(kept, plain.position)
 
 
-def test_a_move_revises_its_own_offsets_under_way():
-    plain, revised = go(), go(revise_at=0.05)
+def test_a_move_revises_its_remaining_offsets():
+    plain, revised = make_move(), make_move(revise_at=0.05)
     ((sent, seen),) = revised.asked
     assert sent == 50
     assert len(seen.position) == 2 + 50  # two samples at rest come first
@@ -153,7 +155,7 @@ def test_a_move_revises_its_own_offsets_under_way():
 
 
 class Stuck(Echo):
-    """Says that it is somewhere else than it is told to be, from sample 60 on."""
+    """Reports positions 2 mm off its setpoints, from sample 60 on."""
 
     def stream(self, position, offset, until=None):
         before = self.k
@@ -162,7 +164,7 @@ class Stuck(Echo):
         return block
 
 
-def test_an_axis_that_does_not_follow_is_a_named_fault():
+def test_a_following_error_is_a_fault_that_names_axis_and_object():
     axis = MovingAxis("x", Limits(1.0, 10.0, 2000.0), 1e-9, Notes(), following_error=1e-3)
     mover = Mover(Stuck(), [axis], TS, lambda: False)
     mover.hold(0.05)
@@ -171,33 +173,33 @@ def test_an_axis_that_does_not_follow_is_a_named_fault():
 
 
 class Everywhere:
-    """Knows how friction differs from place to place; keeps what it is told of moves.
+    """Friction over the table; keeps the moves that it learns from.
 
-    `unknown`: kinds of moves whose way it does not know.
+    `unknown`: kinds of moves along which it does not know friction.
     """
 
     def __init__(self, unknown=()):
-        self.told, self.unknown = [], unknown
+        self.learned, self.unknown = [], unknown
 
-    def depart(self, target, time):
+    def expected_at(self, target, time):
         return [None, None] if max(abs(t - 0.01) for t in target) > 2e-3 else None
 
-    def relief(self, axis, path):
+    def coulomb_variation(self, axis, path):
         return np.zeros(len(path))
 
-    def teaches(self, kind):
+    def knows_path(self, kind):
         return kind not in self.unknown
 
-    def arrived(self, axis, kind, estimate, time):
-        self.told.append((axis, kind))
+    def learn(self, axis, kind, estimate, time):
+        self.learned.append((axis, kind))
 
 
 class Learning(Notes):
-    def level_with_target(self, move, relief):
+    def level_with_target(self, move, variation):
         return move
 
-    def arrive(self, move, relief):
-        self.arrived = True
+    def carry_state(self, move, variation):
+        self.carried = True
 
     def learn(self, move):
         super().learn(move)
@@ -208,30 +210,30 @@ class EchoOfTwo(Echo):
     targets = (0.0, 0.01)
 
 
-def test_an_axis_that_soon_rested_has_shown_nothing_of_the_place_it_was_taken_to():
-    """While the other one goes on, Fc changes under it; near its place a short move counts."""
+def test_an_axis_that_rests_early_says_nothing_about_the_target():
+    """The Coulomb force changes while the other axis moves on; within a place, it does count."""
     axes = [MovingAxis(n, Limits(1.0, 10.0, 2000.0), 1e-9, Learning()) for n in "xy"]
     places = Everywhere()
     mover = Mover(EchoOfTwo(), axes, TS, lambda: False, places)
     mover.hold(0.02)
     for kind, target in (("macro", (0.03, 0.01005)), ("micro", (0.03, 0.0101))):
         if kind == "micro":
-            places.depart = lambda target, time: None
-        mover.go(kind, 1, target, Limits(0.5, 3.0, 200.0), lambda _: None)
+            places.expected_at = lambda target, time: None
+        mover.move_to(target, Limits(0.5, 3.0, 200.0), kind, 1, lambda _: None)
         mover.hold(0.03)
         mover.learn()
-    assert places.told == [(0, "macro"), (1, "micro")]
-    assert axes[1].compensation.arrived  # its friction state is followed all the same
+    assert places.learned == [(0, "macro"), (1, "micro")]
+    assert axes[1].compensation.carried  # its friction state is followed all the same
 
 
-def test_where_the_way_is_unknown_a_move_is_followed_and_teaches_nothing():
+def test_along_an_unknown_path_only_the_friction_state_is_carried():
     axes = [MovingAxis(n, Limits(1.0, 10.0, 2000.0), 1e-9, Learning()) for n in "xy"]
     places = Everywhere(unknown=("macro",))
     mover = Mover(EchoOfTwo(), axes, TS, lambda: False, places)
     mover.hold(0.02)
     for kind, target in (("macro", (0.03, 0.04)), ("other", (0.0315, 0.0415))):
-        mover.go(kind, 1, target, Limits(0.5, 3.0, 200.0), lambda _: None)
+        mover.move_to(target, Limits(0.5, 3.0, 200.0), kind, 1, lambda _: None)
         mover.hold(0.03)
         mover.learn()
-    assert places.told == [(0, "other"), (1, "other")]
-    assert all(axis.compensation.arrived for axis in axes)
+    assert places.learned == [(0, "other"), (1, "other")]
+    assert all(axis.compensation.carried for axis in axes)

@@ -47,7 +47,7 @@ def truth():
 
 
 @pytest.mark.parametrize("most", [1e-5, 1e-4, 2.5e-4])
-def test_samples_of_measured_instants_are_brought_back(most):
+def test_samples_at_measured_instants_are_interpolated_to_the_grid(most):
     samples = jittered(most)
     placed = resampled_to_grid(without_unpunctual(samples, TS), TS)
     # the grid is where the middle SYNC was, which only shifts time
@@ -67,7 +67,7 @@ def test_punctual_samples_are_not_touched():
     assert resampled_to_grid(samples, TS) is samples
 
 
-def test_gaps_and_far_ones_are_left_out():
+def test_samples_beside_gaps_or_far_off_the_grid_are_invalid():
     samples = jittered(1e-4)
     samples.valid[[58, 59, 60, 61, 62, 64, 65, 66], 0] = False  # 63 has no neighbours
     samples.sync[100] += (REACH + 0.2) * TS
@@ -81,7 +81,7 @@ def test_gaps_and_far_ones_are_left_out():
     assert np.abs(placed.position[ok, 0] - position[ok]).max() < 5e-9
 
 
-def test_an_answers_delay_does_not_matter_where_its_sync_is_known():
+def test_a_late_answer_does_not_matter_where_its_sync_is_known():
     samples = jittered(1e-5)
     samples.arrival[40:50] += 3e-4
     assert without_unpunctual(samples, TS).valid.all()
@@ -92,13 +92,13 @@ def test_an_answers_delay_does_not_matter_where_its_sync_is_known():
     )
 
 
-def test_instants_that_are_not_known_teach_nothing():
+def test_samples_at_unknown_instants_are_invalid():
     samples = jittered(0.0, known=False)
     samples.arrival[:, 0] += np.random.default_rng(2).uniform(0.0, 8 * PUNCTUAL * TS, COUNT)
     assert without_unpunctual(samples, TS).valid.mean() < 0.5
 
 
-def test_periods_passed_over_keep_their_holes():
+def test_skipped_periods_stay_gaps():
     samples = jittered(1e-4)
     samples.time[80:] += 2 * TS
     whole = filled_to_grid(samples, TS)
@@ -107,7 +107,7 @@ def test_periods_passed_over_keep_their_holes():
     np.testing.assert_array_equal(whole.sync[82:], samples.sync[80:])
 
 
-def test_data_that_a_drive_sends_again_are_no_new_samples():
+def test_repeated_samples_of_a_moving_axis_are_invalid():
     samples = jittered(0.0)
     samples.position[50:53], samples.force[50:53] = samples.position[49], samples.force[49]
     assert np.flatnonzero(~without_stale(samples).valid[:, 0]).tolist() == [50, 51, 52]

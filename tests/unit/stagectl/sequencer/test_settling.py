@@ -50,14 +50,14 @@ def test_arrival_is_the_first_sample_whose_aligned_demand_is_the_target():
     assert arrival(demand, 1e-5, 10, 40) == 15
 
 
-def test_arrival_takes_the_rounding_of_setpoints_but_not_a_last_step_of_one_nanometre():
+def test_arrival_allows_for_rounding_but_not_for_a_last_step_of_one_nanometre():
     demand = np.array([0, 0, 3, 6, 8, 9, 9, 9]) * 1e-9
     # The target is not on the grid; aligned demand at sample 5 is 8.1 nm, only 0.5 nm away.
     assert arrival(demand, 8.6e-9, 2, 8) == 6
 
 
 @pytest.mark.parametrize("start", [0, 1])
-def test_arrival_of_a_demand_that_is_there_already(start):
+def test_a_demand_at_its_target_arrives_at_once(start):
     assert arrival(np.full(5, 1e-6), 1e-6, start, 5) == start
 
 
@@ -89,7 +89,7 @@ def test_a_sample_on_the_edge_of_the_window_is_inside():
     assert settling(position, np.ones(10, dtype=bool), 0.0, 0, 10, 5e-8, TS) == (0.0, True)
 
 
-def test_missed_samples_are_no_measurement():
+def test_missed_samples_are_left_out():
     position = np.zeros(10)
     position[[3, 9]] = 1e-6
     valid = np.ones(10, dtype=bool)
@@ -107,7 +107,7 @@ def test_peak_error_is_of_the_valid_samples_while_the_demand_moves():
     assert np.isnan(peak_error(position, np.zeros(5), np.zeros(5, dtype=bool), 1, 4))
 
 
-def test_a_move_is_summed_up_per_axis_and_its_rest_ends_where_the_next_begins():
+def test_every_axis_of_a_move_has_a_result_and_its_rest_ends_at_the_next_move():
     x, y = ramp(100, 10, 20, 1e-4), ramp(100, 60, 10, 5e-5)
     error_x, error_y = np.zeros(100), np.zeros(100)
     error_x[20] = 3e-7
@@ -129,7 +129,7 @@ def test_a_move_is_summed_up_per_axis_and_its_rest_ends_where_the_next_begins():
     assert second.settling == {5e-8: 0.030, 2e-7: 0.030}  # arrival 70, last sample 99
 
 
-def test_a_move_that_was_broken_off_is_marked_and_left_out_of_the_statistics():
+def test_an_interrupted_move_is_marked_and_left_out_of_the_statistics():
     demand = ramp(50, 10, 20, 1e-4)
     demand[20:] = demand[20]
     move = Move("macro", 10, 21, {"x": 0.0}, {"x": 1e-4}, 1)

@@ -18,11 +18,11 @@ def verdicts(**limits):
     return judge(SITED, SiteLimits(**limits), 5e-8, 1e-4, 1e-3)
 
 
-def test_no_limits_no_verdict():
+def test_without_limits_there_is_no_verdict():
     assert verdicts() == ()
 
 
-def test_wide_limits_pass_tight_ones_fail():
+def test_a_site_passes_wide_limits_and_fails_tight_ones():
     wide = verdicts(peak_error=1e-3)
     assert [v.site for v in wide] == list(range(1, 20))
     assert not any(v.failures for v in wide)
