@@ -48,7 +48,7 @@ from stagectl.config.mapping import driver_settings, stage_settings
 from stagectl.history import RunEntry, StageKey, open_history
 from stagectl.maps import build_map, load_active, to_json
 from stagectl.recipe import Recipe, load_recipe, make_fiducial, plan
-from stagectl.run import RunHistory, software
+from stagectl.run import RunHistory, software_version
 from stagectl.sequencer import (
     AxisCompensation,
     Engine,
@@ -138,7 +138,15 @@ def drive(
 def entry(stage: StageKey, started: float, recipe: Recipe, purpose: Any, wafer: int) -> RunEntry:
     """A run as the history notes it."""
     return RunEntry(
-        stage, ("x", "y"), started, recipe.name, "shift", str(wafer), software(), "-", purpose
+        stage,
+        ("x", "y"),
+        started,
+        recipe.name,
+        "shift",
+        str(wafer),
+        software_version(),
+        "-",
+        purpose,
     )
 
 

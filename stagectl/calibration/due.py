@@ -10,7 +10,7 @@ from pathlib import Path
 from stagectl.calibration.sites import DAY, Calibration, DueSection
 from stagectl.history import History, Pair, StageKey, StepRecord, Wear, is_server, open_history
 from stagectl.maps import SITE_RADIUS, TrackedPlaces, load_active
-from stagectl.run import RunRequest, begins
+from stagectl.run import RunRequest, start_time
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +130,7 @@ def due_now(calibration: Calibration, request: RunRequest) -> list[DueSite]:
     history = open_history(where, write=True)
     try:
         stage = StageKey(machine.name, request.truth is not None)
-        now = begins(history, request)
+        now = start_time(history, request)
         sites = calibration.recipe.sites
         active = load_active(history, stage, machine, sites, now)
         return due_sites(

@@ -10,7 +10,7 @@ import click
 from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
-    from stagectl.run.replay.rerun import Replayed
+    from stagectl.run.replay import ReplayResult
     from stagectl.store import LoggedFrame
 
 
@@ -29,7 +29,7 @@ def command(run: Path, json_out: Path | None) -> None:
     from rich.console import Console
 
     from stagectl.run import Listener
-    from stagectl.run.replay.rerun import replay
+    from stagectl.run.replay import replay
     from stagectl.sequencer import Event, MoveStarted
 
     with Console(stderr=True).status("reading") as status:
@@ -49,7 +49,7 @@ def command(run: Path, json_out: Path | None) -> None:
         raise click.exceptions.Exit(1)
 
 
-def _lines(result: Replayed, run: Path) -> list[str]:
+def _lines(result: ReplayResult, run: Path) -> list[str]:
     lines = []
     if result.sealed is False:
         lines.append(f"{run}: the bus log was modified after the run (SHA-256 {result.digest})")
@@ -66,18 +66,18 @@ def _lines(result: Replayed, run: Path) -> list[str]:
     return lines
 
 
-def _frame(frame: LoggedFrame | None, result: Replayed, nothing: str) -> str:
-    from stagectl.run.replay.meaning import meaning
+def _frame(frame: LoggedFrame | None, result: ReplayResult, nothing: str) -> str:
+    from stagectl.run.replay import frame_meaning
 
     if frame is None:
         return nothing
     data = frame.data.hex(" ").upper() or "no data"
-    text = meaning(frame.can_id, frame.data, result.machine)
+    text = frame_meaning(frame.can_id, frame.data, result.machine)
     return f"{frame.time_ns * 1e-9:.6f} s, 0x{frame.can_id:03X}, {data}: {text}"
 
 
-def _as_dict(result: Replayed) -> dict[str, Any]:
-    from stagectl.run.replay.meaning import meaning
+def _as_dict(result: ReplayResult) -> dict[str, Any]:
+    from stagectl.run.replay import frame_meaning
 
     def frame(one: LoggedFrame | None) -> dict[str, Any] | None:
         if one is None:
@@ -86,7 +86,7 @@ def _as_dict(result: Replayed) -> dict[str, Any]:
             "time": round(one.time_ns * 1e-9, 9),
             "id": one.can_id,
             "data": one.data.hex(),
-            "meaning": meaning(one.can_id, one.data, result.machine),
+            "meaning": frame_meaning(one.can_id, one.data, result.machine),
         }
 
     difference = result.difference

@@ -1,7 +1,7 @@
 """Friction maps: built from the history, kept in versions, used and tracked in production."""
 
 from stagectl.maps.active import ActiveMap, load_active, map_versions
-from stagectl.maps.applicable import outdated, problems, short_of
+from stagectl.maps.applicable import outdated, problems, sites_outside
 from stagectl.maps.build import build_map
 from stagectl.maps.compare import AxisChange, compare
 from stagectl.maps.learning import tracking_settings
@@ -9,7 +9,7 @@ from stagectl.maps.model import FrictionMap, MapVersion, to_json
 from stagectl.maps.places import SITE_RADIUS, TrackedPlaces
 from stagectl.maps.plain import applied, changed, listed, shown
 from stagectl.maps.report import write_map_report
-from stagectl.maps.snapshot import as_noted, noted
+from stagectl.maps.snapshot import restore_snapshot, take_snapshot
 from stagectl.maps.tables import at_place, changes_table, summary, versions_table
 
 __all__ = [
@@ -20,7 +20,6 @@ __all__ = [
     "MapVersion",
     "TrackedPlaces",
     "applied",
-    "as_noted",
     "at_place",
     "build_map",
     "changed",
@@ -29,12 +28,13 @@ __all__ = [
     "listed",
     "load_active",
     "map_versions",
-    "noted",
     "outdated",
     "problems",
-    "short_of",
+    "restore_snapshot",
     "shown",
+    "sites_outside",
     "summary",
+    "take_snapshot",
     "to_json",
     "tracking_settings",
     "versions_table",

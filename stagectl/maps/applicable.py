@@ -81,7 +81,7 @@ def outdated(friction_map: FrictionMap, now: float, max_age: float) -> list[Prob
     return []
 
 
-def short_of(version: MapVersion, sites: Sequence[Pair]) -> list[str]:
+def sites_outside(version: MapVersion, sites: Sequence[Pair]) -> list[str]:
     """What is to be said of sites [m] that lie outside of the map; nothing where none does."""
     if not sites:
         return []

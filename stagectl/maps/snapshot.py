@@ -1,7 +1,6 @@
-"""What a run's map knows when the run begins, as a note in its recording; and back.
+"""Map and tracking as they stand when a run begins, for its recording, and restored from there.
 
-The map itself may be rebuilt or thrown away later, and the tracking has learned since it was made:
-a replay needs both as they stood. Numbers are kept exactly.
+A replay needs both as they were then, whatever has become of them. Numbers are kept exactly.
 """
 
 from __future__ import annotations
@@ -21,10 +20,10 @@ from stagectl.maps.places import TrackedPlaces
 from stagectl.sequencer import Figures
 
 _SETTINGS = {field.name for field in fields(TrackingSettings)}
-"""Of another version's settings those that there still are: a replay then shows the difference."""
+"""Settings that another version had and this one lacks are ignored: a replay shows the effect."""
 
 
-def as_noted(active: ActiveMap) -> dict[str, Any]:
+def take_snapshot(active: ActiveMap) -> dict[str, Any]:
     """Plain values, for JSON."""
     places, version = active.places, active.version
     return {
@@ -49,17 +48,17 @@ def as_noted(active: ActiveMap) -> dict[str, Any]:
     }
 
 
-def noted(note: Mapping[str, Any], machine: Machine, name: str) -> ActiveMap:
-    """What `as_noted` was made of.
+def restore_snapshot(note: Mapping[str, Any], machine: Machine, name: str) -> ActiveMap:
+    """Map and tracking of a snapshot.
 
     Args:
-        note: of a recording.
+        note: as `take_snapshot` made it.
         machine: of the same recording.
-        name: what errors call it.
+        name: of the recording, for errors.
 
     Raises:
-        UnusableInput: the map in it is none.
-        KeyError, TypeError, ValueError: it is damaged.
+        UnusableInput: the map cannot be used.
+        KeyError, TypeError, ValueError: the snapshot is damaged.
     """
     version = MapVersion(
         int(note["number"]), float(note["made"]), str(note["comment"]), True,
@@ -97,7 +96,7 @@ def noted(note: Mapping[str, Any], machine: Machine, name: str) -> ActiveMap:
 
 
 def _packed(value: np.ndarray[Any, Any]) -> dict[str, Any]:
-    """An array of float64, little-endian, as text."""
+    """An array as text: base64 of little-endian float64."""
     text = base64.b64encode(np.ascontiguousarray(value, "<f8").tobytes()).decode("ascii")
     return {"shape": list(value.shape), "float64": text}
 

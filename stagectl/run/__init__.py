@@ -1,9 +1,13 @@
-"""One run, from a recipe to its files: session, record, resume, retries, replay."""
+"""One run, from a recipe to its files.
+
+`session` (the order of things), `record` (its files), `run_history` (its estimates), `retries`
+(after a fault), `resume` (an interrupted run), `replay` (a run again, on its bus log).
+"""
 
 from stagectl.run.request import Resumed, RunRequest, RunResult
 from stagectl.run.resume import load_interrupted
-from stagectl.run.run_history import RunHistory, begins, software
-from stagectl.run.session import Listener, execute
+from stagectl.run.run_history import RunHistory, software_version, start_time
+from stagectl.run.session import Listener, Substitutes, execute
 
 __all__ = [
     "Listener",
@@ -11,8 +15,9 @@ __all__ = [
     "RunHistory",
     "RunRequest",
     "RunResult",
-    "begins",
+    "Substitutes",
     "execute",
     "load_interrupted",
-    "software",
+    "software_version",
+    "start_time",
 ]

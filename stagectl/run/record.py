@@ -1,12 +1,12 @@
-"""What a run leaves: its journal while it goes on; recording, summary and report at its end.
+"""The record of a run: its journal as it proceeds; recording, summary and report at its end.
 
-Takes the run's moves and events, notes those that a reader of the recording, a resumed run or a
-replay needs, and knows at each moment how much of the recipe is done.
+Takes the moves and events of the run, writes down what a reader of the recording, a resumed run or
+a replay needs, and knows how much of the recipe is done.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -25,15 +25,17 @@ from stagectl.history import (
     open_history,
     without_password,
 )
+from stagectl.maps import ActiveMap, take_snapshot
 from stagectl.report import write_report
 from stagectl.run.request import RunRequest, RunResult
-from stagectl.run.run_history import RunHistory, begins, run_entry
+from stagectl.run.run_history import RunHistory, run_entry, start_time
 from stagectl.sequencer import (
     Event,
     FrictionUpdated,
     LevelStepped,
     MarkFound,
     Retrying,
+    SiteVerdict,
     StopNoticed,
     StretchDone,
     judge,
@@ -53,21 +55,26 @@ from stagectl.store import (
 from stagedata import AxisSignals, Move, Recording
 
 OUTPUTS = ("recording.h5", "summary.json", "report.html", "bus.asc")
-"""Files that a run writes."""
+"""Files of a run."""
 UNITS = {"coulomb": "N", "viscous": "N s/m", "stiffness": "N/m", "attraction": "N/s"}
 """Friction figures of a summary and their units."""
-_LEARNT = {"attraction": "relaxation_rate"}
-"""What the estimator has in the place of a figure, where that is another."""
+_ESTIMATED_AS = {"attraction": "relaxation_rate"}
+"""Figures that the estimator has in another form."""
 
 
 class RunRecord:
-    """The record of one run; creates the journal, and notes the run in its history.
+    """The record of one run; creates the journal and enters the run in its history.
+
+    Args:
+        request: of the run.
+        history: open for writing; None for none.
+        active: the friction map that the run uses; None for none.
 
     Attributes:
-        temperature: of the stage, to be set by who has opened it.
+        temperature: of the stage, set once it is open.
         journal: of the run.
-        done: stretches of the recipe that are over, those of the runs before included.
-        wall_time: of the moves [s], to be set by who runs them.
+        done: completed stretches of the recipe, those of the resumed run included.
+        wall_time: of the moves [s], set once they are over.
 
     Raises:
         StagectlError: the journal or the history cannot be written.
@@ -77,26 +84,20 @@ class RunRecord:
         self,
         request: RunRequest,
         history: History | None = None,
-        went_by: Mapping[str, Any] | None = None,
+        active: ActiveMap | None = None,
     ) -> None:
-        """Begin a record.
-
-        Args:
-            request: of the run.
-            history: open for writing, to note the run in; None for none.
-            went_by: the friction map that the run goes by (`maps.snapshot`), None for none.
-        """
         self._request = request
         self.temperature = LatestTemperature(None)
-        self._placed = went_by is not None
-        started = begins(history, request) if went_by is None else float(went_by["origin"])
+        self._has_map = active is not None
+        snapshot = None if active is None else take_snapshot(active)
+        started = start_time(history, request) if active is None else active.places.origin
         where = None if history is None else str(request.history)
         self._history = RunHistory(
             run_entry(request, started),
             history,
             None if where is None else partial(open_history, where, write=True),
         )
-        put_aside(request.folder)
+        _set_aside_files(request.folder)
         machine, resumed = request.machine, request.resumed
         self.done = 0 if resumed is None else resumed.done
         self.wall_time = 0.0
@@ -118,36 +119,36 @@ class RunRecord:
                 ),
             ),
         )
-        self._map = None if went_by is None else int(went_by["number"])
+        self._map = None if active is None else active.version.number
         self.journal.event(
             "run",
-            **request.as_noted(),
+            **request.as_note(),
             map=self._map,
-            map_then=went_by,
+            map_then=snapshot,
             history=note_of_run(
                 self._history.entry, None if where is None else without_password(where)
             ),
         )
 
     def start(self) -> None:
-        """The stage is about to be opened: from now on the history is written as things happen."""
+        """The stage is about to be opened: start writing the history."""
         self._history.start()
 
-    def move(self, move: Move) -> None:
-        """A move begins."""
+    def note_move(self, move: Move) -> None:
+        """Note a move, before its first sample."""
         self._moves += 1
         self.journal.move(move)
 
-    def broken_off(self, move: Move) -> None:
-        """The last move ended sooner than it was meant to."""
+    def note_interrupted_move(self, move: Move) -> None:
+        """Note where the last move really ended."""
         self.journal.move(move)
 
-    def event(self, event: Event) -> None:
-        """Something happened in the run."""
+    def note_event(self, event: Event) -> None:
+        """Note an event."""
         match event:
             case FrictionUpdated():
                 now = self.temperature.at(event.time)
-                record = self._history.estimate(event, self._placed, now)
+                record = self._history.estimate(event, self._has_map, now)
                 self._note_friction(event, record)
                 self._history.file(record)
             case LevelStepped():
@@ -166,8 +167,8 @@ class RunRecord:
             case StopNoticed(reason=reason):
                 self.journal.event("stop", reason=reason)
 
-    def note(self, injected: Sequence[InjectedFault]) -> None:
-        """Who reads the recording is to know that these faults were made."""
+    def note_injected_faults(self, injected: Sequence[InjectedFault]) -> None:
+        """Note the faults that were injected."""
         for entry in injected:
             self.journal.event(
                 "injected_fault",
@@ -176,29 +177,29 @@ class RunRecord:
                 first=entry.first_ns * 1e-9 if entry.count else None,
             )
 
-    def note_log(self, digest: str | None) -> None:
-        """The bus log is written: the recording knows which one is its own."""
+    def note_bus_log(self, digest: str | None) -> None:
+        """Note the digest of the bus log, by which the recording knows its own."""
         if digest is not None:
             self.journal.event("bus_log", digest=digest)
 
     def abandon(self) -> None:
-        """An error that nobody foresaw: what there is becomes a recording."""
+        """After an unforeseen error: make a recording of the samples so far."""
         self.journal.finish("fault", "internal error")
         self._history.end("fault", "internal error")
         recover(self.journal.path, overwrite=True)
 
-    def stage_says(self, notices: Sequence[str]) -> None:
-        """What drives and computer do without, for the operator and the recording."""
+    def note_limitations(self, notices: Sequence[str]) -> None:
+        """Note what drives, computer or map lack, for the operator and the recording."""
         for notice in notices:
             if notice not in self._notices:
                 self._notices.append(notice)
                 self.journal.event("limitation", text=notice)
 
     def finish(self, error: StagectlError | None) -> RunResult:
-        """Journal to recording, summary and report.
+        """Make recording, summary and report of the journal.
 
         Args:
-            error: what ended the run early.
+            error: that ended the run early, or None.
         """
         request, machine = self._request, self._request.machine
         outcome = (
@@ -215,9 +216,38 @@ class RunRecord:
         recording = None if content is None else content.recording
         period = machine.bus.sync_period
         control_period = next(iter(machine.axes.values())).drive.control_period
-        facts = RunFacts(
+        summary = build_summary(
+            _empty(request) if recording is None else recording,
+            self._facts(recording, outcome, fault, unwritten),
+            self._friction,
+            control_period=control_period,
+            sync_period=period,
+            ledger=None if content is None else content.ledger,
+        )
+        write_summary(summary, request.folder / "summary.json")
+        verdicts: tuple[SiteVerdict, ...] = ()
+        if recording is not None:
+            write_report(
+                request.folder / "report.html", recording, summary, control_period=control_period
+            )
+            limits, window = request.recipe.limits, request.recipe.settle.window
+            verdicts = judge(recording, limits, window, control_period, period)
+        return RunResult(
+            summary, recording, error, dict(self._first_update), verdicts, tuple(notices), unwritten
+        )
+
+    def _facts(
+        self,
+        recording: Recording | None,
+        outcome: str,
+        fault: str | None,
+        unwritten: str | None,
+    ) -> RunFacts:
+        """What the summary says of the run besides its samples."""
+        request, period = self._request, self._request.machine.bus.sync_period
+        return RunFacts(
             recipe=request.recipe.name,
-            machine=machine.name,
+            machine=request.machine.name,
             compensation=request.mode.value,
             seed=request.seed,
             simulated=request.truth is not None,
@@ -232,33 +262,6 @@ class RunRecord:
             map=self._map,
             steps=tuple(self._steps),
             unfiled=None if unwritten is None else (self._history.filed, self._history.made),
-        )
-        summary = build_summary(
-            _empty(request) if recording is None else recording,
-            facts,
-            self._friction,
-            control_period=control_period,
-            sync_period=period,
-            ledger=None if content is None else content.ledger,
-        )
-        write_summary(summary, request.folder / "summary.json")
-        if recording is not None:
-            write_report(
-                request.folder / "report.html", recording, summary, control_period=control_period
-            )
-        verdicts = (
-            ()
-            if recording is None
-            else judge(
-                recording,
-                request.recipe.limits,
-                request.recipe.settle.window,
-                control_period,
-                period,
-            )
-        )
-        return RunResult(
-            summary, recording, error, dict(self._first_update), verdicts, tuple(notices), unwritten
         )
 
     def _note_friction(self, event: FrictionUpdated, record: EstimateRecord) -> None:
@@ -281,8 +284,8 @@ class RunRecord:
                 name: ParameterEstimate(float(getattr(friction, name)), sigma[name], unit)
                 for name, unit in UNITS.items()
             },
-            gain={name: estimate.gain[_LEARNT.get(name, name)] for name in UNITS},
-            held=[name for name in UNITS if _LEARNT.get(name, name) in estimate.held],
+            gain={name: estimate.gain[_ESTIMATED_AS.get(name, name)] for name in UNITS},
+            held=[name for name in UNITS if _ESTIMATED_AS.get(name, name) in estimate.held],
         )
         self._friction.append(entry)
         self.journal.event(
@@ -299,14 +302,14 @@ class RunRecord:
             self._first_update.setdefault(event.axis, self._moves)
 
 
-def put_aside(folder: Path) -> None:
-    """Files of an earlier run go to `previous/`, so that they are not taken for this one's."""
+def _set_aside_files(folder: Path) -> None:
+    """Move the files of an earlier run to `previous/`, so as not to mistake them for this one's."""
     old = [folder / name for name in OUTPUTS if (folder / name).exists()]
     if old:
-        aside = folder / "previous"
-        aside.mkdir(exist_ok=True)
+        previous = folder / "previous"
+        previous.mkdir(exist_ok=True)
         for path in old:
-            path.replace(aside / path.name)
+            path.replace(previous / path.name)
 
 
 def _empty(request: RunRequest) -> Recording:

@@ -1,4 +1,4 @@
-"""A run as it is asked for, and how it went: plain values."""
+"""What to run, and the result: plain values."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from stagedata import Recording
 
 @dataclass(frozen=True, slots=True)
 class Resumed:
-    """An interrupted run that is gone on with.
+    """An interrupted run to be continued.
 
     Attributes:
         run: its folder.
         started: when it began, ISO 8601.
-        done: stretches of the recipe (sites, or entries of a list of moves) that are over.
+        done: completed stretches of the recipe (sites, or entries of a list of moves).
         friction: axis -> figures accepted last.
     """
 
@@ -33,8 +33,8 @@ class Resumed:
     friction: Mapping[str, Figures]
 
     @classmethod
-    def noted(cls, note: Mapping[str, Any]) -> Resumed:
-        """From what a recording keeps of it (`RunRequest.as_noted`)."""
+    def from_note(cls, note: Mapping[str, Any]) -> Resumed:
+        """From the note in a recording (`RunRequest.as_note`)."""
         friction = {
             str(axis): {str(name): (float(p[0]), float(p[1])) for name, p in figures.items()}
             for axis, figures in note["friction"].items()
@@ -42,29 +42,29 @@ class Resumed:
         return cls(str(note["run"]), str(note["started"]), int(note["done"]), friction)
 
     def link(self) -> dict[str, object]:
-        """For the summary of the run that goes on: what it goes on with, and where."""
+        """For the summary of the run that continues it."""
         return {"run": self.run, "started": self.started, "done": self.done}
 
 
 @dataclass(frozen=True, slots=True)
 class RunRequest:
-    """What is to be run.
+    """What to run.
 
     Attributes:
         recipe: checked against `machine`.
-        machine: what the host believes.
-        truth: what the virtual stage is; None for the machine's bus.
-        bus: (interface, channel) instead of the machine's.
+        machine: the stage as the host believes it to be.
+        truth: the virtual stage as it is; None to use the machine's bus.
+        bus: (interface, channel) in place of the machine's.
         mode: of compensation.
-        friction_scale: of the friction figures the host starts from.
+        friction_scale: factor on the friction figures that the host starts from.
         seed: of the virtual stage's noise and repeatability.
         folder: for the files.
         started: time of the run, with zone.
-        faults: of bus and drives, on the virtual stage only; None for none.
-        retries: how often a stretch (a site) is begun again after a fault that can be recovered.
-        resumed: the interrupted run that this one goes on with; None: from the start.
-        history: file or server that the friction estimates go to; None for none.
-        use_map: go by the history's active friction map, where there is one.
+        faults: to inject on the virtual stage; None for none.
+        retries: attempts to repeat a stretch (a site) after a recoverable fault.
+        resumed: the interrupted run to continue; None to start at the beginning.
+        history: file or server for the friction estimates; None for none.
+        use_map: use the history's active friction map, where there is one.
     """
 
     recipe: Recipe
@@ -82,8 +82,8 @@ class RunRequest:
     history: str | None = None
     use_map: bool = True
 
-    def as_noted(self) -> dict[str, Any]:
-        """What the recording keeps of it, for a run that goes on with this one and for replay."""
+    def as_note(self) -> dict[str, Any]:
+        """What the recording keeps of it, to resume or replay the run."""
         resumed = self.resumed
         return {
             "compensation": self.mode.value,
@@ -111,18 +111,18 @@ class RunRequest:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """How it went.
+    """The result of a run.
 
     Attributes:
         summary: as in `summary.json`.
-        recording: of the run, None when it ended before its first sample.
-        error: what ended it early, else None.
-        first_update: axis -> index of the recording's move after whose update its friction model
-            was first learned; absent where it never was.
+        recording: of the run; None where it ended before its first sample.
+        error: that ended it early, or None.
+        first_update: axis -> number of moves in the recording when its first estimate was accepted;
+            an axis without one is absent.
         verdicts: pass or fail per site, where the recipe has limits.
         notices: what else the operator should know.
-        unwritten: what the friction history has not of the run, why, and how it gets it; None
-            where it has all. A notice, too.
+        unwritten: what the history lacks of the run, why, and how to file it, which is a notice
+            too; None where it is complete.
     """
 
     summary: dict[str, Any]

@@ -1,9 +1,9 @@
-"""Where an interrupted run is gone on with: read from what it left in its folder.
+"""Where to continue an interrupted run, from the files in its folder.
 
-A run that faulted, was stopped or was killed notes each site (or each entry of a list of moves)
-that is over, and every friction estimate. Another run of the same recipe begins behind the last
-one, with the figures accepted last, in a folder of its own; its recording and its summary name
-the run before.
+A run that faulted, was stopped or was killed has recorded every completed site (or entry of a list
+of moves) and every friction estimate. Another run of the same recipe continues after the last one,
+with the figures accepted last, in a folder of its own; its recording and summary name the earlier
+run.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from stagectl.store import RECORDING_NAME, RunNotes, read_notes, recover_folder
 
 
 def load_interrupted(folder: Path, recipe: Recipe) -> Resumed:
-    """What is left of a run to be gone on with; a killed run's journal is recovered first.
+    """Read where to continue a run; the journal of a killed run is recovered first.
 
     Args:
         folder: of the interrupted run.
-        recipe: to go on with: that of the interrupted run.
+        recipe: the same that the run was made with.
 
     Raises:
-        UnusableInput: nothing recorded there, the run is complete, was made with another recipe,
-            or by a version that did not note how far it got.
-        StagectlError: the run still goes on.
+        UnusableInput: nothing is recorded there, or the run is complete, was made with another
+            recipe, or by a version that did not record its progress.
+        StagectlError: the run is still in progress.
     """
     if not folder.is_dir():
         raise UnusableInput(f"{folder}: no such folder")
@@ -42,12 +42,12 @@ def load_interrupted(folder: Path, recipe: Recipe) -> Resumed:
         )
     notes = read_notes(path)
     if notes.outcome == "completed":
-        raise UnusableInput(f"{path}: that run is complete, nothing is left to go on with")
+        raise UnusableInput(f"{path}: that run is complete, there is nothing to resume")
     if notes.recipe != recipe.text:
         raise UnusableInput(f"{path}: was made with another recipe than {recipe.source}")
     run = next((e for e in notes.events if e.get("event") == "run"), None)
     if run is None:
-        raise UnusableInput(f"{path}: does not tell how far the run got (made by an older version)")
+        raise UnusableInput(f"{path}: does not say how far the run got (made by an older version)")
     try:
         return _resumed(folder, notes, run)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -55,7 +55,7 @@ def load_interrupted(folder: Path, recipe: Recipe) -> Resumed:
 
 
 def _resumed(folder: Path, notes: RunNotes, run: Mapping[str, Any]) -> Resumed:
-    before = None if run["resumed"] is None else Resumed.noted(run["resumed"])
+    before = None if run["resumed"] is None else Resumed.from_note(run["resumed"])
     done = [int(e["number"]) for e in notes.events if e["event"] == "done"]
     friction = {} if before is None else dict(before.friction)
     for event in notes.events:
@@ -66,7 +66,7 @@ def _resumed(folder: Path, notes: RunNotes, run: Mapping[str, Any]) -> Resumed:
 
 
 def _figures(parameters: Mapping[str, Sequence[float]]) -> Figures:
-    """Figures of a `friction` event; the rate of relaxation is C / Fc, relative variances add."""
+    """Figures of a `friction` event; the relaxation rate is C / Fc: relative variances add."""
     known = {name: _pair(pair) for name, pair in parameters.items()}
     attraction, sigma = known.pop("attraction")
     coulomb, coulomb_sigma = known["coulomb"]

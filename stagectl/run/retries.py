@@ -1,4 +1,4 @@
-"""After a fault: whether the stage may go on by itself, and how it is made ready again."""
+"""After a fault: whether the run may continue by itself, and how the stage is made ready again."""
 
 from __future__ import annotations
 
@@ -8,52 +8,52 @@ from drivers import AxisFault, BusError, DriverError, Stage
 from stagectl.errors import RunFault
 
 LASTING = (0x2, 0x3, 0x4, 0x5, 0x7)
-"""Classes of error codes (their first digit) after which somebody has to look before power comes
-back: current, voltage, temperature, hardware, sensors."""
+"""Classes of error codes (first digit) that need somebody to look before power returns: current,
+voltage, temperature, hardware, sensors."""
 OVER_TRAVEL = 0x8612
 
 
-def recover(
+def recover_stage(
     stage: Stage,
     fault: AxisFault,
     attempt: int,
-    most: int,
-    trying: Callable[[int, str], object],
+    limit: int,
+    announce: Callable[[int, str], object],
 ) -> int:
-    """From a stopped stage with a fault to an enabled one.
+    """Acknowledge a fault, home where necessary, and enable the stage again.
 
-    A fault on the way, such as one that the other axis had meanwhile, is one attempt more.
+    Another fault meanwhile, such as one pending on the other axis, counts as one more attempt.
 
     Args:
-        stage: to be made ready again.
-        fault: what it was stopped by.
-        attempt: the number of this attempt at the present site, from 1.
-        most: attempts at one site.
-        trying: called with an attempt's number and the fault that it is after.
+        stage: stopped by the fault.
+        fault: that stopped it.
+        attempt: number of this attempt at the present site, from 1.
+        limit: attempts allowed per site.
+        announce: called with the number of each attempt and the fault before it.
 
     Returns:
         The number of the attempt that succeeded.
 
     Raises:
-        AxisFault: the fault itself, where it may not be acknowledged, or not once more.
-        RunFault: the same of a fault on the way.
-        BusError: the bus fails.
+        AxisFault: the fault itself, where it must not be acknowledged or the limit is reached.
+        RunFault: the same for a fault during recovery.
+        BusError: the bus failed.
     """
-    last = fault
-    while attempt <= most and recoverable(last):
-        trying(attempt, str(last))
+    latest = fault
+    while attempt <= limit and is_recoverable(latest):
+        announce(attempt, str(latest))
         try:
             _make_ready(stage)
             return attempt
         except BusError:
             raise
         except AxisFault as another:
-            last, attempt = another, attempt + 1
-        except DriverError as stays:
-            raise RunFault(f"{fault}; trying to go on: {stays}") from stays
-    if last is fault:
+            latest, attempt = another, attempt + 1
+        except DriverError as error:
+            raise RunFault(f"{fault}; recovery failed: {error}") from error
+    if latest is fault:
         raise fault
-    raise RunFault(f"{fault}; trying to go on: {last}") from last
+    raise RunFault(f"{fault}; recovery failed: {latest}") from latest
 
 
 def _make_ready(stage: Stage) -> None:
@@ -61,17 +61,17 @@ def _make_ready(stage: Stage) -> None:
         stage.reset_faults()
     except BusError:
         raise
-    except DriverError:  # a drive that rebooted, or that takes no reset as it is
+    except DriverError:  # the drive has rebooted, or takes no fault reset in its state
         stage.boot()
-    stage.home()  # only axes that have lost their zero
+    stage.home()  # only axes that have lost their reference
     stage.enable()
 
 
-def recoverable(fault: AxisFault) -> bool:
-    """Whether a fault may be acknowledged and gone on from without anybody looking at the machine.
+def is_recoverable(fault: AxisFault) -> bool:
+    """Whether a fault may be acknowledged without anybody looking at the machine.
 
-    Lost frames, a drive that lost its host or rebooted, a following error: yes, as often as the
-    run allows. Current, voltage, temperature, hardware, sensors and end switches: no.
+    Yes: lost frames, a drive that lost its host or rebooted, a following error. No: current,
+    voltage, temperature, hardware, sensors and limit switches.
     """
     code = fault.code
     return code is None or (code >> 12 not in LASTING and code != OVER_TRAVEL)

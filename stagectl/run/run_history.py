@@ -1,8 +1,8 @@
-"""A run's estimates as records, on their way into the history.
+"""A run's estimates on their way into the history.
 
-The history is never worth a run, nor a SYNC: records go to a thread of their own
-(`history.writer`). What it can't file is in the run's recording all the same (`history.noted`), and
-is filed from there by the next run with that history, or by `stagectl history import`.
+The history must not delay a SYNC or end a run, so a thread writes it (`history.writer`). What that
+thread cannot file is in the run's recording as well (`history.noted`); the next run with this
+history, or `stagectl history import`, files it from there.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ from stagectl.run.request import RunRequest
 from stagectl.sequencer import FrictionUpdated, LevelStepped
 
 LOCAL = 5e-3
-"""A move within this distance meets the friction of one place [m]."""
+"""Within this distance a move meets the friction of one place [m]."""
 
 
-def software() -> str:
-    """Name and version of what makes the estimates."""
+def software_version() -> str:
+    """Name and version of this program."""
     return f"stagectl {metadata.version('stagectl')}"
 
 
 class RunHistory:
-    """Makes one run's records, and hands them on where the run has a history.
+    """Makes the records of one run, and files them where the run has a history.
 
     Args:
-        entry: the run that begins now.
-        history: open for writing, to note the run in; None for none.
+        entry: of the run.
+        history: open for writing, to enter the run in; None for none.
         reopen: opens the same history again, for the writer's thread.
 
     Attributes:
@@ -50,7 +50,7 @@ class RunHistory:
         made: estimates so far.
 
     Raises:
-        StagectlError: the run cannot be noted; nothing has moved yet.
+        StagectlError: the run cannot be entered; nothing has moved yet.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class RunHistory:
         self.number = 0 if history is None else history.start_run(entry)
 
     def start(self) -> None:
-        """Begin to file, before the drives are under way."""
+        """Start the writer, before the drives are enabled."""
         if self._reopen is not None:
             self._writer = HistoryWriter(self._reopen)
 
@@ -76,13 +76,13 @@ class RunHistory:
         placed: bool = False,
         temperature: float | None = None,
     ) -> EstimateRecord:
-        """The record of what the estimator made of a move.
+        """The record of an estimate.
 
         Args:
             event: of the run.
-            placed: friction on the way was known from a map, so that the move's level is that of
-                its target; else it is only where the whole move was near it.
-            temperature: [deg C], where there is one.
+            placed: a map accounts for friction along the path, so that the level measured is the
+                target's; without one it is only if the whole move was near it.
+            temperature: of the stage [deg C], or None.
         """
         self.made += 1
         estimate = event.estimate
@@ -110,12 +110,12 @@ class RunHistory:
         return step_record(asdict(event), self.entry, self.number, self._steps)
 
     def file(self, record: EstimateRecord | StepRecord) -> None:
-        """Hand a record to the history's thread, where there is one; never waits."""
+        """Hand a record to the writer, if there is one; never waits."""
         if self._writer is not None:
             self._writer.hand_over(record)
 
     def end(self, outcome: str, fault: str | None) -> None:
-        """Note how the run ended; waits some seconds at most, never raises."""
+        """Enter how the run ended; waits a few seconds at most, never raises."""
         writer = self._writer
         if writer is not None:
             writer.end(
@@ -126,11 +126,11 @@ class RunHistory:
 
     @property
     def filed(self) -> int:
-        """How many of the estimates the history has."""
+        """Number of estimates in the history."""
         return 0 if self._writer is None else self._writer.filed
 
     def unwritten(self, folder: Path) -> str | None:
-        """After the end: what the history lacks, why, and what to do about it; None where nothing.
+        """After `end`: what the history lacks, why, and how to file it; None where it is complete.
 
         Args:
             folder: of the run's files.
@@ -147,11 +147,11 @@ class RunHistory:
         return f"{lacks} ({why}); 'stagectl history import {folder}' files the rest"
 
 
-def begins(history: History | None, request: RunRequest) -> float:
-    """When a run begins, as its history counts [s since 1970].
+def start_time(history: History | None, request: RunRequest) -> float:
+    """When a run starts, in the time of its history [s since 1970].
 
-    A virtual stage has a time of its own, which goes faster than this computer's: it goes on where
-    the stage's last run ended, so that nothing that was learned then lies in this run's future.
+    The time of a virtual stage runs faster than this computer's. It continues where the stage's
+    last run ended, so that no earlier estimate lies in the future.
     """
     now = request.started.timestamp()
     if request.truth is None or history is None:
@@ -161,7 +161,7 @@ def begins(history: History | None, request: RunRequest) -> float:
 
 
 def run_entry(request: RunRequest, started: float) -> RunEntry:
-    """A run as the history notes it; `started`: as `begins` says."""
+    """A run as entered in the history; `started` is its `start_time`."""
     simulated = request.truth is not None
     recipe, machine = request.recipe, request.machine
     return RunEntry(
@@ -171,7 +171,7 @@ def run_entry(request: RunRequest, started: float) -> RunEntry:
         recipe.name,
         recipe.lot,
         recipe.wafer,
-        software(),
+        software_version(),
         str(request.folder.absolute()),
         purpose="calibration" if recipe.excursions else "production",
         seed=request.seed if simulated else None,

@@ -1,26 +1,25 @@
-"""One run from a validated recipe to its files: stage opened, homed, run, disabled, written down.
+"""One run, from a validated recipe to its files.
 
-Joins what the lower layers keep apart: machine and recipe, virtual drives (with `--simulate`) or a
-real bus, compensation, engine, bus log, and the run's record. Whatever happens on the way, the
-stage ends disabled and what was recorded becomes the recording.
+`execute` prepares the friction map, the compensation and the record; a `_Session` then takes the
+stage through boot, homing, the recipe (`sequencer.Engine`) and disabling. Whatever happens on the
+way, the stage ends disabled, and what was measured becomes the recording.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
 
 import can
 
 from drivers import AxisFault, DriverError, Stage
 from drivers.settings import AxisSettings, BusSettings
 from estimation.trajectory import Limits
-from hil_sim.bus import FaultyWorld, InjectedFault, World
+from hil_sim.bus import World
 from hil_sim.stage import VirtualStage
-from stagectl.config.mapping import driver_settings, stage_settings
+from stagectl.config.mapping import driver_settings
 from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError, UnusableInput
 from stagectl.history import (
     History,
@@ -31,16 +30,18 @@ from stagectl.history import (
     plugin_thermometer,
     stage_temperature,
 )
-from stagectl.recipe import Fiducial, Pair, make_fiducial, plan_from
+from stagectl.maps import ActiveMap, load_active, sites_outside
+from stagectl.recipe import Fiducial, make_fiducial, plan_from
 from stagectl.run.record import RunRecord
 from stagectl.run.request import RunRequest, RunResult
-from stagectl.run.retries import recover
+from stagectl.run.retries import recover_stage
+from stagectl.run.run_history import start_time
+from stagectl.run.virtual_stage import virtual_stage
 from stagectl.sequencer import (
     AxisCompensation,
     DriveLimited,
     Engine,
     Event,
-    Figures,
     FreshPlaces,
     Mode,
     MovingAxis,
@@ -50,18 +51,15 @@ from stagectl.sequencer import (
 )
 from stagectl.store import BusLog, recover_left_over
 
-if TYPE_CHECKING:
-    from stagectl.maps import ActiveMap
-
 
 @dataclass(slots=True)
 class Listener:
-    """Who wants to know what goes on.
+    """Callbacks of a run.
 
     Attributes:
         phase: called with a few words when a phase begins (boot, home, ...).
         event: called with each event of the engine.
-        stoppable: called with the function that asks for a controlled stop.
+        stoppable: called with the function that requests a controlled stop.
         switched_on: called with the virtual stage and its world (with `--simulate`).
     """
 
@@ -71,19 +69,15 @@ class Listener:
     switched_on: Callable[[VirtualStage, World], object] = field(default=lambda *_: None)
 
 
-class _EarlyStop(KeyboardInterrupt):
-    """The operator's stop before anything moves; no `except Exception` on its way keeps it."""
-
-
 @dataclass(frozen=True, slots=True)
-class Rig:
-    """What stands in for bus, camera and operator, where a run is made again.
+class Substitutes:
+    """Bus, camera, operator and friction map in place of those that the request names.
 
     Attributes:
         bus: with a clock of its own.
-        fiducial: where the marks are.
-        stop: after so many samples the operator asks for a stop, with this reason.
-        active: the friction map to go by, as it stood then.
+        fiducial: finds the marks.
+        stop: after this many samples the operator requests a stop, for this reason.
+        active: the friction map to use.
     """
 
     bus: can.BusABC
@@ -92,22 +86,56 @@ class Rig:
     active: ActiveMap | None = None
 
 
-def execute(request: RunRequest, listener: Listener, rig: Rig | None = None) -> RunResult:
+class _EarlyStop(KeyboardInterrupt):
+    """The operator's stop before anything moves; not caught by any `except Exception`."""
+
+
+def execute(
+    request: RunRequest, listener: Listener, substitutes: Substitutes | None = None
+) -> RunResult:
     """Run a recipe and write its files.
 
     Args:
-        request: what is to be run.
-        listener: who wants to know what goes on.
-        rig: in place of the bus that the request names.
+        request: what to run.
+        listener: called as the run proceeds.
+        substitutes: of a replay, or of a test.
 
     Raises:
         ConfigError: the stage cannot be set up from the files given; nothing has moved.
-        StagectlError: the folder cannot be written.
+        StagectlError: the folder or the history cannot be used; nothing has moved.
         OSError: likewise.
     """
-    recipe, machine = request.recipe, request.machine
-    fiducial = make_fiducial(recipe.fiducial, recipe.source) if rig is None else rig.fiducial
-    thermometer = plugin_thermometer(machine) if rig is None else None
+    recipe, history = request.recipe, None
+    if substitutes is None:
+        fiducial = make_fiducial(recipe.fiducial, recipe.source)
+        thermometer = plugin_thermometer(request.machine)
+    else:
+        fiducial, thermometer = substitutes.fiducial, None
+    _prepare_folder(request, listener)
+    if request.history is not None:
+        history = open_history(request.history, write=True)
+    try:
+        if history is not None:
+            for line in file_left_behind(history, _stage_key(request)):
+                listener.phase(line)
+        active = _active_map(request, history) if substitutes is None else substitutes.active
+        if active is not None:
+            listener.phase(f"friction map {active.version.number}")
+        listener.phase("preparing the estimator")
+        compensation = _make_compensation(request, active)
+        bus, axes = driver_settings(request.machine)
+        session = _Session(
+            request, listener, compensation, fiducial, substitutes,
+            RunRecord(request, history, active), active,
+        )  # fmt: skip
+    finally:
+        if history is not None:
+            history.close()  # during the run, a thread writes it on a connection of its own
+    return session.run(bus, axes, thermometer)
+
+
+def _prepare_folder(request: RunRequest, listener: Listener) -> None:
+    """Make the folder; recover the journal of a killed run in it."""
     try:
         request.folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -115,115 +143,37 @@ def execute(request: RunRequest, listener: Listener, rig: Rig | None = None) -> 
     left_over = recover_left_over(request.folder, aside=True)
     if left_over is not None:
         listener.phase(left_over.describe())
-    history = None if request.history is None else open_history(request.history, write=True)
-    try:
-        if history is not None:
-            for line in file_left_behind(history, _stage_key(request)):
-                listener.phase(line)
-        return _execute(request, listener, fiducial, thermometer, rig, history)
-    finally:
-        if history is not None:
-            history.close()
-
-
-def _execute(
-    request: RunRequest,
-    listener: Listener,
-    fiducial: Fiducial,
-    thermometer: Thermometer | None,
-    rig: Rig | None,
-    history: History | None,
-) -> RunResult:
-    active = _active_map(request, history) if rig is None else rig.active
-    if active is not None:
-        listener.phase(f"friction map {active.version.number}")
-    listener.phase("preparing the estimator")
-    compensation = make_compensation(
-        request.machine,
-        request.mode,
-        request.friction_scale,
-        request.truth,
-        _known(request, active),
-        drift=None if active is None else active.drift,
-    )
-    bus, axes = driver_settings(request.machine)
-    if request.bus is not None:
-        bus = replace(bus, interface=request.bus[0], channel=request.bus[1])
-    run = _Run(request, listener, compensation, fiducial, rig, history, active)
-    if history is not None:
-        history.close()  # from here on it is written in a thread, on a connection of its own
-    log = BusLog(request.folder / "bus.asc", request.started)
-    with _virtual_stage(request, bus, listener, rig) as (used, injected), log:
-        run.drive(used, axes, log, thermometer)
-        run.note(injected)
-    return run.finish(log.digest)
-
-
-def _active_map(request: RunRequest, history: History | None) -> ActiveMap | None:
-    """The map to go by, where there is one and the run learns."""
-    if history is None or not request.use_map or request.mode is not Mode.ESTIMATED:
-        return None
-    from stagectl.maps import load_active
-    from stagectl.run.run_history import begins
-
-    return load_active(
-        history, _stage_key(request), request.machine, request.recipe.sites,
-        begins(history, request),
-    )  # fmt: skip
 
 
 def _stage_key(request: RunRequest) -> StageKey:
     return StageKey(request.machine.name, request.truth is not None)
 
 
-def _noted(active: ActiveMap) -> dict[str, Any]:
-    from stagectl.maps import as_noted
-
-    return as_noted(active)
-
-
-def _short_of(active: ActiveMap, request: RunRequest) -> list[str]:
-    """Where the run will be beyond its map."""
-    from stagectl.maps import short_of
-
-    return short_of(active.version, request.recipe.sites)
+def _active_map(request: RunRequest, history: History | None) -> ActiveMap | None:
+    """The stage's active friction map, for a run that estimates friction."""
+    if history is None or not request.use_map or request.mode is not Mode.ESTIMATED:
+        return None
+    return load_active(
+        history, _stage_key(request), request.machine, request.recipe.sites,
+        start_time(history, request),
+    )  # fmt: skip
 
 
-def _known(request: RunRequest, active: ActiveMap | None) -> Mapping[str, Figures] | None:
-    """Friction figures to begin with: those of the run gone on with, else the map's."""
+def _make_compensation(
+    request: RunRequest, active: ActiveMap | None
+) -> tuple[AxisCompensation, ...]:
+    """Compensation that starts from the figures of the resumed run, else from the map's."""
+    known = None if active is None else active.figures
     if request.resumed is not None:
-        return request.resumed.friction
-    return None if active is None else active.figures
+        known = dict(request.resumed.friction)
+    return make_compensation(
+        request.machine, request.mode, request.friction_scale, request.truth, known,
+        None if active is None else active.drift,
+    )  # fmt: skip
 
 
-@contextmanager
-def _virtual_stage(
-    request: RunRequest, bus: BusSettings, listener: Listener, rig: Rig | None
-) -> Iterator[tuple[BusSettings, Sequence[InjectedFault]]]:
-    """The bus to use, and the faults on it.
-
-    With `--simulate` it is a lock-step one with the truth's virtual drives on it.
-    """
-    if request.truth is None or rig is not None:
-        yield bus, ()
-        return
-    channel = f"run-{id(request)}"
-    stage = VirtualStage(stage_settings(request.truth), request.seed)
-    # The world is held here: the registry of worlds does not keep it alive.
-    injected: Sequence[InjectedFault] = ()
-    if request.faults is None:
-        world = World(channel)
-        stage.attach(world)
-    else:
-        world = faulty = FaultyWorld(channel, request.faults)
-        faulty.power_on(stage)
-        injected = faulty.injected
-    listener.switched_on(stage, world)
-    yield replace(bus, interface="lockstep", channel=channel), injected
-
-
-class _Run:
-    """The part of a run that has a journal."""
+class _Session:
+    """The part of a run that has a record: the stage from opening to disabling."""
 
     def __init__(
         self,
@@ -231,66 +181,91 @@ class _Run:
         listener: Listener,
         compensation: tuple[AxisCompensation, ...],
         fiducial: Fiducial,
-        rig: Rig | None,
-        history: History | None,
+        substitutes: Substitutes | None,
+        record: RunRecord,
         active: ActiveMap | None,
     ) -> None:
         self._request, self._listener, self._compensation = request, listener, compensation
-        self._places: Places | None = None
-        if active is not None:
-            self._places = active.places
-            active.places.on_step = self._on_event
-        elif request.recipe.excursions:
-            self._places = FreshPlaces(
-                {
-                    name: axis.estimator.friction.coulomb
-                    for name, axis in zip(request.machine.axes, compensation, strict=True)
-                }
-            )
-        self._fiducial, self._rig = fiducial, rig
+        self._fiducial, self._substitutes, self._record = fiducial, substitutes, record
+        self._places = self._places_of(active)
         self._stage: Stage | None = None
         self._engine: Engine | None = None
         self._error: StagectlError | None = None
         self._over = False
-        self._record = RunRecord(request, history, None if active is None else _noted(active))
         if active is not None:
-            self._record.stage_says(_short_of(active, request))
-        self.note = self._record.note
+            record.note_limitations(sites_outside(active.version, request.recipe.sites))
 
-    def drive(
+    def _places_of(self, active: ActiveMap | None) -> Places | None:
+        """Friction over the table: the map's, or unknown in a calibration without one."""
+        if active is not None:
+            active.places.on_step = self._on_event
+            return active.places
+        if not self._request.recipe.excursions:
+            return None
+        axes = zip(self._request.machine.axes, self._compensation, strict=True)
+        return FreshPlaces({name: axis.estimator.friction.coulomb for name, axis in axes})
+
+    def run(
+        self,
+        bus: BusSettings,
+        axes: tuple[AxisSettings, ...],
+        thermometer: Thermometer | None,
+    ) -> RunResult:
+        """Operate the stage and write the files of the run.
+
+        Args:
+            bus: of the machine.
+            axes: of the machine.
+            thermometer: of the stage, where a plug-in provides one.
+        """
+        request = self._request
+        if request.bus is not None:
+            bus = replace(bus, interface=request.bus[0], channel=request.bus[1])
+        simulated = (
+            virtual_stage(request, bus, self._listener.switched_on)
+            if self._substitutes is None
+            else nullcontext((bus, ()))
+        )
+        log = BusLog(request.folder / "bus.asc", request.started)
+        with simulated as (used, injected), log:
+            self._operate(used, axes, log, thermometer)
+            self._record.note_injected_faults(injected)
+        self._listener.phase("writing recording and report")
+        self._record.note_bus_log(log.digest)
+        return self._record.finish(self._error)
+
+    def _operate(
         self,
         bus: BusSettings,
         axes: tuple[AxisSettings, ...],
         log: BusLog,
         thermometer: Thermometer | None,
     ) -> None:
-        """Open, home, run and disable the stage; what goes wrong is kept for `finish`."""
-        listener = self._listener
+        """Open, boot, home, enable, run, disable; foreseen errors are kept for the result."""
+        listener, record = self._listener, self._record
         try:
-            self._record.start()
-            listener.stoppable(self._ask_to_stop)
+            record.start()
+            listener.stoppable(self._request_stop)
             listener.phase(f"opening {bus}")
-            given = None if self._rig is None else self._rig.bus
+            given = None if self._substitutes is None else self._substitutes.bus
             with Stage.open(bus, axes, tap=log.tap, bus_object=given) as stage:
                 self._stage = stage
                 listener.phase("booting the drives")
                 stage.boot()
-                self._record.stage_says(stage.limitations)
-                for clause in stage.limitations:
-                    listener.event(DriveLimited(clause))
+                record.note_limitations(stage.limitations)
+                for text in stage.limitations:
+                    listener.event(DriveLimited(text))
                 listener.phase("homing")
                 stage.home()
                 stage.enable()
-                self._record.stage_says((*stage.limitations, *stage.notices))
-                self._record.temperature = stage_temperature(
-                    self._request.machine, stage, thermometer
-                )
-                self._record.temperature.at(0.0)
+                record.note_limitations((*stage.limitations, *stage.notices))
+                record.temperature = stage_temperature(self._request.machine, stage, thermometer)
+                record.temperature.at(0.0)
                 begin = time.perf_counter()
                 try:
-                    self._go_through(stage, bus.sync_period)
+                    self._run_recipe(stage, bus.sync_period)
                 finally:
-                    self._record.wall_time = time.perf_counter() - begin
+                    record.wall_time = time.perf_counter() - begin
                 listener.phase("disabling")
                 stage.disable()
         except DriverError as error:
@@ -300,61 +275,71 @@ class _Run:
         except (Aborted, RunFault, ConfigError) as error:
             self._error = error
         except BaseException:
-            # Not foreseen: keep what there is, then let it be seen.
-            self._record.abandon()
+            record.abandon()  # an error of ours: keep the samples, then show it
             raise
         finally:
             self._over = True
 
-    def finish(self, log_digest: str | None) -> RunResult:
-        """Write what the run leaves, beside the bus log."""
-        self._listener.phase("writing recording and report")
-        self._record.note_log(log_digest)
-        return self._record.finish(self._error)
-
-    def _go_through(self, stage: Stage, period: float) -> None:
-        """All that is left of the recipe; a stretch that faults is begun again where that helps."""
-        record, recipe = self._record, self._request.recipe
-        start = _pair(stage.targets)
+    def _run_recipe(self, stage: Stage, period: float) -> None:
+        """Run what is left of the recipe; repeat a stretch after a fault that allows it."""
+        record, recipe, limit = self._record, self._request.recipe, self._request.retries
+        start = stage.targets[0], stage.targets[1]
         engine = self._engine = Engine(
             stage,
             self._moving_axes([axis.settings for axis in stage.axes]),
             self._fiducial,
             period,
-            record.move,
+            record.note_move,
             self._on_event,
             self._places,
         )
         attempt, attempted = 0, record.done
         while True:
-            stage.sink = self._sink(engine)
+            stage.sink = self._sample_sink(engine)
             try:
                 engine.run(plan_from(recipe, record.done, start))
                 return
             except AxisFault as fault:
                 attempt = attempt + 1 if record.done == attempted else 1
                 attempted = record.done
-                attempt = recover(
+                attempt = recover_stage(
                     stage,
                     fault,
                     attempt,
-                    self._request.retries,
-                    lambda again, why: self._on_event(
-                        Retrying(record.done + 1, again, self._request.retries, why)
+                    limit,
+                    lambda number, why: self._on_event(
+                        Retrying(record.done + 1, number, limit, why)
                     ),
                 )
-                broken = engine.restart(record.journal.samples)
-                if broken is not None:
-                    record.broken_off(broken)
+                interrupted = engine.restart(record.journal.samples)
+                if interrupted is not None:
+                    record.note_interrupted_move(interrupted)
             finally:
                 stage.sink = None
 
-    def _sink(self, engine: Engine) -> Callable[[Sequence[int]], None]:
-        """Where samples go."""
+    def _moving_axes(self, axes: Sequence[AxisSettings]) -> tuple[MovingAxis, ...]:
+        """The axes with the limits of their drives, which may be below the machine file's."""
+        moving = []
+        for axis, compensation in zip(axes, self._compensation, strict=True):
+            compensation.estimator.saturates_at(axis.peak_force)
+            moving.append(
+                MovingAxis(
+                    axis.name,
+                    Limits(axis.velocity, axis.acceleration, axis.jerk),
+                    axis.increment,
+                    compensation,
+                    axis.following_error,
+                    self._request.machine.axes[axis.name].plant.mass,
+                )
+            )
+        return tuple(moving)
+
+    def _sample_sink(self, engine: Engine) -> Callable[[Sequence[int]], None]:
+        """Where samples go: the journal; a replay also counts them up to the operator's stop."""
         journal = self._record.journal
-        if self._rig is None or self._rig.stop is None:
+        if self._substitutes is None or self._substitutes.stop is None:
             return journal.sink
-        samples, reason = self._rig.stop
+        samples, reason = self._substitutes.stop
 
         def sink(sample: Sequence[int]) -> None:
             journal.sink(sample)
@@ -363,39 +348,19 @@ class _Run:
 
         return sink
 
-    def _ask_to_stop(self, reason: str) -> None:
-        """Moves end in a controlled stop; before them there is nothing to bring to an end.
+    def _request_stop(self, reason: str) -> None:
+        """Stop the engine, or abandon the preparations if it does not run yet.
 
-        A stop that goes on already, for whatever reason, is not broken off.
+        A stage that is already stopping is left to do so.
 
         Raises:
-            _EarlyStop: while the stage is opened, booted or homed; it is stopped on the way out.
+            _EarlyStop: while the stage is being opened, booted or homed.
         """
         if self._engine is not None:
             self._engine.stop(reason)
         elif not self._over and (self._stage is None or not self._stage.ending):
             raise _EarlyStop(reason)
 
-    def _moving_axes(self, axes: Sequence[AxisSettings]) -> tuple[MovingAxis, ...]:
-        """The axes by what their drives have, which may be less than the machine file says."""
-        for axis, compensation in zip(axes, self._compensation, strict=True):
-            compensation.estimator.saturates_at(axis.peak_force)
-        return tuple(
-            MovingAxis(
-                axis.name,
-                Limits(axis.velocity, axis.acceleration, axis.jerk),
-                axis.increment,
-                compensation,
-                axis.following_error,
-                self._request.machine.axes[axis.name].plant.mass,
-            )
-            for axis, compensation in zip(axes, self._compensation, strict=True)
-        )
-
     def _on_event(self, event: Event) -> None:
-        self._record.event(event)
+        self._record.note_event(event)
         self._listener.event(event)
-
-
-def _pair(position: tuple[float, ...]) -> Pair:
-    return position[0], position[1]

@@ -150,8 +150,8 @@ def test_what_a_killed_run_left_in_its_journal_is_filed(request_, tmp_path):
         folder.mkdir()
         record = RunRecord(replace(request_, folder=folder), history)
         for event in estimates[:5]:
-            record.event(event)
-        record.event(LevelStepped("x", (0.01, 0.02), 0.5, 0.1, everywhere=False))
+            record.note_event(event)
+        record.note_event(LevelStepped("x", (0.01, 0.02), 0.5, 0.1, everywhere=False))
         journals.append(record.journal)
     journals[1].close()
     assert {folder for _, folder in history.unfiled(STAGE)} == set(map(str, folders))

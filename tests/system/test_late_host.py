@@ -11,8 +11,7 @@ from hil_sim.bus import LockstepBus, World
 from hil_sim.stage import VirtualStage
 from stagectl.config.mapping import stage_settings
 from stagectl.recipe import make_fiducial, parse_recipe
-from stagectl.run import Listener, RunRequest, execute
-from stagectl.run.session import Rig
+from stagectl.run import Listener, RunRequest, Substitutes, execute
 from stagectl.sequencer import Mode
 
 RECIPE = """\
@@ -56,8 +55,8 @@ def test_a_host_that_is_woken_late_learns_the_friction(machine, tmp_path, seed):
         recipe, machine, machine, None, Mode.ESTIMATED, 0.7, seed, tmp_path, datetime.now(UTC)
     )
     with LockstepBus(world.name) as bus:
-        rig = Rig(bus, make_fiducial(recipe.fiducial))
-        summary = execute(request, Listener(), rig).summary
+        substitutes = Substitutes(bus, make_fiducial(recipe.fiducial))
+        summary = execute(request, Listener(), substitutes).summary
     assert summary["outcome"] == "completed", summary["fault"]
     assert summary["cycle"]["late"] > 2
     estimates = summary["friction"]

@@ -18,7 +18,7 @@ from stagectl.maps import FrictionMap, to_json
 from stagectl.maps.model import MapAxis, MapSite
 from stagectl.recipe import parse_recipe
 from stagectl.run import Listener, RunRequest, execute
-from stagectl.run.replay.rerun import replay
+from stagectl.run.replay import replay
 from stagectl.sequencer import Mode, MoveStarted
 from tests.system.short_recipe import short_recipe
 
@@ -170,10 +170,10 @@ def test_unusable_runs(folder, tmp_path):
     log.write_text(text)
     for change, reason in (
         ({"simulated": False}, "was run in real time"),
-        ({"map": 3}, "went by friction map 3 as it stood then"),
+        ({"map": 3}, "used friction map 3 as it stood then"),
         ({"map": 3, "map_then": {"content": "{}"}}, "/events: damaged"),
         ({"calibration": True}, "was a calibration"),
-        ({"slipped": 2}, "had some slipped into it"),
+        ({"slipped": 2}, "had calibrations slipped in"),
         ({"seed": None}, "/events: damaged"),
     ):
         with h5py.File(folder / "recording.h5", "r+") as file:

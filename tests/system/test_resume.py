@@ -16,7 +16,7 @@ from stagectl.cli import cli
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.recipe import parse_recipe
 from stagectl.run import Listener, RunRequest, execute, load_interrupted
-from stagectl.run.replay.rerun import replay
+from stagectl.run.replay import replay
 from stagectl.sequencer import Exposed, Mode, MoveStarted
 from stagectl.store import read_log, read_notes, read_recording, recover_folder, recover_log
 

@@ -1,9 +1,8 @@
-"""A bus whose other participants are a log: gives the host what was received, checks what it sends.
+"""A bus log as a bus: delivers the frames received then, and checks those that the host sends now.
 
-Frames that the host sends have to be the log's, in their order and at their time; those that it
-received come when all that it sent before has been sent, and their time has come. Time is virtual,
-and the host's run was: of a run in real time a log has too little, for what the host did also
-depended on when it read the clock.
+The host's frames must equal the log's in content, order and time. A received frame is delivered
+when its time has come and everything sent before it has been sent again. Time is virtual, as it
+was in the run: a run in real time also depended on when the host read the clock, which no log has.
 """
 
 from __future__ import annotations
@@ -19,12 +18,12 @@ from stagectl.store import LoggedFrame
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The first thing that the host did differently.
+    """The first frame that the host sent differently.
 
     Attributes:
         number: of the frame in the log, from 1.
-        recorded: frame of the log, None where it ends there.
-        sent: what the host sent instead, None where it sent nothing more.
+        recorded: frame of the log; None where the log has ended.
+        sent: frame of the host; None where it sent nothing more.
     """
 
     number: int
@@ -33,7 +32,7 @@ class Difference:
 
 
 class ReplayClock:
-    """Time of a replay [ns], 0 at the first frame."""
+    """Time of a replay, 0 at the first frame."""
 
     __slots__ = ("_bus",)
 
@@ -41,11 +40,11 @@ class ReplayClock:
         self._bus = bus
 
     def now_ns(self) -> int:
-        """The time now [ns]."""
+        """The present time [ns]."""
         return self._bus.now_ns
 
     def sleep_until_ns(self, t: int) -> None:
-        """Let time go by."""
+        """Advance to `t` [ns]."""
         self._bus.wait_until(t)
 
 
@@ -54,13 +53,13 @@ class ReplayBus(can.BusABC):
 
     Args:
         frames: of the log.
-        complete: the log goes on to the end of the run (not of one that was killed).
+        complete: whether the log lasts to the end of the run; not if it was killed.
 
     Attributes:
         now_ns: time of the replay [ns].
-        clock: it, for the driver.
-        difference: the first one, None so far.
-        compared: frames of the host that were the same.
+        clock: the same for the driver.
+        difference: the first one; None so far.
+        compared: number of frames of the host that agreed.
     """
 
     def __init__(self, frames: Sequence[LoggedFrame], complete: bool) -> None:
@@ -77,11 +76,10 @@ class ReplayBus(can.BusABC):
         self._sent = self._next(-1, sent=True)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Compare with the frame that the host sent then.
+        """Compare a frame with the one sent then.
 
         Raises:
-            can.CanOperationError: it is another one, the replay being over by that; or the bus
-                failed there.
+            can.CanOperationError: they differ, which ends the replay; or the bus failed there.
         """
         if self._over:
             raise can.CanOperationError("the replay is over")
@@ -98,7 +96,7 @@ class ReplayBus(can.BusABC):
             self._fail()
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """The next frame of the log that the host received, when its time has come."""
+        """The next frame that the host received then, once its time has come."""
         if self._over:
             raise can.CanOperationError("the replay is over")
         wait = 0 if timeout is None or timeout <= 0 else round(timeout * 1e9)
@@ -122,16 +120,16 @@ class ReplayBus(can.BusABC):
         return None
 
     def wait_until(self, time_ns: int) -> None:
-        """Let time go by."""
+        """Advance to this time [ns]."""
         self.now_ns = max(self.now_ns, time_ns)
 
     def finish(self) -> None:
-        """The host has done all it does: what the log has besides is a difference."""
+        """The host has finished: anything left in the log is a difference."""
         if not self._over and self._complete and self._sent < len(self._frames):
             self.difference = Difference(self._sent + 1, self._frames[self._sent], None)
 
     def _next(self, at: int, sent: bool) -> int:
-        """The next frame after `at` of this direction, or the end."""
+        """Index of the next frame in this direction after `at`, or of the end."""
         frames = self._frames
         at += 1
         while at < len(frames) and frames[at].sent is not sent:

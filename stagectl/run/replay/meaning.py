@@ -1,4 +1,4 @@
-"""What a frame between the host and its axes means, in words: for people who read a difference."""
+"""A frame between the host and its axes in words, for the report of a difference."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _RPDO, _TPDO = struct.Struct("<Hih"), struct.Struct("<Hih")
 _SDO_SIZES = {0x2F: 1, 0x2B: 2, 0x27: 3, 0x23: 4, 0x4F: 1, 0x4B: 2, 0x47: 3, 0x43: 4}
 
 
-def meaning(can_id: int, data: bytes, machine: Machine) -> str:
-    """What a frame says, by the predefined connection set and the mapping that the driver makes.
+def frame_meaning(can_id: int, data: bytes, machine: Machine) -> str:
+    """A frame in words, by the predefined connection set and the driver's PDO mapping.
 
     Args:
         can_id: arbitration id.
         data: up to 8 bytes.
-        machine: whose axes they are.
+        machine: with the axes.
     """
     function, node = can_id & 0x780, can_id & 0x7F
     axis = next((name for name, a in machine.axes.items() if a.node == node), None)

@@ -1,6 +1,6 @@
-"""The host run again on its own log: recipe, machine and settings are those of the recording.
+"""Runs the host again on a bus log, with recipe, machine and settings of the recording.
 
-Nothing is written but to a folder of its own, which is thrown away.
+Its files go to a temporary folder.
 """
 
 from __future__ import annotations
@@ -15,27 +15,27 @@ from typing import Any
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import parse_machine
 from stagectl.errors import UnusableInput
-from stagectl.maps import noted
+from stagectl.maps import restore_snapshot
 from stagectl.recipe import Pair, parse_recipe
 from stagectl.run.replay.bus import Difference, ReplayBus
 from stagectl.run.request import Resumed, RunRequest
-from stagectl.run.session import Listener, Rig, execute
+from stagectl.run.session import Listener, Substitutes, execute
 from stagectl.sequencer import Mode
 from stagectl.store import LOG_NAME, RECORDING_NAME, RunNotes, read_log, read_notes, recover_folder
 
 
 @dataclass(frozen=True, slots=True)
-class Replayed:
-    """How a replay went.
+class ReplayResult:
+    """The result of a replay.
 
     Attributes:
-        frames: in the log.
-        compared: frames that the host sent, and that were the same.
+        frames: number of frames in the log.
+        compared: number of frames of the host that agreed.
         difference: the first one, or None.
         digest: SHA-256 of the log.
         sealed: whether the log is as the run wrote it; None where it carries no digest.
-        outcome: how the run ended that was recorded.
-        machine: that the host believed in.
+        outcome: of the recorded run.
+        machine: of the recorded run.
     """
 
     frames: int
@@ -48,8 +48,8 @@ class Replayed:
 
 
 @dataclass(frozen=True, slots=True)
-class _Marks:
-    """The marks that were found."""
+class _RecordedMarks:
+    """A `Fiducial` that finds the marks found then."""
 
     offsets: Mapping[int, Pair]
 
@@ -57,18 +57,18 @@ class _Marks:
         return self.offsets.get(site)
 
 
-def replay(folder: Path, listener: Listener | None = None) -> Replayed:
+def replay(folder: Path, listener: Listener | None = None) -> ReplayResult:
     """Run the host again on the log of a run.
 
     Args:
-        folder: of the run; of one that was killed, the journal and the log are recovered first.
-        listener: told of the run as it goes.
+        folder: of the run; after a kill, journal and log are recovered first.
+        listener: called as the replay proceeds.
 
     Raises:
-        UnusableInput: no recording or log there, they do not tell what is needed, or the run was
-            in real time.
-        StagectlError: the run still goes on.
-        ConfigError: machine or recipe of the recording cannot be used any more.
+        UnusableInput: there is no recording or log, they lack what a replay needs, or the run was
+            in real time or a calibration.
+        StagectlError: the run is still in progress.
+        ConfigError: machine or recipe of the recording can no longer be used.
     """
     if not folder.is_dir():
         raise UnusableInput(f"{folder}: no such folder")
@@ -80,40 +80,25 @@ def replay(folder: Path, listener: Listener | None = None) -> Replayed:
     log = read_log(folder / LOG_NAME)
     run = next((e for e in notes.events if e.get("event") == "run"), None)
     if run is None:
-        raise UnusableInput(f"{path}: does not tell how it was run (made by an older version)")
+        raise UnusableInput(f"{path}: does not say how it was run (made by an older version)")
     with tempfile.TemporaryDirectory() as scratch:
         try:
-            if not run["simulated"]:
-                raise UnusableInput(
-                    f"{path}: was run in real time: what the host did then depended on readings of "
-                    "the clock that no log has; runs with --simulate can be replayed"
-                )
-            seals = [str(e["digest"]) for e in notes.events if e.get("event") == "bus_log"]
-            if run.get("calibration") or run.get("slipped"):
-                what = "was a calibration" if run.get("calibration") else "had some slipped into it"
-                raise UnusableInput(
-                    f"{path}: {what}: a calibration's moves are not in the recipe; runs with "
-                    "--simulate and without any can be replayed"
-                )
-            if run.get("map") is not None and run.get("map_then") is None:
-                raise UnusableInput(
-                    f"{path}: went by friction map {run['map']} as it stood then, which "
-                    "recordings did not hold yet when it was made"
-                )
+            _refuse_unless_replayable(path, run)
             machine = parse_machine(notes.machine, str(run["files"]["machine"]))
             request = _request(notes, run, machine, Path(scratch))
             bus = ReplayBus(log.frames, notes.outcome != "killed")
-            then = run.get("map_then")
-            active = None if then is None else noted(then, machine, str(path))
-            rig = Rig(bus, _Marks(_marks(notes)), _stop(notes), active)
+            snapshot = run.get("map_then")
+            active = None if snapshot is None else restore_snapshot(snapshot, machine, str(path))
+            substitutes = Substitutes(bus, _RecordedMarks(_marks(notes)), _stop(notes), active)
+            seals = [str(e["digest"]) for e in notes.events if e.get("event") == "bus_log"]
         except (KeyError, TypeError, ValueError, AttributeError) as damage:
             reason = f"{type(damage).__name__}: {damage}"
             raise UnusableInput(f"{path}: /events: damaged ({reason})") from damage
         with bus:
-            execute(request, listener or Listener(), rig)
+            execute(request, listener or Listener(), substitutes)
     bus.finish()
     stated = {s for s in (log.stated, *seals) if s is not None}
-    return Replayed(
+    return ReplayResult(
         len(log.frames),
         bus.compared,
         bus.difference,
@@ -122,6 +107,30 @@ def replay(folder: Path, listener: Listener | None = None) -> Replayed:
         notes.outcome,
         machine,
     )
+
+
+def _refuse_unless_replayable(path: Path, run: Mapping[str, Any]) -> None:
+    """Raise where a run depended on what its files do not hold.
+
+    Raises:
+        UnusableInput: naming the recording and the reason.
+    """
+    if not run["simulated"]:
+        raise UnusableInput(
+            f"{path}: was run in real time and depended on readings of the clock, which no log "
+            "holds; runs with --simulate can be replayed"
+        )
+    if run.get("calibration") or run.get("slipped"):
+        what = "was a calibration" if run.get("calibration") else "had calibrations slipped in"
+        raise UnusableInput(
+            f"{path}: {what}: a calibration's moves are not in the recipe; runs with "
+            "--simulate and without any can be replayed"
+        )
+    if run.get("map") is not None and run.get("map_then") is None:
+        raise UnusableInput(
+            f"{path}: used friction map {run['map']} as it stood then, which recordings of that "
+            "version do not hold"
+        )
 
 
 def _request(
@@ -139,7 +148,7 @@ def _request(
         folder=scratch,
         started=datetime.now(UTC),
         retries=int(run["retries"]),
-        resumed=None if resumed is None else Resumed.noted(resumed),
+        resumed=None if resumed is None else Resumed.from_note(resumed),
     )
 
 
@@ -152,6 +161,6 @@ def _marks(notes: RunNotes) -> dict[int, Pair]:
 
 
 def _stop(notes: RunNotes) -> tuple[int, str] | None:
-    """After how many samples the operator's request to stop was seen."""
+    """Number of samples after which the operator's stop took effect, and its reason."""
     stop = next((e for e in notes.events if e["event"] == "stop"), None)
     return None if stop is None else (int(stop["sample"]), str(stop["reason"]))

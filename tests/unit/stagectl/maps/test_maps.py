@@ -22,7 +22,7 @@ from stagectl.maps import (
     map_versions,
     outdated,
     problems,
-    short_of,
+    sites_outside,
     to_json,
 )
 from stagectl.maps.active import REPLAYED
@@ -361,8 +361,8 @@ def test_a_map_is_told_its_age_and_its_end(history):
         assert f"{days} days old" in found.text
     assert "clock" in outdated(built, built.date - 2 * day, 365.0)[0].text
     version = MapVersion(3, BEGIN, "", True, built)
-    assert short_of(version, [*GRID, (0.045, 0.0)]) == short_of(version, []) == []
-    (said,) = short_of(version, [*GRID, (0.06, 0.0), (0.07, 0.0)])
+    assert sites_outside(version, [*GRID, (0.045, 0.0)]) == sites_outside(version, []) == []
+    (said,) = sites_outside(version, [*GRID, (0.06, 0.0), (0.07, 0.0)])
     assert "map 3 ends short of 2 of 27 sites, the first at (60, 0) mm" in said
 
 

@@ -5,7 +5,7 @@ import struct
 import pytest
 
 from stagectl.config.machine_file import load_machine
-from stagectl.run.replay.meaning import meaning
+from stagectl.run.replay import frame_meaning
 
 
 @pytest.mark.parametrize(
@@ -27,7 +27,7 @@ from stagectl.run.replay.meaning import meaning
     ],
 )
 def test_services(can_id, data, words):
-    text = meaning(can_id, bytes.fromhex(data), load_machine())
+    text = frame_meaning(can_id, bytes.fromhex(data), load_machine())
     for word in words:
         assert word in text
 
@@ -35,8 +35,8 @@ def test_services(can_id, data, words):
 def test_process_data_in_si_units():
     machine = load_machine()
     unit = machine.axes["y"].drive.rated_force / 1000
-    sent = meaning(0x202, struct.pack("<Hih", 0x000F, -12_345_678, 25), machine)
+    sent = frame_meaning(0x202, struct.pack("<Hih", 0x000F, -12_345_678, 25), machine)
     assert "RPDO 1 of axis y: enable operation (0x000F), target -0.0123456780 m" in sent
     assert f"force offset {25 * unit:.4g} N" in sent
-    got = meaning(0x181, struct.pack("<Hih", 0x1237, 1, 0), machine)
+    got = frame_meaning(0x181, struct.pack("<Hih", 0x1237, 1, 0), machine)
     assert "TPDO 1 of axis x: OPERATION ENABLED (0x1237), position 0.0000000010 m" in got
