@@ -62,7 +62,7 @@ from stagectl.store import (
     read_log,
     read_notes,
     read_recording,
-    recover,
+    recover_journal,
     recover_log,
     sample_dtype,
     write_recording,
@@ -346,7 +346,7 @@ TARGETS: dict[str, Target] = {
     "recipe": _text_target("recipe", lambda text, name: parse_recipe(text, name, machine())),
     "faults": _text_target("faults", lambda text, name: parse_faults(text, name, machine(), 1)),
     "recording": _recording,
-    "journal": _file_target("journal", "recording.journal", recover),
+    "journal": _file_target("journal", "recording.journal", recover_journal),
     "bus log": _file_target("bus log", "bus.asc", read_log),
     "frames": _file_target("frames", "bus.frames", lambda path: recover_log(path.parent)),
 }

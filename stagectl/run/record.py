@@ -49,7 +49,7 @@ from stagectl.store import (
     Retry,
     RunFacts,
     build_summary,
-    recover,
+    recover_journal,
     write_summary,
 )
 from stagedata import AxisSignals, Move, Recording
@@ -186,7 +186,7 @@ class RunRecord:
         """After an unforeseen error: make a recording of the samples so far."""
         self.journal.finish("fault", "internal error")
         self._history.end("fault", "internal error")
-        recover(self.journal.path, overwrite=True)
+        recover_journal(self.journal.path, overwrite=True)
 
     def note_limitations(self, notices: Sequence[str]) -> None:
         """Note what drives, computer or map lack, for the operator and the recording."""
@@ -212,7 +212,7 @@ class RunRecord:
         unwritten = self._history.unwritten(request.folder)
         if unwritten is not None:
             notices.append(unwritten)
-        content = recover(self.journal.path, overwrite=True).content
+        content = recover_journal(self.journal.path, overwrite=True).content
         recording = None if content is None else content.recording
         period = machine.bus.sync_period
         control_period = next(iter(machine.axes.values())).drive.control_period

@@ -1,4 +1,9 @@
-"""What a run leaves behind: journal, recording, summary, bus log."""
+"""Files of a run: journal, recording, summary, bus log.
+
+`journal` (while the run goes on), `recovery` (from there to the recording), `recording` (HDF5;
+`hdf5`, `ledger`), `bus_log` and `log_reader`, `summary`, `foreign` (other programs' data),
+`atomic`.
+"""
 
 from stagectl.store.atomic import write_atomically
 from stagectl.store.bus_log import LOG_NAME, SPOOL_NAME, BusLog, recover_log
@@ -25,8 +30,8 @@ from stagectl.store.recovery import (
     RECORDING_NAME,
     RECOVERED_NAME,
     read_journal_notes,
-    recover,
     recover_folder,
+    recover_journal,
     recover_left_over,
 )
 from stagectl.store.summary import (
@@ -63,8 +68,8 @@ __all__ = [
     "read_log",
     "read_notes",
     "read_recording",
-    "recover",
     "recover_folder",
+    "recover_journal",
     "recover_left_over",
     "recover_log",
     "sample_codec",

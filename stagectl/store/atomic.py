@@ -1,4 +1,4 @@
-"""A file is there as a whole or not at all, and an earlier one stays until then."""
+"""Writes a file completely or not at all; an earlier one stays until then."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from stagectl.errors import StagectlError
 def write_atomically(
     path: Path, content: str | bytes | memoryview, what: str, *, durable: bool = False
 ) -> None:
-    """Write a file beside `path`, then put it in its place.
+    """Write a file beside `path`, then rename it.
 
     Args:
-        path: of the file; one that exists is replaced. Written to where it is a device or a pipe.
+        path: of the file, replacing an existing one; a device or a pipe is written to directly.
         content: text is written as UTF-8.
-        what: it is, for the error: "report".
-        durable: on the disk, not only with the system, before it takes its place.
+        what: kind of file, for the error: "report".
+        durable: flush to the disk before renaming.
 
     Raises:
-        StagectlError: it cannot be written; names file, what it is and the system's reason.
+        StagectlError: it cannot be written; names the file, its kind and the system's reason.
     """
     part = path.with_name(path.name + ".part")
     if path.exists() and not path.is_file():
-        part = path  # a device or a pipe takes it as it is; nothing may take its place
+        part = path  # a device or a pipe must not be replaced
     try:
         with part.open("wb") as file:
             file.write(content.encode("utf-8") if isinstance(content, str) else content)
@@ -36,6 +36,6 @@ def write_atomically(
             part.replace(path)
     except OSError as error:
         if part != path:
-            with suppress(OSError):  # whatever is in the way of the part file, too
+            with suppress(OSError):  # it may not exist, or not be ours to remove
                 part.unlink()
         raise StagectlError(f"{path}: cannot write the {what}: {error.strerror}") from error

@@ -1,15 +1,14 @@
-"""The bus log of a run: `bus.asc`, Vector's ASC, as python-can, asc2log and SavvyCAN read it.
+"""The bus log of a run: `bus.asc` in Vector's ASC, as read by python-can, asc2log and SavvyCAN.
 
-Every data frame with its time since the first, classic CAN only (no CAN FD, no remote frames).
-Direction is the host's view, told by the CANopen function code (CiA 301, predefined connection
-set). While the run goes on frames are spooled as they are to `bus.frames` beside it, for `tap` is
-called inside the SYNC cycle; the text is made at the end, or by `recover` where a run was killed.
-Its last line, a comment to other tools, is the SHA-256 of the lines between its head and this one:
-the same run has the same, whenever it was. Where the bus failed the host there is an `ErrorFrame`.
+It holds every classic CAN data frame with its time since the first one. Direction is the host's
+view, derived from the CANopen function code (CiA 301, predefined connection set). Where the bus
+refused to send or receive there is an `ErrorFrame`. The last line, a comment to other tools, is the
+SHA-256 of the frames' lines, which is the same for every repetition of a run.
 
-The log is the least of what a run writes, and it sees every frame before the bus does: where it
-cannot be written (disk full) it must not keep a quick stop from being sent, so it ends there, says
-so in `failure`, and leaves the frames it has.
+`tap` is called inside the SYNC cycle, so frames are spooled in binary to `bus.frames`; the text is
+made at the end, or by `stagectl recover` after a kill. A frame reaches the log before the bus: if
+the log cannot be written (disk full), it must not keep a quick stop from being sent, so it ends,
+says so in `failure`, and keeps the frames it has.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from typing import BinaryIO
 
 from drivers.settings import HOST_NODE
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.store.journal import FILE_NAME, claimed
+from stagectl.store.journal import FILE_NAME, locked_journal
 
 LOG_NAME = "bus.asc"
 SPOOL_SUFFIX = ".frames"
@@ -34,39 +33,39 @@ LEFT_OVER_NAME = "bus-recovered.asc"
 DIGEST_LINE = "// SHA-256 of the frames above: "
 HEAD_END = "Start of measurement\n"
 BUS_FAILED = 0x2000_0000
-"""In place of an id: the bus refused to send or receive (SocketCAN's flag of error frames)."""
+"""Id of a bus failure (SocketCAN's flag of error frames)."""
 
-# Function codes (COB-ID & ~0x7F) the host sends: NMT, SYNC (node 0), RPDO 1..4, SDO request.
+# Function codes (COB-ID & ~0x7F) that the host sends: NMT, RPDO 1..4, SDO request.
 _HOST_SENDS = {0x000, 0x200, 0x300, 0x400, 0x500, 0x600}
 _SYNC = 0x080
 _HEARTBEAT = 0x700
 _HEAD = struct.Struct("<8sqB")  # magic, start of the run [us since 1970], host node
 _MAGIC = b"stgspool"
 _FRAME = struct.Struct("<qIB8s")  # time [ns], id, length, data
-_BLOCK = 4096  # frames made into text at once
+_BLOCK = 4096  # frames converted at once
 
 _DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 _MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 
 
 class BusLog:
-    """Takes frames while a run goes on; `tap` is what the drivers call for each.
+    """The bus log being written; the drivers call `tap` for every frame.
 
-    As a context it never raises at its end: whoever runs has a recording to write yet.
+    As a context manager it never raises on exit: the run still has its recording to write.
 
     Attributes:
-        path: of the ASC file, there after `close`.
-        failure: why the log is not whole, or None; the spool stays then, for `recover`.
-        digest: SHA-256 of the ASC file's frames, after `close`; None where there is none.
+        path: of the ASC file, which exists after `close`.
+        failure: why the log is incomplete, or None; the spool then stays, for `recover_log`.
+        digest: SHA-256 of the frames' lines, after `close`; None where there is no ASC file.
     """
 
     def __init__(self, path: Path, started: datetime, host_node: int = HOST_NODE) -> None:
-        """Create the spool file; one that a killed run left becomes `bus-recovered.asc` before.
+        """Create the spool; that of a killed run is converted to `bus-recovered.asc` first.
 
         Args:
-            path: an existing file is replaced at the end.
-            started: when the run began; only the header shows it.
-            host_node: node id of the host, whose heartbeats are sent, not received.
+            path: of the ASC file, replacing an existing one at the end.
+            started: when the run began, for the header.
+            host_node: node id of the host, to tell its heartbeats from received ones.
 
         Raises:
             StagectlError: it cannot be written.
@@ -89,8 +88,8 @@ class BusLog:
         """Log one frame, sent or received.
 
         Args:
-            t_ns: time on any clock that does not run backwards [ns].
-            can_id: arbitration id; above 0x7FF it is logged as extended.
+            t_ns: time on a monotonic clock [ns].
+            can_id: arbitration id; an extended one above 0x7FF.
             data: up to 8 bytes.
         """
         if self.failure is None:
@@ -100,10 +99,10 @@ class BusLog:
                 self.failure = f"{self._spool}: cannot write: {error.strerror}"
 
     def close(self) -> None:
-        """Make the ASC file out of the spool; idempotent.
+        """Convert the spool to the ASC file; idempotent.
 
         Raises:
-            StagectlError: it cannot be written, or frames are missing in it.
+            StagectlError: it cannot be written, or frames are missing.
         """
         if self._file.closed:
             return
@@ -114,7 +113,7 @@ class BusLog:
         if self.failure is not None:
             raise StagectlError(self.failure)
         try:
-            self.digest = convert(self._spool, self.path, self._zone)
+            self.digest = convert_spool(self._spool, self.path, self._zone)
         except StagectlError as error:
             self.failure = str(error)
             raise
@@ -128,12 +127,12 @@ class BusLog:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        with suppress(StagectlError):  # it is in `failure`
+        with suppress(StagectlError):  # `failure` says so
             self.close()
 
 
 def _set_aside(spool: Path, zone: object) -> None:
-    """What a killed run left is made into a log of another name; what is no spool goes."""
+    """Convert the spool of a killed run under another name; replace what is no spool."""
     if not spool.exists():
         return
     path, number = spool.with_name(LEFT_OVER_NAME), 1
@@ -141,22 +140,22 @@ def _set_aside(spool: Path, zone: object) -> None:
         number += 1
         path = spool.with_name(LEFT_OVER_NAME.replace(".", f"-{number}."))
     with suppress(UnusableInput):
-        convert(spool, path, zone)
+        convert_spool(spool, path, zone)
 
 
 def recover_log(folder: Path) -> Path | None:
-    """Make the ASC file out of the spool that a killed run left in a folder.
+    """Convert the spool that a killed run left in a folder.
 
     Returns:
-        The file, or None where there was no spool, or nothing in it yet.
+        Path of the ASC file; None where there was no spool, or nothing in it.
 
     Raises:
-        UnusableInput: the spool is not one.
-        StagectlError: the run still goes on, or the file cannot be written.
+        UnusableInput: the file is not a spool.
+        StagectlError: the run is still in progress, or the ASC file cannot be written.
     """
     journal = folder / FILE_NAME
-    # a run has its journal, and the journal's lock, for as long as it has its spool
-    with claimed(journal) if journal.exists() else nullcontext():
+    # The journal, and its lock, last as long as the spool.
+    with locked_journal(journal) if journal.exists() else nullcontext():
         return _recover_log(folder)
 
 
@@ -166,24 +165,24 @@ def _recover_log(folder: Path) -> Path | None:
     if not spool.exists():
         return None
     zone = datetime.now().astimezone().tzinfo
-    return None if convert(spool, path, zone) is None else path
+    return None if convert_spool(spool, path, zone) is None else path
 
 
-def convert(spool: Path, path: Path, zone: object = None) -> str | None:
-    """Make an ASC file out of a spool, whole or cut anywhere, and remove the spool.
+def convert_spool(spool: Path, path: Path, zone: object = None) -> str | None:
+    """Convert a spool, whole or cut anywhere, to an ASC file and remove it.
 
     Args:
         spool: file of a `BusLog`.
-        path: to write; an existing file is replaced.
+        path: of the ASC file, replacing an existing one.
         zone: tzinfo of the date in its header.
 
     Returns:
-        SHA-256 of the frames' lines, as its last line states it; None where there was nothing in
-        the spool and so there is no file.
+        SHA-256 of the frames' lines, as stated in the last line; None where the spool was empty and
+        there is no file.
 
     Raises:
-        UnusableInput: it is not a spool.
-        StagectlError: the file cannot be written.
+        UnusableInput: the file is not a spool.
+        StagectlError: the ASC file cannot be written.
     """
     part = path.with_name(path.name + ".part")
     try:
@@ -202,49 +201,49 @@ def convert(spool: Path, path: Path, zone: object = None) -> str | None:
             with part.open("wb") as text:
                 seal = hashlib.sha256()
                 text.write(_header(date))
-                for piece in _pieces(frames, host_node):
-                    seal.update(piece)
-                    text.write(piece)
+                for text_block in _body(frames, host_node):
+                    seal.update(text_block)
+                    text.write(text_block)
                 digest = seal.hexdigest()
                 text.write(f"{DIGEST_LINE}{digest}\n".encode("ascii"))
         part.replace(path)
         spool.unlink()
         return digest
     except OSError as error:
-        with suppress(OSError):  # leaves its room to the recording
+        with suppress(OSError):  # leaves the space to the recording
             part.unlink()
         raise StagectlError(f"{path}: cannot write: {error.strerror}") from error
 
 
 def _header(date: str) -> bytes:
-    """The file's head, in which the date stands."""
+    """The head of the file, with the date."""
     return (
         f"date {date}\nbase hex  timestamps absolute\ninternal events logged\n"
         f"Begin Triggerblock {date}\n   0.000000 {HEAD_END}"
     ).encode("ascii")
 
 
-def _pieces(frames: BinaryIO, host_node: int) -> Iterator[bytes]:
-    """The file's text between head and digest."""
+def _body(frames: BinaryIO, host_node: int) -> Iterator[bytes]:
+    """The text between head and digest, block by block."""
     lines = _Lines(host_node)
     while block := frames.read(_FRAME.size * _BLOCK):
-        text = "".join(lines.of(block[: len(block) // _FRAME.size * _FRAME.size]))
+        text = "".join(lines.format(block[: len(block) // _FRAME.size * _FRAME.size]))
         yield text.encode("ascii")
     yield b"End TriggerBlock\n"
 
 
 class _Lines:
-    """Frames as lines of text, their times relative to the first."""
+    """Formats frames as lines, with times relative to the first."""
 
     def __init__(self, host_node: int) -> None:
         self._host_node = host_node
         self._ids: dict[int, str] = {}
         self._first: int | None = None
 
-    def of(self, block: bytes) -> Iterator[str]:
+    def format(self, block: bytes) -> Iterator[str]:
         last, stamp = -1, ""
         for t_ns, can_id, length, data in _FRAME.iter_unpack(block):
-            if t_ns != last:  # all frames of a lock-step cycle have one time
+            if t_ns != last:  # all frames of a lock-step cycle have the same time
                 if self._first is None:
                     self._first = t_ns
                 last = t_ns
@@ -269,7 +268,7 @@ class _Lines:
 
 
 def _date(time: datetime) -> str:
-    """As Vector writes it, whatever the locale: Mon Nov 02 08:00:00.000 2026."""
+    """In Vector's form, whatever the locale: Mon Nov 02 08:00:00.000 2026."""
     return (
         f"{_DAYS[time.weekday()]} {_MONTHS[time.month - 1]} {time.day:02} "
         f"{time:%H:%M:%S}.{time.microsecond // 1000:03} {time.year}"

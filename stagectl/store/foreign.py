@@ -1,7 +1,7 @@
-"""Foreign data as a recording: columns of a .mat or .csv file, by a map.
+"""Imports columns of a .mat or .csv file as a recording, as an import map assigns them.
 
-MATLAB files of version 4 to 7 (scipy reads them) and 7.3 (HDF5); CSV with or without a header.
-Moves are cut from the demand. Nothing is resampled: the samples must be one SYNC period apart.
+MATLAB files of version 4 to 7 (by scipy) and 7.3 (HDF5); CSV with or without a header. Moves are
+found from the demand. Nothing is resampled: the samples must be one SYNC period apart.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ _MOST_DELAY = 1000
 
 
 def import_recording(path: Path, how: ImportMap, machine: Machine) -> Recording:
-    """The recording that a file of foreign data holds.
+    """Import a file of another program.
 
     Args:
         path: of the data, .mat or .csv.
-        how: the map.
-        machine: the machine file it names.
+        how: the import map.
+        machine: that the map names.
 
     Raises:
-        UnusableInput: the file, or a column of it, cannot be used: file, column, row, cause.
+        UnusableInput: the file or a column cannot be used; names file, column, row and cause.
     """
     columns = _columns(path)
     period = machine.bus.sync_period
@@ -73,7 +73,7 @@ def _columns(path: Path) -> dict[str, FloatArray]:
     else:
         raise UnusableInput(f"{path}: {suffix or 'no suffix'}: only .mat and .csv are read")
     if not columns:
-        raise UnusableInput(f"{path}: no column of numbers")
+        raise UnusableInput(f"{path}: no numeric column")
     return columns
 
 
@@ -111,7 +111,7 @@ def _hdf5_columns(path: Path) -> dict[str, FloatArray]:
 
 
 def _csv_columns(path: Path) -> dict[str, FloatArray]:
-    """Columns by header, or by their number from 1 where the first line is numbers."""
+    """Columns by header, or by number from 1 where the first line holds numbers."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeError) as error:
@@ -131,7 +131,7 @@ def _csv_columns(path: Path) -> dict[str, FloatArray]:
             raise UnusableInput(f"{place}: {len(row)} values, the first row has {len(names)}")
         for c, cell in enumerate(row):
             if not _is_number(cell):
-                raise UnusableInput(f"{place}, column {names[c]}: {cell.strip()!r} is no number")
+                raise UnusableInput(f"{place}, column {names[c]}: {cell.strip()!r} is not a number")
             values[r, c] = float(cell)
     return {name: values[:, c] for c, name in enumerate(names)}
 

@@ -1,8 +1,8 @@
-"""HDF5 files that other programs may have made: every value is looked at before it is used.
+"""Reads HDF5 files that other programs may have written: every value is checked before use.
 
-A problem is an `UnusableInput` of one line that begins with the place in the file; `opened` puts
-the file's name before it. Links to other files are not followed, and nothing is read whose stated
-size no recording has.
+A problem raises `UnusableInput` with one line that begins with the place in the file, to which
+`open_hdf5` adds the file's name. Links to other files are not followed, and nothing of implausible
+size is read.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ import numpy.typing as npt
 from stagectl.errors import UnusableInput
 
 MAX_SAMPLES = 50_000_000
-"""14 hours at 1 kHz; a declared size beyond it is a broken file."""
+"""14 hours at 1 kHz; a larger declared size means a damaged file."""
 
 
 @contextmanager
-def opened(path: Path | str) -> Iterator[h5py.File]:
-    """Open for reading; every failure inside becomes one line that starts with the file's name."""
+def open_hdf5(path: Path | str) -> Iterator[h5py.File]:
+    """Open for reading; any failure inside becomes one line that begins with the file's name."""
     if not Path(path).is_file():
         missing = "is not a file" if Path(path).exists() else "no such file"
         inside = Path(path) / "recording.h5"
@@ -36,21 +36,21 @@ def opened(path: Path | str) -> Iterator[h5py.File]:
     except UnusableInput as error:
         raise UnusableInput(f"{path}: {error}") from error
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
-        # h5py answers a damaged file with any of these.
+        # h5py raises any of these for a damaged file.
         raise UnusableInput(
-            f"{path}: not a readable HDF5 file (damaged or truncated): {reason(error)}"
+            f"{path}: not a readable HDF5 file (damaged or truncated): {reason_of(error)}"
         ) from error
 
 
-def reason(error: BaseException) -> str:
-    """What h5py or the system says, in one line."""
+def reason_of(error: BaseException) -> str:
+    """The reason given by h5py or the system, in one line."""
     if isinstance(error, OSError) and error.errno:
         return os.strerror(error.errno)  # h5py's own text runs over several lines
     return str(error).strip("\"'").split("\n")[0]
 
 
-def text_of(file: h5py.File, name: str, default: str | None = None) -> str:
-    """A text attribute of the file; a missing one is `default`, or refused where that is None."""
+def read_text(file: h5py.File, name: str, default: str | None = None) -> str:
+    """A text attribute of the file; a missing one is `default`, or an error where that is None."""
     value = file.attrs.get(name, default)
     if value is None:
         raise UnusableInput(f"attribute {name}: missing")
@@ -76,7 +76,7 @@ def _member(group: h5py.Group, name: str) -> object:
     return member
 
 
-def group_of(parent: h5py.Group, name: str) -> h5py.Group:
+def open_group(parent: h5py.Group, name: str) -> h5py.Group:
     """A group inside another."""
     member = _member(parent, name)
     if not isinstance(member, h5py.Group):
@@ -84,14 +84,14 @@ def group_of(parent: h5py.Group, name: str) -> h5py.Group:
     return member
 
 
-def array(group: h5py.Group, name: str, kinds: str, limit: int) -> npt.NDArray[Any]:
-    """A dataset of one dimension, of these kinds of numpy's, shape (n,), n up to `limit`."""
+def read_array(group: h5py.Group, name: str, kinds: str, limit: int) -> npt.NDArray[Any]:
+    """A one-dimensional dataset of these numpy kinds, shape (n,), n up to `limit`."""
     member = _member(group, name)
     place = f"{group.name.rstrip('/')}/{name}"
     if not isinstance(member, h5py.Dataset):
         raise UnusableInput(f"{place}: must be a dataset")
     if member.external:
-        raise UnusableInput(f"{place}: its data lies in another file")
+        raise UnusableInput(f"{place}: its data is in another file")
     if member.ndim != 1:
         raise UnusableInput(f"{place}: must have one dimension, has shape {member.shape}")
     if member.dtype.kind not in kinds:
@@ -101,7 +101,7 @@ def array(group: h5py.Group, name: str, kinds: str, limit: int) -> npt.NDArray[A
     try:
         values: npt.NDArray[Any] = member[()]
     except OSError as error:
-        raise UnusableInput(f"{place}: damaged: {reason(error)}") from error
+        raise UnusableInput(f"{place}: damaged: {reason_of(error)}") from error
     return values
 
 
@@ -112,11 +112,11 @@ def _length(group: h5py.Group, name: str, values: npt.NDArray[Any], length: int 
         )
 
 
-def floats(
+def read_floats(
     group: h5py.Group, name: str, length: int | None = None, *, finite: bool = True
 ) -> npt.NDArray[np.float64]:
     """Samples of a signal, shape (length,)."""
-    values = array(group, name, "fiu", MAX_SAMPLES).astype(np.float64)
+    values = read_array(group, name, "fiu", MAX_SAMPLES).astype(np.float64)
     _length(group, name, values, length)
     if finite and not np.all(np.isfinite(values)):
         sample = int(np.argmin(np.isfinite(values)))
@@ -127,7 +127,7 @@ def floats(
 
 
 def check_unit(group: h5py.Group, name: str, unit: str) -> None:
-    """Samples that say they are in another unit are not read as if they were SI."""
+    """Refuse samples whose attribute `unit` names another unit."""
     stated = group[name].attrs.get("unit", unit)
     if isinstance(stated, bytes):
         stated = stated.decode("utf-8", "replace")
@@ -137,8 +137,8 @@ def check_unit(group: h5py.Group, name: str, unit: str) -> None:
         )
 
 
-def integers(group: h5py.Group, name: str, length: int | None = None) -> npt.NDArray[Any]:
-    """Samples that are whole numbers, shape (length,)."""
-    values = array(group, name, "iub", MAX_SAMPLES)
+def read_integers(group: h5py.Group, name: str, length: int | None = None) -> npt.NDArray[Any]:
+    """Integer samples, shape (length,)."""
+    values = read_array(group, name, "iub", MAX_SAMPLES)
     _length(group, name, values, length)
     return values

@@ -1,7 +1,7 @@
-"""The journal of a run that goes on: append-only, so that a killed process loses nothing.
+"""The journal of a run in progress: append-only, so that a killed process loses nothing.
 
-One unbuffered `write` per SYNC hands the sample to the kernel; from there it survives the process
-(SIGKILL included), though not a power cut. `stagectl.store.recovery` turns a journal, whole or cut
+One unbuffered `write` per SYNC hands the sample to the kernel, where it survives the end of the
+process (SIGKILL included), though not a power cut. `recovery` turns a journal, whole or cut
 anywhere, into the HDF5 recording.
 
 Layout, little-endian: one line `stagectl-journal 3 {header as JSON}`, then records that start with
@@ -37,7 +37,7 @@ TEXT_HEAD = struct.Struct("<BII")  # tag, length, CRC-32
 
 @dataclass(frozen=True, slots=True)
 class AxisScaling:
-    """What the raw integers of one axis mean.
+    """Scaling of the raw integers of one axis.
 
     Attributes:
         name: of the axis.
@@ -52,10 +52,11 @@ class AxisScaling:
 
 @dataclass(frozen=True, slots=True)
 class JournalHeader:
-    """What the samples of a run were made with.
+    """What is needed to interpret the samples.
 
     Attributes:
-        machine: text of the machine file.  recipe: text of the recipe, or "".
+        machine: text of the machine file.
+        recipe: text of the recipe, or "".
         started: ISO 8601 time with zone.
         axes: scaling of each axis, in the order of the sample tuples.
     """
@@ -67,17 +68,17 @@ class JournalHeader:
 
 
 def sample_codec(axes: int) -> struct.Struct:
-    """Codec of one sample record: tag, then the drivers' sink tuple.
+    """Codec of one sample record: tag, then the tuple that the drivers pass to a sink.
 
     That is (time_ns, late, sync_ns, doubt_ns), then for each axis (target_counts, offset_permille,
     position_counts, force_permille, statusword, valid, arrival_ns, extra); arrival_ns < 0 where the
-    TPDO was missed, doubt_ns < 0 where it is not known.
+    TPDO was missed, doubt_ns < 0 where it is unknown.
     """
     return struct.Struct("<Bq?ii" + "ihihH?iB" * axes)
 
 
 def sample_dtype(axes: int) -> np.dtype[np.void]:
-    """The same record as numpy sees it; fields of axis i end in `_i`."""
+    """The same record as a numpy type; fields of axis i end in `_i`."""
     fields: list[tuple[str, str]] = [("tag", "u1"), ("time", "<i8"), ("late", "u1")]
     fields += [("sync", "<i4"), ("doubt", "<i4")]
     for i in range(axes):
@@ -95,12 +96,12 @@ def sample_dtype(axes: int) -> np.dtype[np.void]:
 
 
 @contextmanager
-def claimed(path: Path) -> Iterator[BinaryIO]:
-    """A journal open for reading and locked: whoever wrote it is gone, and nobody else recovers it.
+def locked_journal(path: Path) -> Iterator[BinaryIO]:
+    """Open a journal for reading and lock it: its writer is gone, and nobody else recovers it.
 
     Raises:
-        UnusableInput: the journal cannot be opened.
-        StagectlError: the run still goes on.
+        UnusableInput: it cannot be opened.
+        StagectlError: the run is still in progress.
     """
     try:
         file = path.open("rb")
@@ -110,23 +111,23 @@ def claimed(path: Path) -> Iterator[BinaryIO]:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise StagectlError(f"{path}: a run that still goes on is writing it") from None
+            raise StagectlError(f"{path}: is being written by a run in progress") from None
         yield file
 
 
 class Journal:
-    """The journal being written; `sink` is what the drivers call once per SYNC.
+    """The journal being written; the drivers call `sink` once per SYNC.
 
     Attributes:
-        path: of the journal file.
-        samples: how many have been written: the index of the next one.
+        path: of the file.
+        samples: number written, which is the index of the next one.
     """
 
     def __init__(self, folder: Path, header: JournalHeader) -> None:
-        """Create `folder/recording.journal` and lock it while this process lives.
+        """Create `folder/recording.journal` and lock it for the life of this process.
 
         Raises:
-            StagectlError: there is a journal already (recover it first), or it cannot be written.
+            StagectlError: there is another journal, to be recovered first; or it cannot be written.
         """
         self.path = folder / FILE_NAME
         self.samples = 0
@@ -139,7 +140,7 @@ class Journal:
             )
         except FileExistsError:
             raise StagectlError(
-                f"{self.path}: the journal of another run; it has to be recovered first"
+                f"{self.path}: the journal of another run; recover it first"
             ) from None
         except OSError as error:
             raise StagectlError(f"{self.path}: cannot create: {error.strerror}") from error
@@ -148,7 +149,7 @@ class Journal:
         os.fsync(self._fd)
 
     def sink(self, sample: Sequence[int]) -> None:
-        """Append one sample: the drivers' flat tuple of raw integers (see `sample_codec`).
+        """Append one sample, a flat tuple of raw integers as in `sample_codec`.
 
         Raises:
             StagectlError: it cannot be written (disk full).
@@ -162,15 +163,15 @@ class Journal:
         raise StagectlError(f"{self.path}: cannot write: the disk is full")
 
     def move(self, move: Move) -> None:
-        """Note a move, best before its samples; a second one with the same start replaces it."""
+        """Note a move, before its samples; another one with the same start replaces it."""
         self._text({"move": asdict(move)})
 
     def event(self, event: str, **data: object) -> None:
-        """Note an event of the run with the number of the next sample.
+        """Note an event with the index of the next sample.
 
         Args:
             event: its name.
-            data: anything JSON can hold, numpy scalars and arrays, dataclasses.
+            data: JSON values, numpy scalars and arrays, dataclasses.
         """
         self._text({"event": {"event": event, "sample": self.samples, **data}})
 
@@ -180,7 +181,7 @@ class Journal:
         self.close()
 
     def close(self) -> None:
-        """Let go of the file; idempotent. Without `finish` the run counts as killed."""
+        """Close the file; idempotent. Without `finish` the run counts as killed."""
         if self._fd >= 0:
             fd, self._fd = self._fd, -1
             os.close(fd)
@@ -210,7 +211,7 @@ class Journal:
 
 
 def _plain(value: object) -> object:
-    """What JSON has no word for; a note must not stop a run."""
+    """Values that JSON lacks, as plain ones; a note must not stop a run."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     if is_dataclass(value) and not isinstance(value, type):

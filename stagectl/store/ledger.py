@@ -1,8 +1,7 @@
-"""The cycle ledger: how punctual every SYNC period of a run was.
+"""The cycle ledger: punctuality of every SYNC period of a run.
 
-Per SYNC it holds when each axis' TPDO came, how many more came before the next SYNC, and whether
-the host itself was late. It says nothing of the samples' values; a missing TPDO is also `valid` = 0
-in the recording.
+Per SYNC it holds when each axis' TPDO arrived, how many more arrived before the next SYNC, and
+whether the host was late. A missed TPDO is also `valid` = 0 in the recording.
 """
 
 from __future__ import annotations
@@ -19,13 +18,13 @@ class CycleLedger:
     """Punctuality of K cycles.
 
     Attributes:
-        arrival: axis -> float64[K], arrival of its TPDO after its SYNC [s], nan where it missed.
-        late: bool[K], SYNC k went out late, or without new setpoints.
-        extra: axis -> uint8[K], TPDOs that came besides before the next SYNC: the first of them is
-            the late one where the sample is missed, any other is a double. Axes without: none.
-        sync: float64[K], when SYNC k left after its place on the grid [s]; None: not told.
-        doubt: float64[K], by how much later than that it may have reached the drives [s], nan where
-            only the arrivals tell; None: not told.
+        arrival: axis -> float64[K], delay of its TPDO after SYNC [s], nan where it was missed.
+        late: bool[K], SYNC k was sent late, or without new setpoints.
+        extra: axis -> uint8[K], additional TPDOs before the next SYNC. Where the sample is missed,
+            the first of them is the tardy one; all others are duplicates. An absent axis has none.
+        sync: float64[K], when SYNC k left after its place on the grid [s]; None: unknown.
+        doubt: float64[K], how much later than that it may have reached the drives [s], nan where
+            only the arrivals bound it; None: unknown.
     """
 
     arrival: Mapping[str, npt.NDArray[np.float64]]
@@ -36,7 +35,7 @@ class CycleLedger:
 
     @property
     def missed_per_cycle(self) -> npt.NDArray[np.uint8]:
-        """uint8[K], how many axes' TPDOs did not come in the window of SYNC k."""
+        """uint8[K], number of axes whose TPDO did not arrive in the window of SYNC k."""
         missed = np.zeros(len(self.late), dtype=np.uint8)
         for arrival in self.arrival.values():
             missed += np.isnan(arrival).astype(np.uint8)
@@ -44,7 +43,7 @@ class CycleLedger:
 
     @property
     def tardy_per_cycle(self) -> npt.NDArray[np.uint8]:
-        """uint8[K], how many of those came after all, before the next SYNC."""
+        """uint8[K], how many of those arrived later, but before the next SYNC."""
         tardy = np.zeros(len(self.late), dtype=np.uint8)
         for axis, extra in self.extra.items():
             tardy += ((extra > 0) & np.isnan(self.arrival[axis])).astype(np.uint8)
@@ -52,7 +51,7 @@ class CycleLedger:
 
     @property
     def doubled_per_cycle(self) -> npt.NDArray[np.uint8]:
-        """uint8[K], how many TPDOs of SYNC k came once more than they should, all axes together."""
+        """uint8[K], number of duplicate TPDOs of SYNC k, all axes together."""
         total = np.zeros(len(self.late), dtype=np.int64)
         for extra in self.extra.values():
             total += extra
@@ -63,22 +62,22 @@ class CycleLedger:
 
     @property
     def missed(self) -> int:
-        """TPDOs that did not come in their window, all axes together."""
+        """Number of TPDOs that did not arrive in their window, all axes together."""
         return int(self.missed_per_cycle.sum())
 
     @property
     def tardy(self) -> int:
-        """TPDOs that came after their window, but before the next SYNC."""
+        """Number of TPDOs that arrived after their window, but before the next SYNC."""
         return int(self.tardy_per_cycle.sum())
 
     @property
     def doubled(self) -> int:
-        """TPDOs that came more than once."""
+        """Number of duplicate TPDOs."""
         return int(self.doubled_per_cycle.sum(dtype=np.int64))
 
     @property
     def late_cycles(self) -> int:
-        """Cycles whose SYNC the host sent late."""
+        """Number of cycles whose SYNC was sent late."""
         return int(np.count_nonzero(self.late))
 
     @property

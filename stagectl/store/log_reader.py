@@ -1,4 +1,4 @@
-"""Reads the bus log of a run (`bus.asc`) back, and checks the digest that it carries."""
+"""Reads the bus log of a run (`bus.asc`) and computes its digest."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class LoggedFrame:
     """One line of the log.
 
     Attributes:
-        time_ns: since the first frame [ns], in whole microseconds; never less than the one before.
+        time_ns: since the first frame [ns], in whole microseconds, never decreasing.
         sent: by the host.
-        can_id: arbitration id; -1 where the bus failed the host.
+        can_id: arbitration id; -1 for a bus failure.
         data: up to 8 bytes.
     """
 
@@ -39,7 +39,7 @@ class LoggedFrame:
 
     @property
     def failed(self) -> bool:
-        """Whether this says that the bus refused to send or receive."""
+        """Whether the bus refused to send or receive."""
         return self.can_id < 0
 
 
@@ -48,9 +48,9 @@ class LoggedBus:
     """A whole log.
 
     Attributes:
-        frames: in their order.
-        digest: SHA-256 of the lines after its head, in hex.
-        stated: the one that the log carries, None where it carries none.
+        frames: in order.
+        digest: SHA-256 of the frames' lines, in hex.
+        stated: digest that the log states, or None.
     """
 
     frames: tuple[LoggedFrame, ...]
@@ -59,15 +59,15 @@ class LoggedBus:
 
 
 def read_log(path: Path) -> LoggedBus:
-    """Read a bus log that `bus_log` wrote.
+    """Read a log written by `bus_log`.
 
     Raises:
-        UnusableInput: there is none, or a line is none of ours; names the line.
+        UnusableInput: there is none, or a line has another form; names the line.
     """
     try:
         text = path.read_text(encoding="ascii")
     except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "is not a text of ours"
+        reason = error.strerror if isinstance(error, OSError) else "not a bus log"
         raise UnusableInput(f"{path}: {reason}") from error
     body, mark, stated = text.partition(DIGEST_LINE)
     return LoggedBus(
@@ -84,16 +84,14 @@ def _frames(text: str, path: Path) -> Iterator[LoggedFrame]:
             continue
         match = _LINE.fullmatch(line)
         if match is None:
-            raise UnusableInput(f"{path}:{number}: no frame of a bus log: {line.strip()[:60]!r}")
+            raise UnusableInput(f"{path}:{number}: not a frame of a bus log: {line.strip()[:60]!r}")
         time_ns = int(match[1]) * 1_000_000_000 + int(match[2]) * 1000
-        # in real time a frame may be noted with the time at which its cycle began
+        # In real time a frame may carry the time at which its cycle began.
         last = time_ns = max(time_ns, last)
         if match["error"]:
             yield LoggedFrame(time_ns, False, -1, b"")
             continue
         data = bytes.fromhex(match["data"])
         if len(data) != int(match["length"]):
-            raise UnusableInput(
-                f"{path}:{number}: says {match['length']} bytes, and has {len(data)}"
-            )
+            raise UnusableInput(f"{path}:{number}: states {match['length']} bytes, has {len(data)}")
         yield LoggedFrame(time_ns, match["way"] == "Tx", int(match["id"], 16), data)

@@ -1,8 +1,8 @@
 """Recordings on disk: HDF5, docs/formats/recording.md version 1.
 
-Reading takes files of other programs too: every value is checked, groups and attributes it does
-not know are ignored, and each failure is one line that names file, dataset and sample. Writing is
-atomic: the file appears under its name complete or not at all.
+Files of other programs can be read as well: every value is checked, unknown groups and attributes
+are ignored, and an error is one line that names file, dataset and sample. Writing is atomic: the
+file appears under its name complete or not at all.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ import numpy.typing as npt
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.store.atomic import write_atomically
 from stagectl.store.hdf5 import (
-    array,
     check_unit,
-    floats,
-    group_of,
-    integers,
-    opened,
-    reason,
-    text_of,
+    open_group,
+    open_hdf5,
+    read_array,
+    read_floats,
+    read_integers,
+    read_text,
+    reason_of,
 )
 from stagectl.store.ledger import CycleLedger
 from stagedata import MOVE_KINDS, AxisSignals, Move, Recording
@@ -60,22 +60,22 @@ def read_recording(path: Path | str) -> Recording:
         UnusableInput: no such file, not HDF5, truncated, another format or a newer version, a
             missing dataset, lengths that differ, a non-finite sample, a move outside the samples.
     """
-    with opened(path) as file:
+    with open_hdf5(path) as file:
         _check_format(file)
-        machine = text_of(file, "machine")
-        time = floats(file, "time")
+        machine = read_text(file, "machine")
+        time = read_floats(file, "time")
         check_unit(file, "time", "s")
         if np.any(np.diff(time) <= 0):
             sample = int(np.argmax(np.diff(time) <= 0)) + 1
             raise UnusableInput(f"/time: sample {sample}: not later than the one before")
-        group = group_of(file, "axes")
+        group = open_group(file, "axes")
         axes = {name: _axis(group, name, len(time)) for name in group}
         if not axes:
             raise UnusableInput("/axes: no axis")
         return Recording(
             machine=machine,
-            recipe=text_of(file, "recipe", default=""),
-            started=text_of(file, "started", default=""),
+            recipe=read_text(file, "recipe", default=""),
+            started=read_text(file, "started", default=""),
             time=time,
             axes=axes,
             moves=_moves(file, tuple(axes), len(time)),
@@ -90,48 +90,48 @@ def read_ledger(path: Path | str) -> CycleLedger | None:
         path: the HDF5 file.
 
     Returns:
-        The ledger, or None where the recording has none of ours.
+        The ledger; None where the recording has none in our format.
 
     Raises:
         UnusableInput: as `read_recording`.
     """
-    with opened(path) as file:
+    with open_hdf5(path) as file:
         _check_format(file)
         if "cycle/late" not in file or "cycle/arrival" not in file:
             return None
-        late = integers(file, "cycle/late")
-        group = group_of(file, "cycle/arrival")
+        late = read_integers(file, "cycle/late")
+        group = open_group(file, "cycle/arrival")
         return CycleLedger(
             arrival={
-                name: floats(group, name, len(late), finite=False)  # nan where it missed
+                name: read_floats(group, name, len(late), finite=False)  # nan where missed
                 for name in group
             },
             late=late.astype(np.bool_),
             sync=_optional(file, "cycle/sync", len(late)),
             doubt=_optional(file, "cycle/doubt", len(late)),
             extra={
-                name: integers(file, f"cycle/extra/{name}", len(late)).astype(np.uint8)
+                name: read_integers(file, f"cycle/extra/{name}", len(late)).astype(np.uint8)
                 for name in (file["cycle/extra"] if "cycle/extra" in file else ())
             },
         )
 
 
 def _optional(file: h5py.File, name: str, count: int) -> npt.NDArray[np.float64] | None:
-    """A dataset of the ledger that may be absent, and nan where nothing is known."""
-    return floats(file, name, count, finite=False) if name in file else None
+    """A dataset of the ledger that may be absent, with nan where unknown."""
+    return read_floats(file, name, count, finite=False) if name in file else None
 
 
 @dataclass(frozen=True, slots=True)
 class RunNotes:
-    """What a run noted beside its samples.
+    """What a run recorded besides its samples.
 
     Attributes:
-        recipe: text of the recipe, "" where there was none.
+        recipe: text of the recipe, or "".
         machine: text of the machine file.
         started: ISO 8601 time with zone.
-        outcome: how it ended, "" where the recording does not tell.
-        events: in their order, each with its name `event` and the `sample` it came before.
-        fault: its text, None where there was none or the recording does not tell.
+        outcome: how it ended, or "" if the recording does not say.
+        events: in order, each with its name `event` and the index `sample` of the next sample.
+        fault: its text, or None.
     """
 
     recipe: str
@@ -143,30 +143,30 @@ class RunNotes:
 
 
 def read_notes(path: Path | str) -> RunNotes:
-    """Read what a run noted; its samples stay unread.
+    """Read the notes of a run without its samples.
 
     Raises:
-        UnusableInput: as `read_recording`, or events that are no JSON objects.
+        UnusableInput: as `read_recording`, or an event is not a JSON object.
     """
-    with opened(path) as file:
+    with open_hdf5(path) as file:
         _check_format(file)
         events = []
         if "events" in file:
-            for number, text in enumerate(array(file, "events", "OS", MAX_MOVES)):
+            for number, text in enumerate(read_array(file, "events", "OS", MAX_MOVES)):
                 try:
                     event = json.loads(text)
                 except (ValueError, TypeError, RecursionError):
                     event = None
                 if not isinstance(event, dict):
-                    raise UnusableInput(f"/events: entry {number}: is no JSON object")
+                    raise UnusableInput(f"/events: entry {number}: not a JSON object")
                 events.append(event)
         return RunNotes(
-            recipe=text_of(file, "recipe", default=""),
-            machine=text_of(file, "machine"),
-            started=text_of(file, "started", default=""),
-            outcome=text_of(file, "outcome", default=""),
+            recipe=read_text(file, "recipe", default=""),
+            machine=read_text(file, "machine"),
+            started=read_text(file, "started", default=""),
+            outcome=read_text(file, "outcome", default=""),
             events=tuple(events),
-            fault=text_of(file, "fault", default="") or None,
+            fault=read_text(file, "fault", default="") or None,
         )
 
 
@@ -179,21 +179,21 @@ def write_recording(
     outcome: str | None = None,
     fault: str | None = None,
 ) -> None:
-    """Write a recording, atomically: to `<path>.part` first, then renamed.
+    """Write a recording atomically.
 
     Args:
-        recording: what to write.
-        path: the HDF5 file; one that exists is replaced.
-        ledger: punctuality of the same K cycles, written to `/cycle`.
-        events: of the run, each JSON-able, written to `/events` as one JSON text each.
-        outcome: how the run ended, written as an attribute.
+        recording: to write.
+        path: of the HDF5 file, replacing an existing one.
+        ledger: of the same K cycles, for `/cycle`.
+        events: of the run, for `/events`, one JSON text each.
+        outcome: how the run ended, for the attribute of that name.
         fault: its text, likewise.
 
     Raises:
         StagectlError: the file cannot be written.
     """
     path = Path(path)
-    # In memory first: where the disk is full, closing an HDF5 file can take the process with it.
+    # In memory first: on a full disk, closing an HDF5 file can crash the process.
     image = io.BytesIO()
     try:
         with h5py.File(image, "w") as file:
@@ -207,7 +207,7 @@ def write_recording(
             if fault is not None:
                 file.attrs["fault"] = fault
     except OSError as error:
-        raise StagectlError(f"{path}: cannot write the recording: {reason(error)}") from error
+        raise StagectlError(f"{path}: cannot write the recording: {reason_of(error)}") from error
     write_atomically(path, image.getbuffer(), "recording", durable=True)
 
 
@@ -272,7 +272,7 @@ def _move_table(recording: Recording) -> npt.NDArray[np.void]:
 
 
 def _check_format(file: h5py.File) -> None:
-    if text_of(file, "format", default="") != FORMAT:
+    if read_text(file, "format", default="") != FORMAT:
         raise UnusableInput(f"attribute format: not {FORMAT!r}, so not a recording of ours")
     version = file.attrs.get("version")
     if not isinstance(version, int | np.integer) or version < 1:
@@ -284,21 +284,21 @@ def _check_format(file: h5py.File) -> None:
 
 
 def _axis(axes: h5py.Group, name: str, length: int) -> AxisSignals:
-    group = group_of(axes, name)
-    demand, offset, actual, force = (floats(group, s, length) for s, _ in _SIGNALS)
+    group = open_group(axes, name)
+    demand, offset, actual, force = (read_floats(group, s, length) for s, _ in _SIGNALS)
     for signal, unit in _SIGNALS:
         check_unit(group, signal, unit)
     statusword = None
     if "statusword" in group:
-        statusword = integers(group, "statusword", length).astype(np.uint16)
+        statusword = read_integers(group, "statusword", length).astype(np.uint16)
     valid = np.ones(length, dtype=np.bool_)
     if "valid" in group:
-        valid = integers(group, "valid", length).astype(np.bool_)
+        valid = read_integers(group, "valid", length).astype(np.bool_)
     return AxisSignals(demand, offset, actual, force, statusword, valid)
 
 
 def _moves(file: h5py.File, axes: tuple[str, ...], length: int) -> tuple[Move, ...]:
-    table = array(file, "moves", "V", MAX_MOVES)
+    table = read_array(file, "moves", "V", MAX_MOVES)
     columns = table.dtype.names or ()
     ends = [f"{side}_{axis}" for side in ("from", "to") for axis in axes]
     for name in ("kind", "start", "end", *ends):

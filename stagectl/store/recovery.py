@@ -1,7 +1,7 @@
-"""From a journal to the HDF5 recording, also when the journal was cut anywhere.
+"""Converts a journal, whole or cut anywhere, to the HDF5 recording.
 
-Everything up to the first record that is not whole is taken; what follows it is dropped, since
-nothing can be after a cut. A run that ends regularly takes the same way. Layout: journal.py.
+Everything up to the first incomplete record is used. A run that ends regularly makes its recording
+in the same way. Layout: `journal`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from stagectl.store.journal import (
     TEXT_TAG,
     AxisScaling,
     JournalHeader,
-    claimed,
+    locked_journal,
     sample_dtype,
 )
 from stagectl.store.ledger import CycleLedger
@@ -35,21 +35,21 @@ from stagedata import AxisSignals, Move, Recording
 
 RECORDING_NAME = "recording.h5"
 RECOVERED_NAME = "recording-recovered.h5"
-"""Of a killed run's recording, where another run is about to write its own."""
-KILLED = "killed"  # the outcome of a run whose journal does not tell
+"""Name for a killed run's recording where another run is about to write its own."""
+KILLED = "killed"  # outcome of a run whose journal states none
 
-_BLOCK = 8192  # records looked at at once while the end of a run of samples is sought
+_BLOCK = 8192  # records examined at once
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JournalContent:
-    """What a journal holds.
+    """Content of a journal.
 
     Attributes:
-        recording: the samples and moves; moves are cut where the samples end.
+        recording: samples and moves; moves end with the samples at the latest.
         ledger: punctuality of the cycles.
-        events: as they were noted, each with its name `event` and the `sample` it came before.
-        outcome: "completed", "aborted", "fault", or "killed" when the journal just ends.
+        events: each with its name `event` and the index `sample` of the next sample.
+        outcome: "completed", "aborted", "fault", or "killed" where the journal states none.
         fault: text of the fault, or None.
     """
 
@@ -62,11 +62,11 @@ class JournalContent:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recovered:
-    """A journal that has become a recording.
+    """A journal converted to a recording.
 
     Attributes:
-        path: of the recording, or None when the journal held no sample.
-        content: what it held, or None when it held no sample.
+        path: of the recording; None where the journal held no sample.
+        content: of the journal; None where it held no sample.
     """
 
     path: Path | None
@@ -75,7 +75,7 @@ class Recovered:
     def describe(self) -> str:
         """One line for the operator."""
         if self.path is None or self.content is None:
-            return "an interrupted run left a journal without samples; removed"
+            return "an interrupted run left a journal without samples; it was removed"
         count = len(self.content.recording)
         return f"an interrupted run left a journal; its {count} samples are now {self.path}"
 
@@ -84,7 +84,7 @@ def read_journal(path: Path) -> JournalContent | None:
     """Read a journal, whole or cut anywhere.
 
     Returns:
-        Its content, or None when it was cut before the first sample.
+        Its content; None where it was cut before the first sample.
 
     Raises:
         UnusableInput: it is not a journal.
@@ -96,27 +96,29 @@ def read_journal(path: Path) -> JournalContent | None:
     return _parse(data, path)
 
 
-def recover(path: Path, *, name: str = RECORDING_NAME, overwrite: bool = False) -> Recovered:
-    """Turn a journal into a recording beside it and remove the journal.
+def recover_journal(
+    path: Path, *, name: str = RECORDING_NAME, overwrite: bool = False
+) -> Recovered:
+    """Convert a journal to a recording beside it and remove the journal.
 
     Args:
         path: of the journal.
         name: of the recording.
-        overwrite: replace whatever has that name. Otherwise the recording of another run is left
-            alone and a number is added to the name.
+        overwrite: replace a file of that name; else the recording of another run is kept, and a
+            number is added to the name.
 
     Raises:
         UnusableInput: it is not a journal.
-        StagectlError: the run still goes on, or the recording cannot be written.
+        StagectlError: the run is still in progress, or the recording cannot be written.
     """
     try:
-        with claimed(path) as file:
+        with locked_journal(path) as file:
             content = _parse(file.read(), path)
             target = None
             if content is not None:
                 target = path.with_name(name)
                 if not overwrite:
-                    target = _free(target, content.recording)
+                    target = _free_name(target, content.recording)
                 content = replace(content, recording=replace(content.recording, source=str(target)))
                 write_recording(
                     content.recording,
@@ -133,33 +135,36 @@ def recover(path: Path, *, name: str = RECORDING_NAME, overwrite: bool = False) 
 
 
 def recover_left_over(folder: Path, *, aside: bool = False) -> Recovered | None:
-    """Recover the journal that an interrupted run left in a folder, if there is one.
+    """Recover the journal that an interrupted run left in a folder.
 
     Args:
-        folder: where a run writes.
-        aside: a new run is about to write `recording.h5` there: use another name.
+        folder: of a run.
+        aside: use another name, for a new run is about to write `recording.h5` there.
+
+    Returns:
+        None where there is no journal.
     """
     path = folder / FILE_NAME
     if not path.exists():
         return None
-    return recover(path, name=RECOVERED_NAME if aside else RECORDING_NAME)
+    return recover_journal(path, name=RECOVERED_NAME if aside else RECORDING_NAME)
 
 
 def recover_folder(folder: Path) -> tuple[Recovered | None, Path | None]:
-    """Recover all that an interrupted run left in a folder: its journal, then its bus log.
+    """Recover journal and bus log that an interrupted run left in a folder.
 
     Returns:
-        What became of the journal, and the path of the bus log; None where there was none.
+        The recovered journal and the path of the bus log; None where there was none.
 
     Raises:
-        UnusableInput: one of them is something else.
-        StagectlError: the run still goes on, and nothing is touched; or a file cannot be written.
+        UnusableInput: a file of that name is something else.
+        StagectlError: the run is still in progress, or a file cannot be written.
     """
     return recover_left_over(folder), recover_log(folder)
 
 
-def _free(target: Path, recording: Recording) -> Path:
-    """`target`, or with a number where that is the recording of another run."""
+def _free_name(target: Path, recording: Recording) -> Path:
+    """`target`, with a number where that is the recording of another run."""
     candidate, number = target, 1
     while candidate.exists() and not _same_run(candidate, recording):
         number += 1
@@ -168,7 +173,7 @@ def _free(target: Path, recording: Recording) -> Path:
 
 
 def _same_run(path: Path, recording: Recording) -> bool:
-    # A kill between the writing of a recording and the removal of its journal leaves both.
+    # A kill between writing a recording and removing its journal leaves both.
     try:
         other = read_recording(path)
     except UnusableInput:
@@ -177,25 +182,25 @@ def _same_run(path: Path, recording: Recording) -> bool:
 
 
 def read_journal_notes(path: Path) -> RunNotes | None:
-    """What a run that was killed noted beside its samples; its journal stays as it is.
+    """Read the notes of a killed run from its journal, which stays as it is.
 
     Returns:
-        Its notes, or None when it was cut before the first of them.
+        Its notes; None where it was cut before the first of them.
 
     Raises:
         UnusableInput: it is not a journal.
-        StagectlError: the run still goes on.
+        StagectlError: the run is still in progress.
     """
-    with claimed(path):  # not while it is read: who recovers it must not find it claimed
+    with locked_journal(path):  # not while reading: a recovery must not find it locked
         pass
     try:
         data = path.read_bytes()
     except OSError as error:
         raise UnusableInput(f"{path}: {error.strerror}") from error
-    begun = _begin(data, path)
-    if begun is None:
+    start = _read_header(data, path)
+    if start is None:
         return None
-    header, at = begun
+    header, at = start
     events: list[Mapping[str, Any]] = []
     outcome, fault = KILLED, None
     for record in _records(data, at, sample_dtype(len(header.axes))):
@@ -208,23 +213,23 @@ def read_journal_notes(path: Path) -> RunNotes | None:
     return RunNotes(header.recipe, header.machine, header.started, outcome, tuple(events), fault)
 
 
-def _begin(data: bytes, path: Path) -> tuple[JournalHeader, int] | None:
-    """The header, and where the records begin; None when it was cut before that."""
+def _read_header(data: bytes, path: Path) -> tuple[JournalHeader, int] | None:
+    """The header and the position of the records; None where the journal was cut before."""
     line_end = data.find(b"\n")
     if not data.startswith(MAGIC[: len(data)]):
         other = data.startswith(MAGIC.split(b" ")[0])
         problem = "a journal of another version: recover it with that" if other else "not a journal"
-        raise UnusableInput(f"{path}: {problem}{'' if other else ' of ours'}")
+        raise UnusableInput(f"{path}: {problem}")
     if line_end < 0:
         return None
     return _header(data[len(MAGIC) : line_end], path), line_end + 1
 
 
 def _parse(data: bytes, path: Path) -> JournalContent | None:
-    begun = _begin(data, path)
-    if begun is None:
+    start = _read_header(data, path)
+    if start is None:
         return None
-    header, at = begun
+    header, at = start
     dtype = sample_dtype(len(header.axes))
     blocks: list[npt.NDArray[np.void]] = []
     moves: dict[int, Move] = {}
@@ -245,7 +250,7 @@ def _parse(data: bytes, path: Path) -> JournalContent | None:
     samples = np.concatenate(blocks)
     try:
         recording = _recording(header, samples, moves, path)
-    except ValueError as error:  # header and moves contradict each other
+    except ValueError as error:  # its header and moves contradict each other
         raise UnusableInput(f"{path}: it is damaged: {error}") from error
     return JournalContent(
         recording=recording,
@@ -268,7 +273,7 @@ def _header(text: bytes, path: Path) -> JournalHeader:
 def _records(
     data: bytes, at: int, dtype: np.dtype[np.void]
 ) -> Iterator[npt.NDArray[np.void] | dict[str, Any]]:
-    """Runs of samples and texts in order, up to the first record that is not whole."""
+    """Blocks of samples, and notes, in order up to the first incomplete record."""
     while at < len(data):
         if data[at] == SAMPLE_TAG:
             count = min((len(data) - at) // dtype.itemsize, _BLOCK)
@@ -284,7 +289,7 @@ def _records(
             _, length, checksum = TEXT_HEAD.unpack_from(data, at)
             at += TEXT_HEAD.size
             body = data[at : at + length]
-            # zeros where a text was have the checksum of no text at all
+            # Zeros in place of a note have the checksum of an empty one.
             if not length or len(body) < length or zlib.crc32(body) != checksum:
                 return
             yield json.loads(body)
@@ -328,7 +333,7 @@ def _ledger(header: JournalHeader, samples: npt.NDArray[np.void]) -> CycleLedger
     for i, axis in enumerate(header.axes):
         values = samples[f"arrival_{i}"] * 1e-9
         arrival[axis.name] = np.where(values < 0, np.nan, values)
-    # a sample tells what came besides for the SYNC before it; nobody looked after the last one
+    # A sample counts the extra TPDOs of the SYNC before it; after the last one none are counted.
     extra = {
         axis.name: np.append(samples[f"extra_{i}"][1:], 0).astype(np.uint8)
         for i, axis in enumerate(header.axes)

@@ -1,9 +1,7 @@
-"""`summary.json` of a run: docs/formats/run.md, version 1, every key.
+"""`summary.json` of a run, version 1 of docs/formats/run.md.
 
-`resumed` and `retries` are there only where a run went on with another, or began a site again.
-
-Built from the recording and what the run alone knows. Numbers it has no value for are null, never
-NaN: JSON has none.
+Built from the recording and the facts of the run. Values that are unknown are null, since JSON has
+no NaN; `resumed`, `retries` and the like are present only where they apply.
 """
 
 from __future__ import annotations
@@ -41,12 +39,14 @@ class FrictionEntry:
     """One friction estimate of one axis at one site.
 
     Attributes:
-        site: from 1, None outside sites.  axis: its name.
-        accepted: whether it was taken over.  reason: why not, or None.
-        compute_time: [s].
+        site: from 1, None outside sites.
+        axis: its name.
+        accepted: whether the model adopted it.
+        reason: why not, or None.
+        compute_time: of the estimator [s].
         parameters: "coulomb", "viscous", "stiffness", ... -> estimate.
-        gain: by how much the move narrowed each: sigma before over sigma after.
-        held: those that stay as they were, because the move says less than was known.
+        gain: parameter -> sigma before the move over sigma after it.
+        held: parameters kept as they were, for the move says less of them than was known.
     """
 
     site: int | None
@@ -61,10 +61,11 @@ class FrictionEntry:
 
 @dataclass(frozen=True, slots=True)
 class Retry:
-    """A stretch of the recipe that was begun again after a fault.
+    """A stretch of the recipe that was repeated after a fault.
 
     Attributes:
-        site: from 1, None in a list of moves.  attempt: from 1.
+        site: from 1, None in a list of moves.
+        attempt: from 1.
         fault: its text.
     """
 
@@ -75,19 +76,24 @@ class Retry:
 
 @dataclass(frozen=True, slots=True)
 class RunFacts:
-    """What the run alone knows.
+    """Facts of a run that its samples do not hold.
 
     Attributes:
         recipe, machine: their names.
         compensation: "none", "model", "estimated" or "oracle".
-        seed: of noise and repeatability.  simulated: on virtual drives.  lot: or None.
-        duration: of the run on the stage's clock [s].  wall_time: of its moves [s].
-        outcome: "completed", "aborted" or "fault".  fault: its text, or None.
-        resumed: what it went on with (run, started, done), None where it began at the start.
-        retries: stretches that were begun again.
-        wafer: or None.  map: number of the friction map that it went by, None for none.
-        steps: of the friction level that it has found, in the order of time.
-        unfiled: estimates in the history and estimates made, where some of the run is not there.
+        seed: of noise and repeatability.
+        simulated: on virtual drives.
+        lot: or None.
+        duration: of the run on the stage's clock [s].
+        wall_time: of its moves [s].
+        outcome: "completed", "aborted" or "fault".
+        fault: its text, or None.
+        resumed: run, start and progress of the run that this one continues, or None.
+        retries: stretches that were repeated.
+        wafer: or None.
+        map: number of the friction map used, or None.
+        steps: of the friction level, in order of time.
+        unfiled: numbers of estimates in the history and made, where the history lacks some.
     """
 
     recipe: str
@@ -118,15 +124,15 @@ def build_summary(
     ledger: CycleLedger | None = None,
     windows: Sequence[float] = WINDOWS,
 ) -> dict[str, Any]:
-    """The summary as JSON-able values.
+    """Build the summary as JSON values.
 
     Args:
         recording: of the run.
-        facts: what the recording does not tell.
-        friction: estimates in the order they were made.
+        facts: of the run.
+        friction: estimates in order of time.
         control_period: Tc [s].
         sync_period: Ts [s].
-        ledger: punctuality; without it missed TPDOs are counted from `valid` and late is 0.
+        ledger: punctuality; without it, missed TPDOs are counted from `valid`, and late is 0.
         windows: settling windows [m].
     """
     results = summarise_moves(recording, control_period, sync_period, windows)
@@ -172,27 +178,27 @@ def build_summary(
 
 
 def _punctuality(ledger: CycleLedger) -> dict[str, Any]:
-    """What the cycle ledger comes to; arrival of the TPDOs after their SYNC [s] per axis."""
+    """Figures of the cycle ledger; arrival of the TPDOs after SYNC [s] per axis."""
     arrival = {}
     for axis, values in ledger.arrival.items():
-        came = values[~np.isnan(values)]
+        arrived = values[~np.isnan(values)]
         arrival[axis] = {
-            name: round(float(np.percentile(came, share)), 9) if len(came) else None
+            name: round(float(np.percentile(arrived, share)), 9) if len(arrived) else None
             for name, share in (("median", 50), ("p99", 99), ("max", 100))
         }
-    told = {
+    figures = {
         "tardy": ledger.tardy,
         "doubled": ledger.doubled,
         "late_in_a_row": ledger.late_in_a_row,
         "arrival": arrival,
     }
     if ledger.sync is not None:
-        told["sync_off"] = _off_grid(ledger.sync[~ledger.late])
-    return told
+        figures["sync_off"] = _off_grid(ledger.sync[~ledger.late])
+    return figures
 
 
 def _off_grid(sync: NDArray[np.float64]) -> dict[str, float | None]:
-    """How far SYNCs that were not late were off the middle of their places on the grid [s]."""
+    """Deviation of SYNCs from their median place on the grid [s]."""
     if not len(sync):
         return {"median": None, "p99": None, "max": None}
     off = np.abs(sync - np.median(sync))
@@ -242,7 +248,7 @@ def _move(result: MoveResult) -> dict[str, Any]:
         "settling": _by_window(result.settling),
         "settled": result.settled,
     }
-    if not result.completed:  # broken off: not in the statistics either
+    if not result.completed:  # interrupted, and not in the statistics
         entry["completed"] = False
     return entry
 

@@ -12,7 +12,14 @@ from stagectl.config.fault_plan import parse_faults
 from stagectl.config.machine_file import parse_machine
 from stagectl.errors import UnusableInput
 from stagectl.recipe import parse_recipe
-from stagectl.store import read_ledger, read_log, read_notes, read_recording, recover, recover_log
+from stagectl.store import (
+    read_ledger,
+    read_log,
+    read_notes,
+    read_recording,
+    recover_journal,
+    recover_log,
+)
 
 
 def _fuzz():
@@ -105,7 +112,7 @@ def test_arbitrary_logs_and_journals(tmp_path, changes):
     for what, name, reader in (
         ("bus log", "bus.asc", read_log),
         ("frames", "bus.frames", lambda path: recover_log(path.parent)),
-        ("journal", "recording.journal", recover),
+        ("journal", "recording.journal", recover_journal),
     ):
         fuzz.read_files(made.edited(fuzz.sound(what), changes), tmp_path, name, reader)
 

@@ -162,7 +162,7 @@ def test_unusable_runs(folder, tmp_path):
     log = folder / "bus.asc"
     text = log.read_text()
     log.write_text(text.replace(" d 8 ", " d 7 ", 1))
-    with pytest.raises(UnusableInput, match=r"bus\.asc:\d+: says 7 bytes, and has 8"):
+    with pytest.raises(UnusableInput, match=r"bus\.asc:\d+: states 7 bytes, has 8"):
         replay(folder)
     log.unlink()
     with pytest.raises(UnusableInput, match=r"bus\.asc: No such file"):

@@ -172,7 +172,7 @@ def test_nothing_is_taken_from_a_run_that_still_goes_on(go, sites, tmp_path):
             lambda: recover_folder(folder),
             lambda: recover_log(folder),
         ):
-            with pytest.raises(StagectlError, match=r"recording\.journal: .* still goes on"):
+            with pytest.raises(StagectlError, match=r"recording\.journal: .* in progress"):
                 take()
         assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
     finally:

@@ -108,7 +108,7 @@ def test_data_that_do_not_fit_are_one_line(example, columns, tmp_path, spoil, wo
         ("a.xyz", b"", "only .mat and .csv"),
         ("a.csv", b"", "empty"),
         ("a.csv", b"t,qg\n1,2\n3\n", "row 3: 1 values"),
-        ("a.csv", b"t,qg\n1,x\n", "column qg: 'x' is no number"),
+        ("a.csv", b"t,qg\n1,x\n", "column qg: 'x' is not a number"),
         ("a.csv", b"\xff\xfe\x00", "not readable text"),
     ],
 )

@@ -20,7 +20,7 @@ from stagectl.store import (
     JournalHeader,
     read_ledger,
     read_recording,
-    recover,
+    recover_journal,
     recover_left_over,
     sample_codec,
     sample_dtype,
@@ -80,7 +80,7 @@ def test_a_run_that_ends_becomes_a_recording(tmp_path: Path):
     assert journal.samples == 30
     journal.move(move("micro", 20, 25))  # broken off: replaces what was announced
     journal.finish("aborted")
-    recovered = recover(journal.path, overwrite=True)
+    recovered = recover_journal(journal.path, overwrite=True)
     assert recovered.path == tmp_path / "recording.h5"
     assert not journal.path.exists()
     recording = read_recording(recovered.path)
@@ -156,7 +156,7 @@ def test_zeros_where_a_text_was_end_the_journal(tmp_path: Path):
     journal.close()
     path = tmp_path / "recording.journal"
     path.write_bytes(path.read_bytes() + bytes((TEXT_TAG,)) + bytes(40))
-    recovered = recover(path)
+    recovered = recover_journal(path)
     assert recovered.content is not None
     assert len(recovered.content.recording) == 20
 
@@ -199,7 +199,7 @@ def test_a_killed_process_loses_nothing_and_the_next_command_finds_it(tmp_path: 
     )
     assert process.stdout is not None
     reported = [int(process.stdout.readline()) for _ in range(3)]
-    with pytest.raises(StagectlError, match="still goes on"):
+    with pytest.raises(StagectlError, match="in progress"):
         recover_left_over(tmp_path)  # never takes the journal of a living run
     os.kill(process.pid, signal.SIGKILL)
     rest, _ = process.communicate()
@@ -215,10 +215,10 @@ def test_a_killed_process_loses_nothing_and_the_next_command_finds_it(tmp_path: 
 def test_the_recording_of_another_run_is_left_alone(tmp_path: Path):
     first = written(tmp_path, 5)
     first.finish("completed")
-    recover(first.path)
+    recover_journal(first.path)
     second = written(tmp_path, 8)
     second.close()
-    recovered = recover(second.path)
+    recovered = recover_journal(second.path)
     assert recovered.path == tmp_path / "recording-2.h5"
     assert len(read_recording(tmp_path / "recording.h5")) == 5
     third = written(tmp_path, 9)
@@ -232,16 +232,16 @@ def test_a_kill_between_recording_and_removal_does_not_double_it(tmp_path: Path)
     journal = written(tmp_path, 5)
     journal.close()
     data = journal.path.read_bytes()
-    recover(journal.path)
+    recover_journal(journal.path)
     journal.path.write_bytes(data)
-    assert recover(journal.path).path == tmp_path / "recording.h5"
+    assert recover_journal(journal.path).path == tmp_path / "recording.h5"
 
 
 def test_a_journal_without_samples_is_removed(tmp_path: Path):
     journal = Journal(tmp_path, HEADER)
     journal.event("boot")
     journal.close()
-    recovered = recover(journal.path)
+    recovered = recover_journal(journal.path)
     assert recovered.path is None
     assert "without samples" in recovered.describe()
     assert list(tmp_path.iterdir()) == []
@@ -258,13 +258,13 @@ def test_what_is_no_journal_is_refused_and_kept(tmp_path: Path):
     path = tmp_path / "recording.journal"
     path.write_bytes(b"\x89HDF something else\n")
     with pytest.raises(UnusableInput, match="not a journal"):
-        recover(path)
+        recover_journal(path)
     assert path.exists()
     path.write_bytes(b"stagectl-journal 3 {}\n")
     with pytest.raises(UnusableInput, match="header is damaged"):
-        recover(path)
+        recover_journal(path)
     with pytest.raises(UnusableInput, match="No such file"):
-        recover(tmp_path / "absent.journal")
+        recover_journal(tmp_path / "absent.journal")
 
 
 def test_a_journal_that_contradicts_itself_is_refused_and_kept(tmp_path: Path):
@@ -273,7 +273,7 @@ def test_a_journal_that_contradicts_itself_is_refused_and_kept(tmp_path: Path):
     data = journal.path.read_bytes()
     journal.path.write_bytes(data.replace(b'"name": "x"', b'"name": "q"', 1))
     with pytest.raises(UnusableInput, match=r"recording.journal: it is damaged: moves\[0\]"):
-        recover(journal.path)
+        recover_journal(journal.path)
     assert journal.path.exists()
 
 

@@ -60,7 +60,7 @@ def test_a_line_that_is_none_of_ours_is_named(tmp_path, line):
     with BusLog(path, STARTED) as log:
         log.tap(0, 0x201, b"\x01")
     path.write_text(path.read_text().replace("End", f"{line}\nEnd"))
-    with pytest.raises(UnusableInput, match=r"bus\.asc:7: no frame of a bus log"):
+    with pytest.raises(UnusableInput, match=r"bus\.asc:7: not a frame of a bus log"):
         read_log(path)
 
 
