@@ -2,8 +2,8 @@
 
     python benchmarks/apparent_mass.py
 
-One noise-free simulated macro-move. Where all elements slip, measured force is fitted by mass times
-acceleration plus viscous friction plus a constant.
+One noise-free simulated macro-move. Where all elements slip, the measured force is fitted by mass
+times acceleration plus viscous friction plus a constant.
 """
 
 from __future__ import annotations

@@ -1,12 +1,13 @@
-"""What a map knows of sites that were never visited, from real calibrations of simulated tables.
+"""Error of a map between the sites, from whole calibrations of simulated tables.
 
-As `friction_map.py`, but nothing is drawn but the tables: each calibration is a run over the CAN
-bus at 25 sites over 100 x 100 mm, of a stage whose Coulomb force differs by +-25 % (40 mm) and
-wanders by 1 %, and what its moves have shown becomes the map.
+Like `friction_map.py`, but only the tables are drawn: each calibration is a run over the CAN bus at
+25 sites over 100 x 100 mm, of a stage whose Coulomb force varies by +-25 % (40 mm) and wanders by
+1 %, and the map is built from the estimates of its moves.
 
-A map's errors are alike over some 40 mm, so one map has little more than a dozen of them: of exact
-posteriors (kernel, length, amplitude and noise known), too, only two of three have 90 to 99 % of
-the truths inside the 95 % band, and one of seven has less (`friction_map.py --observer`).
+A map's errors are correlated over some 40 mm, so one map has little more than a dozen independent
+ones: even of exact posteriors (kernel, length, amplitude and noise known), only two of three have
+90 to 99 % of the truths inside the 95 % band, and one of seven has less (`friction_map.py
+--observer`).
 
     python benchmarks/calibrated_maps.py [--tables 20] [--first 1]
 """

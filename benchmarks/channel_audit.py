@@ -1,10 +1,10 @@
-"""Channels: effects must raise no finding, corruptions must raise the right one.
+"""Channel audit: effects must raise no finding, corrupted channels must raise the right one.
 
     python benchmarks/channel_audit.py [--trials 3] [--seed 1]
 
-Stages with each effect of the library at random places of its range are simulated over the demands
-of a packaged recording; then the same stages with one channel corrupted. Prints false findings,
-missed and wrong ones, and the errors of the figures; exit 1 where there is a wrong one.
+Stages with each effect of the library, at random places of its range, are simulated over the
+demands of a packaged recording; then the same stages with one channel corrupted. Prints false,
+missed and wrong findings and the errors of the figures found; exit code 1 if any finding is wrong.
 """
 
 from __future__ import annotations

@@ -1,14 +1,13 @@
-"""Cycles and SDO reads per second, beside those of python canopen's own objects.
+"""Cycles and SDO reads per second, compared with python canopen's own objects.
 
     python benchmarks/cycle_peers.py [--rounds 7] [--json OUT]
 
 One cycle: two RPDOs and a SYNC out, two TPDOs in and decoded (statusword, position, force of two
-axes). The virtual drives are the same for everybody, and complete but for the mechanics: where a
-plant would be there is a body without mass that is where it is told to be. On `lockstep` host and
-drives are in one thread; on `virtual` the drives are in a thread of their own. Everybody is timed
-in turn in each round; the best round counts, and ratios are those of the best. On a machine that
-others use CPU time is steadier than wall time, so both are told; what has to be reached may be
-reached in either.
+axes). All peers use the same virtual drives, complete except for the mechanics: in place of the
+plant is a massless body that is always at its demand. On `lockstep` host and drives share a thread;
+on `virtual` the drives have a thread of their own. Each round times all peers in turn; the best
+round counts, and ratios are those of the best. On a shared machine CPU time is steadier than wall
+time, so both are printed; a target may be met in either.
 """
 
 from __future__ import annotations
@@ -71,7 +70,7 @@ class Figure:
 
 
 class Weightless:
-    """In place of a plant: each axis is where it is told to be, and no force is needed."""
+    """Replaces the plant: each axis is at its demand, without any force."""
 
     def __init__(self, axes: int) -> None:
         self._position = [0.0] * axes
@@ -305,7 +304,7 @@ def main() -> None:
 
 
 def measure(rounds: int) -> list[Figure]:
-    """All figures, best of so many rounds."""
+    """All figures, best of `rounds` rounds."""
     with ExitStack() as stack:
         subjects: dict[tuple[str, str], Subject] = {}
         for interface, count in (("lockstep", LOCKSTEP_CYCLES), ("virtual", VIRTUAL_CYCLES)):

@@ -1,10 +1,10 @@
-"""Cost of a SYNC cycle on the lock-step bus, against the bare simulation of the same motion.
+"""Cost of a SYNC cycle on the lock-step bus, compared with simulating the same motion.
 
     python benchmarks/cycle_rate.py [--rounds 7]
 
-One cycle: two RPDOs, SYNC, one step of the two-axis plant, two TPDOs, decoded. The yardstick is
-`hil_sim.plant.simulate`, the same plant without CAN, measured in the same rounds: the ratios hold
-on a busy machine, the microseconds don't.
+One cycle: two RPDOs, SYNC, one step of the two-axis plant, two TPDOs, decoded. The reference is
+`hil_sim.plant.simulate`, the same plant without CAN, measured in the same rounds: on a busy machine
+the ratios hold, the microseconds do not.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""A diagnosis against fitting each candidate by itself: time, on one recording in one run.
+"""Duration of a diagnosis, compared with fitting each candidate separately.
 
-The peer is what one would write first: for each effect of the library on each axis,
-`scipy.optimize.least_squares` on the free closed-loop residual of the same simulator, base
-parameters beside the effect's own with the machine file's tolerance as prior. Where an effect has
-places, pitches or frequencies it would need many starts; here it is given one, so its time is a
-lower bound. Only every n-th candidate is run; the sum over all is told from those.
+The peer is the obvious solution: for each effect of the library on each axis,
+`scipy.optimize.least_squares` on the free closed-loop residual of the same simulator, with the
+effect's own parameters and the base parameters, whose prior is the machine file's tolerance.
+Places, pitches or frequencies would need many starts; here each candidate gets one, so its time is
+a lower bound. Only every n-th candidate is run; the sum over all is extrapolated.
 
-Besides, how long a diagnosis takes where nothing explains the gap, and where there is none.
+Also measured: a diagnosis where nothing explains the gap, and one where there is no gap.
 
     python benchmarks/diagnosis.py [REC.h5] [--every 7]
 """

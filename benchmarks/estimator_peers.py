@@ -1,14 +1,14 @@
-"""The estimator against general solvers on the same problem, and against a plain C loop.
+"""The estimator compared with general solvers on the same problem, and with a plain C loop.
 
-One move, 250 samples, four unknowns, two zones (`peers/problem.py`): the time of a complete
-estimate and what it costs elsewhere, all timed in turn in one run, so that load on the machine
-meets all of them. Everyone's answer is put into the same cost function: `excess` is how far above
-the lowest cost found it ends (chi-square), `apart` how far from our answer (largest of the four, in
-our standard deviations; ours also has the force at rest among its unknowns, so it need not be 0).
+One move, 250 samples, four unknowns, two zones (`peers/problem.py`). Complete estimates are timed
+in turn in one run, so that load on the machine affects all of them. All answers are put into the
+same cost function: `excess` is the cost above the lowest found (chi-square), `apart` the distance
+from our answer (largest of the four, in our standard deviations; ours also estimates the force at
+rest, so it need not be 0).
 
     python benchmarks/estimator_peers.py [--rounds 7] [--json OUT]
 
-Needs nothing but what the project needs; peers that are not installed are named
+Needs nothing beyond the project's own dependencies; peers that are not installed are listed
 (`pip install jax casadi do-mpc`), and without gcc the C loop is left out.
 """
 
@@ -49,7 +49,7 @@ MOST_SECONDS, MOST_SECONDS_ALL, MOST_C_RATIO = 60e-6, 1e-3, 2.0
 
 @dataclass
 class Peer:
-    """Someone who solves the problem, and what that took.
+    """A solver of the problem, and the time it took.
 
     Attributes:
         key: family, of `LEAST_RATIO` or another.
@@ -98,7 +98,7 @@ def quiet() -> Iterator[None]:
 def measure(
     problem: Problem, rounds: int
 ) -> tuple[list[Peer], list[str], list[float], tuple[F64, F64]]:
-    """Time everybody in turn: the peers, who is missing, our times, our answer with its sigma."""
+    """Time all in turn: the peers, the missing ones, our times, our answer with its sigma."""
     peers, missing, solvers = [], [], []
     for peer in PEERS:
         if importlib.util.find_spec(peer.needs) is None:

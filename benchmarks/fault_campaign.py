@@ -1,22 +1,21 @@
-"""Seeded runs of a short recipe with faults of bus and drives, each one held to what it must do.
+"""Seeded runs of a short recipe with faults of bus and drives, each checked for a safe outcome.
 
     python benchmarks/fault_campaign.py [--runs 2000] [--first 1] [--friction-scale 1.0]
         [--retries 0]
 
-Every scenario is made from its number alone: one to three faults (hil_sim/bus/faults.py) somewhere
-between power-on and the end of the run. Asked of each one:
+Each scenario depends on its number alone: one to three faults (hil_sim/bus/faults.py) at times
+between power-on and the end of the run. Required of each run:
 
-- it ends, as completed, aborted or fault, within bounds of virtual and of wall time;
+- it ends as completed, aborted or fault, within bounds of virtual and of wall time;
 - a fault is named: axis or bus, and cause;
 - within 50 ms of virtual time after the host begins to stop, no drive that the host can reach is
-  in OPERATION ENABLED; one that it cannot reach leaves it by its own heartbeat consumer. At the
-  end none is;
-- summary and recording are there and can be read, lost samples marked in their places;
-- no friction figures were accepted that are not the truth's: within the tolerance below plus three
-  of the standard deviations that the estimate itself states.
+  in OPERATION ENABLED; a drive out of reach leaves it by its own heartbeat consumer. At the end no
+  drive is enabled;
+- summary and recording exist and can be read, with lost samples marked;
+- no wrong friction figures were accepted: they are within the tolerance below plus three of the
+  standard deviations that the estimate states.
 
-Prints a table of the outcomes and every violation with its scenario. Exit code 1 where there are
-any.
+Prints a table of the outcomes and every violation with its scenario. Exit code 1 if there are any.
 """
 
 from __future__ import annotations
@@ -374,7 +373,7 @@ def _check_stop(scenario: Scenario, watch: Watch, folder: Path, ending: str) -> 
 
 
 def _stop_begun(log: Path) -> tuple[float | None, float]:
-    """When the host last told all drives other things than to stay enabled, and its last frame.
+    """When the host last sent any drive another command than to stay enabled, and its last frame.
 
     The log's times count from the first frame, which the host sends at power-on.
     """

@@ -1,16 +1,16 @@
-"""What a map knows of sites that were never visited: error and honesty, over many random tables.
+"""Error and coverage of a map between the sites, over many random tables.
 
-25 calibrated sites over 100 x 100 mm, Coulomb force within +-25 %, correlation length 40 mm. The
-fields are of six kinds, only the first of which is the kind that the map's own kernels assume:
-Gaussian processes (Gaussian, Matern 5/2), waves with a band of lengths, bumps, a ramp with a ridge,
-and a quadratic with a step that was smoothed. Sites: a grid, a grid with jitter, or anywhere.
-Each site's estimate is off by its own error (`--noise`, known to the map as its sigma).
+25 calibrated sites over 100 x 100 mm, Coulomb force within +-25 %, correlation length 40 mm. There
+are six kinds of fields, only the first of which the map's kernels assume: Gaussian processes
+(Gaussian, Matern 5/2), waves with a band of lengths, bumps, a ramp with a ridge, and a quadratic
+with a smoothed step. Sites: a grid, a grid with jitter, or random. Each site's estimate has an
+error of its own (`--noise`, known to the map as its sigma).
 
     python benchmarks/friction_map.py [--tables 60] [--seed 1] [--noise 0.01]
 
-A map's errors are alike over some 40 mm: how much of the truths is inside its band differs from map
-to map even where nothing is wrong with it. By how much, an observer shows who knows kernel, length,
-amplitude and noise (so that nothing is better), on the same tables:
+A map's errors are correlated over some 40 mm, so its coverage scatters from map to map even if
+nothing is wrong with it. An ideal observer who knows kernel, length, amplitude and noise shows by
+how much, on the same tables:
 
     python benchmarks/friction_map.py --observer [--tables 150]
 """
@@ -152,7 +152,7 @@ def main() -> None:
     parser.add_argument("--tables", type=int, default=60, help="of each kind")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--noise", type=float, default=0.01, help="relative error of an estimate")
-    parser.add_argument("--observer", action="store_true", help="maps beside who knows it all")
+    parser.add_argument("--observer", action="store_true", help="maps beside an ideal observer")
     options = parser.parse_args()
     print(machine_facts())
     if options.observer:

@@ -1,20 +1,21 @@
-"""Arbitrary frames and damaged files: nothing crashes, hangs or moves.
+"""Arbitrary frames and damaged files: nothing may crash, hang or move.
 
     python benchmarks/fuzz.py [--seconds 60] [--target NAME ...] [--first 1] [--keep FOLDER]
 
-Cases are made from their number alone. Files are edited (bytes changed, cut out, doubled, moved,
-lines swapped), frames come from somebody else on the bus. Asked of each case:
+Each case depends on its number alone. Files are edited (bytes changed, cut out, doubled, moved,
+lines swapped); frames come from another sender on the bus. Required of each target:
 
-- `drive`: frames at both virtual drives, mostly to what they listen to, none with the command
-  "enable operation": nothing is raised, and no axis comes under power.
-- `driver`: frames among those of the drives while the host boots, homes and streams: it goes on or
-  ends with an error that names axis or bus; then no drive is enabled.
+- `drive`: frames to both virtual drives, mostly to identifiers they listen to, none with the
+  command "enable operation": nothing is raised, and no axis is powered.
+- `driver`: frames among those of the drives while the host boots, homes and streams: it continues
+  or ends with an error that names axis or bus; then no drive is enabled.
 - `eds`, `machine`, `recipe`, `faults`: read, or refused in lines that name the file.
-- `recording`: damaged HDF5: read, or refused in one line; in a process of its own, for the library
-  below may take it along.
-- `journal`, `bus log`, `frames`: read, recovered as far as they are whole, or refused.
+- `recording`: damaged HDF5: read, or refused in one line; in a process of its own, since the HDF5
+  library may crash.
+- `journal`, `bus log`, `frames`: read, recovered up to the damage, or refused.
 
-What fails is printed with its number, and the input kept in FOLDER. Exit code 1 where anything did.
+Failures are printed with their number, and their input is kept in FOLDER. Exit code 1 if there are
+any.
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ class Hang(Exception):  # noqa: N818
 
 @dataclass(frozen=True)
 class Finding:
-    """A case that does not do what is asked.
+    """A case that violates its requirements.
 
     Attributes:
         target, number: of the case.

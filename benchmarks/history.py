@@ -1,13 +1,13 @@
-"""The friction history at its limits: killed 200 times, and ten years of calibrations in it.
+"""The friction history under stress: killed 200 times, and with ten years of calibrations.
 
 `python benchmarks/history.py [--kills N] [--wafers N] [--url postgresql://...]`
 
-Kills: a process writes pairs of estimates, tells after each commit, and gets SIGKILL at a random
-instant, the making of the file included. Afterwards the file must open and pass SQLite's check,
-with everything that was told, and no half pair.
-Speed: 521 weekly calibrations of 49 sites and 2 axes, 51,058 rows; medians and worst of 50 reads.
-Production: how long a run takes to begin by the map (and to say what is due) behind so many wafers
-of 20 sites, 80 rows each: it should not be longer the more there have been.
+Kills: a process writes pairs of estimates, reports each commit, and gets SIGKILL at a random
+instant, which may be while the file is created. Afterwards the file must open and pass SQLite's
+check, with everything that was reported, and no half pair.
+Speed: 521 weekly calibrations of 49 sites and 2 axes, 51,058 rows; median and worst of 50 reads.
+Production: how long a run takes to start with the map (and to find what is due) after this many
+wafers of 20 sites, 80 rows each. It should not grow with their number.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ while True:
 
 
 def kills(count: int, folder: Path) -> None:
-    """Kill the writer so many times, half of them while the file is new; check after each."""
+    """Kill the writer repeatedly, half of the times while the file is new; check after each."""
     generator = random.Random(1)  # noqa: S311
     path = folder / "kill.db"
     promised: dict[int, int] = {}
@@ -174,7 +174,7 @@ def produce(history: History, first: int, last: int) -> None:
 
 
 def beginnings(history: History, wafers: int) -> None:
-    """How long it takes until a run knows what it goes by, early and late in a stage's life."""
+    """How long a run takes to start with the map, early and late in the life of a stage."""
     machine, limits = load_machine(), DueSection()
     produce(history, 0, 1)
     number = history.save_map(STAGE, 0.0, "", to_json(build_map(history, STAGE)))

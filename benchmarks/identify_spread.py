@@ -1,14 +1,14 @@
-"""How far `stagectl identify` ends from the truth, in its own sigma, and what its ripple terms buy.
+"""Errors of `stagectl identify` in units of its own sigma, and the benefit of its ripple terms.
 
 Simulated stages (hil_sim: wander, encoder noise, force in steps) with the machine file's figures or
 others, 12 macro-moves with two micro-moves each, axis x; per figure: mean and rms of (estimate -
-truth)/sigma over the seeds. Then, without noise, what is left of the sampled force under the true
-model when mass, or the setpoints' second differences, are regressed on.
+truth)/sigma over the seeds. Then, without noise, the residual of the sampled force under the true
+model after regression on the mass, or on the setpoints' second differences.
 
     python benchmarks/identify_spread.py [--seeds 8] [--steps 5]
 
-The force is late in truth, too, see `lateness`; with more plant steps per control tick (`--steps`)
-less so, and the rest must stay.
+The true force has a lag, too (see `lateness`), which shrinks with more plant steps per control tick
+(`--steps`); nothing else may change with them.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""What an update in the middle of a macro-move buys that move's own settling.
+"""Benefit of an update in the middle of a macro-move for the settling of that move.
 
     python benchmarks/in_motion.py [--seeds 12] [--error 0.2]
 
-Runs of the recipe inspection-20 with estimated friction. At the start of every macro-move the host
-is made to believe figures that are wrong by `--error` (Coulomb force, viscous friction and
-stiffness, all too low in one half of the runs, too high in the other), each as uncertain as that;
-once with the update while the move brakes (`AxisCompensation.revise`) and once without it. Counted
-are the axes that moved more than a millimetre, settling to ±200 nm.
+Runs of the recipe inspection-20 with estimated friction. At the start of every macro-move the
+host's figures are set wrong by `--error` (Coulomb force, viscous friction and stiffness, all too
+low in one half of the runs, too high in the other), with a sigma of the same size; once with the
+update while the move brakes (`AxisCompensation.revise`) and once without. Evaluated are axes that
+moved more than a millimetre: settling to ±200 nm.
 """
 
 from __future__ import annotations

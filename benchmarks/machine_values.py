@@ -2,11 +2,10 @@
 
     python benchmarks/machine_values.py [--key PART ...] [--command NAME ...] [--bounds | --effects]
 
-Each number of a machine file, on both axes alike, is made each of `VALUES`; each command then runs
-in a process of its own. Asked of a command: exit code 0, 2 or 3, at most one line a problem on
-standard error, no traceback, none of Python's or numpy's warnings, and, where the file is refused
-(2), its name and the key. What is not so is printed; `--all` prints every case. Exit code 1 where
-anything was found.
+Each number of a machine file is set to each of `VALUES`, on both axes alike; each command then runs
+in a process of its own. Required of a command: exit code 0, 2 or 3, at most one line per problem on
+standard error, no traceback, no warning of Python or numpy, and, if the file is refused (2), its
+name and the key. Violations are printed; `--all` prints every case. Exit code 1 if there are any.
 """
 
 from __future__ import annotations

@@ -1,22 +1,22 @@
-"""How close the estimator's spread comes to the Cramer-Rao bound, and how honest its sigma is.
+"""Spread of the estimates over the Cramer-Rao bound, and coverage of the stated sigma.
 
-The N = 4 model on its own data at 1 kHz, no wander: about 25 mm out of rest and settling, encoder
-noise 1 nm rms, force in steps of 0.04 N, through `SplitHorizonEstimator.update`, started
-at half of all figures. Every run draws the true figures (10 %), the length of the move, its
-direction and where the samples fall anew; errors count in units of that run's bound, so the spread
-over the bound is their rms about their mean.
+The N = 4 model on its own data at 1 kHz, no wander: about 25 mm from rest to settling, encoder
+noise 1 nm rms, force in steps of 0.04 N, through `SplitHorizonEstimator.update`, started at half
+of all figures. Every run draws true figures (10 %), length and direction of the move, and the
+phase of the samples. Errors are in units of that run's bound: the spread over the bound is their
+standard deviation.
 
-The bound is computed here, from finite differences of the model and a dense covariance: what the
-encoder adds through second difference, viscous friction and every element that sticks, first
-position included; rounding as white noise. Unknown besides the four figures: the force at rest
-before the move, measured there once; the force behind the stop (nobody knows from samples how long
-the elements still slip in the last one) and its sample.
+The bound is computed here, from finite differences of the model and a dense covariance: encoder
+noise through the second difference, viscous friction and every sticking element, first position
+included; rounding as white noise. Unknown besides the four figures: the force at rest before the
+move, measured there once; the force after the stop (samples do not show how long the elements still
+slip within the last one) and its sample.
 
-A planned profile is smooth to a fraction of an encoder's increment, no real motion is: --jitter
-adds a motion of so many metres rms at every sample faster than 5 mm/s, which the force follows.
---force-noise adds white noise of so many newtons rms instead of steps. --velocity: s-curves no
-faster than that, at lower acceleration and jerk, so that most of the motion is at one speed.
---elements: another N. --wide: true figures off by -40 to +60 % of what the host halves.
+A planned profile is smooth to a fraction of an encoder increment, a real motion is not: --jitter
+adds a motion of this rms [m] to every sample faster than 5 mm/s, which the force follows.
+--force-noise replaces the steps by white noise of this rms [N]. --velocity: s-curves no faster
+than this, at lower acceleration and jerk, so that most of the motion is at one speed. --elements:
+another N. --wide: true figures off by -40 to +60 % of what the host halves.
 
     python benchmarks/monte_carlo.py [--runs 1000] [--stage reference|paper] [--jobs 1]
                                      [--jitter 1e-9] [--force-noise 6e-4] [--velocity 0.1]

@@ -1,11 +1,11 @@
-"""How punctual a SYNC cycle is in real time, on this machine, beside other load.
+"""Punctuality of the SYNC cycle in real time on this machine, under load.
 
     python benchmarks/real_time.py --bus udp_multicast:239.74.163.9 [--period 0.001] [--load 2]
     tools/with-vcan python benchmarks/real_time.py --period 0.004
 
 The virtual drives run in a process of their own; the host holds the stage and then prints the
-ledger: samples missed and late, and when they came after their SYNC. `--load N` runs N processes
-beside it that do nothing but compute. `--fifo`, `--core` and `--lock` ask for real time.
+ledger: samples missed and late, and their arrival after SYNC. `--load N` runs N further processes
+that only compute. `--fifo`, `--core` and `--lock` request real-time scheduling.
 """
 
 from __future__ import annotations

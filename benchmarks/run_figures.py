@@ -2,10 +2,10 @@
 
     python benchmarks/run_figures.py [--seeds 5]
 
-Every row is a set of whole runs through `stagectl.run.session.execute`: CAN frames, two axes,
-journal, bus log and report included. Peak error and settling are those of `summary.json`
-(docs/formats/run.md), both axes together. Settling, peak error and friction depend on recipe and
-seed alone; the last column depends on the machine.
+Every row is a set of whole runs through `stagectl.run.execute`: CAN frames, two axes, journal, bus
+log and report included. Peak error and settling are those of `summary.json` (docs/formats/run.md),
+both axes together. Settling, peak error and friction depend only on recipe and seed; the last
+column depends on the machine.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""Settling of micro-moves with estimated friction, over that with the true figures.
+"""Settling of micro-moves with estimated friction, compared with the true figures.
 
     python benchmarks/settling.py [--seeds 12] [--truth file|drawn|both]
 
-Whole runs of the recipe inspection-20 on the virtual stage, through `stagectl.run.session.execute`,
-every seed once with estimated friction, started at half of the machine file's figures, and once
-as `oracle`, which knows the true figures (but not the wander of the Coulomb force). From the
-fourth site on, both axes together. The true stage is the machine file's (`file`), or one whose
-Coulomb force, viscous friction, stiffness and attraction are off by -40 to +60 %, another one
-each seed and axis (`drawn`).
+Whole runs of the recipe inspection-20 on the virtual stage, through `stagectl.run.execute`: every
+seed once with estimated friction, started at half of the machine file's figures, and once as
+`oracle`, which knows the true figures (but not the wander of the Coulomb force). From the fourth
+site on, both axes together. The true stage is the machine file's (`file`), or one whose Coulomb
+force, viscous friction, stiffness and attraction deviate by -40 to +60 %, drawn for each seed and
+axis (`drawn`).
 """
 
 from __future__ import annotations

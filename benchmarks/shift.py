@@ -1,18 +1,19 @@
-"""What a friction map and its tracking buy over a shift of production.
+"""Benefit of a friction map and its tracking over a shift of production.
 
 A table whose Coulomb level varies by +-25 % over XY with a correlation length of 40 mm (effect
-`friction_map`, another field for each axis), 30 % more of it when cold, falling with 120 s, and
-half way through a spot of 20 % (`--spot`) at one site (`friction_spot`). 25 sites are calibrated
-warm and mapped; then wafers of 20 sites, whole moves over the lock-step CAN bus. The host is
-started anew twice, and once killed (SIGKILL) in the middle of a wafer; its successor goes on from
-the history. The same wafers, noise included, with one estimate for the whole table, without
-friction compensation, and with an oracle that is told the true level at each site and time.
+`friction_map`, another field for each axis), is 30 % higher when cold, decaying with 120 s, and
+gets a spot of 20 % (`--spot`) at one site half way through (`friction_spot`). 25 sites are
+calibrated warm and mapped; then wafers of 20 sites, whole moves over the lock-step CAN bus. The
+host is restarted twice, and once killed (SIGKILL) in the middle of a wafer; its successor
+continues from the history. The same wafers, noise included, are run with one estimate for the
+whole table, without friction compensation, and with an oracle that knows the true level at each
+site and time.
 
     python benchmarks/shift.py [--wafers 200] [--seed 1] [--modes map,oracle,global,none]
-    python benchmarks/shift.py --folder FOLDER --minutes 30     # and again, until it is through
+    python benchmarks/shift.py --folder FOLDER --minutes 30     # repeat until it is complete
 
-With a folder it goes on where it was, whatever ended it. The figures are of the wafers that all
-modes have behind them.
+With a folder it resumes where it ended, for whatever reason. The figures are of the wafers that all
+modes have completed.
 """
 
 from __future__ import annotations
@@ -136,7 +137,7 @@ def drive(
 
 
 def entry(stage: StageKey, started: float, recipe: Recipe, purpose: Any, wafer: int) -> RunEntry:
-    """A run as the history notes it."""
+    """The entry of a run in the history."""
     return RunEntry(
         stage,
         ("x", "y"),
@@ -200,7 +201,7 @@ def calibrate(database: str, seed: int) -> dict[str, tuple[float, float]]:
 
 
 def end(notes: RunHistory, database: str) -> None:
-    """The next run is to know all of this one."""
+    """Wait until the history has all of this run."""
     notes.end("completed", None)
     lacks = notes.unwritten(Path(database).parent)
     assert lacks is None, lacks
@@ -289,7 +290,7 @@ def produce(
 def shift(
     mode: str, last: int, wafers: int, seed: int, folder: Path, spot: float, until: float
 ) -> None:
-    """A mode's wafers up to `last`; with the map the host is killed once in the last quarter."""
+    """Wafers of a mode up to `last`; with the map the host is killed once in the last quarter."""
 
     def host() -> subprocess.Popen[bytes]:
         return subprocess.Popen(
@@ -312,7 +313,7 @@ def shift(
 
 
 def main() -> None:
-    """Parent: everything. Child: some wafers."""
+    """The parent runs the whole shift, a child some wafers."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--wafers", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)

@@ -1,4 +1,4 @@
-"""What a shift of production came to, out of one line per wafer and mode."""
+"""Results of a shift of production, from one line per wafer and mode."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from shift_table import SPOT
 
 
 def done(folder: Path, mode: str) -> int:
-    """Wafers that a mode has behind it; a line that a kill cut off is taken away."""
+    """Number of wafers that a mode has completed; a line cut off by a kill is removed."""
     path = folder / f"{mode}.jsonl"
     if not path.exists():
         return 0
@@ -26,7 +26,7 @@ def done(folder: Path, mode: str) -> int:
 
 
 def report(modes: Sequence[str], wafers: int, folder: Path, spot: float) -> None:
-    """The table, and what was flagged."""
+    """Print the table and the steps that were flagged."""
     common = min(done(folder, mode) for mode in modes)
     if common == 0:
         print("no wafer is through in all modes")

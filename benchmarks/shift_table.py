@@ -1,4 +1,4 @@
-"""A table whose friction differs from place to place and falls as it warms up; and its oracle."""
+"""A table whose friction varies over XY and falls as it warms up; and its oracle."""
 
 from __future__ import annotations
 

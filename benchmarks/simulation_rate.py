@@ -1,10 +1,10 @@
-"""Cost of simulating a recording's demands in closed loop, and what the coarse step costs in truth.
+"""Cost of simulating a recording's demands in closed loop, and error of the coarse step.
 
     python benchmarks/simulation_rate.py [--rounds 7]
 
 Both axes of a recording in `tests/data`, scaled to 10 s of it; one thread, its processor time (the
-least of some rounds: other loads on the machine count little). "Off the reference" is rms over the
-recording, worst axis; a perfect model is still 0.04 µm and 0.07 N off a real recording.
+least of some rounds, so that other load on the machine counts little). "Off the reference" is rms
+over the recording, worst axis; a perfect model is still 0.04 µm and 0.07 N off a real recording.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ EFFECTS: dict[str, dict[str, float]] = {
 
 
 def stage(elements: int, *effects: AppliedEffect) -> StageSettings:
-    """The packaged machine with so many friction elements and these effects on axis x."""
+    """The packaged machine with `elements` friction elements and these effects on axis x."""
     nominal = stage_settings(load_machine(None))
     axes = [
         replace(axis, friction=replace(axis.friction, elements=elements)) for axis in nominal.axes

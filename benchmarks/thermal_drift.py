@@ -1,13 +1,13 @@
-"""The estimated Coulomb level of a stage that warms up, against the one in force.
+"""Error of the estimated Coulomb level of a stage that warms up.
 
     python benchmarks/thermal_drift.py [--seeds 3] [--amplitude 0.3] [--time 5] [--sites rows]
 
-Whole runs with 40 sites on the virtual stage, row by row, column by column or anywhere. Its Coulomb
-force begins 30 % too high and falls with a time constant of 5 s, and it wanders by 1 % rms besides;
-the host knows of neither, and starts at half of all friction figures. After every move from the
-fifth site on, Fc (1 + w) as estimated over that of the simulated stage at that instant, wander
-included; both axes. An axis that does not slide in a move cannot see its level, only guess it:
-moves of less than two breakaway travels are told apart.
+Whole runs with 40 sites on the virtual stage, row by row, column by column or in random order. Its
+Coulomb force starts 30 % too high and falls with a time constant of 5 s, and it also wanders by 1 %
+rms; the host knows neither, and starts at half of all friction figures. After every move from the
+fifth site on: estimated Fc (1 + w) over that of the simulated stage at that instant, wander
+included; both axes. An axis that does not slide in a move can only extrapolate its level: moves of
+less than two breakaway travels are listed separately.
 """
 
 from __future__ import annotations

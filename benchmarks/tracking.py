@@ -1,8 +1,8 @@
-"""How soon a step is flagged, and how often none is: the tracking of sites, move by move.
+"""Tracking of sites from move to move: how soon a step is flagged, and how many false alarms.
 
-20 sites in turn, 0.35 s apart; the Coulomb level wanders by 1 % rms with 0.5 s correlation, a
-move shows it to 0.4 %, the map is off by 1 %, and after each hour's pause the stage warms up by
-30 % with 120 s.
+20 sites in turn, 0.35 s apart; the Coulomb level wanders by 1 % rms with 0.5 s correlation time, a
+move shows it to 0.4 %, the map is off by 1 %, and after each hour's pause the stage warms up by 30
+% with 120 s.
 
     python benchmarks/tracking.py [--moves 30000] [--steps 100] [--wander 0.01]
 """
@@ -56,7 +56,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--moves", type=int, default=30_000)
     parser.add_argument("--steps", type=int, default=100, help="of each size")
-    parser.add_argument("--wander", type=float, default=0.01, help="the stage's; told: 0.01")
+    parser.add_argument("--wander", type=float, default=0.01, help="the tracker assumes 0.01")
     options = parser.parse_args()
     print(machine_facts())
     wafers = 100

@@ -16,7 +16,7 @@ from peers.problem import F64, START, ZONE_AB, Problem
 
 
 def make(problem: Problem, p: F64) -> Callable[[int], float]:
-    """A call of so many evaluations at relative figures p; returns chi-square."""
+    """Evaluate repeatedly at relative figures p; returns chi-square."""
     axis, law = problem.settings.axis(START), START.constants
     mean = Belief.at_start(problem.settings.belief, START).mean
     valid, none = np.ones(len(problem.position), dtype=np.bool_), np.zeros(0, dtype=np.bool_)

@@ -47,7 +47,7 @@ START = TRUE.scaled(0.5)
 ZONE_A = (0, 1, 3)
 ZONE_AB = (0, 1, 2, 3)
 NO_SUBSTEPS = 4.0
-"""Above so many Stribeck velocities a sample is one step, as the estimator has it."""
+"""Above this many Stribeck velocities a sample is one step, as in the estimator."""
 
 
 @dataclass(frozen=True)
