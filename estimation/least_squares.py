@@ -18,7 +18,17 @@ from estimation.compiled import kernel
 def gauss_newton_step(  # type: ignore[no-untyped-def]
     curvature, slope, information, prior, value, lower, upper
 ):
-    """Minimiser of the quadratic model inside the box, and its length in standard deviations.
+    """`gauss_newton_into` a step of its own: that, shape (n,), and its length."""
+    step = np.empty(value.shape[0])
+    length = gauss_newton_into(curvature, slope, information, prior, value, lower, upper, step)
+    return step, length
+
+
+@kernel()
+def gauss_newton_into(  # type: ignore[no-untyped-def]
+    curvature, slope, information, prior, value, lower, upper, step
+):
+    """Minimiser of the quadratic model inside the box; its length in standard deviations.
 
     What leaves the box is fixed on its bound, and the rest solved again.
 
@@ -30,13 +40,13 @@ def gauss_newton_step(  # type: ignore[no-untyped-def]
         value: unknowns, shape (n,).
         lower: bounds of them, shape (n,).
         upper: the same.
+        step: written, shape (n,).
 
     Returns:
-        Step, shape (n,), and its length; nan, with no step, where the model has no minimum.
+        The length; nan, and no step, where the model has no minimum.
     """
     n = value.shape[0]
-    gradient, step = np.empty(n), np.empty(n)
-    normal, factor = np.empty((n, n)), np.empty((n, n))
+    gradient, normal, factor = np.empty(n), np.empty((n, n)), np.empty((n, n))
     for i in range(n):
         rise = slope[i]
         for j in range(n):
@@ -53,8 +63,8 @@ def gauss_newton_step(  # type: ignore[no-untyped-def]
     if not sound:
         for i in range(n):
             step[i] = 0.0
-        return step, math.nan
-    return step, math.sqrt(max(quadratic_form(normal, step), 0.0))
+        return math.nan
+    return math.sqrt(max(quadratic_form(normal, step), 0.0))
 
 
 @kernel(fastmath={"contract"})

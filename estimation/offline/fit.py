@@ -142,7 +142,7 @@ class Problem:
         counted: Sequence[bool] | None = None,
         both: bool = False,
     ) -> Fit:
-        """A minimum over the free unknowns and all knots, from `q`.
+        """A minimum over the free unknowns and all knots, from `q` (long: one damped Gauss-Newton).
 
         Args:
             q: where to begin, in scales, shape (n,); what is not free stays there.
@@ -242,7 +242,7 @@ class Problem:
         self, q: F64, levels: tuple[F64, ...], index: NDArray[np.int64], counted: list[bool],
         both: bool,
     ) -> _Linear:  # fmt: skip
-        """Normal equations of all blocks at q, knots eliminated."""
+        """Normal equations of all blocks at q, knots eliminated (long: one block after another)."""
         u, noise = self.unknowns, self.noise
         springs, shares = u.shape(q)
         figures = (u.scale * q)[: len(FIGURES)]
@@ -348,7 +348,7 @@ def columns(  # type: ignore[no-untyped-def]
     force, jacobian, velocity, acceleration, regressors, measured, others, ripple, slopes, index,
     knots, elements, period,
 ):  # fmt: skip
-    """Jacobian by the chosen unknowns (in scales) and the knots, residual last: (M, n + K + 1).
+    """Jacobian by unknowns (in scales) and knots, residual last, (M, n + K + 1); 13 arguments.
 
     `others`: viscous coefficient, mass, force offset, lag; `ripple`: its figures, and `regressors`
     what they stand for, shape (M, 3). The force is measured `lag` late: force

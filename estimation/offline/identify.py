@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -137,12 +137,13 @@ class Identification:
 def identify(
     moves: Sequence[Samples], friction: Friction, settings: OfflineSettings
 ) -> Identification:
-    """Estimate all friction figures of one axis from its moves.
+    """Estimate all friction figures of one axis from its moves (long: three fits in a row).
 
     Args:
         moves: in order of time; moves that follow one another without a gap (or overlap) are
             taken as one record, so that the friction state is carried along.
-        friction: what is believed before; its `elements` are those of the answer.
+        friction: what is believed before; its `elements` are those of the answer, whose law is
+            always generalized Maxwell slip.
         settings: of the identification.
 
     Raises:
@@ -150,6 +151,7 @@ def identify(
     """
     if not moves:
         raise ValueError("no moves")
+    friction = replace(friction, law="gms")
     u = unknowns(friction, settings.mass, settings.period, settings.prior)
     travel = KNOWN_AFTER * friction.breakaway_travel
     records = [

@@ -30,7 +30,7 @@ def lead(  # type: ignore[no-untyped-def]
     theta, springs, shares, forces, slipping, derivative, memory, level, knot_spacing,
     position, velocity, period, band, force, jacobian,
 ):  # fmt: skip
-    """Lead the elements through sampled positions; fill their summed force and its derivatives.
+    """Lead the elements through sampled positions, with derivatives by all (15 arguments).
 
     `theta`: figures, shape (7,); `springs`, `shares`: k_i and nu_i, shape (N,); `forces`,
     `slipping`, `memory` ([direction, reference position]): state, changed in place; `derivative`:

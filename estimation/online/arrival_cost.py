@@ -12,7 +12,7 @@ import numpy as np
 
 from estimation.compiled import kernel
 from estimation.least_squares import cholesky_inverse
-from estimation.online.belief import COULOMB, KNOTS, LEVEL
+from estimation.online.belief import COULOMB, KNOTS, LEVEL, Belief
 
 MOST_KNOTS = 8
 KNOT_SPACING = 0.1
@@ -20,31 +20,33 @@ KNOT_SPACING = 0.1
 
 
 @kernel()
-def age(mean, covariance, elapsed, restless, axis, after, spread):  # type: ignore[no-untyped-def]
+def age(belief, elapsed, restless, axis):  # type: ignore[no-untyped-def]
     """The belief one move later: the figures have drifted, the level is partly forgotten.
 
     Args:
-        mean: after the last move, shape (LEVEL + 1,).
-        covariance: of it, shape (LEVEL + 1, LEVEL + 1).
+        belief: after the last move; not changed.
         elapsed: since then [s].
         restless: variance by which Coulomb force ages beside its drift, relative.
         axis: its settings.
-        after: written: mean, shape (LEVEL + 1,).
-        spread: written: its covariance.
     """
-    for i in range(LEVEL + 1):
-        after[i] = mean[i]
-        for j in range(LEVEL + 1):
-            spread[i, j] = covariance[i, j]
+    aged = copy(belief)
     for i in range(LEVEL):
-        spread[i, i] += axis.drift[i] ** 2
-    spread[COULOMB, COULOMB] += restless * mean[COULOMB] ** 2
-    wander_on(after, spread, elapsed, axis)
+        aged.covariance[i, i] += axis.drift[i] ** 2
+    aged.covariance[COULOMB, COULOMB] += restless * belief.mean[COULOMB] ** 2
+    wander_on(aged, elapsed, axis)
+    return aged
 
 
 @kernel()
-def wander_on(mean, covariance, elapsed, axis):  # type: ignore[no-untyped-def]
-    """Let the level decay over `elapsed` seconds, in mean, shape (LEVEL + 1,), and covariance."""
+def copy(belief):  # type: ignore[no-untyped-def]
+    """An independent copy."""
+    return Belief(belief.mean.copy(), belief.covariance.copy())
+
+
+@kernel()
+def wander_on(belief, elapsed, axis):  # type: ignore[no-untyped-def]
+    """Let the level decay over `elapsed` seconds."""
+    mean, covariance = belief.mean, belief.covariance
     keep = math.exp(-max(elapsed, 0.0) / axis.correlation_time)
     mean[LEVEL] *= keep
     for i in range(LEVEL):
@@ -63,18 +65,18 @@ def knots_of(count, period, wander):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def joint_prior(mean, covariance, chosen, figures, knots, count, axis):  # type: ignore[no-untyped-def]
+def joint_prior(belief, chosen, figures, knots, count, axis):  # type: ignore[no-untyped-def]
     """Prior of the chosen unknowns: mean, shape (n,), and inverse covariance, shape (n, n).
 
     Args:
-        mean: belief before the move, shape (LEVEL + 1,).
-        covariance: of it.
+        belief: before the move.
         chosen: the unknowns: first figures, then knots, then what has no prior here, shape (n,).
         figures: how many of them are figures.
         knots: how many are knots of the level, one Gauss-Markov process.
         count: rows of the move.
         axis: its settings.
     """
+    mean, covariance = belief.mean, belief.covariance
     n, base = chosen.shape[0], figures + 1 if knots > 0 else figures
     block = np.empty((base, base))
     for a in range(base):
@@ -105,8 +107,8 @@ def joint_prior(mean, covariance, chosen, figures, knots, count, axis):  # type:
 
 
 @kernel()
-def take_over(p, posterior, chosen, figures, knots, before, spread, found, uncertain):  # type: ignore[no-untyped-def]
-    """Write the belief after a solve: what was not solved for stays (9 arguments: two beliefs).
+def take_over(p, posterior, chosen, figures, knots, before, after):  # type: ignore[no-untyped-def]
+    """Write the belief after a solve: what was not solved for stays.
 
     Args:
         p: solution by unknown.
@@ -114,15 +116,14 @@ def take_over(p, posterior, chosen, figures, knots, before, spread, found, uncer
         chosen: as of `joint_prior`.
         figures: the same.
         knots: the same.
-        before: belief before the move, shape (LEVEL + 1,).
-        spread: covariance of it.
-        found: written: belief after it.
-        uncertain: written: covariance of it.
+        before: belief before the move.
+        after: belief after it, written.
     """
+    found, uncertain = after.mean, after.covariance
     for i in range(LEVEL + 1):
-        found[i] = before[i]
+        found[i] = before.mean[i]
         for j in range(LEVEL + 1):
-            uncertain[i, j] = spread[i, j] if i == j else 0.0
+            uncertain[i, j] = before.covariance[i, j] if i == j else 0.0
     last = figures + knots - 1
     for a in range(figures):
         i = chosen[a]

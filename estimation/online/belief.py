@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -57,8 +58,7 @@ class BeliefSettings:
         return keep, (1.0 - keep**2) * self.wander**2 + 1e-12
 
 
-@dataclass(frozen=True, slots=True)
-class Belief:
+class Belief(NamedTuple):
     """Mean and covariance of the figures and the level; changed in place by an update.
 
     Attributes:

@@ -136,7 +136,7 @@ class SplitHorizonEstimator:
         for i, name in enumerate(FIGURES[:MASS]):
             if name in figures:
                 value, sigma = figures[name]
-                unit = float(self._axis.unit[i])
+                unit = float(self._axis["unit"][i])
                 self._belief.set_apart(i, value / unit, sigma / unit)
 
     def saturates_at(self, force: float) -> None:
@@ -224,7 +224,7 @@ class SplitHorizonEstimator:
             misfits = self._misfits
             misfits.append(outcome.misfit)
             if len(misfits) > _FEW:
-                self._axis = self._axis._replace(usual_misfit=sorted(misfits)[len(misfits) // 2])
+                self._axis["usual_misfit"] = sorted(misfits)[len(misfits) // 2]
             expected, variance = outcome.sliding.item(0), outcome.sliding.item(1)
             unsure = variance / expected**2
             if not (self._frozen or self._tracked_elsewhere) and unsure - self._aged < _LEARNED**2:
@@ -329,9 +329,7 @@ class SplitHorizonEstimator:
         if not len(move.force) == len(move.valid) == size or len(upset) not in (0, size):
             raise ValueError("position, force and valid must have the same length")
         sampled = Sampled(move.position, move.force, move.valid, upset, rest, move.rest_force)
-        between = State(
-            self._belief.mean, self._belief.covariance, state.forces, state.slipping, state.memory
-        )
+        between = State(self._belief, state.forces, state.slipping, state.memory)
         outcome: Outcome = update_move(
             sampled, self._axis, self._law, between, elapsed, restless, known, whole
         )

@@ -37,7 +37,7 @@ class Verdict(NamedTuple):
 
 
 @kernel()
-def judge(prepared, solution, axis, whole, before, spread, found, uncertain):  # type: ignore[no-untyped-def]
+def judge(prepared, solution, axis, whole, before, after):  # type: ignore[no-untyped-def]
     """Whether what was found can be trusted.
 
     Args:
@@ -45,10 +45,8 @@ def judge(prepared, solution, axis, whole, before, spread, found, uncertain):  #
         solution: of the last solve.
         axis: settings.
         whole: False for a look at a move that is not over.
-        before: belief before the move, shape (LEVEL + 1,).
-        spread: covariance of it.
-        found: belief after it.
-        uncertain: covariance of it.
+        before: belief before the move.
+        after: belief after it.
     """
     size, misfit = prepared.samples.position.shape[0], math.sqrt(solution.chi)
     if whole and prepared.counted < axis.complete * size:
@@ -59,30 +57,30 @@ def judge(prepared, solution, axis, whole, before, spread, found, uncertain):  #
         return Verdict(STILL, -1, float(prepared.why))
     sound = solution.status == 0
     for i in range(LEVEL + 1):
-        sound = sound and math.isfinite(found[i]) and uncertain[i, i] > 0.0
+        sound = sound and math.isfinite(after.mean[i]) and after.covariance[i, i] > 0.0
     if not sound:
         return Verdict(UNSOLVED, -1, 0.0)
     if not misfit <= axis.misfit:
         return Verdict(MISFIT, -1, misfit)
     if solution.bound >= 0:
         return Verdict(BOUND, solution.bound, 0.0)
-    figure = find_jump(axis, before, spread, found, uncertain) if whole else -1
+    figure = find_jump(axis, before, after) if whole else -1
     if figure >= 0:
-        return Verdict(JUMP, figure, found[figure] / before[figure] - 1.0)
+        return Verdict(JUMP, figure, after.mean[figure] / before.mean[figure] - 1.0)
     return Verdict(ACCEPTED, -1, 0.0)
 
 
 @kernel()
-def find_jump(axis, before, spread, found, uncertain):  # type: ignore[no-untyped-def]
-    """The first figure that changes by more than drift can explain, or -1; beliefs as of `judge`.
+def find_jump(axis, before, after):  # type: ignore[no-untyped-def]
+    """The first figure that changes by more than drift can explain, or -1.
 
     A move changes a figure by as much as it narrows it (the variance of a Kalman filter's step is
     that before less that after): one that says little may not change much.
     """
     for i in range(MASS):
-        narrowed = max(spread[i, i] - uncertain[i, i], 0.0)
-        allowed = axis.jump * math.sqrt(narrowed) / before[i]
-        if abs(found[i] / before[i] - 1.0) > max(allowed, axis.jump_share):
+        narrowed = max(before.covariance[i, i] - after.covariance[i, i], 0.0)
+        allowed = axis.jump * math.sqrt(narrowed) / before.mean[i]
+        if abs(after.mean[i] / before.mean[i] - 1.0) > max(allowed, axis.jump_share):
             return i
     return -1
 
@@ -99,18 +97,17 @@ def noise_excess(prepared, solution, axis):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def temper(before, spread, found, uncertain, excess):  # type: ignore[no-untyped-def]
+def temper(before, after, excess):  # type: ignore[no-untyped-def]
     """Let a move's information count by 1/excess^2, as if its noise had been that much larger.
 
     A figure that the move does not narrow keeps what was found.
 
     Args:
-        before: belief before the move, shape (n,).
-        spread: covariance of it, shape (n, n).
-        found: belief after it; changed.
-        uncertain: covariance of it; changed.
+        before: belief before the move.
+        after: belief after it; changed.
         excess: factor on the noise; nothing happens where it is 1 or less.
     """
+    spread, found, uncertain = before.covariance, after.mean, after.covariance
     n, m = found.shape[0], 0
     chosen = np.empty(n, dtype=np.int64)
     for i in range(n):
@@ -129,7 +126,7 @@ def temper(before, spread, found, uncertain, excess):  # type: ignore[no-untyped
     share, pull = 1.0 / (excess * excess), np.zeros(m)
     for a in range(m):
         for b in range(m):
-            pull[a] += (1.0 - share) * earlier[a, b] * before[chosen[b]]
+            pull[a] += (1.0 - share) * earlier[a, b] * before.mean[chosen[b]]
             pull[a] += share * later[a, b] * found[chosen[b]]
             later[a, b] = earlier[a, b] + share * (later[a, b] - earlier[a, b])
     if not cholesky_inverse(later):
@@ -143,19 +140,19 @@ def temper(before, spread, found, uncertain, excess):  # type: ignore[no-untyped
 
 
 @kernel()
-def hold_undetermined(axis, mask, before, spread, found, uncertain):  # type: ignore[no-untyped-def]
+def hold_undetermined(axis, mask, before, after):  # type: ignore[no-untyped-def]
     """Leave figures of which the move says next to nothing at their prior; returns which, (LEVEL,).
 
-    `mask`: figures that were solved for, shape (LEVEL,); beliefs as of `judge`, the found one is
+    `mask`: figures that were solved for, shape (LEVEL,); `after` is
     changed. The other figures become what they are if the held ones are there.
     """
     held, gains = np.zeros(LEVEL, np.bool_), np.empty(LEVEL)
     for i in range(LEVEL):
-        gains[i] = spread[i, i] / uncertain[i, i]
+        gains[i] = before.covariance[i, i] / after.covariance[i, i]
     for i in range(LEVEL if axis.least_gain > 0.0 else 0):
         if gains[i] > (1.0 + 1e-9) ** 2:
             if gains[i] < 1.0 + axis.least_gain:
-                _hold(i, held, before, spread, found, uncertain)
+                _hold(i, held, before, after)
                 held[i] = True
         elif mask[i]:
             held[i] = True
@@ -163,10 +160,11 @@ def hold_undetermined(axis, mask, before, spread, found, uncertain):  # type: ig
 
 
 @kernel()
-def _hold(figure, held, before, spread, found, uncertain):  # type: ignore[no-untyped-def]
+def _hold(figure, held, before, after):  # type: ignore[no-untyped-def]
     """Move one figure back to its prior; the covariance takes in what that leaves open."""
-    variance, kept = uncertain[figure, figure], spread[figure, figure]
-    away = before[figure] - found[figure]
+    found, uncertain = after.mean, after.covariance
+    variance, kept = uncertain[figure, figure], before.covariance[figure, figure]
+    away = before.mean[figure] - found[figure]
     slope = np.zeros(LEVEL + 1)
     for i in range(LEVEL + 1):
         if i == LEVEL or not held[i]:
@@ -178,9 +176,10 @@ def _hold(figure, held, before, spread, found, uncertain):  # type: ignore[no-un
 
 
 @kernel()
-def sliding_level(mean, covariance):  # type: ignore[no-untyped-def]
-    """Fc (1 + w), relative, and its variance, of a belief with shape (LEVEL + 1,)."""
-    coulomb, level = mean[COULOMB], 1.0 + mean[LEVEL]
+def sliding_level(belief):  # type: ignore[no-untyped-def]
+    """Fc (1 + w), relative, and its variance."""
+    covariance, level = belief.covariance, 1.0 + belief.mean[LEVEL]
+    coulomb = belief.mean[COULOMB]
     variance = (
         level * level * covariance[COULOMB, COULOMB]
         + 2.0 * level * coulomb * covariance[COULOMB, LEVEL]

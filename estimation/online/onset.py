@@ -9,7 +9,7 @@ from estimation.online.zones import REST, SLIDE
 
 
 @kernel()
-def first_stiffness(p, axis, law, samples, rest, use, mean, covariance):  # type: ignore[no-untyped-def]
+def first_stiffness(p, axis, law, samples, rest, use, belief):  # type: ignore[no-untyped-def]
     """Stiffness, relative, at which to start the solve of all that is usable.
 
     Args:
@@ -19,8 +19,7 @@ def first_stiffness(p, axis, law, samples, rest, use, mean, covariance):  # type
         samples: of the move.
         rest: friction state before it.
         use: rows that count, shape (K,).
-        mean: belief before the move, shape (LEVEL + 1,).
-        covariance: of it.
+        belief: before the move.
     """
     coulomb = axis.unit[COULOMB] * p[COULOMB]
     mass, viscous = axis.unit[MASS] * p[MASS], axis.unit[VISCOUS] * p[VISCOUS]
@@ -43,9 +42,9 @@ def first_stiffness(p, axis, law, samples, rest, use, mean, covariance):  # type
     missed = axis.model_error * coulomb
     variance = axis.force_noise**2 + missed * missed + 6.0 * outer * outer
     unit = axis.unit[STIFFNESS]
-    believed = 1.0 / covariance[STIFFNESS, STIFFNESS]
+    believed = 1.0 / belief.covariance[STIFFNESS, STIFFNESS]
     shown = square * unit**2 / variance
-    found = (believed * mean[STIFFNESS] + shown * product / max(square * unit, 1e-300)) / (
+    found = (believed * belief.mean[STIFFNESS] + shown * product / max(square * unit, 1e-300)) / (
         believed + shown
     )
     return min(max(found, axis.lower[STIFFNESS]), axis.upper[STIFFNESS])

@@ -154,7 +154,7 @@ def clean(position, force, valid, rest, x, f, good):  # type: ignore[no-untyped-
 
 @kernel()
 def prepare(sampled, axis, law, known, mean, state_known, zone_b):  # type: ignore[no-untyped-def]
-    """Kinematics and zones of a move; which samples count, and what can be solved.
+    """Kinematics and zones of a move; what can be solved (long: each step once, in order).
 
     Args:
         sampled: the move.

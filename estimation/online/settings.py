@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction import F64, Friction
+from estimation.friction import Friction
 from estimation.online.belief import (
     COULOMB,
     FIGURES,
@@ -34,39 +33,31 @@ USUAL, SHORT, CALM = range(3)
 nothing of C/Fc; those that settle at once, which say nothing of sigma0."""
 
 
-class Axis(NamedTuple):
-    """Settings of an axis as the kernels take them; the scalars are those of `EstimatorSettings`.
-
-    Attributes:
-        force_step: negative: to be found out.
-        usual_misfit: misfit that the moves of this axis usually have.
-        unit: what the figures are relative to, shape (LEVEL,).
-        lower, upper: bounds of the figures, shape (LEVEL,).
-        drift: standard deviation by which each changes from move to move, shape (LEVEL,).
-        masks: figures to solve for, by kind of move (USUAL, SHORT, CALM) and zones (A, B, both),
-            shape (3, 3, LEVEL).
-    """
-
-    period: float
-    position_noise: float
-    force_noise: float
-    model_error: float
-    wander: float
-    correlation_time: float
-    peak_force: float
-    slip_spread: float
-    force_step: float
-    complete: float
-    misfit: float
-    jump: float
-    jump_share: float
-    least_gain: float
-    usual_misfit: float
-    unit: F64
-    lower: F64
-    upper: F64
-    drift: F64
-    masks: NDArray[np.bool_]
+AXIS = np.dtype(
+    [
+        ("period", np.float64),
+        ("position_noise", np.float64),
+        ("force_noise", np.float64),
+        ("model_error", np.float64),
+        ("wander", np.float64),
+        ("correlation_time", np.float64),
+        ("peak_force", np.float64),
+        ("slip_spread", np.float64),
+        ("force_step", np.float64),  # negative: to be found out
+        ("complete", np.float64),
+        ("misfit", np.float64),
+        ("jump", np.float64),
+        ("jump_share", np.float64),
+        ("least_gain", np.float64),
+        ("usual_misfit", np.float64),  # of this axis' moves so far
+        ("unit", np.float64, (LEVEL,)),  # what the figures are relative to
+        ("lower", np.float64, (LEVEL,)),  # bounds of the figures
+        ("upper", np.float64, (LEVEL,)),
+        ("drift", np.float64, (LEVEL,)),  # sigma by which each changes from move to move
+        ("masks", np.int8, (3, 3, LEVEL)),  # figures to solve for: kind of move, zones A, B, both
+    ]
+)
+"""Settings of an axis as the kernels take them: a record, with the names of `EstimatorSettings`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,8 +108,8 @@ class EstimatorSettings:
     slip_spread: float = 0.0
     force_step: float | None = None
 
-    def axis(self, friction: Friction, frozen: bool = False) -> Axis:
-        """What the kernels take of these settings.
+    def axis(self, friction: Friction, frozen: bool = False) -> np.void:
+        """What the kernels take of these settings, a record of `AXIS`.
 
         Args:
             friction: model that the relative figures are relative to.
@@ -136,28 +127,30 @@ class EstimatorSettings:
         masks = np.stack([usual, usual, usual])
         masks[SHORT, :, RATE] = False
         masks[CALM, :, STIFFNESS] = False
-        return Axis(
-            period=self.period,
-            position_noise=self.position_noise,
-            force_noise=self.force_noise,
-            model_error=self.model_error,
-            wander=self.belief.wander,
-            correlation_time=self.belief.correlation_time,
-            peak_force=self.peak_force,
-            slip_spread=self.slip_spread,
-            force_step=-1.0 if self.force_step is None else self.force_step,
-            complete=self.complete,
-            misfit=self.misfit,
-            jump=self.jump,
-            jump_share=self.jump_share,
-            least_gain=self.least_gain,
-            usual_misfit=math.inf,
-            unit=np.array(unit),
-            lower=np.array([low] * 5 + [-0.9, -1.5]),
-            upper=np.array([high] * 5 + [5.0, 1.5]),
-            drift=np.array(self.belief.drift),
-            masks=masks,
+        values = (
+            self.period,
+            self.position_noise,
+            self.force_noise,
+            self.model_error,
+            self.belief.wander,
+            self.belief.correlation_time,
+            self.peak_force,
+            self.slip_spread,
+            -1.0 if self.force_step is None else self.force_step,
+            self.complete,
+            self.misfit,
+            self.jump,
+            self.jump_share,
+            self.least_gain,
+            math.inf,
+            np.array(unit),
+            np.array([low] * 5 + [-0.9, -1.5]),
+            np.array([high] * 5 + [5.0, 1.5]),
+            np.array(self.belief.drift),
+            masks,
         )
+        made: np.void = np.array([values], AXIS)[0]
+        return made
 
     def _masks(self, friction: Friction, frozen: bool) -> NDArray[np.bool_]:
         """Figures to solve for in zone A, without it, and with both, shape (3, LEVEL)."""

@@ -13,12 +13,12 @@ What can be solved: `prepare`; residual and derivatives: `residual`; weights and
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from estimation.compiled import kernel
-from estimation.least_squares import cholesky_inverse, gauss_newton_step, quadratic_form
+from estimation.least_squares import cholesky_inverse, gauss_newton_into, quadratic_form
 from estimation.online.arrival_cost import joint_prior, take_over
 from estimation.online.belief import (
     ALPHA,
@@ -37,7 +37,8 @@ from estimation.online.belief import (
     VISCOUS,
 )
 from estimation.online.onset import first_stiffness
-from estimation.online.residual import fill_rows, make_rows
+from estimation.online.prepare import Prepared
+from estimation.online.residual import AtRest, fill_rows, make_rows
 from estimation.online.shared_rounding import share_rounding
 from estimation.online.whitening import (
     factor_weights,
@@ -78,56 +79,69 @@ class Solution(NamedTuple):
     evaluations: int
 
 
+class Problem(NamedTuple):
+    """A move to be solved.
+
+    Attributes:
+        axis: settings.
+        law: constants of the friction law.
+        prepared: the move.
+        rest: friction state before it.
+        step: resolution of which stretches of the force share an error [N]; 0: none.
+    """
+
+    axis: Any
+    law: Any
+    prepared: Prepared
+    rest: AtRest
+    step: float
+
+
 @kernel()
-def solve(  # type: ignore[no-untyped-def]
-    whole, linear, mask, prepared, axis, law, rest, step, before, spread, p, found, uncertain
-):
-    """Gauss-Newton over figures, offsets and level (13 arguments: a problem and two beliefs).
+def solve(problem, whole, linear, mask, before, p, after):  # type: ignore[no-untyped-def]
+    """Gauss-Newton over figures, offsets and level (a long loop and what it starts from).
 
     Args:
+        problem: the move.
         whole: all that is usable, else zone A alone.
         linear: one step as if the encoder were exact, for the next solve to begin at; no belief.
         mask: figures to solve for, shape (LEVEL,).
-        prepared: the move.
-        axis: settings.
-        law: constants of the friction law.
-        rest: friction state before the move.
-        step: resolution of which stretches of the force share an error [N]; 0: none.
-        before: belief before the move, shape (LEVEL + 1,).
-        spread: covariance of it.
+        before: belief before the move.
         p: first iterate by unknown, shape (KNOTS + knots,); becomes the solution.
-        found: written: belief after the move, shape (LEVEL + 1,).
-        uncertain: written: covariance of it.
+        after: belief after the move, written.
     """
-    samples, unit = prepared.samples, axis.unit
-    count, knots = samples.velocity.shape[0], p.shape[0] - KNOTS
-    missed = axis.model_error * unit[COULOMB] * before[COULOMB]
+    axis, law = problem.axis, problem.law
+    count, knots = problem.prepared.samples.velocity.shape[0], p.shape[0] - KNOTS
+    missed = axis.model_error * axis.unit[COULOMB] * before.mean[COULOMB]
     white = axis.force_noise**2 + missed * missed
     use, start, end, counted = _choose_rows(
-        whole, _rest_counts(p, axis, white), samples, prepared.end
+        whole, _rest_counts(p, axis, white), problem.prepared.samples, problem.prepared.end
     )
     if whole and mask[STIFFNESS]:
-        p[STIFFNESS] = first_stiffness(p, axis, law, samples, rest, use, before, spread)
+        p[STIFFNESS] = first_stiffness(
+            p, axis, law, problem.prepared.samples, problem.rest, use, before
+        )
     for i in range(LEVEL):
         if not mask[i]:
-            p[i] = before[i]
+            p[i] = before.mean[i]
     chosen, figures = _choose_unknowns(whole, use[0], mask, knots)
     n = chosen.shape[0] - 1
     unknowns = chosen[:n]
-    prior, information = joint_prior(before, spread, unknowns, figures, knots, count, axis)
+    prior, information = joint_prior(before, unknowns, figures, knots, count, axis)
     lower, upper = _bounds(unknowns, axis)
-    value = np.empty(n)
+    value, move, away = np.empty(n), np.zeros(n), np.empty(n)
     for a in range(n):
         p[unknowns[a]] = value[a] = min(max(p[unknowns[a]], lower[a]), upper[a])
     wide = mask[RATE] or mask[ALPHA] or mask[LAG]
     rows, weights = make_rows(knots, end), make_weights(end)
     normal, trial = np.empty((n + 1, n + 1)), np.empty((n + 1, n + 1))
-    move, away = np.zeros(n), np.empty(n)
-    cost, evaluations, halvings, done = math.inf, 0, 0, False
+    cost, evaluations, halvings, done, status = math.inf, 0, 0, False, SOLVED
     while not done:
-        doubts = fill_rows(p, axis, law, samples, rest, 0 if whole else start, wide, rows)
+        doubts = fill_rows(
+            p, axis, law, problem.prepared.samples, problem.rest, 0 if whole else start, wide, rows
+        )
         if evaluations == 0:  # the weights stay what they are at the first iterate
-            _weigh(p, linear, axis, samples, rows, white, step, use[:end], weights)
+            _weigh(p, problem, linear, rows, white, use[:end], weights)
             _open_offsets(whole, use[0], p, axis, white, doubts, unknowns, information)
         if not linear:
             whiten(rows.columns, chosen, weights)
@@ -138,24 +152,26 @@ def solve(  # type: ignore[no-untyped-def]
         trial_cost = trial[n, n] + quadratic_form(information, away)
         if trial_cost <= cost * (1.0 + 1e-12):
             cost, halvings = trial_cost, 0
-            normal, trial = trial, normal
+            for a in range(n + 1):
+                for b in range(n + 1):
+                    normal[a, b] = trial[a, b]
             for a in range(n):
                 value[a] = p[unknowns[a]]
-            move, length = gauss_newton_step(
-                normal, normal[n, :n], information, prior, value, lower, upper
+            length = gauss_newton_into(
+                normal, normal[n, :n], information, prior, value, lower, upper, move
             )
-            if not math.isfinite(length):
-                return Solution(FAILED, -1, 0.0, evaluations)
             left = _left_behind(move, value, figures, knots, normal, information)
+            if not math.isfinite(length):
+                status, done = FAILED, True
             # The last step is taken, but not evaluated once more.
-            if length < TOLERANCE or left < REMAINS**2 or linear or evaluations > MAX_ITERATIONS:
+            elif length < TOLERANCE or left < REMAINS**2 or linear or evaluations > MAX_ITERATIONS:
                 done = True
                 normal[n, n] += quadratic_form(normal, move)
                 for a in range(n):
                     normal[n, n] += 2.0 * move[a] * normal[a, n]
                     value[a] = min(max(value[a] + move[a], lower[a]), upper[a])
         elif evaluations == 1:  # not finite
-            return Solution(FAILED, -1, 0.0, evaluations)
+            status, done = FAILED, True
         else:
             halvings += 1
             done = halvings == HALVINGS
@@ -166,18 +182,18 @@ def solve(  # type: ignore[no-untyped-def]
             p[unknowns[a]] = min(max(value[a] + beyond, lower[a]), upper[a])
     bound = -1
     for a in range(figures):
-        if value[a] <= lower[a] or value[a] >= upper[a]:
+        if status == SOLVED and (value[a] <= lower[a] or value[a] >= upper[a]):
             bound = unknowns[a]
-    status = SOLVED
-    if not linear or bound >= 0:
+    chi = normal[n, n] / max(counted, 1) if status == SOLVED else 0.0
+    if status == SOLVED and (not linear or bound >= 0):
         for a in range(n):
             for b in range(n):
                 information[a, b] += normal[a, b]
         if cholesky_inverse(information):
-            take_over(p, information, unknowns, figures, knots, before, spread, found, uncertain)
+            take_over(p, information, unknowns, figures, knots, before, after)
         else:
             status = FAILED
-    return Solution(status, bound, normal[n, n] / max(counted, 1), evaluations)
+    return Solution(status, bound, chi, evaluations)
 
 
 @kernel()
@@ -251,8 +267,9 @@ def _bounds(unknowns, axis):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def _weigh(p, linear, axis, samples, rows, white, step, use, weights):  # type: ignore[no-untyped-def]
-    """Weights of the rows at these unknowns (9 arguments: `solve`'s)."""
+def _weigh(p, problem, linear, rows, white, use, weights):  # type: ignore[no-untyped-def]
+    """Weights of the rows at these unknowns; `white`: variance of each [N^2]."""
+    axis, force, step = problem.axis, problem.prepared.samples.force, problem.step
     variance = np.empty(use.shape[0])
     for k in range(use.shape[0]):
         variance[k] = rows.variance[k] + white
@@ -262,7 +279,7 @@ def _weigh(p, linear, axis, samples, rows, white, step, use, weights):  # type: 
         return
     if step > 0.0:
         jitter = mass * axis.position_noise / axis.period**2
-        share_rounding(samples.force, rows.columns[RESIDUAL], use, step, jitter, variance)
+        share_rounding(force, rows.columns[RESIDUAL], use, step, jitter, variance)
     factor_weights(
         mass, axis.unit[VISCOUS] * p[VISCOUS], axis.period, axis.position_noise, rows.spring,
         variance, use, weights,

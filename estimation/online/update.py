@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from estimation.compiled import kernel
 from estimation.friction.law import F64, correct
-from estimation.online.arrival_cost import age, knots_of, wander_on
-from estimation.online.belief import ALPHA, COULOMB, KNOTS, LEVEL
+from estimation.online.arrival_cost import age, copy, knots_of, wander_on
+from estimation.online.belief import ALPHA, COULOMB, KNOTS, LEVEL, Belief
 from estimation.online.judge import (
     find_jump,
     hold_undetermined,
@@ -29,22 +29,20 @@ from estimation.online.outcome import ACCEPTED, FEW, Outcome
 from estimation.online.prepare import prepare
 from estimation.online.residual import AtRest, follow_move
 from estimation.online.settings import CALM, SHORT, USUAL
-from estimation.online.solve import FAILED, SOLVED, Solution, solve
+from estimation.online.solve import FAILED, SOLVED, Problem, Solution, solve
 
 
 class State(NamedTuple):
     """What is known between moves, for the kernels; changed in place.
 
     Attributes:
-        mean: belief, shape (LEVEL + 1,).
-        covariance: of it.
+        belief: mean and covariance.
         forces: internal forces of the friction law at rest [N], shape (n,).
         slips: which of them slide, shape (n,).
         memory: direction of motion, and position up to which it was taken [m].
     """
 
-    mean: F64
-    covariance: F64
+    belief: Belief
     forces: F64
     slips: NDArray[np.bool_]
     memory: F64
@@ -52,7 +50,9 @@ class State(NamedTuple):
 
 @kernel()
 def update_move(sampled, axis, law, state, elapsed, restless, known, whole):  # type: ignore[no-untyped-def]
-    """Learn from a move, and carry the friction state to its end (61 lines: the order of it all).
+    """Learn from a move, and carry the friction state to its end.
+
+    A move with fewer than three valid samples changes nothing; its verdict is FEW.
 
     Args:
         sampled: the move.
@@ -64,74 +64,97 @@ def update_move(sampled, axis, law, state, elapsed, restless, known, whole):  # 
         known: False where only the sum of the internal forces is known; so it is where neither the
             position at rest nor the first sample is.
         whole: False for a look at a move that is not over: zone A only.
-
-    A move with fewer than three valid samples changes nothing; its verdict is FEW.
     """
-    size = sampled.position.shape[0]
-    coulomb = axis.unit[COULOMB] * state.mean[COULOMB]
-    before, spread = state.mean.copy(), state.covariance.copy()
-    age(state.mean, state.covariance, elapsed, restless, axis, before, spread)
-    known = known and size > 0 and (not math.isnan(sampled.rest) or sampled.valid[0])
-    prepared = prepare(sampled, axis, law, coulomb, before, known, whole)
+    coulomb = axis.unit[COULOMB] * state.belief.mean[COULOMB]
+    before = age(state.belief, elapsed, restless, axis)
+    known = known and (not math.isnan(sampled.rest) or sampled.valid[0])
+    prepared = prepare(sampled, axis, law, coulomb, before.mean, known, whole)
     if prepared.counted < 3:
-        return _nothing(before, spread)
-    static = coulomb * (1.0 + before[LEVEL]) * (1.0 + before[ALPHA])
+        return _nothing(before)
+    static = coulomb * (1.0 + before.mean[LEVEL]) * (1.0 + before.mean[ALPHA])
     correct(law, state.forces, static, sampled.rest_force)
     rest = AtRest(state.forces.copy(), coulomb, sampled.rest_force)
-    count, slide, stick = size - 2, prepared.slide, prepared.stick
-    p = np.zeros(KNOTS + knots_of(count, axis.period, axis.wander))
-    for i in range(LEVEL):
-        p[i] = before[i]
-    found, uncertain = before.copy(), spread.copy()
-    masks = axis.masks[_kind_of(prepared)]
-    mask = masks[0] if stick == 0 else masks[1] if slide == 0 else masks[2]
-    step = _shared_step(axis, coulomb)
-    solution = Solution(SOLVED, -1, 0.0, 0)
-    evaluations = 0
-    if slide > 0:
-        solution = solve(
-            False, stick > 0, masks[0], prepared, axis, law, rest, step, before, spread, p, found,
-            uncertain,
-        )  # fmt: skip
-        evaluations += solution.evaluations
-        if solution.bound >= 0 and stick > 0:
-            # Perhaps for taking the encoder for exact; if not, what is left over under all noise
-            # says how far the model is from what happened.
-            solution = solve(
-                False, False, masks[0], prepared, axis, law, rest, step, before, spread, p, found,
-                uncertain,
-            )  # fmt: skip
-            evaluations += solution.evaluations
-            if solution.bound >= 0:
-                stick = 0
-    if stick > 0 and solution.status == SOLVED:
-        solution = solve(
-            True, False, mask, prepared, axis, law, rest, step, before, spread, p, found, uncertain
-        )
-        evaluations += solution.evaluations
+    problem = Problem(axis, law, prepared, rest, _shared_step(axis, coulomb))
+    after = copy(before)
+    solution, evaluations, stick = _solve_zones(problem, before, after)
     # What was found holds at the move's end: so must what it is compared with.
-    duration = (count - 1) * axis.period
-    wander_on(before, spread, duration, axis)
-    if slide == 0 and stick == 0:
-        wander_on(found, uncertain, duration, axis)
-    if whole and _is_tempered(solution, axis, before, spread, found, uncertain):
-        temper(before, spread, found, uncertain, noise_excess(prepared, solution, axis))
-    usual = axis.masks[USUAL]
-    asked = usual[1] if slide == 0 else usual[2] if stick > 0 else usual[0]
-    verdict = judge(prepared, solution, axis, whole, before, spread, found, uncertain)
-    return _conclude(
-        verdict, prepared, solution, evaluations, stick, axis, law, rest, asked, whole, before,
-        spread, found, uncertain, p, state,
+    duration = (prepared.samples.velocity.shape[0] - 1) * axis.period
+    wander_on(before, duration, axis)
+    if prepared.slide == 0 and stick == 0:
+        wander_on(after, duration, axis)
+    if whole and _is_tempered(solution, axis, before, after):
+        temper(before, after, noise_excess(prepared, solution, axis))
+    verdict = judge(prepared, solution, axis, whole, before, after)
+    asked = axis.masks[USUAL, _zones_of(prepared.slide, stick)]
+    found, gain, held, sliding = _settle(verdict, solution, axis, asked, before, after)
+    believed = after if verdict.code == ACCEPTED else before
+    if whole:
+        for i in range(LEVEL + 1):
+            state.belief.mean[i] = believed.mean[i]
+            for j in range(LEVEL + 1):
+                state.belief.covariance[i, j] = believed.covariance[i, j]
+    _carry_state(problem, believed, state)
+    return Outcome(
+        verdict.code, verdict.figure, verdict.number, math.sqrt(solution.chi), evaluations,
+        prepared.slide, stick, believed.mean, believed.covariance, _variances(before),
+        found, gain, held, sliding,
     )  # fmt: skip
 
 
 @kernel()
-def _nothing(mean, covariance):  # type: ignore[no-untyped-def]
+def _variances(belief):  # type: ignore[no-untyped-def]
+    """Of figures and level, shape (LEVEL + 1,)."""
+    variances = np.empty(LEVEL + 1)
+    for i in range(LEVEL + 1):
+        variances[i] = belief.covariance[i, i]
+    return variances
+
+
+@kernel()
+def _nothing(belief):  # type: ignore[no-untyped-def]
     """Outcome of a move with next to no samples."""
+    mean, covariance, ones = belief.mean, belief.covariance, np.ones(LEVEL + 1)
     return Outcome(
-        FEW, -1, 0.0, 0.0, 0, 0, 0, mean, covariance, np.zeros(LEVEL + 1), mean,
-        np.ones(LEVEL + 1), np.zeros(LEVEL, np.bool_), np.zeros(4),
+        FEW, -1, 0.0, 0.0, 0, 0, 0, mean, covariance, _variances(belief), mean, ones,
+        np.zeros(LEVEL, np.bool_), np.zeros(4),
     )  # fmt: skip
+
+
+@kernel()
+def _zones_of(slide, stick):  # type: ignore[no-untyped-def]
+    """Row of `Axis.masks`: zone A, stick zones, or both, of the samples in each."""
+    return 0 if stick == 0 else 1 if slide == 0 else 2
+
+
+@kernel()
+def _solve_zones(problem, before, after):  # type: ignore[no-untyped-def]
+    """Solve zone A, and then all that is usable, as far as there is anything to solve.
+
+    `before`: belief before the move; `after`: written. Returns the last solution, passes over the
+    samples, and samples of the stick zones used.
+    """
+    prepared, axis = problem.prepared, problem.axis
+    slide, stick = prepared.slide, prepared.stick
+    count = prepared.samples.velocity.shape[0]
+    p = np.zeros(KNOTS + knots_of(count, axis.period, axis.wander))
+    for i in range(LEVEL):
+        p[i] = before.mean[i]
+    masks = axis.masks[_kind_of(prepared)]
+    solution, evaluations = Solution(SOLVED, -1, 0.0, 0), 0
+    if slide > 0:
+        solution = solve(problem, False, stick > 0, masks[0], before, p, after)
+        evaluations += solution.evaluations
+        if solution.bound >= 0 and stick > 0:
+            # Perhaps for taking the encoder for exact; if not, what is left over under all noise
+            # says how far the model is from what happened.
+            solution = solve(problem, False, False, masks[0], before, p, after)
+            evaluations += solution.evaluations
+            if solution.bound >= 0:
+                stick = 0
+    if stick > 0 and solution.status == SOLVED:
+        solution = solve(problem, True, False, masks[_zones_of(slide, stick)], before, p, after)
+        evaluations += solution.evaluations
+    return solution, evaluations, stick
 
 
 @kernel()
@@ -153,55 +176,45 @@ def _shared_step(axis, coulomb):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def _is_tempered(solution, axis, before, spread, found, uncertain):  # type: ignore[no-untyped-def]
+def _is_tempered(solution, axis, before, after):  # type: ignore[no-untyped-def]
     """Whether a larger misfit makes the move count less: one that is refused anyway is left."""
     return (
         solution.status != FAILED
         and math.sqrt(solution.chi) <= axis.misfit
-        and find_jump(axis, before, spread, found, uncertain) < 0
+        and find_jump(axis, before, after) < 0
     )
 
 
 @kernel()
-def _conclude(  # type: ignore[no-untyped-def]
-    verdict, prepared, solution, evaluations, stick, axis, law, rest, asked, whole, before, spread,
-    found, uncertain, p, state,
-):  # fmt: skip
-    """Believe or refuse, and carry the friction state on (16 arguments: all of `update_move`)."""
-    accepted = verdict.code == ACCEPTED
+def _settle(verdict, solution, axis, asked, before, after):  # type: ignore[no-untyped-def]
+    """Hold what an accepted move does not determine: `after` is changed.
+
+    `asked`: figures that were solved for, shape (LEVEL,). Returns `Outcome`'s found, gain, held and
+    sliding.
+    """
     sliding = np.empty(4)
-    sliding[0], sliding[1] = sliding_level(before, spread)
-    sliding[2], sliding[3] = sliding[0], sliding[1]
-    if solution.status != FAILED:
-        sliding[2], sliding[3] = sliding_level(found, uncertain)
-    result, variances = found.copy(), np.empty(LEVEL + 1)
-    gain, held = np.ones(LEVEL + 1), np.zeros(LEVEL, np.bool_)
-    for i in range(LEVEL + 1):
-        variances[i] = spread[i, i]
-    if accepted:
+    sliding[0], sliding[1] = sliding_level(before)
+    sliding[2], sliding[3] = sliding_level(after if solution.status != FAILED else before)
+    found, gain, held = after.mean.copy(), np.ones(LEVEL + 1), np.zeros(LEVEL, np.bool_)
+    if verdict.code == ACCEPTED:
         for i in range(LEVEL + 1):
-            gain[i] = math.sqrt(spread[i, i] / uncertain[i, i])
-        held = hold_undetermined(axis, asked, before, spread, found, uncertain)
-    else:
-        found, uncertain = before, spread
-    if whole:
-        for i in range(LEVEL + 1):
-            state.mean[i] = found[i]
-            for j in range(LEVEL + 1):
-                state.covariance[i, j] = uncertain[i, j]
-    p = np.zeros(p.shape[0])
+            gain[i] = math.sqrt(before.covariance[i, i] / after.covariance[i, i])
+        held = hold_undetermined(axis, asked, before, after)
+    return found, gain, held, sliding
+
+
+@kernel()
+def _carry_state(problem, belief, state):  # type: ignore[no-untyped-def]
+    """Carry the friction state to the end of the move, with the figures now believed."""
+    samples = problem.prepared.samples
+    p = np.zeros(KNOTS)
     for i in range(LEVEL):
-        p[i] = found[i]
-    p[COULOMB] *= 1.0 + found[LEVEL]
-    samples = prepared.samples
-    follow_move(p, axis, law, samples, rest, state.forces, state.slips)
+        p[i] = belief.mean[i]
+    p[COULOMB] *= 1.0 + belief.mean[LEVEL]
+    follow_move(p, problem.axis, problem.law, samples, problem.rest, state.forces, state.slips)
     k = samples.heading.shape[0] - 1
     while k >= 0 and samples.heading[k] == 0:
         k -= 1
     if k >= 0:
         state.memory[0] = samples.heading[k]
     state.memory[1] = samples.position[samples.heading.shape[0]]
-    return Outcome(
-        verdict.code, verdict.figure, verdict.number, math.sqrt(solution.chi), evaluations,
-        prepared.slide, stick, found, uncertain, variances, result, gain, held, sliding,
-    )  # fmt: skip

@@ -25,7 +25,7 @@ all the move's: taking the expectation out of it as of a normal estimate would g
 
 
 class Shown(Protocol):
-    """What of an estimate tells the level; see `estimation.estimate`."""
+    """What of an estimate tells the level; see `estimation.online.Estimate`."""
 
     @property
     def shown(self) -> tuple[float, float] | None:

@@ -1,7 +1,7 @@
 """One window of a move as a bounded least-squares problem, solved by Gauss-Newton.
 
 Minimises sum (u - u_hat)^2, u_hat = m a + sum F_i + sigma_v v; unweighted, without prior, p >= 0.
-N = 4 elements, `estimation.gms`, driven by the measured positions. That model's unknown is the rate
+N = 4 elements (`estimation.friction`), driven by the measured positions. Its unknown is the rate
 C/Fc; here it is C, as in the paper. Deviations: MSE (J'J)^-1.
 """
 

@@ -24,19 +24,18 @@ def belief() -> Belief:
 
 def test_figures_drift_and_the_level_decays():
     old = belief()
-    mean, covariance = np.empty(LEVEL + 1), np.empty((LEVEL + 1, LEVEL + 1))
-    age(old.mean, old.covariance, 0.5, 0.0, AXIS, mean, covariance)
+    mean, covariance = age(old, 0.5, 0.0, AXIS)
     keep = math.exp(-1.0)
     assert mean[LEVEL] == pytest.approx(0.02 * keep)
     assert covariance[COULOMB, LEVEL] == pytest.approx(-1e-3 * keep)
     np.testing.assert_allclose(
-        np.diag(covariance)[:LEVEL], np.diag(old.covariance)[:LEVEL] + AXIS.drift**2
+        np.diag(covariance)[:LEVEL], np.diag(old.covariance)[:LEVEL] + AXIS["drift"] ** 2
     )
 
 
 def test_a_level_left_alone_is_that_of_the_machine_file():
     old = belief()
-    wander_on(old.mean, old.covariance, 100.0, AXIS)
+    wander_on(old, 100.0, AXIS)
     assert old.mean[LEVEL] == pytest.approx(0.0, abs=1e-12)
     assert old.covariance[LEVEL, LEVEL] == pytest.approx(SETTINGS.belief.wander**2, rel=1e-6)
 
@@ -45,7 +44,7 @@ def test_the_knots_of_the_level_are_one_gauss_markov_process():
     old, count, knots = belief(), 301, 4
     old.covariance[COULOMB, LEVEL] = old.covariance[LEVEL, COULOMB] = 0.0
     chosen = np.array([COULOMB, VISCOUS, KNOTS, KNOTS + 1, KNOTS + 2, KNOTS + 3])
-    prior, information = joint_prior(old.mean, old.covariance, chosen, 2, knots, count, AXIS)
+    prior, information = joint_prior(old, chosen, 2, knots, count, AXIS)
     covariance = np.linalg.inv(information)
     keep = math.exp(-0.1 / 0.5)
     np.testing.assert_allclose(prior[2:], 0.02 * keep ** np.arange(4))
@@ -63,10 +62,9 @@ def test_what_was_not_solved_for_keeps_its_belief():
     old = belief()
     p = np.zeros(KNOTS)
     p[COULOMB] = 1.5
-    mean, covariance = np.empty(LEVEL + 1), np.empty((LEVEL + 1, LEVEL + 1))
-    take_over(
-        p, np.array([[0.01]]), np.array([COULOMB]), 1, 0, old.mean, old.covariance, mean, covariance
-    )
+    new = belief()
+    take_over(p, np.array([[0.01]]), np.array([COULOMB]), 1, 0, old, new)
+    mean, covariance = new
     assert mean[COULOMB] == 1.5
     assert covariance[COULOMB, COULOMB] == 0.01
     assert mean[MASS] == old.mean[MASS]

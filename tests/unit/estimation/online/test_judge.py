@@ -15,7 +15,7 @@ def found():
 
 
 def tempered(prior, belief, misfit):
-    temper(prior.mean, prior.covariance, belief.mean, belief.covariance, misfit)
+    temper(prior, belief, misfit)
     return belief
 
 
