@@ -1,8 +1,12 @@
-"""Friction over time and place: what was estimated when, where, and what became of it."""
+"""The friction history: every estimate with time and place, in SQLite or PostgreSQL.
 
-from stagectl.history.filing import file_left_behind, file_run, runs_in
-from stagectl.history.measured import doubt, measured_level
-from stagectl.history.noted import note_of_estimate, note_of_run, step_record
+`port` (what the program sees), `records` (rows), `opening` (which history), `sql` on `database` or
+`postgres`, `writer` (a thread), `notes` and `filing` (from recordings), `measured` (levels).
+"""
+
+from stagectl.history.filing import file_run, file_unfiled_runs, runs_in
+from stagectl.history.measured import measured_level, misfit_error
+from stagectl.history.notes import note_of_estimate, note_of_run, step_record
 from stagectl.history.opening import (
     FILE_NAME,
     default_history,
@@ -48,11 +52,11 @@ __all__ = [
     "Trend",
     "Wear",
     "default_history",
-    "doubt",
-    "file_left_behind",
     "file_run",
+    "file_unfiled_runs",
     "is_server",
     "measured_level",
+    "misfit_error",
     "note_of_estimate",
     "note_of_run",
     "open_history",

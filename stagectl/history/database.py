@@ -1,8 +1,8 @@
-"""What the history asks of a database, and SQLite's side of it.
+"""The history's port to a database, and SQLite behind it.
 
-SQLite in WAL mode: one writer, any number of readers that never wait for it. A commit has reached
-the kernel when it returns, so a killed process loses none (`synchronous = NORMAL`: a power cut may
-cost the last commits, never the file).
+SQLite runs in WAL mode: one writer, and any number of readers that never wait for it. A commit has
+reached the kernel when it returns, so a killed process loses none (`synchronous = NORMAL`: a power
+cut may cost the last commits, but not the file).
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from stagectl.errors import StagectlError, UnusableInput
 from stagectl.history.schema import APPLICATION_ID, MIGRATIONS, READABLE
 
 BUSY_TIMEOUT = 2.0
-"""How long a write waits for another program's [s]."""
+"""A write waits this long for another program's [s]."""
 
 
 class Database(Protocol):
-    """A connection. SQL has `?` for its parameters.
+    """A connection; parameters in SQL are `?`.
 
     Attributes:
-        name: how errors call it.
+        name: for errors.
     """
 
     name: str
 
     def execute(self, sql: str, parameters: Sequence[object] = ()) -> list[tuple[Any, ...]]:
-        """Run one statement, return all its rows.
+        """Run one statement and return all its rows.
 
         Raises:
             StagectlError: the database refuses.
@@ -41,22 +41,22 @@ class Database(Protocol):
         """Run one statement for each row of parameters; errors as `execute`."""
 
     def transaction(self) -> Any:
-        """A context: all or nothing of what is executed in it."""
+        """A context manager: all statements in it take effect, or none."""
 
     def close(self) -> None:
-        """Let go of it; idempotent."""
+        """Close the connection; idempotent."""
 
 
 class SqliteDatabase:
     """`stage.db`.
 
     Args:
-        path: of the file; made where it is not there and `write` is set.
+        path: of the file, created if `write` is set.
         write: False opens it for reading only.
 
     Raises:
-        UnusableInput: not there, not a history, or made by a newer version.
-        StagectlError: it cannot be opened or brought up to date.
+        UnusableInput: it does not exist, is not a history, or was made by a newer version.
+        StagectlError: it cannot be opened or migrated.
     """
 
     def __init__(self, path: Path, write: bool = True) -> None:
@@ -65,7 +65,7 @@ class SqliteDatabase:
             raise UnusableInput(f"{path}: is a folder, not a history")
         if not write and not path.is_file():
             raise UnusableInput(f"{path}: no such history")
-        mode = "mode=rwc" if write else "mode=ro&immutable=1" if _kept(path) else "mode=ro"
+        mode = "mode=rwc" if write else "mode=ro&immutable=1" if _is_read_only(path) else "mode=ro"
         try:
             self._connection = sqlite3.connect(
                 f"{path.absolute().as_uri()}?{mode}", uri=True, isolation_level=None,
@@ -106,7 +106,7 @@ class SqliteDatabase:
         if self._number("PRAGMA user_version") == len(MIGRATIONS):
             return
         types = {"key": "INTEGER PRIMARY KEY", "real": "REAL", "blob": "BLOB"}
-        with self.transaction():  # looked at again inside: another process may have been faster
+        with self.transaction():  # checked again inside: another process may have done it
             for number in range(self._number("PRAGMA user_version"), len(MIGRATIONS)):
                 for statement in MIGRATIONS[number]:
                     self.execute(statement.format(**types))
@@ -132,7 +132,7 @@ class SqliteDatabase:
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """The write lock is taken at once, so that nothing fails half way for want of it."""
+        """Take the write lock at once, so that no later statement fails for lack of it."""
         self.execute("BEGIN IMMEDIATE")
         try:
             yield
@@ -147,10 +147,11 @@ class SqliteDatabase:
         self._connection.close()
 
 
-def _kept(path: Path) -> bool:
-    """Whether it lies where nothing can be written, whole: SQLite, too, writes beside it to read.
+def _is_read_only(path: Path) -> bool:
+    """Whether the file is complete in a folder that cannot be written.
 
-    With a log beside it (`-wal`) it is not whole: what was committed last is only there.
+    SQLite then must be told to write nothing beside it. With a log beside it (`-wal`) the file is
+    not complete, for the last commits are only there.
     """
     log = path.with_name(f"{path.name}-wal")
     return not os.access(path.absolute().parent, os.W_OK) and not log.exists()

@@ -1,7 +1,7 @@
-"""Records that a history lacks, filed from the folders of the runs that made them.
+"""Files records that a history lacks from the folders of their runs.
 
-A run may have been killed, or its history was locked, full or out of reach. What it made stands in
-its recording, or in its journal as long as nobody has recovered that; filing it twice adds nothing.
+A run may have been killed, or its history locked, full or out of reach. Its records are in its
+recording, or in its journal until that is recovered. Filing them twice adds nothing.
 """
 
 from __future__ import annotations
@@ -11,27 +11,27 @@ from dataclasses import replace
 from pathlib import Path
 
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.history.noted import NotedRun, noted_run
+from stagectl.history.notes import RecordedRun, recorded_run
 from stagectl.history.port import History
 from stagectl.history.records import StageKey
 from stagectl.store import FILE_NAME, RECORDING_NAME, RECOVERED_NAME, read_journal_notes, read_notes
 
 BATCH = 500
-"""So many estimates are filed in one transaction."""
+"""Estimates filed per transaction."""
 
 
-def runs_in(folder: Path) -> list[NotedRun]:
-    """The runs that a folder holds: that of its recording, and killed ones.
+def runs_in(folder: Path) -> list[RecordedRun]:
+    """The runs in a folder: that of its recording, and killed ones.
 
     Args:
-        folder: of a run, or one of its recordings.
+        folder: of a run, or the path of a recording.
 
     Raises:
-        UnusableInput: there is none, or it does not hold what a history needs.
-        StagectlError: the run still goes on.
+        UnusableInput: there is none, or it lacks what a history needs.
+        StagectlError: the run is still in progress.
     """
     if folder.is_file():
-        return [noted_run(read_notes(folder), folder)]
+        return [recorded_run(read_notes(folder), folder)]
     if not folder.is_dir():
         raise UnusableInput(f"{folder}: no such folder")
     found = [run for run in map(_read, _files(folder)) if run is not None]
@@ -47,20 +47,20 @@ def _files(folder: Path) -> list[Path]:
     return [path for name in names for path in sorted(folder.glob(name))]
 
 
-def _read(path: Path) -> NotedRun | None:
-    """A run out of its recording or journal; None where that was cut before it said anything."""
+def _read(path: Path) -> RecordedRun | None:
+    """The run of a recording or journal; None where that was cut before its first note."""
     if path.name != FILE_NAME:
-        return noted_run(read_notes(path), path)
+        return recorded_run(read_notes(path), path)
     notes = read_journal_notes(path)
-    return None if notes is None or not notes.events else noted_run(notes, path)
+    return None if notes is None or not notes.events else recorded_run(notes, path)
 
 
-def file_run(history: History, run: NotedRun) -> int:
-    """File all that a run has made; returns how many of its estimates were missing.
+def file_run(history: History, run: RecordedRun) -> int:
+    """File all records of a run; returns the number of estimates that were missing.
 
     Args:
         history: open for writing.
-        run: as its recording has it.
+        run: as read from its recording.
 
     Raises:
         StagectlError: the history cannot be written.
@@ -76,10 +76,10 @@ def file_run(history: History, run: NotedRun) -> int:
     return history.filed(number) - before
 
 
-def file_left_behind(history: History, stage: StageKey) -> Iterator[str]:
-    """File what the stage's earlier runs have left; yields a line on each that had something.
+def file_unfiled_runs(history: History, stage: StageKey) -> Iterator[str]:
+    """File what earlier runs of the stage could not; yields a line for each with something to file.
 
-    Runs whose folder is elsewhere now, or on another computer, wait for an import.
+    Runs whose folder has moved, or is on another computer, have to be imported.
 
     Args:
         history: open for writing.
@@ -95,7 +95,7 @@ def file_left_behind(history: History, stage: StageKey) -> Iterator[str]:
             except UnusableInput as error:
                 yield f"not filed in the history: {error}"
                 continue
-            except StagectlError:  # it still goes on
+            except StagectlError:  # still in progress
                 continue
             if run is not None and run.entry.uuid == uuid:
                 added = file_run(history, run)

@@ -1,7 +1,6 @@
-"""What a move has shown of the level at its place, and how much that is worth.
+"""From an estimate to a measurement: the friction level that a move has shown at its place.
 
-The one place where an estimate becomes a measurement: for the tracking of the run that makes it,
-and for all that read it from the history later.
+Used by the tracking of the run that makes the estimate, and by the history for all later readers.
 """
 
 from __future__ import annotations
@@ -12,28 +11,26 @@ from typing import Protocol
 from estimation.friction import Friction
 
 PRESLIDING_ERROR = 0.006
-"""What the level of a move that hardly slid is off by beside its sigma, relative (measured)."""
+"""Relative error, besides its sigma, of the level of a move that hardly slid (measured)."""
 PRESLIDING_MISFIT, SLIDING_MISFIT = (0.5, 0.1), (0.7, 0.06)
-"""A usual misfit (`Shown.misfit`), and what the level is off by for each unit beyond it, relative
-(measured): moves that hardly slid, where an element sticks a sample earlier or later than the
-sampled positions tell; moves that slid, over something that the map does not know."""
-
-
+"""Usual misfit, and relative error of the level per unit of misfit beyond it (measured).
+Presliding: an element sticks a sample earlier or later than the sampled positions show. Sliding:
+the move passed over something that the map does not know."""
 JUMP = 5.0
-"""Beyond so many standard deviations from what the estimator expected, the level after a move is
-all the move's: taking the expectation out of it as of a normal estimate would go far beyond it."""
+"""Standard deviations from the expected level beyond which the estimate itself is the measurement:
+removing the expectation from it, as from a normal estimate, would overshoot."""
 
 
-class Shown(Protocol):
-    """What of an estimate tells the level; see `estimation.online.Estimate`."""
+class LevelEstimate(Protocol):
+    """What of an estimate concerns the level; see `estimation.online.Estimate`."""
 
     @property
     def shown(self) -> tuple[float, float] | None:
-        """Level and its standard deviation [N]."""
+        """Level that the move alone has shown, and its standard deviation [N]; None where none."""
 
     @property
     def accepted(self) -> bool:
-        """Whether it was learned from."""
+        """Whether the model adopted it."""
 
     @property
     def friction(self) -> Friction:
@@ -49,15 +46,15 @@ class Shown(Protocol):
 
     @property
     def zones(self) -> str:
-        """With an "A" where the axis slid."""
+        """Zones used; contains "A" where the axis slid."""
 
     @property
     def misfit(self) -> float:
         """Rms of the whitened residual."""
 
 
-def measured_level(estimate: Shown) -> tuple[float, float] | None:
-    """Fc (1 + w) that a move alone has shown and its standard deviation [N]; None where it did not.
+def measured_level(estimate: LevelEstimate) -> tuple[float, float] | None:
+    """Fc (1 + w) that a move alone has shown and its standard deviation [N]; None without one.
 
     Args:
         estimate: of the move.
@@ -76,15 +73,15 @@ def measured_level(estimate: Shown) -> tuple[float, float] | None:
     return value, math.hypot(sigma, PRESLIDING_ERROR * value, unexplained * value)
 
 
-def doubt(estimate: Shown) -> float:
-    """What the level that a sliding move shows may be off by beside its sigma, relative.
+def misfit_error(estimate: LevelEstimate) -> float:
+    """Relative error, besides its sigma, of the level of a sliding move with a large misfit.
 
-    Where the model does not explain it, friction on the way may not be as it was: that is no reason
-    to be less surprised, only to believe the figure less.
+    Where the model does not explain a move, its figure deserves less trust; a step is no less
+    likely for that, so this must not enter the test for steps.
     """
     return _unexplained(estimate, SLIDING_MISFIT) if "A" in estimate.zones else 0.0
 
 
-def _unexplained(estimate: Shown, misfit: tuple[float, float]) -> float:
+def _unexplained(estimate: LevelEstimate, misfit: tuple[float, float]) -> float:
     usual, error = misfit
     return error * max(estimate.misfit - usual, 0.0)

@@ -1,4 +1,4 @@
-"""Which history is meant by what a user writes, and opening it."""
+"""Which history a run or command uses, and opening it."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ if TYPE_CHECKING:
 
 FILE_NAME = "stage.db"
 OFF = "none"
-"""Instead of a file: no history."""
-_USER = re.compile(r"(?P<user>[^@/:]*)[^@/]*@")  # as libpq reads it
+"""In place of a path: no history."""
+_USER = re.compile(r"(?P<user>[^@/:]*)[^@/]*@")  # as in libpq
 _PASSWORDS = ("password", "sslpassword")
 
 
 def is_server(where: str) -> bool:
-    """Whether this names a PostgreSQL database instead of a file."""
+    """Whether `where` is a PostgreSQL URL, not a path."""
     return where.startswith(("postgresql://", "postgres://"))
 
 
 def without_password(where: str) -> str:
-    """The same history as a recording may name it: a path from the root, a URL without a password.
+    """The history's name for a recording: an absolute path, or a URL without password.
 
-    Who opens it again has it where libpq looks for it: PGPASSWORD, ~/.pgpass.
+    libpq finds the password in PGPASSWORD or ~/.pgpass.
     """
     if not is_server(where):
         return str(Path(where).absolute())
@@ -40,14 +40,14 @@ def without_password(where: str) -> str:
 
 
 def open_history(where: str, write: bool = False) -> History:
-    """The history in a file, or on a server.
+    """Open the history in a file or on a server.
 
     Args:
         where: path of a `stage.db`, or postgresql://...
-        write: make it where there is none, and bring its tables up to date.
+        write: create it if necessary, and migrate its tables.
 
     Raises:
-        UnusableInput: there is none, or it is none that this version can use.
+        UnusableInput: it does not exist, or this version cannot use it.
         StagectlError: it cannot be opened.
     """
     from stagectl.history.sql import SqlHistory
@@ -61,8 +61,8 @@ def open_history(where: str, write: bool = False) -> History:
     return SqlHistory(SqliteDatabase(Path(where), write))
 
 
-def named_in(machine: Machine) -> str | None:
-    """What the machine file says of the history; files are beside the machine file."""
+def machine_history(machine: Machine) -> str | None:
+    """The history that a machine file names; a path is relative to that file."""
     where = machine.history
     if where is None or where == OFF or is_server(where):
         return where
@@ -72,22 +72,21 @@ def named_in(machine: Machine) -> str | None:
 def default_history(
     named: str | None, machine: Machine, simulated: bool, folder: Path, own: bool
 ) -> str | None:
-    """Where a run's history goes: the option, else the machine file's key, else near its files.
+    """The history of a run: by the option, else by the machine file, else near the run's files.
 
-    A simulated run never gets the machine file's: virtual friction has no business in a real
-    stage's history unless it is asked for. Where the user names a folder, nothing outside of it is
-    touched, and a simulated run, of which there may be thousands, leaves no history there either.
+    A simulated run does not use the machine file's, so that virtual friction gets into a real
+    stage's history on request only. Where the user names the folder, nothing outside of it is
+    written, and a simulated run, of which there may be thousands, has no history by default.
 
     Args:
         named: `--history`; "none" for no history.
-        machine: the run's.
+        machine: of the run.
         simulated: on virtual drives.
         folder: of the run's files.
-        own: whether the user named the folder; else it is one of many under `runs`, and the
-            history stands beside them.
+        own: the user named the folder; else it is one of many under `runs`, which share a history.
     """
     if named is None and not simulated:
-        named = named_in(machine)
+        named = machine_history(machine)
     if named is not None:
         return None if named == OFF else named
     if own:

@@ -1,4 +1,4 @@
-"""The history as the rest of the program sees it; SQLite and PostgreSQL stand behind it."""
+"""The port to the friction history; SQLite and PostgreSQL are behind it."""
 
 from __future__ import annotations
 
@@ -22,43 +22,43 @@ from stagectl.history.records import (
 class History(Protocol):
     """Friction of any number of stages over time and place.
 
-    Every method that writes is one transaction: there afterwards, or not at all. All of them raise
-    `StagectlError` where the database cannot be reached or refuses.
+    Every method that writes is one transaction. All methods raise `StagectlError` where the
+    database cannot be reached or refuses.
     """
 
     @property
     def name(self) -> str:
-        """How messages call it."""
+        """For messages."""
 
     def start_run(self, run: RunEntry) -> int:
-        """Note a run that begins, unless its uuid is there already; returns its number."""
+        """Enter a run, unless its uuid exists already; returns its number."""
 
     def end_run(
         self, run: int, outcome: str | None, fault: str | None = None, estimates: int | None = None
     ) -> None:
-        """Note how it ended, and that all it has made is filed.
+        """Enter how a run ended.
 
         Args:
             run: its number.
             outcome: None where it was killed.
             fault: its text.
-            estimates: how many it has made; None: not all of them may be here.
+            estimates: number made, all of them filed; None: some may be missing.
         """
 
     def unfiled(self, stage: StageKey, last: int = 20) -> list[tuple[str, str]]:
-        """Uuid and folder of runs that may have made more than is here, the newest first."""
+        """Uuid and folder of runs with estimates that may be missing, newest first."""
 
     def filed(self, run: int) -> int:
-        """How many estimates of a run are here."""
+        """Number of estimates of a run."""
 
     def add(self, estimates: Sequence[EstimateRecord]) -> None:
-        """Add estimates, accepted or refused, all or none; numbers that are there stay as is."""
+        """Add estimates, accepted or refused, all or none; existing numbers are kept."""
 
     def runs(self, stage: StageKey, last: int = 100) -> list[tuple[int, RunEntry, str | None]]:
-        """Number, run and outcome of the last so many runs, newest first."""
+        """Number, entry and outcome of the last runs, newest first."""
 
     def stages(self) -> list[StageKey]:
-        """All stages there is anything of."""
+        """All stages in the history."""
 
     def places(self, stage: StageKey) -> list[Pair]:
         """Places with accepted estimates [m]."""
@@ -73,7 +73,7 @@ class History(Protocol):
         last: int | None = None,
         apart: float = 0.0,
     ) -> Trend:
-        """Accepted estimates of one axis at one place in the order of time.
+        """Accepted estimates of one axis at one place in order of time.
 
         Args:
             stage: whose.
@@ -81,8 +81,8 @@ class History(Protocol):
             place: [m].
             since: nothing earlier [s since 1970].
             until: nothing later.
-            last: only so many, the last ones.
-            apart: counted back from the last one, those at least so far one from another [s].
+            last: at most this many, the last ones.
+            apart: least time between two of them, counted back from the last one [s].
         """
 
     def at_date(self, stage: StageKey, when: float) -> list[EstimateRecord]:
@@ -96,52 +96,52 @@ class History(Protocol):
         each: int | None = None,
         apart: float = 0.0,
     ) -> list[Measurement]:
-        """The sliding levels that moves have shown, in the order of time.
+        """Sliding levels measured by moves, in order of time.
 
         Args:
             stage: whose.
             since: nothing until then [s since 1970].
             until: nothing later.
-            each: only so many of every place and axis, the last ones.
-            apart: as of `trend`.
+            each: at most this many of every place and axis, the last ones.
+            apart: as in `trend`.
         """
 
     def calibrated(self, stage: StageKey) -> list[tuple[Pair, float]]:
-        """Places with the time of their last calibration that an estimate came of."""
+        """Places, with the time of their last successful calibration."""
 
     def refused(self, stage: StageKey, last: int = 100) -> list[EstimateRecord]:
         """The last refused estimates, newest first."""
 
     def wear(self, stage: StageKey, axis: str, since: float, until: float = float("inf")) -> Wear:
-        """Moves and distance of an axis after `since`, as far as they were estimated."""
+        """Moves and distance of an axis after `since`, counting moves with an estimate."""
 
     def add_step(self, step: StepRecord) -> None:
-        """Note a step of the level, unless its number is there already."""
+        """Add a step of the level, unless its number exists already."""
 
     def newest(self, stage: StageKey) -> float | None:
-        """When the last estimate was made [s since 1970], None where there is none."""
+        """Time of the last estimate [s since 1970]; None where there is none."""
 
     def steps(self, stage: StageKey, since: float = float("-inf")) -> list[StepRecord]:
-        """Steps of the level in the order of time."""
+        """Steps of the level in order of time."""
 
     def save_map(self, stage: StageKey, made: float, comment: str, content: str) -> int:
-        """Keep a new version of the stage's map; returns its number."""
+        """Save a new version of the stage's map; returns its number."""
 
     def maps(self, stage: StageKey) -> list[StoredMap]:
-        """All versions in their order."""
+        """All versions in order."""
 
     def activate(self, stage: StageKey, number: int | None, time: float, reason: str) -> None:
-        """Put a version into use from now on; None: no map.
+        """Make a version the active one; None: no map is active.
 
         Raises:
             ValueError: there is no such version.
         """
 
     def activations(self, stage: StageKey) -> list[Activation]:
-        """What was put into use when, in the order of time."""
+        """All activations in order of time."""
 
     def counted(self, stage: StageKey) -> tuple[int, int]:
-        """How many estimates were accepted and refused in all."""
+        """Numbers of accepted and refused estimates."""
 
     def close(self) -> None:
-        """Let go of it; idempotent."""
+        """Close it; idempotent."""

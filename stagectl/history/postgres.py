@@ -1,7 +1,7 @@
-"""A fleet's history in one place: PostgreSQL behind the same port (extra `postgres`, psycopg 3).
+"""PostgreSQL behind the history's port, for a fleet of stages (extra `postgres`, psycopg 3).
 
-Tables are those of `schema`, in the schema `stagectl` of the database. Statements are the same as
-SQLite's; only the marks of the parameters differ.
+The tables of `schema` are in the schema `stagectl` of the database. Statements are the same as
+for SQLite, except for the parameter marks.
 """
 
 from __future__ import annotations
@@ -19,20 +19,19 @@ if TYPE_CHECKING:
     import psycopg
 
 CONNECT_TIMEOUT = 5
-"""How long connecting may take [s]."""
+"""For connecting [s]."""
 STATEMENT_TIMEOUT = 10
-"""How long a statement may take [s]; the server ends it."""
+"""For a statement [s]; the server ends it."""
 PATIENCE = 12
-"""How long an answer is waited for [s]; then it is not the statement, but the server or the network
-that hangs, and the connection is given up."""
-_LOCK = 0x53544743  # advisory lock held while tables are brought up to date
+"""For an answer [s]; after that the server or the network hangs, and the connection is cut."""
+_LOCK = 0x53544743  # advisory lock during a migration
 
 
 class PostgresDatabase:
     """A connection to a server.
 
     Args:
-        url: postgresql://user@host/database, as libpq takes it.
+        url: postgresql://user@host/database, as for libpq.
         write: False opens it for reading only.
 
     Raises:
@@ -48,7 +47,7 @@ class PostgresDatabase:
                 "a history in PostgreSQL needs psycopg: pip install 'stagectl[postgres]'"
             ) from None
         self._error = psycopg.Error
-        # What a lost connection leaves undone is told by our error; psycopg says it, too.
+        # psycopg logs a lost connection; our error reports it already.
         logging.getLogger("psycopg").addHandler(logging.NullHandler())
         try:
             self._connection: psycopg.Connection[tuple[Any, ...]] = psycopg.connect(
@@ -108,7 +107,7 @@ class PostgresDatabase:
         """As `database.Database`."""
         try:
             with self._watchdog:
-                cursor = self._connection.execute(_marks(sql), parameters or None)
+                cursor = self._connection.execute(_psycopg_marks(sql), parameters or None)
             return cursor.fetchall() if cursor.description is not None else []
         except self._error as error:
             raise self._failure(error) from error
@@ -117,13 +116,13 @@ class PostgresDatabase:
         """As `database.Database`."""
         try:
             with self._watchdog, self._connection.cursor() as cursor:
-                cursor.executemany(_marks(sql), rows)
+                cursor.executemany(_psycopg_marks(sql), rows)
         except self._error as error:
             raise self._failure(error) from error
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """All or nothing of what is executed in it."""
+        """As `database.Database`."""
         try:
             with self._watchdog, self._connection.transaction():
                 yield
@@ -141,8 +140,8 @@ class PostgresDatabase:
         return StagectlError(f"{self.name}: {_one_line(error)}")
 
 
-def _marks(sql: str) -> Any:
-    """Our statements hold no other `?` or `%`."""
+def _psycopg_marks(sql: str) -> Any:
+    """With psycopg's parameter marks; our statements have no other `?` or `%`."""
     return sql.replace("?", "%s")
 
 
@@ -151,7 +150,7 @@ def _one_line(error: Exception) -> str:
 
 
 def _without_password(url: str) -> str:
-    """What of a URL may stand in a message."""
+    """A URL without its credentials, for a message."""
     scheme, mark, rest = url.partition("://")
-    rest = rest.partition("?")[0]  # behind it there may be one, too
+    rest = rest.partition("?")[0]  # options may hold a password, too
     return f"{scheme}{mark}{rest.rpartition('@')[2]}" if mark else "PostgreSQL"

@@ -1,7 +1,7 @@
-"""Rows of the friction history, as frozen values in SI units; no database in them.
+"""Rows of the friction history as frozen values in SI units.
 
-Times are seconds since 1970 UTC: when the run started, plus the stage's own time since then. Under
-`--simulate` the latter is virtual.
+Times are seconds since 1970 UTC: the start of the run plus the stage's time since, which is virtual
+under `--simulate`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Purpose = Literal["production", "calibration"]
 
 @dataclass(frozen=True, slots=True)
 class StageKey:
-    """Whose friction it is. Simulated and real stages of one name are kept apart.
+    """A stage; simulated and real stages of one name are kept apart.
 
     Attributes:
         machine: name in the machine file.
@@ -37,13 +37,19 @@ class StageKey:
 
 @dataclass(frozen=True, slots=True)
 class RunEntry:
-    """A run that estimates came from.
+    """A run that made estimates.
 
     Attributes:
-        stage: it ran on.  axes: of the stage.  started: [s since 1970].  recipe: its name.
-        lot, wafer: or None.  software: name and version that made the estimates.
-        folder: of its files.  purpose: what it was for.  seed: of a simulated stage, or None.
-        uuid: what it is known by whatever its number; None where it was read, or has none.
+        stage: it ran on.
+        axes: of the stage.
+        started: [s since 1970].
+        recipe: its name.
+        lot, wafer: or None.
+        software: name and version that made the estimates.
+        folder: of its files.
+        purpose: of the run.
+        seed: of a simulated stage, or None.
+        uuid: identifies the run in any history; None where it was read back, or has none.
     """
 
     stage: StageKey
@@ -61,21 +67,25 @@ class RunEntry:
 
 @dataclass(frozen=True, slots=True)
 class EstimateRecord:
-    """What one move said of one axis' friction.
+    """Friction of one axis as estimated from one move.
 
     Attributes:
         run: number of the run in the history.
-        axis: its name.  kind: of the move (macro, micro, ...).  site: from 1, or None.
+        axis: its name.
+        kind: of the move (macro, micro, ...).
+        site: from 1, or None.
         place: nominal position of the site, or the move's target [m].
-        time: [s since 1970].  distance: moved by this axis [m].
-        accepted: whether it was taken over.  reason: why not, else None.
-        figures: name -> value of the model in force afterwards (SI).
+        time: [s since 1970].
+        distance: moved by this axis [m].
+        accepted: whether the model adopted it.
+        reason: why not, or None.
+        figures: name -> value in the model after the move (SI).
         covariance: of the figures in the order of `figures`, row by row, n * n entries.
-        level: factor on the Coulomb force at the end of the move (its wander).
+        level: factor on the Coulomb force at the end of the move, 1 + w.
         measured: sliding level Fc (1 + w) that this move alone showed at its end, and its
             standard deviation [N]; None where it showed none.
         temperature: [deg C], or None.
-        number: of the estimate in its run, from 1; None where it was read, or has none.
+        number: of the estimate in its run, from 1; None where it was read back, or has none.
     """
 
     run: int
@@ -108,11 +118,14 @@ class EstimateRecord:
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """The sliding level that one move has shown, apart from what was believed before.
+    """The sliding level that one move alone has shown, without prior belief.
 
     Attributes:
-        axis: its name.  place: nominal position [m].  time: [s since 1970].
-        value: Fc (1 + w) at the move's end [N].  sigma: its standard deviation, w not included [N].
+        axis: its name.
+        place: nominal position [m].
+        time: [s since 1970].
+        value: Fc (1 + w) at the end of the move [N].
+        sigma: its standard deviation, w not included [N].
     """
 
     axis: str
@@ -124,13 +137,16 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class StepRecord:
-    """A step of the level that drift does not explain.
+    """A step of the level by more than drift explains.
 
     Attributes:
-        run: number of the run in the history.  axis: its name.  place: [m].
-        time: [s since 1970].  change: relative.
-        kind: "site", or "common" where the whole table has stepped.
-        number: of the step in its run, from 1; None where it was read, or has none.
+        run: number of the run in the history.
+        axis: its name.
+        place: [m].
+        time: [s since 1970].
+        change: relative.
+        kind: "site", or "common" for the whole table.
+        number: of the step in its run, from 1; None where it was read back, or has none.
     """
 
     run: int
@@ -144,11 +160,14 @@ class StepRecord:
 
 @dataclass(frozen=True, slots=True)
 class StoredMap:
-    """A version of a friction map as it is kept.
+    """A version of a friction map as stored.
 
     Attributes:
-        number: from 1, per stage.  made: [s since 1970].  comment: the maker's.
-        active: whether it is in use.  content: JSON of `stagectl.maps.model`.
+        number: from 1, per stage.
+        made: [s since 1970].
+        comment: by its maker.
+        active: whether runs use it.
+        content: JSON of `stagectl.maps.model`.
     """
 
     number: int
@@ -160,7 +179,7 @@ class StoredMap:
 
 @dataclass(frozen=True, slots=True)
 class Activation:
-    """When which map came into use; `number` is None where maps were put out of use."""
+    """A map became active at `time` [s since 1970]; `number` is None where none is since then."""
 
     number: int | None
     time: float
@@ -169,7 +188,7 @@ class Activation:
 
 @dataclass(frozen=True, slots=True)
 class Wear:
-    """What one axis has done at all places since a moment: moves and distance travelled [m]."""
+    """Moves and distance travelled [m] of one axis since some moment, at all places."""
 
     moves: int
     distance: float
@@ -177,15 +196,16 @@ class Wear:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trend:
-    """Accepted estimates of one axis at one place in the order of time, n of them.
+    """Accepted estimates of one axis at one place in order of time, n of them.
 
     Attributes:
         time: [s since 1970], shape (n,).
-        values: figure -> value, shape (n,); nan where an estimate did not have it.
+        values: figure -> value, shape (n,); nan where an estimate lacks it.
         sigma: figure -> its standard deviation, shape (n,).
         level: factor on the Coulomb force at the end of the move, shape (n,).
-        temperature: [deg C], nan where there was none, shape (n,).
-        kind: of each move.  run: number of its run.
+        temperature: [deg C], nan where unknown, shape (n,).
+        kind: of each move.
+        run: number of its run.
     """
 
     time: F64

@@ -1,7 +1,7 @@
-"""Tables of the friction history, as numbered migrations. A released one is never changed.
+"""Tables of the friction history as numbered migrations; a released one is never changed.
 
-Written once for SQLite and PostgreSQL: {key}, {real} and {blob} stand for what they call a row
-number, a double and bytes. docs/formats/history.md explains every column.
+The same for SQLite and PostgreSQL: {key}, {real} and {blob} stand for their types of a row number,
+a double and bytes. docs/formats/history.md explains every column.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ MIGRATIONS: tuple[tuple[str, ...], ...] = (
             distance {real} NOT NULL, accepted INTEGER NOT NULL, reason TEXT,
             figures TEXT NOT NULL, covariance {blob} NOT NULL, level {real} NOT NULL,
             measured {real}, measured_sigma {real}, temperature {real})""",
-        # What a trend and a map at a date are read by; refusals have no part in either.
+        # For trends and maps at a date, neither of which reads refused estimates.
         """CREATE INDEX estimate_trend ON estimate (place, axis, time)
             WHERE accepted = 1""",
         "CREATE INDEX estimate_run ON estimate (run)",
@@ -43,7 +43,7 @@ MIGRATIONS: tuple[tuple[str, ...], ...] = (
             id {key}, stage BIGINT NOT NULL REFERENCES stage, number BIGINT NOT NULL,
             made {real} NOT NULL, comment TEXT NOT NULL, content TEXT NOT NULL,
             UNIQUE (stage, number))""",
-        # The last row of a stage says which map is in use; number is NULL for none.
+        # The last row of a stage names its active map; number is NULL for none.
         """CREATE TABLE activation (
             id {key}, stage BIGINT NOT NULL REFERENCES stage, number BIGINT, time {real} NOT NULL,
             reason TEXT NOT NULL)""",
@@ -53,14 +53,14 @@ MIGRATIONS: tuple[tuple[str, ...], ...] = (
             kind TEXT NOT NULL)""",
         "CREATE INDEX level_step_time ON level_step (time)",
     ),
-    # 3: what a run begins with, found without going through all that production has left.
+    # 3: indices for what a run needs before it begins, however long the history is.
     (
         """CREATE INDEX estimate_measured ON estimate (place, axis, time)
             WHERE measured IS NOT NULL""",
         """CREATE INDEX estimate_slipped ON estimate (place, time)
             WHERE kind = 'other' AND site IS NULL""",
     ),
-    # 4: what tells runs and their estimates apart, so that filing them again adds nothing.
+    # 4: identity of runs and estimates, so that filing them again adds nothing.
     (
         "ALTER TABLE run ADD COLUMN uuid TEXT",
         "ALTER TABLE run ADD COLUMN estimates BIGINT",
@@ -69,7 +69,7 @@ MIGRATIONS: tuple[tuple[str, ...], ...] = (
         "CREATE UNIQUE INDEX run_uuid ON run (uuid)",
         """CREATE INDEX run_unfiled ON run (stage)
             WHERE uuid IS NOT NULL AND estimates IS NULL""",
-        # Rows of older versions have no number, and no part in these.
+        # Rows of older versions have no number.
         """CREATE UNIQUE INDEX estimate_number ON estimate (run, number)
             WHERE number IS NOT NULL""",
         """CREATE UNIQUE INDEX level_step_number ON level_step (run, number)
@@ -77,5 +77,5 @@ MIGRATIONS: tuple[tuple[str, ...], ...] = (
     ),
 )
 READABLE = 2
-"""Tables from this version on can be read as they are: later ones are only read faster, or have
-columns that only writing needs."""
+"""Tables from this version on can be read as they are: later ones only add indices, and columns
+needed for writing."""

@@ -1,4 +1,4 @@
-"""The history in SQL, the same for SQLite and PostgreSQL."""
+"""The history in SQL, for SQLite and PostgreSQL alike."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class SqlHistory(SqlSeries):
     """`port.History` on a database.
 
     Args:
-        database: with the tables of `schema`, up to date.
+        database: with the latest tables of `schema`.
     """
 
     def __init__(self, database: Database) -> None:
@@ -104,7 +104,7 @@ class SqlHistory(SqlSeries):
                 "ON CONFLICT DO NOTHING",
                 rows,
             )
-        self._places |= made  # only now are they there for good
+        self._places |= made  # committed
 
     def runs(self, stage: StageKey, last: int = 100) -> list[tuple[int, RunEntry, str | None]]:
         """As `port.History`."""
@@ -125,7 +125,7 @@ class SqlHistory(SqlSeries):
     def at_date(self, stage: StageKey, when: float) -> list[EstimateRecord]:
         """As `port.History`."""
         rows = self._database.execute(
-            # One step down the index per place and axis, however long the history is.
+            # One index look-up per place and axis, however long the history is.
             f"SELECT {_ESTIMATE} FROM place p JOIN stage s ON s.id = p.stage "  # noqa: S608
             "JOIN stage_axis a ON a.stage = s.id JOIN estimate e ON e.id = ("
             "SELECT l.id FROM estimate l WHERE l.place = p.id "
@@ -144,7 +144,7 @@ class SqlHistory(SqlSeries):
             "JOIN estimate e ON e.run = r.id JOIN place p ON p.id = e.place WHERE s.machine = ? "
             "AND s.simulated = ? AND r.purpose = 'calibration' AND e.accepted = 1 "
             "AND e.measured IS NOT NULL "
-            # Slipped into a production run: besides sites there are no other moves in one.
+            # Slipped into a production run, in which all other moves have a site.
             "UNION ALL SELECT p.x_um, p.y_um, e.time FROM place p JOIN stage s ON s.id = p.stage "
             "JOIN estimate e ON e.place = p.id WHERE s.machine = ? AND s.simulated = ? "
             "AND e.kind = 'other' AND e.site IS NULL AND e.accepted = 1 "

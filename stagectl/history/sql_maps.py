@@ -1,4 +1,4 @@
-"""Versions of friction maps in SQL, the same for SQLite and PostgreSQL."""
+"""Versions of friction maps in SQL, for SQLite and PostgreSQL alike."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class SqlMaps:
     """The part of `port.History` that keeps maps.
 
     Args:
-        database: with the tables of `schema`, up to date.
+        database: with the latest tables of `schema`.
     """
 
     def __init__(self, database: Database) -> None:
@@ -67,7 +67,7 @@ class SqlMaps:
         return [Activation(*row) for row in rows]
 
     def _id(self, table: str, columns: Sequence[str], values: Sequence[object]) -> int:
-        """Number of the row with these values, made where there is none."""
+        """Number of the row with these values, inserted if necessary."""
         same = " AND ".join(f"{column} = ?" for column in columns)
         rows = self._database.execute(f"SELECT id FROM {table} WHERE {same}", values)  # noqa: S608
         if not rows:

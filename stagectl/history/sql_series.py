@@ -1,7 +1,7 @@
-"""Series of estimates in SQL: what one place has been through, and what all places have shown.
+"""Series of estimates in SQL: the trend of one place, and the measurements of all places.
 
-A production history has millions of rows. What a run needs of it before it begins is read by index,
-place by place, and does not take longer the longer the history is.
+A production history has millions of rows. What a run needs before it begins is read by index, place
+by place, in a time that does not depend on the length of the history.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ import numpy as np
 from stagectl.history.records import F64, Measurement, Pair, StageKey, Trend
 from stagectl.history.sql_maps import SqlMaps
 
-FAR = 1e18  # beyond any time in seconds; databases have no infinity in common
+FAR = 1e18  # beyond any time [s]; the databases have no common infinity
 
-_ACCEPTED, _MEASURED = "e.accepted = 1", "e.measured IS NOT NULL"  # as the indices have it
+_ACCEPTED, _MEASURED = "e.accepted = 1", "e.measured IS NOT NULL"  # as in the indices
 _TREND = "e.time, e.figures, e.covariance, e.level, e.temperature, e.kind, e.run"
 _LEVEL = "e.time, e.measured, e.measured_sigma"
 
@@ -66,7 +66,7 @@ class SqlSeries(SqlMaps):
         if not numbers:
             return _trend([])
         key = (int(numbers[0][0]), axis)
-        # What has just been written is never after now, but may be at it.
+        # An estimate written just now may be at `since`, not after it.
         return _trend(self._series(_TREND, _ACCEPTED, key, ">=", since, until, last, apart))
 
     def measurements(
@@ -107,7 +107,7 @@ class SqlSeries(SqlMaps):
         self, columns: str, which: str, key: tuple[int, str], after: str, since: float,
         until: float, last: int | None, apart: float,
     ) -> list[tuple[Any, ...]]:  # fmt: skip
-        """Rows of one place and axis in the order of time, the last ones where there are more."""
+        """The last rows of one place and axis, in order of time."""
         mine = f"e.place = ? AND e.axis = ? AND {which}"
         within = (max(since, -FAR), min(until, FAR))
         if not apart:
@@ -118,7 +118,7 @@ class SqlSeries(SqlMaps):
                 (*key, *within),
             )
             return rows if last is None else rows[::-1]
-        # One step down the index for each.
+        # One index look-up per row.
         before = (
             f"SELECT e.time FROM estimate e WHERE {mine} AND e.time {after} ? "  # noqa: S608
             "AND e.time <= {} ORDER BY e.time DESC LIMIT 1"
@@ -134,17 +134,17 @@ class SqlSeries(SqlMaps):
 
 
 def micrometres(place: Pair) -> tuple[int, int]:
-    """What tells one place from another: its position in whole um."""
+    """The key of a place: its position in whole um."""
     return round(place[0] * 1e6), round(place[1] * 1e6)
 
 
 def covariance(data: bytes) -> tuple[float, ...]:
-    """Of an estimate, row by row."""
+    """Covariance of an estimate, row by row."""
     return struct.unpack(f"<{len(data) // 8}d", data)
 
 
 def _trend(rows: Sequence[Sequence[Any]]) -> Trend:
-    """Columns out of rows, without a step per row where it can be helped."""
+    """Rows to columns, vectorised where all rows have the same figures."""
     if not rows:
         none = np.zeros(0)
         return Trend(none, {}, {}, none, none, (), ())

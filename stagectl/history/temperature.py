@@ -1,8 +1,8 @@
-"""Where a stage's temperature comes from: an object of a drive, or a plug-in. Without one, none.
+"""The stage's temperature, from an object of a drive or from a plug-in.
 
-A plug-in is a callable without arguments under the entry point group `stagectl.temperature` that
+A plug-in is a callable without arguments in the entry point group `stagectl.temperature` that
 returns a `Thermometer`. It is read before the first move and then at most once a minute, between
-moves; a reading that fails is no reading, never a reason to stop a run.
+moves; a reading that fails counts as none and does not stop the run.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Thermometer(Protocol):
     """Reads a temperature."""
 
     def read(self) -> float:
-        """Temperature [deg C]; any exception means that there is none now."""
+        """Temperature [deg C]; any exception means that there is none."""
 
 
 class Scaled:
@@ -48,10 +48,10 @@ class Scaled:
 
 
 class LatestTemperature:
-    """Asks a thermometer now and then, and remembers.
+    """The last reading of a thermometer, renewed at most once a minute.
 
     Args:
-        thermometer: to ask; None where there is none.
+        thermometer: to read; None where there is none.
     """
 
     def __init__(self, thermometer: Thermometer | None) -> None:
@@ -106,12 +106,12 @@ def plugin_thermometer(machine: Machine) -> Thermometer | None:
 def stage_temperature(
     machine: Machine, stage: Stage, plugin: Thermometer | None
 ) -> LatestTemperature:
-    """The machine file's thermometer, asked over the opened stage where it is an object.
+    """The machine file's thermometer: its plug-in, or an object read over the open stage.
 
     Args:
-        machine: whose file says where the temperature is read.
-        stage: opened.
-        plugin: as of `plugin_thermometer`.
+        machine: that names the source.
+        stage: open.
+        plugin: of `plugin_thermometer`.
     """
     from drivers.objects import ObjectRef
 

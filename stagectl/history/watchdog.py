@@ -1,8 +1,7 @@
-"""An end to waiting for a server that does not answer.
+"""A client-side time-out for a server that does not answer.
 
-A time-out of the server's own (`statement_timeout`) is worth nothing where it is the server that
-hangs, or the network has become a black hole. Here the client cuts its own connection, from a
-thread beside it; whoever waits on it gets an error at once.
+The server's own `statement_timeout` does not help where the server or the network hangs. A thread
+here shuts the connection down, and whoever waits on it gets an error at once.
 """
 
 from __future__ import annotations
@@ -16,19 +15,19 @@ from contextlib import suppress
 from types import TracebackType
 
 LOOK_EVERY = 0.25
-"""Between two looks at whether it has been too long [s]."""
+"""Interval of the checks [s]."""
 
 
 class Watchdog:
-    """Cuts a connection that is waited on for too long; as a context, around each wait.
+    """Cuts a connection that does not answer in time; a context manager around each wait.
 
     Args:
-        descriptor: of the connection's socket; another one of it is kept.
-        patience: for each wait [s]; what is inside another wait begins it anew.
+        descriptor: of the connection's socket, which is duplicated.
+        patience: for each wait [s]; a wait inside another one starts it again.
 
     Attributes:
         patience: [s].
-        cut: whether it has been too long.
+        cut: whether the connection was cut.
     """
 
     def __init__(self, descriptor: int, patience: float) -> None:
@@ -53,7 +52,7 @@ class Watchdog:
         self._until = time.monotonic() + self.patience if self._depth else math.inf
 
     def close(self) -> None:
-        """Let go of the connection, which stays as it is; idempotent."""
+        """Stop watching; the connection stays as it is. Idempotent."""
         self._over.set()
 
     def _watch(self) -> None:
@@ -61,6 +60,6 @@ class Watchdog:
             while not self._over.wait(LOOK_EVERY):
                 if time.monotonic() > self._until:
                     self.cut = True
-                    with suppress(OSError):  # the other end has, meanwhile
+                    with suppress(OSError):  # the other end may have closed it
                         self._socket.shutdown(socket.SHUT_RDWR)
                     return

@@ -1,8 +1,8 @@
-"""A history written by a thread of its own: whoever has a record hands it over and goes on.
+"""A thread that writes the history, so that nothing else ever waits for it.
 
-A disk that is slow, a database that another program holds, a server that is gone or does not answer
-concern this thread alone. It opens a connection for itself, tries again after longer and longer
-pauses where that is lost, and files then what has come meanwhile.
+A slow disk, a database locked by another program, a server that is gone or does not answer concern
+this thread alone. It has a connection of its own, reopens it after growing pauses when it is lost,
+and then files what has queued up.
 """
 
 from __future__ import annotations
@@ -19,62 +19,62 @@ from stagectl.history.records import EstimateRecord, StepRecord
 Record = EstimateRecord | StepRecord
 
 LIMIT = 20_000
-"""So many records wait for a history at most, about 25 MB; further ones are left to an import."""
+"""Largest number of queued records, about 25 MB; further ones are dropped, for an import."""
 BATCH = 200
-"""So many are filed in one transaction."""
+"""Records filed per transaction."""
 PAUSE, LONGEST_PAUSE = 0.25, 30.0
-"""First and longest pause before another try [s]."""
+"""First and longest pause between attempts [s]."""
 PATIENCE = 10.0
-"""The end of a run waits so long for its history [s]."""
+"""The end of a run waits this long for its history [s]."""
 
 
 class HistoryWriter:
-    """Files the records of a run in the order in which they are handed over.
+    """Files the records of a run in order.
 
-    Make it before motion begins: the thread inherits its scheduling (`drivers.cyclic.realtime`).
+    Create it before motion begins: the thread inherits its scheduling (`drivers.cyclic.realtime`).
 
     Args:
         reopen: opens the history for writing; called in the thread, also after a failure.
-        limit: so many records wait at most.
+        limit: largest number of queued records.
 
     Attributes:
-        failure: why the last try did not succeed, else None.
-        filed: estimates that the history has.
-        turned_away: records that there was no room for.
-        complete: every record is filed, and what `end` was given done.
+        failure: why the last attempt failed, or None.
+        filed: number of estimates in the history.
+        dropped: number of records that the queue had no room for.
+        complete: every record is filed, and the callback of `end` has been called.
     """
 
     def __init__(self, reopen: Callable[[], History], limit: int = LIMIT) -> None:
         self.failure: str | None = None
-        self.filed = self.turned_away = 0
+        self.filed = self.dropped = 0
         self.complete = False
         self._reopen = reopen
-        self._waiting: queue.Queue[Record | None] = queue.Queue(limit)
+        self._queue: queue.Queue[Record | None] = queue.Queue(limit)
         self._close: Callable[[History], None] | None = None
         self._ending, self._abandoned = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._work, name="history", daemon=True)
         self._thread.start()
 
-    def hand_over(self, record: Record) -> None:
-        """Take a record; never waits."""
+    def enqueue(self, record: Record) -> None:
+        """Queue a record; never waits."""
         try:
-            self._waiting.put_nowait(record)
+            self._queue.put_nowait(record)
         except queue.Full:
-            self.turned_away += 1
+            self.dropped += 1
 
     def end(self, close: Callable[[History], None], patience: float = PATIENCE) -> None:
-        """Wait until all is filed, but not for longer than `patience` [s].
+        """Wait until everything is filed, for `patience` at most.
 
-        A thread that a database still keeps then is left alone; it ends when it is let go.
+        A thread that still waits for a database then is left to end by itself.
 
         Args:
-            close: called in the thread with the history once all that waited is filed.
+            close: called in the thread with the history once everything is filed.
             patience: [s].
         """
         self._close = close
         self._ending.set()
-        with suppress(queue.Full):  # then the thread does not sleep
-            self._waiting.put_nowait(None)
+        with suppress(queue.Full):  # with a full queue the thread is awake
+            self._queue.put_nowait(None)
         self._thread.join(patience)
         self._abandoned.set()
 
@@ -96,7 +96,7 @@ class HistoryWriter:
                 if history is not None:
                     history.close()
                     history = None
-                self._rest(pause)
+                self._wait(pause)
                 pause = min(2.0 * pause, LONGEST_PAUSE)
             else:
                 batch, pause, self.failure = (), PAUSE, None
@@ -104,11 +104,11 @@ class HistoryWriter:
             history.close()
 
     def _take(self) -> list[Record]:
-        """What waits, as many as go together; sleeps until there is something. Nothing: the end."""
+        """Up to BATCH queued records; waits for the first one, and returns none at the end."""
         taken: list[Record] = []
         with suppress(queue.Empty):
             while len(taken) < BATCH:
-                record = self._waiting.get(block=not taken and not self._ending.is_set())
+                record = self._queue.get(block=not taken and not self._ending.is_set())
                 if record is not None:
                     taken.append(record)
         return taken
@@ -125,11 +125,11 @@ class HistoryWriter:
     def _finish(self, history: History) -> None:
         if self._close is not None:
             self._close(history)
-        self.complete = not self.turned_away
+        self.complete = not self.dropped
         self.failure = None
 
-    def _rest(self, pause: float) -> None:
-        """Before another try; the end of the run is worth one at once, and short pauses."""
+    def _wait(self, pause: float) -> None:
+        """Pause before another attempt: cut short by the end of the run, and short after it."""
         if self._ending.is_set():
             self._abandoned.wait(min(pause, 2.0 * PAUSE))
         else:

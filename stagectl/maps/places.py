@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from estimation.field import FrictionField, Observation, SiteTracker, TrackingSettings
 from estimation.online import Estimate
-from stagectl.history.measured import doubt, measured_level
+from stagectl.history.measured import measured_level, misfit_error
 from stagectl.history.records import Measurement, Pair
 from stagectl.maps.model import FrictionMap
 from stagectl.sequencer import Expectation, LevelStepped
@@ -159,7 +159,7 @@ class TrackedPlaces:
             return None
         value, sigma = shown
         seen = self.trackers[name].observe(
-            self._target, math.log(value), sigma / value, self.origin + time, doubt(estimate)
+            self._target, math.log(value), sigma / value, self.origin + time, misfit_error(estimate)
         )
         if seen.step is not None:
             self._report_step(name, seen, time)

@@ -1,7 +1,7 @@
 """A run's estimates on their way into the history.
 
 The history must not delay a SYNC or end a run, so a thread writes it (`history.writer`). What that
-thread cannot file is in the run's recording as well (`history.noted`); the next run with this
+thread cannot file is in the run's recording as well (`history.notes`); the next run with this
 history, or `stagectl history import`, files it from there.
 """
 
@@ -112,7 +112,7 @@ class RunHistory:
     def file(self, record: EstimateRecord | StepRecord) -> None:
         """Hand a record to the writer, if there is one; never waits."""
         if self._writer is not None:
-            self._writer.hand_over(record)
+            self._writer.enqueue(record)
 
     def end(self, outcome: str, fault: str | None) -> None:
         """Enter how the run ended; waits a few seconds at most, never raises."""
@@ -120,7 +120,7 @@ class RunHistory:
         if writer is not None:
             writer.end(
                 lambda history: history.end_run(
-                    self.number, outcome, fault, None if writer.turned_away else self.made
+                    self.number, outcome, fault, None if writer.dropped else self.made
                 )
             )
 
@@ -142,7 +142,7 @@ class RunHistory:
         if self.filed == self.made:
             lacks = "how the run ended is not in the history"
         why = writer.failure or (
-            "too many were waiting for it" if writer.turned_away else "it does not answer"
+            "too many were waiting for it" if writer.dropped else "it does not answer"
         )
         return f"{lacks} ({why}); 'stagectl history import {folder}' files the rest"
 

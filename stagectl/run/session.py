@@ -25,7 +25,7 @@ from stagectl.history import (
     History,
     StageKey,
     Thermometer,
-    file_left_behind,
+    file_unfiled_runs,
     open_history,
     plugin_thermometer,
     stage_temperature,
@@ -116,7 +116,7 @@ def execute(
         history = open_history(request.history, write=True)
     try:
         if history is not None:
-            for line in file_left_behind(history, _stage_key(request)):
+            for line in file_unfiled_runs(history, _stage_key(request)):
                 listener.phase(line)
         active = _active_map(request, history) if substitutes is None else substitutes.active
         if active is not None:

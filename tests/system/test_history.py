@@ -10,7 +10,7 @@ import pytest
 
 from stagectl.config.machine_file import parse_machine
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.history import StageKey, file_left_behind, open_history, runs_in
+from stagectl.history import StageKey, file_unfiled_runs, open_history, runs_in
 from stagectl.recipe import parse_recipe
 from stagectl.run import Listener, RunRequest, execute
 from stagectl.run.record import RunRecord
@@ -155,9 +155,9 @@ def test_what_a_killed_run_left_in_its_journal_is_filed(request_, tmp_path):
         journals.append(record.journal)
     journals[1].close()
     assert {folder for _, folder in history.unfiled(STAGE)} == set(map(str, folders))
-    (line,) = file_left_behind(history, STAGE)
+    (line,) = file_unfiled_runs(history, STAGE)
     assert line == f"5 estimates filed that an earlier run left in {killed}"
-    assert list(file_left_behind(history, STAGE)) == []
+    assert list(file_unfiled_runs(history, STAGE)) == []
     assert (sum(history.counted(STAGE)), len(history.steps(STAGE))) == (5, 1)
     assert [folder for _, folder in history.unfiled(STAGE)] == [str(alive)]
     assert {outcome for *_, outcome in history.runs(STAGE)} == {None}

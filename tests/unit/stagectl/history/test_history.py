@@ -39,7 +39,7 @@ def test_an_estimate_comes_back_as_it_was(where, opened, a_run, an_estimate):
     assert (trend.temperature[0], trend.level[0], trend.run) == (22.4, 0.99, (number,))
 
 
-def test_the_map_at_a_date_has_the_last_accepted_one_of_each_place_and_axis(
+def test_a_date_gives_the_last_accepted_estimate_of_each_place_and_axis(
     where, opened, a_run, an_estimate
 ):
     history = opened(where)
@@ -70,7 +70,7 @@ def test_the_map_at_a_date_has_the_last_accepted_one_of_each_place_and_axis(
     assert len(history.trend(STAGE, "z", sites[1])) == 0
 
 
-def test_a_trend_over_estimators_with_different_figures(where, opened, a_run, an_estimate):
+def test_a_trend_may_span_estimators_with_different_figures(where, opened, a_run, an_estimate):
     history = opened(where)
     number = history.start_run(a_run())
     history.add([an_estimate(number)])
@@ -80,7 +80,7 @@ def test_a_trend_over_estimators_with_different_figures(where, opened, a_run, an
     assert trend.sigma["bias"].tolist() == [pytest.approx(math.nan, nan_ok=True), 0.3]
 
 
-def test_series_are_thinned_from_the_last_one_back(where, opened, a_run, an_estimate):
+def test_series_are_thinned_backwards_from_the_last_estimate(where, opened, a_run, an_estimate):
     """However long production goes on: so many of each place, so far apart."""
     history = opened(where)
     number = history.start_run(a_run())
@@ -162,7 +162,7 @@ def test_estimates_are_added_all_or_none(where, opened, a_run, an_estimate):
     assert history.at_date(STAGE, math.inf) == [good]
 
 
-def test_what_is_there_already_is_not_added_again(where, opened, a_run, an_estimate):
+def test_filing_again_adds_nothing(where, opened, a_run, an_estimate):
     """After a connection was lost nobody knows whether the last rows got through."""
     history = opened(where)
     run = a_run(uuid="5eed")
@@ -178,7 +178,7 @@ def test_what_is_there_already_is_not_added_again(where, opened, a_run, an_estim
     assert history.steps(STAGE) == [step]
 
 
-def test_runs_that_may_have_made_more_are_known(where, opened, a_run):
+def test_runs_with_estimates_that_may_be_missing_are_listed(where, opened, a_run):
     history = opened(where)
     runs = {name: history.start_run(a_run(uuid=name, folder=f"runs/{name}")) for name in "abcd"}
     history.start_run(a_run(StageKey("another", True), uuid="e"))

@@ -17,7 +17,7 @@ from stagectl.history.schema import MIGRATIONS, READABLE
 
 
 @pytest.mark.parametrize("write", [True, False])
-def test_what_is_no_history_is_refused(tmp_path, write):
+def test_other_files_are_refused(tmp_path, write):
     text = tmp_path / "notes.db"
     text.write_text("not a database at all, but long enough to be looked at\n" * 30)
     foreign = tmp_path / "foreign.db"
@@ -51,7 +51,7 @@ INSERT INTO estimate (run, place, axis, kind, time, distance, accepted, figures,
 """
 
 
-def test_every_older_version_is_brought_up_to_date(tmp_path, monkeypatch):
+def test_every_older_version_is_migrated(tmp_path, monkeypatch):
     for version in range(1, len(MIGRATIONS) + 1):
         path = str(tmp_path / f"{version}.db")
         with monkeypatch.context() as old:
@@ -75,7 +75,7 @@ def test_every_older_version_is_brought_up_to_date(tmp_path, monkeypatch):
         open_history(path).close()
 
 
-def test_a_history_is_read_where_nothing_can_be_written(tmp_path, a_run):
+def test_a_history_can_be_read_in_a_read_only_folder(tmp_path, a_run):
     """Kept on a share, say; who may write anywhere, root, sees nothing of it."""
     kept = tmp_path / "kept"
     kept.mkdir()
@@ -95,7 +95,7 @@ def test_a_history_is_read_where_nothing_can_be_written(tmp_path, a_run):
         kept.chmod(0o755)
 
 
-def test_where_a_run_writes(tmp_path):
+def test_the_default_history_depends_on_option_machine_and_folder(tmp_path):
     plain = load_machine()
     text = plain.text + "history: fleet.db\n"
     named = parse_machine(text, str(tmp_path / "m.yaml"))
@@ -137,7 +137,7 @@ while True:
 """
 
 
-def test_killed_at_any_instant_nothing_committed_is_lost(tmp_path):
+def test_a_kill_at_any_instant_loses_no_commit(tmp_path):
     path = str(tmp_path / "stage.db")
     command = [sys.executable, "-c", WRITER.format(path=path, tests=".")]
     stage = StageKey("m", False)

@@ -36,7 +36,7 @@ def installed(tmp_path, monkeypatch):
     sys.modules.pop("lab_probe", None)
 
 
-def test_a_plugin_is_asked_now_and_then(installed):
+def test_a_plugin_is_read_at_most_once_a_minute(installed):
     latest = LatestTemperature(load_plugin("probe"))
     assert [latest.at(t) for t in (0.0, EVERY - 1.0)] == [22.5, 22.5]
     assert latest.at(EVERY) is None  # no number is no reading
@@ -53,7 +53,7 @@ def test_a_plugin_is_asked_now_and_then(installed):
         ("absent", "'absent' cannot be loaded: ModuleNotFoundError"),
     ],
 )
-def test_a_plugin_that_cannot_be_used_is_named(installed, name, reason):
+def test_an_unusable_plugin_is_named(installed, name, reason):
     with pytest.raises(ConfigError) as refused:
         load_plugin(name)
     assert reason in str(refused.value)

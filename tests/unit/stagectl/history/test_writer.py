@@ -21,14 +21,14 @@ def begun(where, opened, a_run):
     return opened(where).start_run(a_run(uuid="5eed")), lambda: open_history(where, write=True)
 
 
-def test_what_is_handed_over_is_filed_in_its_order(where, opened, begun, an_estimate):
+def test_records_are_filed_in_order(where, opened, begun, an_estimate):
     number, reopen = begun
     writer = HistoryWriter(reopen)
     for n in range(1, 501):
-        writer.hand_over(an_estimate(number, number=n, time=BEGIN + n))
+        writer.enqueue(an_estimate(number, number=n, time=BEGIN + n))
         if n % 100 == 0:
             step = StepRecord(number, "x", (0.0, 0.0), BEGIN + n, 0.1, "site", n // 100)
-            writer.hand_over(step)
+            writer.enqueue(step)
     writer.end(lambda history: history.end_run(number, "completed", None, 500), ENOUGH)
     assert (writer.complete, writer.filed, writer.failure) == (True, 500, None)
     history = opened(where, write=False)
@@ -38,14 +38,14 @@ def test_what_is_handed_over_is_filed_in_its_order(where, opened, begun, an_esti
     assert (history.runs(STAGE)[0][2], history.unfiled(STAGE)) == ("completed", [])
 
 
-def test_a_locked_file_keeps_nobody_but_the_writer(tmp_path, opened, a_run, an_estimate):
+def test_a_locked_file_delays_only_the_writer(tmp_path, opened, a_run, an_estimate):
     path = str(tmp_path / "stage.db")
     number = opened(path).start_run(a_run(uuid="5eed"))
     with locked(path):
         writer = HistoryWriter(lambda: open_history(path, write=True))
         for n in range(1, 301):
-            writer.hand_over(an_estimate(number, number=n))
-        assert (writer.filed, writer.turned_away) == (0, 0)  # all of them taken, none written yet
+            writer.enqueue(an_estimate(number, number=n))
+        assert (writer.filed, writer.dropped) == (0, 0)  # all of them taken, none written yet
         with pytest.raises(StagectlError, match="another program is writing"):
             opened(path).end_run(number, "completed")
     writer.end(lambda history: history.end_run(number, "completed", None, 300), ENOUGH)
@@ -64,20 +64,18 @@ class Absent:
         raise StagectlError("gone for good")
 
 
-def test_there_is_an_end_to_what_waits_and_to_waiting(an_estimate):
+def test_queue_and_waiting_are_limited(an_estimate):
     absent = Absent()
     writer = HistoryWriter(absent, limit=3)
     for n in range(1, 6):
-        writer.hand_over(an_estimate(1, number=n))
-    assert (writer.turned_away, writer.filed) == (2, 0)
+        writer.enqueue(an_estimate(1, number=n))
+    assert (writer.dropped, writer.filed) == (2, 0)
     writer.end(lambda history: pytest.fail("there is none"), patience=0.05)
     assert not writer.complete
     absent.there.set()
 
 
-def test_records_that_there_was_no_room_for_are_left_to_an_import(
-    where, opened, begun, an_estimate
-):
+def test_dropped_records_are_left_to_an_import(where, opened, begun, an_estimate):
     number, reopen = begun
     there = threading.Event()
 
@@ -87,10 +85,10 @@ def test_records_that_there_was_no_room_for_are_left_to_an_import(
 
     writer = HistoryWriter(late, limit=3)
     for n in range(1, 6):
-        writer.hand_over(an_estimate(number, number=n))
+        writer.enqueue(an_estimate(number, number=n))
     there.set()
     writer.end(lambda history: history.end_run(number, "completed", None, None), ENOUGH)
-    assert (writer.complete, writer.filed, writer.turned_away) == (False, 3, 2)
+    assert (writer.complete, writer.filed, writer.dropped) == (False, 3, 2)
     assert [uuid for uuid, _ in opened(where).unfiled(STAGE)] == ["5eed"]
 
 
@@ -107,16 +105,16 @@ def of_server(server, opened, a_run):
     return number, lambda: open_history(server.url, write=True)
 
 
-def test_a_server_that_was_restarted_gets_what_it_missed(server, of_server, opened, an_estimate):
+def test_a_restarted_server_gets_what_it_missed(server, of_server, opened, an_estimate):
     number, reopen = of_server
     writer = HistoryWriter(reopen)
     filed = threading.Event()
-    writer.hand_over(an_estimate(number, number=1))
+    writer.enqueue(an_estimate(number, number=1))
     while not writer.filed:  # it is connected
         filed.wait(0.01)
     server.stop()
     for n in range(2, 300):
-        writer.hand_over(an_estimate(number, number=n))
+        writer.enqueue(an_estimate(number, number=n))
     while writer.failure is None:
         filed.wait(0.01)
     assert "\n" not in writer.failure
@@ -126,19 +124,19 @@ def test_a_server_that_was_restarted_gets_what_it_missed(server, of_server, open
     assert opened(server.url).filed(number) == 299
 
 
-def test_a_server_that_stops_answering_is_given_up_and_come_back_to(
+def test_a_server_that_stops_answering_is_cut_off_and_tried_again(
     server, of_server, opened, an_estimate, capfd
 ):
     """Its own time-outs are worth nothing then: the client cuts the connection."""
     number, reopen = of_server
     writer = HistoryWriter(reopen)
     seen = threading.Event()
-    writer.hand_over(an_estimate(number, number=1))
+    writer.enqueue(an_estimate(number, number=1))
     while not writer.filed:
         seen.wait(0.01)
     with server.hung():
         for n in range(2, 300):
-            writer.hand_over(an_estimate(number, number=n))
+            writer.enqueue(an_estimate(number, number=n))
         while writer.failure is None:
             seen.wait(0.01)
         assert "no answer for 12 s" in writer.failure or "timeout" in writer.failure
@@ -175,10 +173,10 @@ def test_a_server_that_never_answers_is_refused_in_one_line():
         ("/var/stage.db", "/var/stage.db"),
     ],
 )
-def test_a_recording_names_its_history_without_the_password(where, named):
+def test_a_recording_names_its_history_without_password(where, named):
     assert without_password(where) == named
 
 
-def test_a_history_of_the_folder_is_named_from_the_root(tmp_path, monkeypatch):
+def test_a_history_in_a_file_is_named_by_its_absolute_path(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert without_password("runs/stage.db") == str(tmp_path / "runs" / "stage.db")

@@ -12,7 +12,14 @@ import pytest
 from stagectl.calibration import DueSection, due_sites
 from stagectl.config.machine_file import load_machine
 from stagectl.errors import UnusableInput
-from stagectl.history import EstimateRecord, RunEntry, StageKey, doubt, measured_level, open_history
+from stagectl.history import (
+    EstimateRecord,
+    RunEntry,
+    StageKey,
+    measured_level,
+    misfit_error,
+    open_history,
+)
 from stagectl.maps import (
     MapVersion,
     TrackedPlaces,
@@ -212,7 +219,7 @@ def test_what_a_measurement_is_worth():
     assert sigmas[0] == sigmas[1] == 0.02
     assert 0.02 < 3 * sigmas[2] < sigmas[3]
     assert [
-        doubt(estimate((6.0, 0.02), zones, misfit)) > 0.0
+        misfit_error(estimate((6.0, 0.02), zones, misfit)) > 0.0
         for zones, misfit in (("AB", 0.6), ("AB", 1.5), ("B", 1.5))
     ] == [False, True, False]
 

@@ -17,7 +17,7 @@ def test_a_file_is_replaced_and_nothing_is_left_beside_it(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_what_cannot_be_written_is_named_and_the_old_one_stays(tmp_path):
+def test_a_failed_write_names_the_file_and_keeps_the_old_one(tmp_path):
     with pytest.raises(StagectlError, match=r"none/page: cannot write the page: No such file"):
         write_atomically(tmp_path / "none" / "page", "", "page")
     (tmp_path / "page").write_text("old")
@@ -27,7 +27,7 @@ def test_what_cannot_be_written_is_named_and_the_old_one_stays(tmp_path):
     assert (tmp_path / "page").read_text() == "old"
 
 
-def test_a_folder_is_not_written_over(tmp_path):
+def test_a_folder_is_not_replaced(tmp_path):
     with pytest.raises(StagectlError, match="Is a directory"):
         write_atomically(tmp_path, "", "page")
 

@@ -32,7 +32,7 @@ def read(path: Path) -> list[can.Message]:
 
 @given(FRAMES)
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_every_frame_comes_back(tmp_path: Path, frames: list[tuple[int, int, bytes]]):
+def test_python_can_reads_every_frame(tmp_path: Path, frames: list[tuple[int, int, bytes]]):
     frames.sort(key=lambda frame: frame[0])
     path = tmp_path / "bus.asc"
     with BusLog(path, STARTED) as log:
@@ -48,7 +48,7 @@ def test_every_frame_comes_back(tmp_path: Path, frames: list[tuple[int, int, byt
     )
 
 
-def test_direction_is_the_hosts(tmp_path: Path):
+def test_direction_is_seen_from_the_host(tmp_path: Path):
     sent = [0x000, 0x080, 0x201, 0x37F, 0x401, 0x502, 0x601, 0x77F]
     received = [0x081, 0x181, 0x282, 0x381, 0x481, 0x581, 0x701]
     with BusLog(tmp_path / "bus.asc", STARTED) as log:
@@ -58,7 +58,7 @@ def test_direction_is_the_hosts(tmp_path: Path):
     assert rx == [False] * len(sent) + [True] * len(received)
 
 
-def test_the_data_is_taken_at_once(tmp_path: Path):
+def test_tap_copies_the_data(tmp_path: Path):
     buffer = bytearray(b"\x01\x02")
     with BusLog(tmp_path / "bus.asc", STARTED) as log:
         log.tap(0, 0x181, buffer)
@@ -79,7 +79,7 @@ def test_the_header_carries_the_date_in_any_locale_and_absolute_times(tmp_path: 
     assert message.timestamp == pytest.approx(local.timestamp())
 
 
-def test_what_a_killed_run_left_becomes_a_log(tmp_path: Path):
+def test_the_spool_of_a_killed_run_becomes_a_log(tmp_path: Path):
     whole = tmp_path / "bus.asc"
     log = BusLog(whole, STARTED)
     for k in range(10_000):
@@ -100,13 +100,13 @@ def test_what_a_killed_run_left_becomes_a_log(tmp_path: Path):
     assert not (tmp_path / "bus.frames").exists()
 
 
-def test_something_else_is_no_spool(tmp_path: Path):
+def test_other_files_are_refused(tmp_path: Path):
     (tmp_path / "bus.frames").write_text("hello, this is not it")
     with pytest.raises(UnusableInput, match=r"bus\.frames"):
         recover_log(tmp_path)
 
 
-def test_where_it_cannot_be_written(tmp_path: Path):
+def test_a_log_that_cannot_be_written_is_one_line(tmp_path: Path):
     with pytest.raises(StagectlError, match="cannot create"):
         BusLog(tmp_path / "absent" / "bus.asc", STARTED)
     (tmp_path / "bus.frames").symlink_to("/dev/full")
@@ -126,7 +126,7 @@ def test_a_full_disk_keeps_no_frame_from_the_bus(tmp_path: Path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["bus.frames"]
 
 
-def test_no_room_for_the_text_leaves_the_frames_and_nothing_else(tmp_path: Path):
+def test_a_full_disk_at_the_end_keeps_the_spool_only(tmp_path: Path):
     (tmp_path / "bus.asc.part").symlink_to("/dev/full")
     with BusLog(tmp_path / "bus.asc", STARTED) as log:
         log.tap(0, 0x181, b"\x01")

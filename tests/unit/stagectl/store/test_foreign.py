@@ -92,7 +92,7 @@ def test_columns_by_number_units_and_offsets(columns, tmp_path):
         (lambda c: c | {"qm": c["qm"][:100]}, "100 samples, the demand has 3000"),
     ],
 )
-def test_data_that_do_not_fit_are_one_line(example, columns, tmp_path, spoil, words):
+def test_unsuitable_data_are_one_line(example, columns, tmp_path, spoil, words):
     savemat(tmp_path / "bad.mat", spoil(columns))
     with pytest.raises(UnusableInput, match=words) as refused:
         import_recording(tmp_path / "bad.mat", *example)
@@ -112,13 +112,13 @@ def test_data_that_do_not_fit_are_one_line(example, columns, tmp_path, spoil, wo
         ("a.csv", b"\xff\xfe\x00", "not readable text"),
     ],
 )
-def test_files_that_cannot_be_read_are_one_line(example, tmp_path, name, content, words):
+def test_unreadable_files_are_one_line(example, tmp_path, name, content, words):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(UnusableInput, match=words):
         import_recording(tmp_path / name, *example)
 
 
-def test_a_map_that_does_not_fit_its_machine(tmp_path):
+def test_a_map_must_fit_its_machine(tmp_path):
     (tmp_path / "machine.yaml").write_text((EXAMPLE / "machine.yaml").read_text())
     text = (EXAMPLE / "map.yaml").read_text()
     for old, new, words in (

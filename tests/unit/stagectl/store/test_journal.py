@@ -75,7 +75,7 @@ def test_codec_and_dtype_are_the_same_record():
         assert sample_codec(axes).size == sample_dtype(axes).itemsize
 
 
-def test_a_run_that_ends_becomes_a_recording(tmp_path: Path):
+def test_a_finished_run_becomes_a_recording(tmp_path: Path):
     journal = written(tmp_path)
     assert journal.samples == 30
     journal.move(move("micro", 20, 25))  # broken off: replaces what was announced
@@ -135,7 +135,7 @@ def test_a_journal_cut_at_any_byte_gives_every_whole_sample_before_the_cut(tmp_p
     assert counts[-1] == 12
 
 
-def test_an_event_takes_what_the_run_has_at_hand(tmp_path: Path):
+def test_an_event_may_hold_numpy_values_and_dataclasses(tmp_path: Path):
     journal = Journal(tmp_path, HEADER)
     scaling = HEADER.axes[0]
     journal.event("e", count=np.int64(3), values=np.array([1.5, 2.5]), scaling=scaling, at=tmp_path)
@@ -151,7 +151,7 @@ def test_an_event_takes_what_the_run_has_at_hand(tmp_path: Path):
     )  # fmt: skip
 
 
-def test_zeros_where_a_text_was_end_the_journal(tmp_path: Path):
+def test_zeros_in_place_of_a_note_end_the_journal(tmp_path: Path):
     journal = written(tmp_path, 20)
     journal.close()
     path = tmp_path / "recording.journal"
@@ -212,7 +212,7 @@ def test_a_killed_process_loses_nothing_and_the_next_command_finds_it(tmp_path: 
     assert recover_left_over(tmp_path) is None
 
 
-def test_the_recording_of_another_run_is_left_alone(tmp_path: Path):
+def test_the_recording_of_another_run_is_kept(tmp_path: Path):
     first = written(tmp_path, 5)
     first.finish("completed")
     recover_journal(first.path)
@@ -247,14 +247,14 @@ def test_a_journal_without_samples_is_removed(tmp_path: Path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_second_run_does_not_write_over_a_journal(tmp_path: Path):
+def test_a_second_run_does_not_overwrite_a_journal(tmp_path: Path):
     with Journal(tmp_path, HEADER), pytest.raises(StagectlError, match="another run"):
         Journal(tmp_path, HEADER)
     with pytest.raises(StagectlError, match="cannot create"):
         Journal(tmp_path / "absent", HEADER)
 
 
-def test_what_is_no_journal_is_refused_and_kept(tmp_path: Path):
+def test_other_files_are_refused_and_kept(tmp_path: Path):
     path = tmp_path / "recording.journal"
     path.write_bytes(b"\x89HDF something else\n")
     with pytest.raises(UnusableInput, match="not a journal"):
@@ -277,7 +277,7 @@ def test_a_journal_that_contradicts_itself_is_refused_and_kept(tmp_path: Path):
     assert journal.path.exists()
 
 
-def test_a_full_disk_is_an_error_not_a_hole(tmp_path: Path):
+def test_a_full_disk_is_an_error_not_a_gap(tmp_path: Path):
     journal = Journal(tmp_path, HEADER)
     os.close(journal._fd)  # noqa: SLF001 (the only disk at hand that refuses everything)
     journal._fd = os.open("/dev/full", os.O_WRONLY)  # noqa: SLF001

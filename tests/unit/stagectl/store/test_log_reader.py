@@ -19,7 +19,7 @@ FRAMES = st.lists(
 
 @given(FRAMES)
 @settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_what_was_logged_comes_back(tmp_path, frames):
+def test_logged_frames_are_read_back(tmp_path, frames):
     frames.sort(key=lambda frame: frame[0])
     path = tmp_path / "bus.asc"
     with BusLog(path, STARTED) as log:
@@ -42,7 +42,7 @@ def test_the_digest_is_that_of_the_frames_above_it(tmp_path):
     assert last.split()[-1].decode() == hashlib.sha256(b"".join(above[head:])).hexdigest()
 
 
-def test_a_bus_that_failed_is_in_the_log(tmp_path):
+def test_a_bus_failure_is_in_the_log(tmp_path):
     path = tmp_path / "bus.asc"
     with BusLog(path, STARTED) as log:
         log.tap(0, 0x201, b"\x01")
@@ -55,7 +55,7 @@ def test_a_bus_that_failed_is_in_the_log(tmp_path):
 
 
 @pytest.mark.parametrize("line", ["rubbish", "0.1 1 201 Tx d 1 00", "0.000001 1 201 Tx d 9 00"])
-def test_a_line_that_is_none_of_ours_is_named(tmp_path, line):
+def test_a_line_of_another_form_is_named(tmp_path, line):
     path = tmp_path / "bus.asc"
     with BusLog(path, STARTED) as log:
         log.tap(0, 0x201, b"\x01")
@@ -64,7 +64,7 @@ def test_a_line_that_is_none_of_ours_is_named(tmp_path, line):
         read_log(path)
 
 
-def test_a_log_without_digest_is_read_too(tmp_path):
+def test_a_log_without_digest_can_be_read(tmp_path):
     path = tmp_path / "bus.asc"
     path.write_text("date x\nbase hex  timestamps absolute\n0.000000 1  80  Tx   d 0\n")
     assert read_log(path).stated is None

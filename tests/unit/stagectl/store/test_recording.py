@@ -62,7 +62,7 @@ def test_round_trip_keeps_every_sample_the_moves_and_the_order_of_axes(path: Pat
             np.testing.assert_array_equal(getattr(read.axes[name], field), getattr(signals, field))
 
 
-def test_every_dataset_has_a_unit_and_nothing_is_left_over(path: Path):
+def test_every_dataset_has_a_unit_and_no_part_file_remains(path: Path):
     lacking: list[str] = []
     with h5py.File(path) as file:
         file.visititems(
@@ -77,7 +77,7 @@ def test_every_dataset_has_a_unit_and_nothing_is_left_over(path: Path):
     assert [p.name for p in path.parent.iterdir()] == ["recording.h5"]
 
 
-def test_the_ledger_comes_back(tmp_path: Path):
+def test_the_ledger_is_read_back(tmp_path: Path):
     arrival = np.full(50, 2e-4)
     arrival[[7, 8]] = np.nan
     late = np.arange(50) == 9
@@ -96,7 +96,7 @@ def test_a_recording_without_ledger_has_none(path: Path):
 
 
 @pytest.mark.parametrize("name", ["null-1", "null-1-other-moves", "null-2", "null-3"])
-def test_reads_another_programs_recordings(name: str):
+def test_recordings_of_another_program_can_be_read(name: str):
     recording = read_recording(DATA / f"{name}.h5")
     assert list(recording.axes) == ["x", "y"]
     assert len(recording.moves) == 38
@@ -105,7 +105,7 @@ def test_reads_another_programs_recordings(name: str):
     assert recording.machine.startswith("# The reference stage")
 
 
-def test_ignores_what_it_does_not_know(path: Path):
+def test_unknown_groups_and_attributes_are_ignored(path: Path):
     with h5py.File(path, "a") as file:
         file.attrs["colour"] = "blue"
         file["axes/x/temperature"] = np.zeros(3)
@@ -162,7 +162,7 @@ def test_an_unusable_recording_is_one_line_naming_file_and_dataset(
     assert "\n" not in text
 
 
-def test_samples_in_another_unit_are_not_read_as_si(path: Path):
+def test_samples_in_another_unit_are_refused(path: Path):
     with h5py.File(path, "a") as file:
         file["axes/y/position_actual"].attrs["unit"] = "mm"
     with pytest.raises(UnusableInput, match=r"/axes/y/position_actual: attribute unit is 'mm'"):
@@ -179,7 +179,9 @@ def test_samples_in_another_unit_are_not_read_as_si(path: Path):
         ("machine", b"\xff\xfe", "attribute machine: not UTF-8"),
     ],
 )
-def test_another_format_or_a_newer_version(path: Path, attribute: str, value: object, message: str):
+def test_another_format_or_a_newer_version_is_refused(
+    path: Path, attribute: str, value: object, message: str
+):
     with h5py.File(path, "a") as file:
         file.attrs[attribute] = value
     with pytest.raises(UnusableInput, match=message):
@@ -187,7 +189,7 @@ def test_another_format_or_a_newer_version(path: Path, attribute: str, value: ob
 
 
 @pytest.mark.parametrize("kept", [0, 7, 100, 3000, 100_000, 297_000])
-def test_a_truncated_file(tmp_path: Path, kept: int):
+def test_a_truncated_file_is_one_line(tmp_path: Path, kept: int):
     path = tmp_path / "cut.h5"
     path.write_bytes((DATA / "null-1.h5").read_bytes()[:kept])
     with pytest.raises(UnusableInput, match=r"cut\.h5: not a readable HDF5 file") as failure:
@@ -195,7 +197,7 @@ def test_a_truncated_file(tmp_path: Path, kept: int):
     assert "\n" not in str(failure.value)
 
 
-def test_damaged_bytes_never_end_in_anything_but_one_line(tmp_path: Path):
+def test_damaged_bytes_are_one_line(tmp_path: Path):
     whole = bytearray((DATA / "null-2.h5").read_bytes())
     rng = np.random.default_rng(3)
     path = tmp_path / "damaged.h5"
@@ -214,14 +216,14 @@ def test_damaged_bytes_never_end_in_anything_but_one_line(tmp_path: Path):
     assert not any("\n" in message for message in messages)
 
 
-def test_no_such_file_and_a_folder(tmp_path: Path):
+def test_a_missing_file_and_a_folder_are_one_line(tmp_path: Path):
     with pytest.raises(UnusableInput, match="no such file"):
         read_recording(tmp_path / "absent.h5")
     with pytest.raises(UnusableInput, match="is not a file"):
         read_recording(tmp_path)
 
 
-def test_a_failed_write_leaves_the_old_file_and_no_part(path: Path, tmp_path: Path):
+def test_a_failed_write_keeps_the_old_file_and_no_part_file(path: Path, tmp_path: Path):
     before = path.read_bytes()
     with pytest.raises(StagectlError, match="cannot write"):
         write_recording(small_recording(), tmp_path / "absent" / "r.h5")

@@ -43,7 +43,7 @@ def recording() -> Recording:
     return read_recording(Path(__file__).parents[3] / "data" / "null-1-other-moves.h5")
 
 
-def test_has_the_keys_of_the_format(recording: Recording):
+def test_a_summary_has_the_keys_of_the_format(recording: Recording):
     summary = build_summary(recording, FACTS, FRICTION, **PERIODS)
     assert list(summary) == [
         "format", "version", "recipe", "machine", "compensation", "seed", "simulated", "lot",
@@ -93,7 +93,7 @@ def test_an_axis_that_does_not_move_has_no_entry(recording: Recording):
     assert len(summary["moves"]) == 2 * len(recording.moves) - len(still)
 
 
-def test_missed_and_late_cycles(recording: Recording):
+def test_missed_and_late_cycles_are_counted(recording: Recording):
     length = len(recording)
     x = recording.axes["x"]
     missed = replace(x, valid=np.arange(length) != 5)
@@ -113,7 +113,7 @@ def test_missed_and_late_cycles(recording: Recording):
     }  # fmt: skip
 
 
-def test_what_has_no_value_is_null(recording: Recording, tmp_path: Path):
+def test_unknown_values_are_null(recording: Recording, tmp_path: Path):
     nan = float("nan")
     entry = FrictionEntry(1, "x", False, "r", nan, {"coulomb": ParameterEstimate(nan, nan, "N")})
     summary = build_summary(replace(recording, moves=()), FACTS, [entry], **PERIODS)
@@ -128,6 +128,6 @@ def test_what_has_no_value_is_null(recording: Recording, tmp_path: Path):
     assert [p.name for p in tmp_path.iterdir()] == ["summary.json"]
 
 
-def test_where_it_cannot_be_written(tmp_path: Path):
+def test_a_summary_that_cannot_be_written_is_one_line(tmp_path: Path):
     with pytest.raises(StagectlError, match="cannot write the summary"):
         write_summary({}, tmp_path / "absent" / "summary.json")

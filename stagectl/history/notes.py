@@ -1,7 +1,7 @@
-"""A run's records as they stand in its recording, for a history that did not get all of them.
+"""A run's records as notes in its recording, for a history that did not get all of them.
 
-The event `run` names the run as the history knows it, each event `friction` holds the estimate's
-whole row, and `level_stepped` says all there is of a step: docs/formats/recording.md.
+The event `run` holds the run's row of the history, each event `friction` that of an estimate, and
+`level_stepped` that of a step: docs/formats/recording.md.
 """
 
 from __future__ import annotations
@@ -16,18 +16,19 @@ from stagectl.history.records import EstimateRecord, RunEntry, StageKey, StepRec
 from stagectl.store import RunNotes
 
 _IN_EVENT = ("run", "axis", "site", "accepted", "reason")
-"""What of an estimate its event has anyway, or only the database knows."""
+"""Fields of an estimate that its event has anyway, or that only the database knows."""
 
 
 @dataclass(frozen=True, slots=True)
-class NotedRun:
-    """What a recording tells the history.
+class RecordedRun:
+    """The records of a run, from its recording.
 
     Attributes:
-        entry: the run.
-        where: history that it wrote to, without a password; None for none.
-        estimates, steps: all of them in their order, with run number 0.
-        outcome: None where the run was killed.  fault: its text.
+        entry: of the run.
+        where: history that it used, without a password; None for none.
+        estimates, steps: all of them in order, with run number 0.
+        outcome: None where the run was killed.
+        fault: its text.
     """
 
     entry: RunEntry
@@ -39,17 +40,17 @@ class NotedRun:
 
 
 def note_of_run(entry: RunEntry, where: str | None) -> dict[str, Any]:
-    """For the event `run`."""
+    """The note in the event `run`."""
     return {"where": where, **asdict(entry)}
 
 
 def note_of_estimate(record: EstimateRecord) -> dict[str, Any]:
-    """For the event `friction`."""
+    """The note in the event `friction`."""
     return {name: value for name, value in asdict(record).items() if name not in _IN_EVENT}
 
 
 def step_record(event: Mapping[str, Any], entry: RunEntry, run: int, number: int) -> StepRecord:
-    """A step as the history has it.
+    """A step of the level as a row of the history.
 
     Args:
         event: fields of a `LevelStepped`.
@@ -64,25 +65,25 @@ def step_record(event: Mapping[str, Any], entry: RunEntry, run: int, number: int
     )  # fmt: skip
 
 
-def noted_run(notes: RunNotes, path: Path) -> NotedRun:
-    """What a recording, or the journal of a killed run, tells the history.
+def recorded_run(notes: RunNotes, path: Path) -> RecordedRun:
+    """The records of a run from its notes.
 
     Args:
-        notes: of the run.
+        notes: of its recording, or of the journal of a killed run.
         path: they were read from, for errors.
 
     Raises:
-        UnusableInput: it tells nothing, being another version's, or is damaged.
+        UnusableInput: an older version wrote them without records, or they are damaged.
     """
     run = next((e for e in notes.events if e.get("event") == "run"), None)
     if run is None or "history" not in run:
         raise UnusableInput(
-            f"{path}: does not hold its estimates as a history has them (made by an older version)"
+            f"{path}: lacks the records that a history needs (made by an older version)"
         )
     try:
         entry = _entry(run["history"])
         where = run["history"]["where"]
-        return NotedRun(
+        return RecordedRun(
             entry,
             None if where is None else str(where),
             tuple(_estimate(e) for e in notes.events if e["event"] == "friction"),
