@@ -142,7 +142,7 @@ class SplitHorizonEstimator:
     def saturates_at(self, force: float) -> None:
         """From now on samples at or beyond this force are saturated and left out [N]."""
         self.settings = replace(self.settings, peak_force=force)
-        self._axis = self._axis._replace(peak_force=force)
+        self._axis["peak_force"] = force
 
     def expect(
         self, coulomb: float, sigma: float, level: tuple[float, float] | None = None
