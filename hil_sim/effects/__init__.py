@@ -1,7 +1,7 @@
-"""Physical effects that the simulator can switch on for an axis, beyond the plain model.
+"""Physical effects beyond the plain model, which a machine file can add to an axis.
 
-One module per effect; `Effect` says what it has to bring, `EffectPorts` where it enters the plant,
-`library` which there are. How to add one: docs/sim-to-real.md.
+One module per effect: `Effect` is what it implements, `EffectPorts` where it enters the plant,
+`library` lists those installed. How to add one: docs/sim-to-real.md.
 """
 
 from hil_sim.effects.effect import AppliedEffect, Effect, Parameter

@@ -1,4 +1,4 @@
-"""The machine base that yields to the axis' force."""
+"""A machine base that yields to the reaction force of the axis."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from hil_sim.effects.ports import EffectPorts
 
 
 class BaseMotion(Effect):
-    """The base rocks on its isolators when the axis pushes off.
+    """The base rocks on its isolators when the axis accelerates.
 
-    Granite on air springs or rubber pads, a light frame on a soft floor: some hertz, little
-    damping; the encoder reads the carriage relative to the base.
+    Granite on air springs or rubber pads, a light frame on a soft floor: a few hertz, lightly
+    damped. The encoder reads the carriage relative to the base.
     """
 
     name = "base_motion"
     group = "dynamics"
     parameters = mode_parameters(
-        frequency=("of the base on its isolators", (5.0, 15.0)),
-        damping=("ratio of that mode", (0.04, 0.15)),
-        mass_ratio=("moved mass over the base's", (0.01, 0.05)),
+        frequency=("frequency of the base on its isolators", (5.0, 15.0)),
+        damping=("damping ratio of that mode", (0.04, 0.15)),
+        mass_ratio=("moved mass over mass of the base", (0.01, 0.05)),
     )
     equation = (
         "base of mass m/mass_ratio on isolators takes the reaction of F_motor - F_f - F_d; x "
@@ -31,8 +31,8 @@ class BaseMotion(Effect):
         "The base is a mass on a spring and damper under the axis; positions are relative to it."
     )
     remedy = (
-        "Heavier base, stiffer or active isolators, or feed the reaction forward; lower jerk "
-        "excites it less."
+        "Use a heavier base, stiffer or active isolators, or feed the reaction forward; lower "
+        "jerk excites it less."
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -1,4 +1,4 @@
-"""Cables whose pull depends on where they come from."""
+"""Cables whose pull depends on the direction of motion."""
 
 from __future__ import annotations
 
@@ -11,24 +11,30 @@ from hil_sim.effects.ports import EffectPorts
 class CableHysteresis(Effect):
     """The pull of a cable lags behind its motion.
 
-    After a reversal it builds up over some tenths of a millimetre and then stays; strands and
-    jackets rub on each other in the bend; chain links rub in their pins; also a rubbing wiper
-    on a soft seat.
+    After a reversal it builds up over some tenths of a millimetre and then stays constant. Strands
+    and jackets rub against each other in the bend, chain links on their pins; also a wiper on a
+    soft seat.
     """
 
     name = "cable_hysteresis"
     group = "force"
     parameters = (
-        Parameter("force", "N", "at which it slides", (0.5, 1.6), neutral=0.0, least=0.0),
+        Parameter("force", "N", "sliding force of the element", (0.5, 1.6), neutral=0.0, least=0.0),
         Parameter(
-            "stiffness", "N/m", "before it slides", (1e3, 5e3), role="shape", above=0.0, log=True
+            "stiffness",
+            "N/m",
+            "stiffness before it slides",
+            (1e3, 5e3),
+            role="shape",
+            above=0.0,
+            log=True,
         ),
     )
     equation = "F_d += H, dH = stiffness dx, held within ± force"
     enters = "An elasto-plastic element besides friction: a spring that slides at its force."
     remedy = (
-        "Use cables made for flexing and fix them so that nothing rubs; otherwise count the "
-        "element among the friction of the feedforward."
+        "Use cables made for continuous flexing, fixed so that nothing rubs; otherwise add the "
+        "element to the friction of the feedforward."
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

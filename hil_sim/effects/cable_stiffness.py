@@ -9,7 +9,7 @@ from hil_sim.effects.ports import EffectPorts
 
 
 class CableStiffness(Effect):
-    """The cable loop pulls back towards where it is relaxed.
+    """The cable loop pulls towards the position where it is relaxed.
 
     Bending stiffness of cable chains, flat cables and vacuum hoses; also bellows and flexures;
     strongest on short travels and light stages.
@@ -18,12 +18,12 @@ class CableStiffness(Effect):
     name = "cable_stiffness"
     group = "force"
     parameters = (
-        Parameter("stiffness", "N/m", "of the spring", (8.0, 35.0), neutral=0.0),
-        Parameter("center", "m", "where it is relaxed", None, role="place"),
+        Parameter("stiffness", "N/m", "stiffness of the spring", (8.0, 35.0), neutral=0.0),
+        Parameter("center", "m", "position where it is relaxed", None, role="place"),
     )
     equation = "F_d += stiffness (x - center)"
-    enters = "A disturbance force in proportion to position."
-    remedy = "Lead cables in a longer, softer loop, or feed the spring force forward."
+    enters = "A disturbance force proportional to position."
+    remedy = "Route the cables in a longer, softer loop, or feed the spring force forward."
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
         """See `Effect.apply`."""

@@ -11,26 +11,26 @@ from hil_sim.effects.ports import EffectPorts
 
 
 class Cogging(Effect):
-    """Even without current, the magnets pull the carriage to some places.
+    """Even without current, the magnets pull the carriage towards certain positions.
 
-    Slots and ends of the iron core of a linear motor see the magnet track's pitch; also
-    ironless motors next to steel parts, and magnets near a steel base.
+    Slots and ends of a linear motor's iron core in the field of the magnet track; also ironless
+    motors next to steel parts, and magnets near a steel base.
     """
 
     name = "cogging"
     group = "force"
     parameters = (
-        Parameter("amplitude", "N", "of the force", (0.4, 2.0), neutral=0.0),
+        Parameter("amplitude", "N", "amplitude of the force", (0.4, 2.0), neutral=0.0),
         Parameter(
-            "pitch", "m", "period over position", (24e-3, 40e-3), role="shape", least=1e-3, log=True
+            "pitch", "m", "spatial period", (24e-3, 40e-3), role="shape", least=1e-3, log=True
         ),
-        Parameter("phase", "rad", "at position 0", None, role="phase"),
+        Parameter("phase", "rad", "phase at position 0", None, role="phase"),
     )
     equation = "F_d += amplitude sin(2 pi x/pitch + phase)"
     enters = "A disturbance force over position."
     remedy = (
-        "Measure it once at creep speed and feed it forward over position; an ironless motor "
-        "has next to none."
+        "Measure it once at creep speed and feed it forward over position; ironless motors have "
+        "hardly any."
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -1,4 +1,4 @@
-"""Coulomb friction level other than believed."""
+"""Coulomb friction that differs from the machine file."""
 
 from __future__ import annotations
 
@@ -9,21 +9,23 @@ from hil_sim.effects.ports import EffectPorts
 
 
 class CoulombLevel(Effect):
-    """Sliding friction is stronger or weaker all along the travel.
+    """Sliding friction is stronger or weaker along the whole travel.
 
-    Preload of the guide or of wipers and seals, new or aged lubricant, another grease, another
-    temperature than at the last identification.
+    Preload of guides, wipers or seals, new or aged lubricant, a different grease, a temperature
+    other than at the last identification.
     """
 
     name = "coulomb_level"
     group = "friction"
     parameters = (
-        Parameter("ratio", "", "of the Coulomb level", (0.7, 1.3), neutral=1.0, above=0.0),
+        Parameter(
+            "ratio", "", "Coulomb level over the nominal one", (0.7, 1.3), neutral=1.0, above=0.0
+        ),
     )
     equation = "Fc * ratio (C/Fc kept: C * ratio)"
     enters = "A factor on Fc, in the slip limits too; the relaxation rate C/Fc stays."
     remedy = (
-        "Re-identify the friction level (a calibration move is enough); if it grew, look at "
+        "Re-identify the friction level (a calibration move is enough); if it has risen, check "
         "lubrication, wipers and preload."
     )
 

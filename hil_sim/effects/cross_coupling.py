@@ -1,4 +1,4 @@
-"""Force from the other axis' acceleration."""
+"""Force from the acceleration of the other axis."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from hil_sim.effects.ports import EffectPorts
 class CrossCoupling(Effect):
     """Accelerating one axis pushes the other.
 
-    Axes that are not square, a centre of mass beside the line of thrust, a stacked stage whose
-    guide yields, or a force vector that is tilted by commutation.
+    Axes that are not square, a centre of mass off the line of thrust, a stacked stage with a
+    compliant guide, or a force vector tilted by commutation.
     """
 
     name = "cross_coupling"
@@ -28,9 +28,9 @@ class CrossCoupling(Effect):
         ),
     )
     equation = "F_d += mass * acceleration of the other axis"
-    enters = "A disturbance force from the other axis' acceleration, solved together with it."
+    enters = "A disturbance force from the acceleration of the other axis, solved jointly with it."
     remedy = (
-        "Feed the other axis' demanded acceleration forward with this mass; square the axes "
+        "Feed the demanded acceleration of the other axis forward with this mass; square the axes "
         "and balance the load."
     )
 

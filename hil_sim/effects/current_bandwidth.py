@@ -1,4 +1,4 @@
-"""Current loop slower than believed."""
+"""A current loop slower than the machine file says."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from hil_sim.effects.ports import EffectPorts
 
 
 class CurrentBandwidth(Effect):
-    """The motor's current follows its demand more slowly than the drive's data sheet says.
+    """The motor current follows its demand more slowly than the drive's data sheet says.
 
-    Current loop tuned for another motor or bus voltage, inductance that differs, a demand
-    filter that somebody switched on.
+    A current loop tuned for another motor or bus voltage, a different inductance, an active
+    demand filter.
     """
 
     name = "current_bandwidth"
@@ -21,18 +21,18 @@ class CurrentBandwidth(Effect):
         Parameter(
             "bandwidth",
             "Hz",
-            "of the first-order current loop",
+            "bandwidth of the first-order current loop",
             (150.0, 450.0),
             neutral="current_bandwidth",
             above=0.0,
             log=True,
         ),
     )
-    equation = "current loop of this bandwidth [Hz] instead"
-    enters = "The bandwidth of the current loop, in its place; the force actual value shows it."
+    equation = "current loop of this bandwidth [Hz]"
+    enters = "Replaces the bandwidth of the current loop; the force actual value shows it."
     remedy = (
-        "Retune the current loop for this motor and switch demand filters off; meanwhile "
-        "evaluate feedforward further ahead."
+        "Retune the current loop for this motor and disable demand filters; until then, evaluate "
+        "the feedforward further ahead."
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

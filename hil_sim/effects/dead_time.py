@@ -9,10 +9,10 @@ from hil_sim.effects.ports import EffectPorts
 
 
 class DeadTime(Effect):
-    """The controller's output takes effect later than believed.
+    """The controller's output takes effect later than the machine file says.
 
-    PWM and computing delays, a controller and a power stage that talk over a bus, an
-    interpolator or filter with a constant group delay.
+    PWM and computing delays, a bus between controller and power stage, an interpolator or filter
+    with a constant group delay.
     """
 
     name = "dead_time"
@@ -21,20 +21,20 @@ class DeadTime(Effect):
         Parameter(
             "delay",
             "s",
-            "of the controller's output",
+            "delay of the controller's output",
             (0.2e-3, 0.8e-3),
             neutral=0.0,
             least=0.0,
             below=0.05,
         ),
     )
-    equation = "u reaches the current loop this much later"
+    equation = "u reaches the current loop after this delay"
     enters = (
-        "The controller's output waits before the current loop; fractions of a control tick count."
+        "Delays the controller's output before the current loop, in fractions of a control tick."
     )
     remedy = (
-        "Shorten the chain (cycle times, filters); feed forward ahead by the delay and lower "
-        "the loop gains if margins are thin."
+        "Shorten cycle times and filters; evaluate the feedforward ahead by the delay, and lower "
+        "the loop gains if the margins are small."
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -1,9 +1,9 @@
-"""What an effect is: a physical term that the simulator can switch on for an axis.
+"""What an effect is: a physical term that the simulator can add to an axis.
 
-An effect is one object of a subclass of `Effect`: name, parameters with units and the ranges that
-real stages show, the equation, the usual remedy, and `apply`, which writes the term into the
-plant's ports (`hil_sim.effects.ports`). Its docstring says where it comes from on real stages.
-Names, keys and equations of the library: docs/formats/effects.md.
+An effect is an object of a subclass of `Effect`: name, parameters with units and the ranges that
+real stages show, equation, usual remedy, and `apply`, which writes the term into the plant's ports
+(`hil_sim.effects.ports`). Names, keys, ranges and equations of the library:
+docs/formats/effects.md.
 """
 
 from __future__ import annotations
@@ -38,20 +38,20 @@ class Parameter:
     Attributes:
         key: as in machine files.
         unit: SI, "" where it has none.
-        meaning: in a few words.
+        meaning: a short noun phrase.
         role: "size" parameters make the effect vanish at `neutral`; "place" is a position,
             "phase" an angle (period 2 pi), "shape" anything else.
-        plausible: lowest and highest value that real stages show, in SI units or, with
-            `relative_to`, in multiples of that figure of the axis; None: anywhere on the travel
-            (place), any angle (phase). What real stages show, not a bound.
-        signed: the same range with the other sign is as plausible.
-        relative_to: figure of the axis ("mass", "rated force") that `plausible` multiplies.
-        neutral: value of a size parameter at which there is no effect; a text names the figure of
+        plausible: lowest and highest value on real stages, in SI units or, with `relative_to`, in
+            multiples of that value of the axis; None: anywhere on the travel (place), any angle
+            (phase). It is no limit.
+        signed: the range with the opposite sign is plausible, too.
+        relative_to: value of the axis ("mass", "rated force") that `plausible` multiplies.
+        neutral: value of a size parameter at which there is no effect; a string names the value of
             the axis that it equals. None: not a size parameter.
-        above: physics asks for a value > this.
-        least: physics asks for a value >= this.
-        below: physics asks for a value < this.
-        log: its scale is a ratio's: search and prior are best in the logarithm.
+        above: a physical value is > this.
+        least: a physical value is >= this.
+        below: a physical value is < this.
+        log: search and prior use the logarithm.
     """
 
     key: str
@@ -68,7 +68,7 @@ class Parameter:
     log: bool = False
 
     def ranges(self, axis: AxisSettings) -> tuple[Interval, ...]:
-        """Plausible values on this axis, SI units: one interval, or two where both signs are."""
+        """Plausible values on this axis in SI units: one interval, or two of opposite sign."""
         if self.plausible is None:
             return (axis.travel,) if self.role == "place" else ((0.0, 2.0 * math.pi),)
         scale = 1.0 if self.relative_to is None else _AXIS_FIGURES[self.relative_to](axis)
@@ -76,13 +76,13 @@ class Parameter:
         return ((-high, -low), (low, high)) if self.signed else ((low, high),)
 
     def neutral_on(self, axis: AxisSettings) -> float | None:
-        """The value at which a size parameter has no effect on this axis; None for the others."""
+        """Value at which a size parameter has no effect on this axis; None for other roles."""
         if isinstance(self.neutral, str):
             return float(_AXIS_FIGURES[self.neutral](axis))
         return self.neutral
 
     def refusal(self, value: float) -> str | None:
-        """Why physics does not allow the value, or None."""
+        """Why the value is not physical, or None."""
         if not math.isfinite(value):
             return f"must be finite, is {value!r}"
         for limit, holds, words in (
@@ -97,17 +97,17 @@ class Parameter:
 
 
 class Effect(ABC):
-    """A physical term with a name. Its docstring says where it comes from on real stages.
+    """A physical term with a name; the class docstring says what causes it on real stages.
 
     Attributes:
         name: as in machine files and reports, lower case with underscores.
-        group: what it is a matter of.
-        parameters: all of them; each has to be given.
+        group: the part of the axis it belongs to.
+        parameters: all required.
         equation: as in docs/formats/effects.md.
         enters: how it enters the plant, in a sentence.
         remedy: what is usually done about it, in a sentence.
-        searched: whether a diagnosis looks for it in recordings. False for what an ordinary
-            recording cannot show: a seed in place of a figure, a place off the path.
+        searched: a diagnosis searches for it. False if an ordinary recording cannot show it: the
+            parameter is a seed, the place is off the path.
     """
 
     name: ClassVar[str]
@@ -123,22 +123,22 @@ class Effect(ABC):
         """Write the term into the ports of its axis.
 
         Args:
-            ports: of the axis; other effects may have written to them before.
-            parameters: a value for each key, checked.
+            ports: of the axis; other effects may have written to them already.
+            parameters: a checked value for each key.
 
         Raises:
-            ValueError: the ports can't take these values; the message is shown to the user.
+            ValueError: the ports cannot accept these values; the message is shown to the user.
         """
 
     def refusal(self, parameters: Mapping[str, float], axis: AxisSettings) -> str | None:
-        """Why physics does not allow these values together on this axis, or None."""
+        """Why these values together are not physical on this axis, or None."""
         return None
 
     def check(self, parameters: Mapping[str, float], axis: AxisSettings | None = None) -> None:
-        """Raise unless every key is there, no other is, and all values are physical.
+        """Check that exactly the keys of the effect are given and all values are physical.
 
         Raises:
-            ValueError: the first problem, in words for the user.
+            ValueError: the first problem, worded for the user.
         """
         known = {p.key: p for p in self.parameters}
         for key in parameters:
@@ -153,7 +153,7 @@ class Effect(ABC):
             raise ValueError(reason)
 
     def at(self, **parameters: float) -> AppliedEffect:
-        """This effect with these values.
+        """Return this effect with these values.
 
         Raises:
             ValueError: as `check`.
@@ -163,16 +163,16 @@ class Effect(ABC):
 
     @classmethod
     def origin(cls) -> str:
-        """Where it comes from on real stages: the docstring on one line."""
+        """What causes it on real stages: the class docstring on one line."""
         return " ".join(inspect.cleandoc(cls.__doc__ or "").split())
 
 
 @dataclass(frozen=True, slots=True)
 class AppliedEffect:
-    """An effect with values, as switched on for an axis.
+    """An effect with values, as added to an axis.
 
     Attributes:
-        effect: which.
+        effect: the effect.
         values: (key, value) in the order of its parameters.
     """
 
@@ -181,11 +181,11 @@ class AppliedEffect:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Key -> value."""
+        """Value by key."""
         return dict(self.values)
 
     def apply(self, ports: EffectPorts) -> None:
-        """Write it into the ports.
+        """Write the effect into the ports.
 
         Raises:
             ValueError: naming effect and key.

@@ -1,4 +1,4 @@
-"""Vibration that comes from outside."""
+"""Vibration from outside."""
 
 from __future__ import annotations
 
@@ -9,33 +9,33 @@ from hil_sim.effects.ports import EffectPorts
 
 
 class FloorVibration(Effect):
-    """A force shakes the axis at one frequency all the time.
+    """A force excites the axis at one frequency all the time.
 
-    Pumps, chillers and fans through hoses and frame, a building's floor, a fan on the axis
-    itself; frequencies near the machines' speed or twice the mains.
+    Pumps, chillers and fans acting through hoses and frame, the floor of the building, a fan on the
+    axis itself; frequencies near their rotational speed or twice the mains frequency.
     """
 
     name = "floor_vibration"
     group = "force"
     parameters = (
-        Parameter("amplitude", "N", "of the force", (0.25, 0.7), neutral=0.0),
+        Parameter("amplitude", "N", "amplitude of the force", (0.25, 0.7), neutral=0.0),
         Parameter(
             "frequency",
             "Hz",
-            "of the force",
+            "frequency of the force",
             (12.0, 90.0),
             role="shape",
             above=0.0,
             below=2500.0,
             log=True,
         ),
-        Parameter("phase", "rad", "at t = 0", None, role="phase"),
+        Parameter("phase", "rad", "phase at t = 0", None, role="phase"),
     )
     equation = "F_d += amplitude sin(2 pi frequency t + phase)"
     enters = "A disturbance force over time."
     remedy = (
-        "Find the source by switching off pumps and fans one by one; decouple it, or isolate "
-        "the machine better."
+        "Find the source by switching pumps and fans off one by one; decouple it, or improve the "
+        "isolation of the machine."
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -1,4 +1,4 @@
-"""Motor force per current other than nominal."""
+"""Motor force per current that differs from nominal."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from hil_sim.effects.ports import EffectPorts
 
 
 class ForceConstant(Effect):
-    """The motor gives another force per ampere than the drive's scaling says.
+    """The motor force per ampere is not what the drive's scaling says.
 
-    Magnets that have warmed up (NdFeB loses about 0.1 % per kelvin), an air gap that differs
-    from the drawing, commutation angle off, a current sensor's gain, or a wrong rated force in
-    the drive.
+    Warm magnets (NdFeB loses about 0.1 % per kelvin), an air gap that differs from the drawing, a
+    wrong commutation angle, a current sensor's gain error, or a wrong rated force in the drive.
     """
 
     name = "force_constant"

@@ -9,22 +9,22 @@ from hil_sim.effects.ports import EffectPorts
 
 
 class ForceOffset(Effect):
-    """A force pulls one way, whatever the axis does.
+    """A constant force pulls in one direction, whatever the axis does.
 
-    A table out of level (1 mrad is 0.08 N for 8 kg), the pull of a cable or hose, a weight
-    counterbalanced by too much or too little, a current sensor's offset.
+    A table out of level (1 mrad is 0.08 N for 8 kg), the pull of a cable or hose, a wrong
+    counterbalance, a current sensor's offset.
     """
 
     name = "force_offset"
     group = "force"
     parameters = (
-        Parameter("force", "N", "against positive motion", (0.4, 2.0), signed=True, neutral=0.0),
+        Parameter(
+            "force", "N", "force against positive motion", (0.4, 2.0), signed=True, neutral=0.0
+        ),
     )
     equation = "F_d += force (tilt, cable pull)"
     enters = "A constant disturbance force."
-    remedy = (
-        "Level the machine, lead cables and hoses without pull, or feed the constant force forward."
-    )
+    remedy = "Level the machine, route cables and hoses without pull, or feed the force forward."
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
         """See `Effect.apply`."""

@@ -11,10 +11,10 @@ from hil_sim.effects.ports import EffectPorts
 
 
 class ForceRipple(Effect):
-    """The same current gives more or less force from place to place.
+    """The force per current varies with position.
 
-    Back-EMF that is no perfect sine, commutation steps or a wrong angle, coils that differ:
-    harmonics of the electrical period, in proportion to the current.
+    A back-EMF that is not sinusoidal, commutation steps or a wrong commutation angle, unequal
+    coils: harmonics of the electrical period, proportional to the current.
     """
 
     name = "force_ripple"
@@ -30,9 +30,9 @@ class ForceRipple(Effect):
             below=1.0,
         ),
         Parameter(
-            "pitch", "m", "period over position", (8e-3, 14e-3), role="shape", least=1e-3, log=True
+            "pitch", "m", "spatial period", (8e-3, 14e-3), role="shape", least=1e-3, log=True
         ),
-        Parameter("phase", "rad", "at position 0", None, role="phase"),
+        Parameter("phase", "rad", "phase at position 0", None, role="phase"),
     )
     equation = "F_motor * (1 + ratio sin(2 pi x/pitch + phase))"
     enters = (

@@ -10,10 +10,10 @@ from hil_sim.effects.ports import EffectPorts
 
 
 class ForceSaturation(Effect):
-    """At high current the force falls short.
+    """At high current the force falls short of its demand.
 
-    Iron of the coil unit or back plate saturates, magnets are warm, or the supply's voltage no
-    longer drives the current at speed; strongest where accelerations are.
+    The iron of the coil unit or back plate saturates, the magnets are warm, or the supply voltage
+    cannot drive the current at speed; most visible during acceleration.
     """
 
     name = "force_saturation"
@@ -22,7 +22,7 @@ class ForceSaturation(Effect):
         Parameter(
             "force",
             "N",
-            "that the motor cannot exceed",
+            "force that the motor cannot exceed",
             (1.0, 1.8),
             relative_to="rated force",
             above=0.0,
@@ -36,8 +36,8 @@ class ForceSaturation(Effect):
         "does not show it."
     )
     remedy = (
-        "Keep accelerations below the force where it bends, or invert the curve in the force "
-        "demand; check cooling and bus voltage."
+        "Keep the acceleration below the force where the curve bends, or invert the curve in the "
+        "force demand; check cooling and bus voltage."
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

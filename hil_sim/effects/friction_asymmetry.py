@@ -1,4 +1,4 @@
-"""Coulomb friction that differs between the directions."""
+"""Coulomb friction that depends on the direction of motion."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from hil_sim.effects.ports import EffectPorts
 
 
 class FrictionAsymmetry(Effect):
-    """Friction one way is stronger than the other.
+    """Friction is stronger in one direction than in the other.
 
-    Wiper lips with a grain, a guide carriage clamped askew, a cable chain that is pushed one
-    way and pulled the other, a ball recirculation that loads on one side.
+    Wiper lips that bend one way, a misaligned guide carriage, a cable chain that is pushed in one
+    direction and pulled in the other, a ball recirculation that loads one side.
     """
 
     name = "friction_asymmetry"
@@ -21,7 +21,7 @@ class FrictionAsymmetry(Effect):
         Parameter(
             "ratio",
             "",
-            "half the difference of the directions over their mean",
+            "half the difference between the directions over their mean",
             (0.06, 0.2),
             signed=True,
             neutral=0.0,
@@ -32,8 +32,8 @@ class FrictionAsymmetry(Effect):
     equation = "Fc * (1 + ratio sgn v)"
     enters = "A factor on Fc for each direction."
     remedy = (
-        "Compensate with a level per direction; check alignment of the carriages and the way "
-        "the cable chain is led."
+        "Compensate with one level per direction; check the alignment of the carriages and the "
+        "routing of the cable chain."
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -16,22 +16,22 @@ F64 = NDArray[np.float64]
 
 WAVES = 300
 NODE_STEP = 2e-3
-"""Distance of the nodes of the field; shorter where the correlation length asks for it [m]."""
+"""Largest node distance of the field; shorter for a short correlation length [m]."""
 
 
 def field_factor(amplitude: float, length: float, seed: float, own: F64, other: F64) -> F64:
-    """The factor on Fc at places of the table.
+    """Evaluate the factor on Fc at positions of the table.
 
     A Gaussian field with correlation exp(-r^2/(2 length^2)), made of plane waves
-    (A. Rahimi, B. Recht, Random features for large-scale kernel machines, 2007), then bent so that
-    all levels within +-amplitude are equally frequent.
+    (A. Rahimi, B. Recht, Random features for large-scale kernel machines, 2007), then transformed
+    so that all levels within +-amplitude are equally frequent.
 
     Args:
         amplitude: largest deviation from 1.
         length: correlation length [m].
-        seed: another table for each; whole part counts.
+        seed: selects the field; its integer part counts.
         own: positions of this axis [m].
-        other: positions of the other one [m]; the shapes broadcast.
+        other: positions of the other axis [m]; the shapes broadcast.
     """
     generator = np.random.default_rng([0x4D4150, int(seed)])
     k = generator.normal(0.0, 1.0 / length, (2, WAVES))
@@ -41,27 +41,40 @@ def field_factor(amplitude: float, length: float, seed: float, own: F64, other: 
     for i in range(WAVES):
         total += np.cos(k[0, i] * own + k[1, i] * other + phase[i])
     normal = total * np.sqrt(2.0 / WAVES)
-    bent: F64 = np.vectorize(erf, otypes=[np.float64])(normal / np.sqrt(2.0))
-    return np.asarray(1.0 + amplitude * bent)
+    level: F64 = np.vectorize(erf, otypes=[np.float64])(normal / np.sqrt(2.0))
+    return np.asarray(1.0 + amplitude * level)
 
 
 class FrictionMap(Effect):
-    """Friction differs from place to place of the table, in both directions.
+    """Friction varies over the table, along both axes.
 
-    Lubricant that is thicker where the table seldom goes, wear where it always goes, straightness
-    and preload of the rails of both axes, cables and covers that press more in one corner.
+    Thicker lubricant where the table seldom goes, wear where it often goes, straightness and
+    preload of the rails of both axes, cables and covers that press harder in one corner.
     """
 
     name = "friction_map"
     group = "friction"
     parameters = (
         Parameter(
-            "amplitude", "", "largest deviation", (0.05, 0.3), neutral=0.0, least=0.0, below=1.0
+            "amplitude",
+            "",
+            "largest deviation from 1",
+            (0.05, 0.3),
+            neutral=0.0,
+            least=0.0,
+            below=1.0,
         ),
         Parameter(
             "length", "m", "correlation length", (0.02, 0.1), role="shape", least=5e-3, log=True
         ),
-        Parameter("seed", "", "which table", (0.0, 1e6), role="shape", least=0.0),
+        Parameter(
+            "seed",
+            "",
+            "selects the field, by its integer part",
+            (0.0, 1e6),
+            role="shape",
+            least=0.0,
+        ),
     )
     equation = "Fc * (1 + amplitude g(x, y)), g smooth over both axes, within +-1, drawn from seed"
     enters = "A factor on Fc over the positions of both axes."
@@ -69,7 +82,7 @@ class FrictionMap(Effect):
     searched = False
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
-        """See `Effect.apply`. Nodes cover the axis' own travel, on both axes alike."""
+        """See `Effect.apply`. The nodes cover this axis' travel, on both axes."""
         length = parameters["length"]
         low, high = ports.axis.travel
         low, high = low - POSITION_MARGIN, high + POSITION_MARGIN
@@ -80,7 +93,7 @@ class FrictionMap(Effect):
         ports.scale_field_coulomb(nodes, nodes, values)
 
     def refusal(self, parameters: Mapping[str, float], axis: AxisSettings) -> str | None:
-        """See `Effect.refusal`: so fine a field would need too many nodes."""
+        """See `Effect.refusal`: a finer field would need too many nodes."""
         span = axis.travel[1] - axis.travel[0]
         if parameters["length"] < span / 100.0:
             return f"length: must be >= 1/100 of the travel, {span / 100.0:g} m"

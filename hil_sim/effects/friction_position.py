@@ -1,4 +1,4 @@
-"""A spot on the travel with more friction."""
+"""A place on the travel with more friction."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from hil_sim.effects.ports import EffectPorts
 
 
 class FrictionPosition(Effect):
-    """Friction is higher around one place.
+    """Friction is higher around one position.
 
-    A contaminated or damaged spot of the rail, a dent from transport, a joint of two rails, a
-    place where lubricant has dried because nothing runs over it, a pinched seal.
+    Contamination or damage of the rail, a dent from transport, a joint between two rails, dried
+    lubricant where the carriage seldom goes, a pinched seal.
     """
 
     name = "friction_position"
     group = "friction"
     parameters = (
-        Parameter("amplitude", "", "surplus at the center", (0.2, 0.6), neutral=0.0, least=-1.0),
-        Parameter("center", "m", "where", None, role="place"),
+        Parameter("amplitude", "", "increase at the center", (0.2, 0.6), neutral=0.0, least=-1.0),
+        Parameter("center", "m", "position of the center", None, role="place"),
         Parameter(
             "width",
             "m",
-            "standard deviation of the bell",
+            "standard deviation of the bell curve",
             (5e-3, 25e-3),
             role="shape",
             least=5e-4,
@@ -35,8 +35,8 @@ class FrictionPosition(Effect):
     equation = "Fc * (1 + amplitude exp(-((x - center)/width)²/2))"
     enters = "A factor on Fc over position."
     remedy = (
-        "Clean and relubricate there; if it stays, use a friction map in the feedforward and "
-        "plan the rail's replacement."
+        "Clean and relubricate there; if it remains, use a friction map in the feedforward and "
+        "plan to replace the rail."
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

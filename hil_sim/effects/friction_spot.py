@@ -1,4 +1,4 @@
-"""More friction around one place of the table."""
+"""A spot on the table with more friction."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from hil_sim.effects.ports import POSITION_MARGIN, EffectPorts
 
 
 class FrictionSpot(Effect):
-    """A spot of the table, given by the positions of both axes, where friction is higher.
+    """Friction is higher at one spot, given by the positions of both axes.
 
-    Dirt or a drop of glue on the granite that one pad of an air bearing or one carriage passes
-    over at this place only; a cable that rubs in one corner.
+    Dirt or a drop of glue on the granite, passed by a bearing pad or carriage at this spot only; a
+    cable that rubs in one corner.
     """
 
     name = "friction_spot"
     group = "friction"
     parameters = (
-        Parameter("amplitude", "", "surplus at the center", (0.05, 0.6), neutral=0.0, least=-0.9),
-        Parameter("center", "m", "position of this axis", None, role="place"),
-        Parameter("other", "m", "position of the other axis", None, role="place"),
+        Parameter("amplitude", "", "increase at the center", (0.05, 0.6), neutral=0.0, least=-0.9),
+        Parameter("center", "m", "position of the center, this axis", None, role="place"),
+        Parameter("other", "m", "position of the center, other axis", None, role="place"),
         Parameter(
-            "width", "m", "standard deviation of the bell", (5e-3, 25e-3), role="shape",
+            "width", "m", "standard deviation of the bell curve", (5e-3, 25e-3), role="shape",
             least=2e-3, log=True,
         ),
     )  # fmt: skip
     equation = "Fc * (1 + amplitude exp(-((x - center)² + (y - other)²)/width²/2))"
     enters = "A factor on Fc over the positions of both axes."
-    remedy = "Clean the place; `stagectl calibrate` afterwards, so that the map follows."
+    remedy = "Clean the spot, then run `stagectl calibrate` to update the friction map."
     searched = False  # along a path it is a `friction_position`
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -1,7 +1,7 @@
-"""The effects there are: one module each in this package, and those of other packages.
+"""The effects that are installed: one per module of this package, and those of other packages.
 
-Another distribution brings effects by an entry point in the group `stagectl.effects` that names a
-subclass of `Effect` or an object of one:
+Another distribution provides an effect by an entry point in the group `stagectl.effects` that names
+a subclass of `Effect` or an object of one:
 
     [project.entry-points."stagectl.effects"]
     quadratic_drag = "my_package.drag:QuadraticDrag"
@@ -16,63 +16,64 @@ from hil_sim import effects
 from hil_sim.effects.effect import GROUPS, Effect
 
 GROUP = "stagectl.effects"
-"""Entry-point group of other packages' effects."""
+"""Entry-point group of effects in other packages."""
 
-_FRAME = ("effect", "library", "ports")  # modules of this package that hold no effect
+_NO_EFFECT = ("effect", "library", "mode", "ports")  # modules that define none
 
 
 class EffectError(ValueError):
-    """An effect of another package that can't be used; the message says whose and why."""
+    """An effect of another package cannot be used; the message names package and cause."""
 
 
 def own_effects() -> dict[str, Effect]:
-    """The effects of this package, by name; one per module, named as the module."""
+    """The effects of this package by name, in groups; each has the name of its module."""
     found: dict[str, Effect] = {}
     for module in pkgutil.iter_modules(effects.__path__):
-        if module.name in _FRAME:
+        if module.name in _NO_EFFECT:
             continue
         content = import_module(f"{effects.__name__}.{module.name}")
         for kind in vars(content).values():
             if isinstance(kind, type) and issubclass(kind, Effect) and kind is not Effect:
                 found[kind.name] = kind()
-    return _in_order(found)
+    return _sort_by_group(found)
 
 
 def library() -> dict[str, Effect]:
-    """All effects that are installed, by name, in groups.
+    """All installed effects by name, in groups.
 
     Raises:
-        EffectError: another package's effect can't be loaded, is none, or takes a name over.
+        EffectError: another package's effect cannot be loaded, is no effect, or has a name that
+            exists already.
     """
     found = own_effects()
     for point in metadata.entry_points(group=GROUP):
-        found_there = _loaded(point)
-        if found_there.name in found:
-            raise EffectError(f"{_whose(point)}: effect '{found_there.name}' is there already")
-        found[found_there.name] = found_there
-    return _in_order(found)
+        effect = _load(point)
+        if effect.name in found:
+            raise EffectError(f"{_describe_origin(point)}: effect '{effect.name}' exists already")
+        found[effect.name] = effect
+    return _sort_by_group(found)
 
 
-def _loaded(point: metadata.EntryPoint) -> Effect:
+def _load(point: metadata.EntryPoint) -> Effect:
     try:
         loaded = point.load()
         effect = loaded() if isinstance(loaded, type) else loaded
     except Exception as error:
-        raise EffectError(f"{_whose(point)}: {type(error).__name__}: {error}") from error
+        raise EffectError(f"{_describe_origin(point)}: {type(error).__name__}: {error}") from error
     if not isinstance(effect, Effect):
-        raise EffectError(f"{_whose(point)}: is no hil_sim.effects.Effect")
+        raise EffectError(f"{_describe_origin(point)}: is not a hil_sim.effects.Effect")
     for name in ("name", "group", "parameters", "equation", "enters", "remedy"):
         if not hasattr(effect, name):
-            raise EffectError(f"{_whose(point)}: has no {name}")
+            raise EffectError(f"{_describe_origin(point)}: has no {name}")
     if effect.group not in GROUPS:
-        raise EffectError(f"{_whose(point)}: group must be one of {', '.join(GROUPS)}")
+        raise EffectError(f"{_describe_origin(point)}: group must be one of {', '.join(GROUPS)}")
     return effect
 
 
-def _whose(point: metadata.EntryPoint) -> str:
+def _describe_origin(point: metadata.EntryPoint) -> str:
     package = point.dist.name if point.dist is not None else "an installed package"
     return f"{package}: entry point '{point.name}' in {GROUP}"
 
 
-def _in_order(found: dict[str, Effect]) -> dict[str, Effect]:
+def _sort_by_group(found: dict[str, Effect]) -> dict[str, Effect]:
     return dict(sorted(found.items(), key=lambda item: (GROUPS.index(item[1].group), item[0])))

@@ -1,4 +1,4 @@
-"""Parameters of what swings on a spring with a damper: a part on the carriage, the machine base."""
+"""Parameters of a mass on a spring with a damper: a part on the carriage, the machine base."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ def mode_parameters(
     damping: tuple[str, Interval],
     mass_ratio: tuple[str, Interval],
 ) -> tuple[Parameter, ...]:
-    """Frequency [Hz], damping ratio and ratio of masses of one mode.
+    """Make the parameters frequency [Hz], damping ratio and mass ratio of one mode.
 
     Args:
-        frequency: meaning, plausible range.
-        damping: the same.
-        mass_ratio: the same.
+        frequency: meaning and plausible range.
+        damping: likewise.
+        mass_ratio: likewise.
     """
     return (
         Parameter("frequency", "Hz", *frequency, role="shape", above=0.0, below=1500.0, log=True),

@@ -1,4 +1,4 @@
-"""Moved mass other than believed."""
+"""Moved mass that differs from the machine file."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from hil_sim.settings import AxisSettings
 
 
 class PayloadMass(Effect):
-    """More or less mass on the carriage than the machine file says.
+    """The carriage is heavier or lighter than the machine file says.
 
-    A heavier chuck, a wafer cassette left on, an optics head swapped, a cover or cable chain
-    that was not weighed, or a mass taken from CAD before the last change.
+    A heavier chuck, a wafer cassette left on the table, a different optics head, a cover or cable
+    chain that was not weighed, or a mass from CAD before the last change.
     """
 
     name = "payload_mass"
@@ -33,7 +33,7 @@ class PayloadMass(Effect):
     enters = "The moved mass m."
     remedy = (
         "Weigh the load or identify the mass from accelerations, and correct it in the "
-        "machine file; feedforward follows."
+        "machine file; the feedforward uses it."
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -1,15 +1,15 @@
-"""The ports of one axis: where an effect enters the plant, filled in plain numpy.
+"""The ports of one axis: where effects enter the plant, filled in plain numpy.
 
-The plant is one compiled kernel that knows ports, not effects (docs/decisions).
-An effect writes into the ports of its axis before a simulation; several may write to the same port:
-factors multiply, forces add. From the controller's output to the force on the carriage the order
-is dead time, current loop (measured here), force constant, saturation, gain over position; then
+The plant is one compiled kernel that knows ports, not effects (docs/decisions). Before a simulation
+each effect writes into the ports of its axis; in a port written by several, factors multiply and
+forces add. From the controller's output to the force on the carriage the order is dead time,
+current loop (whose output is measured), force constant, saturation, gain over position; then
 
     m dv/dt = F_motor - F_f - F_d,   F_d the sum of all disturbance forces.
 
-Tables are interpolated (over position cubic, else linear) and held at their ends. Tables over
-position and everything over time are evaluated in the middle of each control tick and taken as
-straight lines within it: exact enough below 1 m/s for structure of a millimetre and longer.
+Tables over position are interpolated by cubics, others linearly; all are held at their ends. Tables
+over position and everything over time are evaluated in the middle of each control tick and
+linearised within it, which is accurate below 1 m/s for structure of a millimetre and longer.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from hil_sim.settings import AxisSettings
 F64 = NDArray[np.float64]
 
 POSITION_STEP = 1e-4
-"""Distance of the nodes of tables over position [m]."""
+"""Node distance of tables over position [m]."""
 POSITION_MARGIN = 0.01
-"""Tables over position reach beyond the travel by this [m]."""
+"""Margin of tables over position beyond the travel [m]."""
 VELOCITY_NODES = 1500
-"""Nodes of tables over velocity on each side of zero, dense near zero."""
+"""Nodes of tables over velocity on each side of zero, densest near zero."""
 MOST_DELAY = 0.05
 """Longest dead time [s]."""
 LIVE_DURATION = 600.0
-"""Tables over time of a stage that runs without end reach so far [s]."""
+"""Duration of tables over time if the stage runs without end [s]."""
 
 
 class Oscillator(NamedTuple):
-    """A mass on spring and damper: ratio of masses, frequency [Hz], damping ratio."""
+    """A mass on a spring and damper: mass ratio, frequency [Hz], damping ratio."""
 
     mass_ratio: float
     frequency: float
@@ -62,8 +62,8 @@ class EffectPorts:
 
     Args:
         axis: nominal settings.
-        sync_period: Ts [s], distance of the nodes of tables over time.
-        duration: of the simulation [s]; None: it goes on without end.
+        sync_period: Ts [s], node distance of tables over time.
+        duration: of the simulation [s]; None: without end.
 
     Attributes:
         axis: as above.
@@ -113,7 +113,7 @@ class EffectPorts:
         self._sync_period = sync_period
         self._duration = duration
 
-    # Where tables have their nodes -----------------------------------------------------------
+    # Nodes of tables -------------------------------------------------------------------------
 
     @property
     def positions(self) -> F64:
@@ -154,15 +154,15 @@ class EffectPorts:
         self.harmonics.append((amplitude, frequency, phase))
 
     def add_hysteresis(self, force: float, stiffness: float) -> None:
-        """Disturbance force H, dH = stiffness dx, held within ± force [N, N/m]; 0 at first."""
+        """Disturbance force H, dH = stiffness dx, held within ± force [N, N/m]; initially 0."""
         self.hysteresis.append((force, stiffness))
 
     def couple(self, mass: float) -> None:
-        """Disturbance force mass times the acceleration of the other axis [kg]."""
+        """Disturbance force: mass [kg] times the acceleration of the other axis."""
         self.coupled_mass += mass
 
     def add_misreading(self, error: F64) -> None:
-        """What the encoder reads too much at each of `positions` [m]."""
+        """Error of the encoder reading at each of `positions` [m]."""
         self.misreading = _sum(self.misreading, error, self.positions)
 
     # Factors ---------------------------------------------------------------------------------
@@ -192,7 +192,7 @@ class EffectPorts:
             factor: at the nodes, float64[n, m]; interpolated linearly in both.
 
         Raises:
-            ValueError: shapes that do not fit.
+            ValueError: the shapes do not match.
         """
         if factor.shape != (len(own), len(other)) or min(factor.shape) < 2:
             raise ValueError(f"field has shape {factor.shape}, nodes are {len(own)} x {len(other)}")
@@ -201,46 +201,46 @@ class EffectPorts:
     # Linear dynamics -------------------------------------------------------------------------
 
     def hang(self, mass_ratio: float, frequency: float, damping: float) -> None:
-        """Let mass_ratio m hang on spring and damper from the rest of the carriage.
+        """Attach a mass to the rest of the carriage by a spring and damper.
 
         Args:
-            mass_ratio: hanging mass over moved mass m, 0..1.
+            mass_ratio: attached mass over moved mass m, 0..1.
             frequency: of the free-free mode [Hz].
-            damping: its damping ratio.
+            damping: damping ratio of that mode.
         """
         self.hanging.append(Oscillator(mass_ratio, frequency, damping))
 
     def mount(self, mass_ratio: float, frequency: float, damping: float) -> None:
-        """Stand the axis on a base of mass m/mass_ratio that takes the reaction of its force.
+        """Put the axis on a base that takes the reaction of its force.
 
         Args:
-            mass_ratio: moved mass m over the base's.
+            mass_ratio: moved mass m over mass of the base.
             frequency: of the base on its isolators [Hz].
             damping: damping ratio of that mode.
         """
         self.bases.append(Oscillator(mass_ratio, frequency, damping))
 
     def standing_force(self, position: float) -> float:
-        """The disturbance force at rest at this position [m] that does not depend on time [N]."""
+        """The disturbance force [N] at rest at this position [m], without what depends on time."""
         force = self.force + self.spring * position
         if self.position_force is not None:
             force += float(np.interp(position, self.positions, self.position_force))
         return force
 
     def misread(self, position: float) -> float:
-        """What the encoder reads too much at this position [m]."""
+        """Error of the encoder reading at this position [m]."""
         if self.misreading is None:
             return 0.0
         return float(np.interp(position, self.positions, self.misreading))
 
     def check(self, step: float) -> None:
-        """Raise unless the effects leave a plant that can be simulated.
+        """Check that the effects leave a plant that can be simulated.
 
         Args:
             step: of the integration [s].
 
         Raises:
-            ValueError: saying what is wrong.
+            ValueError: naming the cause.
         """
         hanging = sum(h.mass_ratio for h in self.hanging)
         if self.mass <= 0.0:

@@ -1,4 +1,4 @@
-"""Stiffness of friction before it slips other than believed."""
+"""Presliding stiffness that differs from the machine file."""
 
 from __future__ import annotations
 
@@ -9,21 +9,28 @@ from hil_sim.effects.ports import EffectPorts
 
 
 class PreslidingStiffness(Effect):
-    """Friction yields sooner or later under small motion.
+    """Friction is softer or stiffer in small motion, before it slides.
 
-    Contact stiffness of rolling elements and raceways changes with preload and wear; seals and
-    wipers add a soft branch; stick length depends on surface and lubricant film.
+    The contact stiffness of rolling elements and raceways changes with preload and wear; seals and
+    wipers add compliance; surface and lubricant film determine the presliding distance.
     """
 
     name = "presliding_stiffness"
     group = "friction"
     parameters = (
-        Parameter("ratio", "", "of the presliding stiffness", (0.4, 2.2), neutral=1.0, above=0.0),
+        Parameter(
+            "ratio",
+            "",
+            "presliding stiffness over the nominal one",
+            (0.4, 2.2),
+            neutral=1.0,
+            above=0.0,
+        ),
     )
     equation = "sigma0 * ratio"
     enters = "The stiffness sigma0 of the Maxwell-slip elements."
     remedy = (
-        "Re-identify sigma0 from micro-moves and reversals; if it fell, check preload and "
+        "Re-identify sigma0 from micro-moves and reversals; if it has fallen, check preload and "
         "wear of the guide."
     )
 

@@ -1,4 +1,4 @@
-"""A part of the moved mass that swings on the carriage."""
+"""A part of the moved mass that oscillates on the carriage."""
 
 from __future__ import annotations
 
@@ -10,29 +10,30 @@ from hil_sim.effects.ports import EffectPorts
 
 
 class Resonance(Effect):
-    """Something on the carriage is not rigidly fixed.
+    """A part of the moved mass is not rigidly fixed to the carriage.
 
-    A chuck on a thin adapter, a Z stage or optics head on its bearing, a cable chain's end, a
+    A chuck on a thin adapter, a Z stage or optics head on its bearing, the end of a cable chain, a
     plate that bends: motor and encoder act on one part, the other follows through a spring.
     """
 
     name = "resonance"
     group = "dynamics"
     parameters = mode_parameters(
-        frequency=("of the free-free mode", (70.0, 160.0)),
-        damping=("ratio of the free-free mode", (0.01, 0.04)),
-        mass_ratio=("swinging mass over moved mass", (0.1, 0.3)),
+        frequency=("frequency of the free-free mode", (70.0, 160.0)),
+        damping=("damping ratio of the free-free mode", (0.01, 0.04)),
+        mass_ratio=("oscillating mass over moved mass", (0.1, 0.3)),
     )
     equation = (
-        "mass_ratio * m hangs on a spring and damper from the carriage that motor and encoder "
-        "act on; frequency and damping ratio of the free-free mode"
+        "mass_ratio * m is attached to the carriage by a spring and damper; motor and encoder act "
+        "on the carriage; frequency and damping ratio of the free-free mode"
     )
     enters = (
-        "The moved mass is split: the rest is the carriage, a spring and a damper lead to the "
-        "swinging part."
+        "The moved mass is split: one part is the carriage, a spring and a damper connect it to "
+        "the other."
     )
     remedy = (
-        "Stiffen the joint or damp it; a notch at that frequency and smoother jerk help until then."
+        "Stiffen or damp the joint; until then, use a notch filter at that frequency and lower "
+        "jerk."
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -1,4 +1,4 @@
-"""Static friction over sliding friction other than believed."""
+"""Static friction that differs from the machine file."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from hil_sim.effects.ports import EffectPorts
 
 
 class Stribeck(Effect):
-    """Breaking away takes more or less force than sliding on.
+    """Breakaway takes a different force, relative to sliding, than the machine file says.
 
-    Boundary lubrication after long rests, starved or over-greased guides, sliding seals;
-    rolling guides with little lubricant show hardly any.
+    Boundary lubrication after long rests, starved or over-greased guides, sliding seals; rolling
+    guides with little lubricant show hardly any.
     """
 
     name = "stribeck"
@@ -21,17 +21,17 @@ class Stribeck(Effect):
         Parameter(
             "static_ratio",
             "",
-            "surplus of static over sliding friction, alpha",
+            "excess of static over sliding friction, alpha",
             (0.0, 1.2),
             neutral="static_ratio",
             above=-1.0,
         ),
     )
     equation = "alpha = static_ratio"
-    enters = "The ratio alpha of the Stribeck curve s(v), in its place."
+    enters = "Replaces the ratio alpha of the Stribeck curve s(v)."
     remedy = (
-        "Re-identify alpha from slow reversals; against a strong peak: relubricate, run in, "
-        "or keep the axis moving between sites."
+        "Re-identify alpha from slow reversals; if the peak is large, relubricate, run the guides "
+        "in, or keep the axis moving between sites."
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -9,23 +9,29 @@ from hil_sim.effects.ports import EffectPorts
 
 
 class ThermalDrift(Effect):
-    """Friction starts high and settles.
+    """Friction is high at first and settles.
 
-    Grease is stiff when cold and warms by its own losses within minutes; motor heat reaches the
-    guides later; after a long rest the film rebuilds within seconds.
+    Grease is stiff when cold and is warmed by its own losses within minutes; motor heat reaches the
+    guides later; after a long rest the lubricant film recovers within seconds.
     """
 
     name = "thermal_drift"
     group = "friction"
     parameters = (
-        Parameter("amplitude", "", "surplus at the start", (0.1, 0.4), neutral=0.0, least=-1.0),
+        Parameter("amplitude", "", "increase at t = 0", (0.1, 0.4), neutral=0.0, least=-1.0),
         Parameter(
-            "time_constant", "s", "of its decay", (3.0, 300.0), role="shape", above=0.0, log=True
+            "time_constant",
+            "s",
+            "time constant of its decay",
+            (3.0, 300.0),
+            role="shape",
+            above=0.0,
+            log=True,
         ),
     )
     equation = "Fc * (1 + amplitude exp(-t/time_constant))"
     enters = "A factor on Fc over time."
-    remedy = "Run a warm-up before production, or track the friction level from move to move."
+    remedy = "Warm the axis up before production, or track the friction level from move to move."
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
         """See `Effect.apply`."""

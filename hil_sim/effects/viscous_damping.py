@@ -1,4 +1,4 @@
-"""Friction in proportion to speed other than believed."""
+"""Viscous friction that differs from the machine file."""
 
 from __future__ import annotations
 
@@ -9,22 +9,29 @@ from hil_sim.effects.ports import EffectPorts
 
 
 class ViscousDamping(Effect):
-    """The part of friction that grows with speed is stronger or weaker.
+    """Friction that grows with speed is stronger or weaker.
 
-    Lubricant viscosity (which halves within some 20 K), churning grease after relubrication,
-    eddy currents in conductive parts near the magnets, or air squeezed between narrow gaps.
+    Lubricant viscosity (which halves within about 20 K), churning of fresh grease, eddy currents in
+    conductive parts near the magnets, or air squeezed through narrow gaps.
     """
 
     name = "viscous_damping"
     group = "friction"
     parameters = (
-        Parameter("ratio", "", "of the viscous coefficient", (0.3, 2.2), neutral=1.0, above=0.0),
+        Parameter(
+            "ratio",
+            "",
+            "viscous coefficient over the nominal one",
+            (0.3, 2.2),
+            neutral=1.0,
+            above=0.0,
+        ),
     )
     equation = "sigma_v * ratio"
     enters = "The coefficient sigma_v."
     remedy = (
-        "Re-identify sigma_v from moves at several speeds; warm the axis up before production "
-        "if lubricant causes it."
+        "Re-identify sigma_v from moves at several speeds; if the lubricant causes it, warm the "
+        "axis up before production."
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -13,6 +13,7 @@ from hil_sim.effects.ports import EffectPorts
 
 DOCS = Path(__file__).parents[4] / "docs"
 FORMAT = DOCS / "formats" / "effects.md"
+TIMES = "\N{MULTIPLICATION SIGN}"
 
 
 PACKAGE = '''
@@ -41,15 +42,43 @@ NOTHING = 3
 '''
 
 
-def named_in_the_format():
-    rows = re.findall(r"^\| (\w+) \| ([\w, ]+) \|", FORMAT.read_text(encoding="utf-8"), re.M)
-    return {name: tuple(keys.split(", ")) for name, keys in rows if name != "effect"}
+def table_under(heading):
+    """Cells of the rows of the table under a heading of the format."""
+    section = FORMAT.read_text(encoding="utf-8").partition(f"\n## {heading}\n")[2]
+    lines = [line for line in section.partition("\n## ")[0].splitlines() if line.startswith("|")]
+    return [tuple(cell.strip() for cell in line.strip("|").split("|")) for line in lines[2:]]
 
 
-def test_names_and_keys_are_those_of_the_format(effects):
-    named = named_in_the_format()
-    assert len(named) >= 21
-    assert {n: tuple(p.key for p in effects[n].parameters) for n in named} == named
+def typical(parameter):
+    if parameter.plausible is None:
+        return "travel" if parameter.role == "place" else "0…2π"
+    low, high = parameter.plausible
+    scale = {"mass": f" {TIMES} m", "rated force": f" {TIMES} rated force", None: ""}
+    return f"{'±' if parameter.signed else ''}{low:g}…{high:g}{scale[parameter.relative_to]}"
+
+
+def allowed(parameter):
+    limits = (("> ", parameter.above), ("≥ ", parameter.least), ("< ", parameter.below))
+    return ", ".join(f"{sign}{limit:g}" for sign, limit in limits if math.isfinite(limit))
+
+
+def neutral(parameter):
+    names = {"static_ratio": "alpha", "current_bandwidth": "nominal", None: "", math.inf: "∞"}
+    return names.get(parameter.neutral) if parameter.neutral in names else f"{parameter.neutral:g}"
+
+
+def test_equations_are_those_of_the_format(effects):
+    ours = [(e.name, e.equation.replace("*", TIMES).replace("+-", "±")) for e in effects.values()]
+    assert table_under("Equations") == ours
+
+
+def test_keys_units_and_ranges_are_those_of_the_format(effects):
+    ours = [
+        (e.name, p.key, p.unit, typical(p), allowed(p), neutral(p), p.meaning)
+        for e in effects.values()
+        for p in e.parameters
+    ]
+    assert table_under("Keys") == ours
 
 
 def test_every_effect_says_what_it_is(effects, nominal):
@@ -146,8 +175,11 @@ def test_another_package_brings_an_effect(package, effects, nominal):
 @pytest.mark.parametrize(
     ("point", "reason"),
     [
-        ("x = breeze:Twin", "breeze: entry point 'x' in stagectl.effects: .*'cogging' is there"),
-        ("x = breeze:NOTHING", "is no hil_sim.effects.Effect"),
+        (
+            "x = breeze:Twin",
+            "breeze: entry point 'x' in stagectl.effects: .*'cogging' exists already",
+        ),
+        ("x = breeze:NOTHING", "is not a hil_sim.effects.Effect"),
         ("x = breeze:Gone", "AttributeError"),
         ("x = breze:Draught", "ModuleNotFoundError"),
     ],
