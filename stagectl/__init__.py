@@ -1,1 +1,1 @@
-"""What people run: commands, recipes, sequencing, stores and reports of a two-axis stage."""
+"""The application: commands, files, runs, records and reports of a two-axis stage."""

@@ -1,8 +1,8 @@
-"""The program: `stagectl` and `python -m stagectl`. Ctrl-C counts from its first line to its last.
+"""Entry point of `stagectl` and `python -m stagectl`; handles Ctrl-C outside the commands.
 
-A command deals with Ctrl-C itself. But before it, while the interpreter shuts down behind it, amid
-an import or a compilation, an exception would end in a traceback, in another exit code, in C++ that
-aborts, or would be lost: there Ctrl-C ends the process at once.
+Commands handle Ctrl-C themselves. Before a command starts, during an import or a compilation, and
+while the interpreter shuts down, a KeyboardInterrupt could end in a traceback, a wrong exit code or
+an abort in C++, or get lost. There, Ctrl-C ends the process at once.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ _STOPPED = 130
 
 
 def main() -> None:
-    """Run the command line; exit codes as `stagectl.cli` says."""
+    """Run the command line; for exit codes see `stagectl.cli`."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        # Registered first, so called last: behind it there is no place for a handler, and the
-        # signal's own default would replace the exit code.
+        # Registered first, so called last: after it, no handler of ours can run, and the signal's
+        # default action would replace the exit code.
         atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGINT, _interrupt)
-    # else Ctrl-C is ignored, as for a job in the background
+    # else Ctrl-C is ignored, as for a background job
     code: str | int | None = 0
     try:
         try:
@@ -36,7 +36,7 @@ def main() -> None:
         _shut_down(code)
     except KeyboardInterrupt:
         _stop_at_once()
-    except SystemError as problem:  # what a compiled kernel makes of an exception in its midst
+    except SystemError as problem:  # raised by compiled kernels that an exception interrupts
         cause: BaseException | None = problem
         while isinstance(cause, SystemError):
             cause = cause.__cause__
@@ -47,7 +47,7 @@ def main() -> None:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    """Ctrl-C while a command runs that has no handler of its own."""
+    """Ctrl-C during a command that has no handler of its own."""
     caller = frame
     while caller is not None:
         file = caller.f_code.co_filename
@@ -58,9 +58,9 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def _shut_down(code: str | int | None) -> None:
-    """From here on Ctrl-C only cuts the shutdown short; a failure's exit code stays."""
+    """From now on, Ctrl-C only cuts the shutdown short and keeps the exit code of a failure."""
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError, AttributeError):  # closed, a broken pipe, none at all
+        with suppress(OSError, ValueError, AttributeError):  # closed, broken pipe, or None
             stream.flush()
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         failed = code if isinstance(code, int) and code else _STOPPED
@@ -68,7 +68,7 @@ def _shut_down(code: str | int | None) -> None:
 
 
 def _stop_at_once(code: int = _STOPPED) -> None:
-    """End the process here: no exception that could get lost on its way."""
+    """End the process without an exception, which could get lost."""
     with suppress(OSError):
         os.write(2, b"stagectl: stopped\n")
     os._exit(code)

@@ -1,17 +1,16 @@
-"""What can go wrong in the application, one exception class per way a command can end.
+"""Exceptions of the application, one class for each way a command can fail.
 
-The tree, with the exit code that the command line answers with:
+With the exit code of the command line:
 
-    StagectlError          1    anything of ours that has no better class
-    |- ConfigError         2    machine or recipe file: every problem found, one line each
-    |- UnusableInput       2    any other input that cannot be used (recording, offsets, journal)
-    |- RunFault            3    the run ended on a fault of stage, bus or drive
+    StagectlError          1    other failures
+    |- ConfigError         2    machine or recipe file: all problems, one line each
+    |- UnusableInput       2    any other unusable input (recording, offsets, journal)
+    |- RunFault            3    the run ended with a fault of stage, bus or drive
     `- Aborted           130    the operator stopped the run
 
-The text of an exception is for the operator: one clear line (one line per problem in a
-`ConfigError`) that names file or axis, key or object, and cause. The command line prints that
-text and nothing else. Faults of the lower packages keep their own trees (`drivers.errors`, ...);
-the sequencer turns them into `RunFault`.
+The message is for the operator: one line (in a `ConfigError`, one per problem) that names file or
+axis, key or object, and cause. The command line prints only that. Exceptions of the other packages
+(`drivers.errors`, ...) become `RunFault` in the sequencer.
 """
 
 from __future__ import annotations
@@ -21,20 +20,20 @@ from typing import ClassVar
 
 
 class StagectlError(Exception):
-    """A failure that is reported to the operator as text, never as a traceback.
+    """A failure reported to the operator as one line, never as a traceback.
 
     Attributes:
-        exit_code: what the process exits with when this ends a command.
+        exit_code: of the process, if this ends a command.
     """
 
     exit_code: ClassVar[int] = 1
 
 
 class ConfigError(StagectlError):
-    """A machine or recipe file that does not hold what it must.
+    """An invalid machine or recipe file.
 
     Attributes:
-        problems: every problem found, each one line `file:line:column: key: reason`.
+        problems: all problems, one line `file:line:column: key: reason` each.
     """
 
     exit_code: ClassVar[int] = 2
@@ -47,18 +46,18 @@ class ConfigError(StagectlError):
 
 
 class UnusableInput(StagectlError):  # noqa: N818
-    """An input other than a configuration file that cannot be used: names file, place and cause."""
+    """An unusable input other than a configuration file: names file, place and cause."""
 
     exit_code: ClassVar[int] = 2
 
 
 class RunFault(StagectlError):  # noqa: N818
-    """The run ended on a fault of the stage, the bus or a drive: names axis, object and cause."""
+    """The run ended with a fault of the stage, the bus or a drive: names axis, object and cause."""
 
     exit_code: ClassVar[int] = 3
 
 
 class Aborted(StagectlError):  # noqa: N818
-    """The operator stopped the run; what was recorded until then is kept."""
+    """The operator stopped the run; the samples recorded so far are kept."""
 
     exit_code: ClassVar[int] = 130

@@ -1,9 +1,8 @@
-"""Compiled kernels on disk that are older than the code they were made from.
+"""Deletes cached numba kernels that may be older than their source code.
 
-numba keeps a function's machine code beside its file and makes it anew when that file changes, but
-not when a function or constant that it took from another file does. So whenever any file of a
-package with kernels, or of one that it takes functions from, is newer than a kept kernel, that
-package's kept kernels are dropped.
+numba recompiles a cached function when its own file changes, but not when a function or constant
+that it uses from another file does. Therefore all cached kernels of a package are deleted when any
+file of it, or of a package whose functions it compiles in, is newer than one of them.
 """
 
 from __future__ import annotations
@@ -12,31 +11,31 @@ import math
 from pathlib import Path
 
 _ROOT = Path(__file__).resolve().parent.parent
-_TAKES_FROM: dict[str, tuple[str, ...]] = {
+_COMPILES_IN: dict[str, tuple[str, ...]] = {
     "estimation": (),
     "hil_sim": (),
     "sim2real": ("hil_sim",),
     "stagectl/paper": ("hil_sim",),
 }
-"""Of each folder with kernels, the folders whose code is compiled into them."""
+"""Folder with kernels -> other folders whose code is compiled into them."""
 
 
 def drop_stale() -> int:
-    """Delete kept kernels that may be out of date; returns how many files went.
+    """Delete cached kernels that may be out of date; returns the number of deleted files.
 
-    Kernels that cannot be deleted (a read-only installation) are left: such files do not change.
+    Kernels that cannot be deleted stay: the source of a read-only installation does not change.
     """
     dropped = 0
-    for name, others in _TAKES_FROM.items():
+    for name, others in _COMPILES_IN.items():
         folder = _ROOT / name
-        kept = [*folder.rglob("__pycache__/*.nbi"), *folder.rglob("__pycache__/*.nbc")]
-        if not kept:
+        cached = [*folder.rglob("__pycache__/*.nbi"), *folder.rglob("__pycache__/*.nbc")]
+        if not cached:
             continue
         sources = (p for n in (name, *others) for p in (_ROOT / n).rglob("*.py"))
         newest = max(path.stat().st_mtime for path in sources)
-        if all(_time(path) >= newest for path in kept):
+        if all(_time(path) >= newest for path in cached):
             continue
-        for path in kept:
+        for path in cached:
             try:
                 path.unlink()
                 dropped += 1
@@ -46,7 +45,7 @@ def drop_stale() -> int:
 
 
 def _time(path: Path) -> float:
-    """When a kernel was kept; as if it were new where another process has just dropped it."""
+    """When a kernel was cached; infinitely late if another process has just deleted it."""
     try:
         return path.stat().st_mtime
     except FileNotFoundError:

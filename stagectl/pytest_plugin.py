@@ -1,11 +1,11 @@
-"""pytest fixtures to test your own code on the virtual stage, without hardware and in no time.
+"""pytest fixtures for testing your own code on a virtual stage, without hardware and fast.
 
     def test_my_move(virtual_stage):
         samples = virtual_stage.stream(position, offset)   # drivers.Stage, homed and enabled
 
-The drives answer on a lock-step CAN bus in virtual time: nothing waits, every run gives the same
-bytes. Override `stage_machine` (a machine file of yours) or `stage_seed` in your `conftest.py`.
-Registered as a pytest11 entry point, so it costs an import of pytest only; everything else is
+The drives run on a lock-step CAN bus in virtual time: nothing waits, and every run produces the
+same bytes. Override `stage_machine` (your machine file) or `stage_seed` in your `conftest.py`.
+The pytest11 entry point loads this module in every pytest session, so everything but pytest is
 imported by the fixture that needs it.
 """
 
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 
     from drivers.stage import Stage
     from hil_sim.stage import VirtualStage
-    from stagectl.config.machine import Machine
+    from stagectl.config import Machine
 
 _channels = itertools.count(1)
 
 
 @pytest.fixture(scope="session")
 def stage_machine() -> Machine:
-    """The machine that the virtual stage is: the packaged `wafer-xy`. Override to use another."""
-    from stagectl.config.machine_file import load_machine
+    """The machine to simulate: the packaged `wafer-xy`. Override to use another."""
+    from stagectl.config import load_machine
 
     return load_machine(None)
 
@@ -43,9 +43,9 @@ def stage_seed() -> int:
 
 @pytest.fixture
 def virtual_drives(stage_machine: Machine, stage_seed: int) -> VirtualStage:
-    """Plant and drives behind `stage_bus`, for a look behind the curtain (`.plant`, `.drives`)."""
+    """Plant and drives on `stage_bus`, for access to their inner state (`.plant`, `.drives`)."""
     from hil_sim.stage import VirtualStage
-    from stagectl.config.mapping import stage_settings
+    from stagectl.config import stage_settings
 
     return VirtualStage(stage_settings(stage_machine), stage_seed)
 
@@ -54,7 +54,8 @@ def virtual_drives(stage_machine: Machine, stage_seed: int) -> VirtualStage:
 def stage_bus(virtual_drives: VirtualStage) -> Iterator[can.BusABC]:
     """An open python-can bus in virtual time with the drives on it, for any CANopen master.
 
-    `bus.clock.now_ns()` is its time; only waiting (`recv`, `clock.sleep_until_ns`) moves it.
+    `bus.clock.now_ns()` is the virtual time; it advances only while someone waits (`recv`,
+    `clock.sleep_until_ns`).
     """
     from hil_sim.bus import LockstepBus, World
 
@@ -67,9 +68,9 @@ def stage_bus(virtual_drives: VirtualStage) -> Iterator[can.BusABC]:
 
 @pytest.fixture
 def virtual_stage(stage_bus: can.BusABC, stage_machine: Machine) -> Iterator[Stage]:
-    """`drivers.Stage` on that bus: booted, homed, enabled, ready to stream; closed afterwards."""
+    """`drivers.stage.Stage` on `stage_bus`: booted, homed, enabled; closed after the test."""
     from drivers.stage import Stage
-    from stagectl.config.mapping import driver_settings
+    from stagectl.config import driver_settings
 
     bus, axes = driver_settings(stage_machine)
     with Stage.open(bus, axes, bus_object=stage_bus) as stage:

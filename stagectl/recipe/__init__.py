@@ -1,4 +1,4 @@
-"""Recipes: files checked against a machine, and the flat plan of steps they come to."""
+"""Recipes: files checked against a machine, and the flat plan of their steps."""
 
 from stagectl.recipe.dry_run import dry_run
 from stagectl.recipe.fiducial import Fiducial, make_fiducial

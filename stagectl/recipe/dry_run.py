@@ -1,7 +1,7 @@
-"""What a recipe would do on a machine, without any hardware: counts, path, duration, limits.
+"""Dry run of a recipe: number of moves, path, duration and use of the axis limits, without a bus.
 
-The duration adds the time-optimal motion of every move, the settle hold after it, exposures and
-dwells. It leaves out homing, settling itself and retries, so a run takes at least this long.
+The duration is the sum of time-optimal moves, hold times after them, exposures and dwells. It
+leaves out homing, settling and retries, so a run takes at least this long.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING
 
-from stagectl.config.machine import Machine
+from stagectl.config import Machine
 from stagectl.recipe.fiducial import Fiducial, make_fiducial
 from stagectl.recipe.model import Pair, PluginMark, Profile, Recipe, SimulatedMark
 from stagectl.recipe.plan import DwellStep, ExposeStep, FiducialStep, MoveStep, SettleStep, plan
@@ -25,7 +25,7 @@ _UNITS = {"velocity": "m/s", "acceleration": "m/s^2", "jerk": "m/s^3"}
 
 @dataclass(frozen=True, slots=True)
 class LimitUse:
-    """The most that a recipe asks of one limit of one axis.
+    """The largest demand of a recipe on one limit of one axis.
 
     Attributes:
         quantity: velocity, acceleration, jerk, lowest or highest (position).
@@ -41,13 +41,13 @@ class LimitUse:
 
 @dataclass(frozen=True, slots=True)
 class DryRun:
-    """Outcome of a dry run.
+    """The result of a dry run.
 
     Attributes:
         sites: number of sites.  moves: number of moves by kind.
-        path_length: sum of the straight distances [m].  duration: at least [s].
-        limits: what is asked of each limit.  positions: targets in their order [m].
-        notes: what could not be counted, and what in the recipe has no effect.
+        path_length: sum of the straight distances [m].  duration: lower bound [s].
+        limits: use of each limit.  positions: targets in order [m].
+        notes: what is not counted, and keys of the recipe without effect.
     """
 
     recipe: str
@@ -61,7 +61,7 @@ class DryRun:
     notes: tuple[str, ...]
 
     def as_dict(self) -> dict[str, object]:
-        """For `--json`; SI units."""
+        """The result for `--json`, in SI units."""
         return {
             "format": "stagectl-dry-run",
             "version": 1,
@@ -86,7 +86,7 @@ class DryRun:
         }
 
     def render(self) -> RenderableType:
-        """For the terminal."""
+        """The result for a terminal."""
         from rich.console import Group
         from rich.table import Table
 
@@ -97,44 +97,44 @@ class DryRun:
         head.add_row("moves", moves)
         head.add_row("path", f"{self.path_length * 1e3:.3f} mm")
         head.add_row("duration", f"at least {self.duration:.2f} s")
-        table = Table(title="What it asks of the limits", title_justify="left")
-        for title in ("axis", "limit", "asked", "allowed", "unit"):
-            table.add_column(title, justify="right" if title in ("asked", "allowed") else "left")
+        table = Table(title="Use of the axis limits", title_justify="left")
+        for title in ("axis", "quantity", "used", "limit", "unit"):
+            table.add_column(title, justify="right" if title in ("used", "limit") else "left")
         for use in self.limits:
             table.add_row(use.axis, use.quantity, f"{use.used:.6g}", f"{use.limit:.6g}", use.unit)
         return Group(head, table, *(f"note: {note}" for note in self.notes))
 
 
 def dry_run(recipe: Recipe, machine: Machine, start: Pair = (0.0, 0.0)) -> DryRun:
-    """Go through the plan as the sequencer would.
+    """Walk through the plan without moving.
 
     Args:
         recipe: validated against `machine`.
-        machine: the machine it is to run on.
-        start: where the axes are when it begins [m]; home by default.
+        machine: to run it on.
+        start: position of the axes at the start [m]; home by default.
 
     Raises:
         ConfigError: the recipe's fiducial plug-in cannot be loaded.
     """
-    walk = _Walk(recipe, start)
+    tally = _Tally(recipe, start)
     for step in plan(recipe, start):
-        walk.take(step)
+        tally.add(step)
     return DryRun(
         recipe=recipe.name,
         machine=machine.name,
         sites=len(recipe.sites),
-        moves=dict(walk.moves),
-        path_length=walk.path_length,
-        duration=walk.duration,
-        limits=_limits(recipe, machine, walk),
-        positions=tuple(walk.positions),
-        notes=(*recipe.notes, *walk.notes),
+        moves=dict(tally.moves),
+        path_length=tally.path_length,
+        duration=tally.duration,
+        limits=_limits(recipe, machine, tally),
+        positions=tuple(tally.positions),
+        notes=(*recipe.notes, *tally.notes),
     )
 
 
 @cache
 def _duration(distance: float, profile: Profile) -> float:
-    """Time of a motion [s]; distance in whole nm, so that a grid's equal steps are solved once."""
+    """Duration of a move [s]. Distances come rounded to nm, so equal steps hit the cache."""
     from estimation.trajectory import duration
 
     if distance <= 0:
@@ -143,8 +143,8 @@ def _duration(distance: float, profile: Profile) -> float:
 
 
 @dataclass
-class _Walk:
-    """Where the stage is in the plan, and what has come together so far."""
+class _Tally:
+    """The position in the plan, and the totals so far."""
 
     recipe: Recipe
     start: Pair
@@ -162,15 +162,15 @@ class _Walk:
         source = self.recipe.fiducial
         if isinstance(source, PluginMark):
             self.notes.append(
-                f"micro-moves come from the plug-in '{source.name}': counted, not timed"
+                f"marks come from the plug-in '{source.name}': micro-moves are counted, not timed"
             )
         else:
             self.fiducial = make_fiducial(source)
             if isinstance(source, SimulatedMark):
-                self.notes.append("marks are simulated: the run will find the same ones")
+                self.notes.append("marks are simulated; a run finds the same ones")
 
-    def take(self, step: MoveStep | SettleStep | FiducialStep | ExposeStep | DwellStep) -> None:
-        """Count one step."""
+    def add(self, step: MoveStep | SettleStep | FiducialStep | ExposeStep | DwellStep) -> None:
+        """Add a step."""
         match step:
             case MoveStep():
                 self._move(step)
@@ -205,14 +205,14 @@ class _Walk:
                 self.profiles[axis].add(step.profile)
 
 
-def _limits(recipe: Recipe, machine: Machine, walk: _Walk) -> tuple[LimitUse, ...]:
+def _limits(recipe: Recipe, machine: Machine, tally: _Tally) -> tuple[LimitUse, ...]:
     uses: list[LimitUse] = []
     for k, name in enumerate(recipe.axes):
         axis = machine.axes[name]
         for quantity, unit in _UNITS.items():
-            used = max((getattr(p, quantity) for p in walk.profiles[k]), default=0.0)
+            used = max((getattr(p, quantity) for p in tally.profiles[k]), default=0.0)
             uses.append(LimitUse(name, quantity, used, getattr(axis.limits, quantity), unit))
-        visited = [position[k] for position in walk.positions] or [walk.start[k]]
+        visited = [position[k] for position in tally.positions] or [tally.start[k]]
         uses.append(LimitUse(name, "lowest", min(visited), axis.travel[0], "m"))
         uses.append(LimitUse(name, "highest", max(visited), axis.travel[1], "m"))
     return tuple(uses)

@@ -1,7 +1,7 @@
-"""Where the mark of a site is: the target of its micro-move.
+"""The marks (fiducials) of sites, which are the targets of micro-moves.
 
-A camera is a plug-in: a callable without arguments under the entry point group
-`stagectl.fiducial` that returns a `Fiducial`. It is asked once the stage has settled at the site.
+A camera is a plug-in: a callable without arguments in the entry point group `stagectl.fiducial`
+that returns a `Fiducial`. Its `find` is called once the stage has settled at the site.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Fiducial(Protocol):
     """Finds marks."""
 
     def find(self, site: int, position: Pair) -> Pair | None:
-        """Offset of the mark [m] from the site's nominal position, or None: not found.
+        """Offset of the mark from the site's nominal position [m]; None if it is not found.
 
         Args:
             site: number of the site, from 1.
@@ -39,13 +39,13 @@ class Fiducial(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Simulated:
-    """Uniform in +-`range` [m] on each axis, whole nm; each site has its own stream of `seed`."""
+    """Marks drawn uniformly within +-`range` [m] per axis, in whole nm, from seed and site."""
 
     range: float
     seed: int
 
     def find(self, site: int, position: Pair) -> Pair | None:
-        """The same offset whenever the same site is asked for."""
+        """The offset of the site's mark, always the same for a site."""
         import numpy as np
 
         dx, dy = np.random.default_rng((self.seed, site)).uniform(-self.range, self.range, 2)
@@ -57,7 +57,7 @@ class Absent:
     """No marks."""
 
     def find(self, site: int, position: Pair) -> Pair | None:
-        """Never found."""
+        """Always None."""
         return None
 
 
@@ -68,22 +68,22 @@ class Offsets:
     offsets: dict[int, Pair]
 
     def find(self, site: int, position: Pair) -> Pair | None:
-        """The offset listed for the site; a site that is not listed is not found."""
+        """The offset listed for the site; None if there is none."""
         return self.offsets.get(site)
 
 
 @dataclass(frozen=True, slots=True)
 class Plugin:
-    """A plug-in's fiducial, whose answers are checked: two finite lengths, or None."""
+    """A plug-in's fiducial; its answers must be two finite lengths, or None."""
 
     name: str
     inner: Fiducial
 
     def find(self, site: int, position: Pair) -> Pair | None:
-        """What the plug-in says.
+        """The plug-in's answer.
 
         Raises:
-            RunFault: it failed, or its answer is no offset.
+            RunFault: the plug-in failed, or its answer is not an offset.
         """
         try:
             answer = self.inner.find(site, position)
@@ -98,7 +98,7 @@ class Plugin:
             dx = dy = math.nan
         if not (math.isfinite(dx) and math.isfinite(dy)):
             raise RunFault(
-                f"fiducial plug-in '{self.name}': site {site}: the answer is no offset [m]"
+                f"fiducial plug-in '{self.name}': site {site}: the answer is not an offset [m]"
             )
         return dx, dy
 
@@ -108,7 +108,7 @@ def make_fiducial(source: FiducialSource, file: str = "") -> Fiducial:
 
     Args:
         source: of the marks.
-        file: the recipe's name, for what is told of a plug-in.
+        file: the recipe's name, for messages.
 
     Raises:
         ConfigError: the plug-in is not installed or cannot be loaded.

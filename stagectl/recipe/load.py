@@ -1,7 +1,7 @@
-"""From a recipe file to a `Recipe` that the given machine can run, or every reason why it cannot.
+"""From a recipe file to a `Recipe` that the machine can run, or to all reasons why it cannot.
 
-Checked before anything moves: every value by itself (schema), sites and moves inside the travel
-(with the reach of the fiducial), profiles within the axes' limits, files that the recipe names.
+Checked before anything moves: each value by itself (schema), sites and moves against the travel
+(micro-moves included), profiles against the axis limits, and files that the recipe names.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
 
-from stagectl.config.machine import Axis, Machine
+from stagectl.config import Axis, Machine
 from stagectl.config.validation import sort_problems, suggest, validate
 from stagectl.config.yaml_nodes import Document, load_document, parse_document
 from stagectl.errors import ConfigError
 from stagectl.recipe import schema
+from stagectl.recipe.duration_limit import why_too_long
 from stagectl.recipe.fiducial import ENTRY_POINTS
-from stagectl.recipe.length import too_long
 from stagectl.recipe.model import (
     MAX_STEPS,
     Dwell,
@@ -36,17 +36,17 @@ from stagectl.recipe.model import (
     SimulatedMark,
     SiteLimits,
     To,
-    unrolled,
+    count_unrolled,
 )
 from stagectl.recipe.plan import MoveStep, walk
 from stagectl.recipe.tables import read_offsets, read_sites
 
 Location = tuple[str | int, ...]
 Place = Callable[[str], str]
-"""Makes the one line of a problem from its reason."""
+"""Makes the line of a problem from its reason."""
 
 MAX_SITES = 100_000
-MOVE_SECTIONS = ("velocity", "acceleration", "jerk")
+MOTION_KEYS = ("velocity", "acceleration", "jerk")
 
 
 def load_recipe(path: Path, machine: Machine) -> Recipe:
@@ -59,7 +59,7 @@ def load_recipe(path: Path, machine: Machine) -> Recipe:
 
 
 def parse_recipe(text: str, name: str, machine: Machine) -> Recipe:
-    """The recipe of a text; files it names are looked for beside `name`.
+    """The recipe of a text; the files it names are relative to `name`.
 
     Raises:
         ConfigError: as `load_recipe`.
@@ -70,15 +70,15 @@ def parse_recipe(text: str, name: str, machine: Machine) -> Recipe:
 def _recipe(document: Document, machine: Machine) -> Recipe:
     check = _Check(document, machine)
     file = validate(document, schema.RecipeFile)
-    macro = check.profile(file.macro, ("macro",))
-    micro = check.profile(file.micro, ("micro",))
-    sites, places = check.sites(file.sites)
-    fiducial = check.fiducial(file.fiducial, len(sites))
-    check.keys(file)
-    check.settle(file.settle)
-    check.inside(sites, places, fiducial)
-    moves = check.moves(file.moves or [], macro, micro, ("moves",))
-    check.path(moves)
+    macro = check.read_profile(file.macro, ("macro",))
+    micro = check.read_profile(file.micro, ("micro",))
+    sites, places = check.read_sites(file.sites)
+    fiducial = check.read_fiducial(file.fiducial, len(sites))
+    check.check_keys(file)
+    check.check_settle(file.settle)
+    check.check_travel(sites, places, fiducial)
+    moves = check.read_moves(file.moves or [], macro, micro, ("moves",))
+    check.check_path(moves)
     if check.problems:
         raise ConfigError(sort_problems(check.problems))
     first, second = machine.axes
@@ -102,14 +102,14 @@ def _recipe(document: Document, machine: Machine) -> Recipe:
         source=document.name,
         notes=tuple(f"{key} has no effect with moves" for key in unused),
     )
-    if (reason := too_long(recipe)) is not None:
+    if (reason := why_too_long(recipe)) is not None:
         raise ConfigError(document.problem(("moves",) if moves else ("sites",), reason))
     return recipe
 
 
 @dataclass
 class _Check:
-    """Builds the parts of a recipe and collects what is wrong with them."""
+    """Builds the parts of a recipe and collects their problems."""
 
     document: Document
     machine: Machine
@@ -130,35 +130,35 @@ class _Check:
     def refuse(self, location: Location, reason: str) -> None:
         self.problems.append(self.document.problem(location, reason))
 
-    def keys(self, file: schema.RecipeFile) -> None:
-        """Which keys need or exclude one another."""
+    def check_keys(self, file: schema.RecipeFile) -> None:
+        """Check which keys require or exclude each other."""
         if file.sites is None and file.moves is None:
             self.refuse(("sites",), "is missing (or a list of moves instead)")
         elif file.sites is not None and file.moves is not None:
-            self.refuse(("moves",), "cannot stand beside sites: give one of them")
+            self.refuse(("moves",), "cannot be combined with sites: only one of them")
         elif file.sites is not None:
             for key in ("expose", "fiducial"):
                 if getattr(file, key) is None:
                     self.refuse((key,), "is missing")
 
-    def settle(self, settle: schema.SettleSection) -> None:
-        """Windows below the encoder's increment and holds beyond the timeout never settle."""
+    def check_settle(self, settle: schema.SettleSection) -> None:
+        """Refuse a window below the encoder's increment and a hold beyond the timeout."""
         coarse = max(axis.encoder.increment for _, axis in self.axes)
         if settle.window < coarse:
             self.refuse(("settle", "window"), f"is below the encoder increment, {coarse:g} m")
         if settle.timeout < settle.hold:
             self.refuse(("settle", "timeout"), f"is shorter than hold, {settle.hold:g} s")
 
-    def profile(
+    def read_profile(
         self, section: schema.ProfileSection, at: Location, only: int | None = None
     ) -> Profile:
-        """The section as a profile, held against the limits of the axes (or of one)."""
+        """The section as a profile, checked against the limits of the axes, or of axis `only`."""
         profile = Profile(section.velocity, section.acceleration, section.jerk)
-        self.within_limits(profile, at, only)
+        self.check_limits(profile, at, only)
         return profile
 
-    def within_limits(self, profile: Profile, at: Location, only: int | None) -> None:
-        for key in MOVE_SECTIONS:
+    def check_limits(self, profile: Profile, at: Location, only: int | None) -> None:
+        for key in MOTION_KEYS:
             wanted = getattr(profile, key)
             over = [
                 f"{name} ({getattr(axis.limits, key):g})"
@@ -168,8 +168,8 @@ class _Check:
             if over:
                 self.refuse((*at, key), f"{wanted:g} is above the limit of axis {', '.join(over)}")
 
-    def sites(self, sites: object) -> tuple[tuple[Pair, ...], list[Place]]:
-        """The sites in the order of the visit, and for each how to place a problem of it."""
+    def read_sites(self, sites: object) -> tuple[tuple[Pair, ...], list[Place]]:
+        """The sites in the order of visits, and for each a function that places its problems."""
 
         def place(*location: str | int) -> Place:
             return lambda reason: self.document.problem(location, reason)
@@ -185,21 +185,21 @@ class _Check:
             try:
                 rows = read_sites(Path(self.document.name).parent / sites.file)
             except ConfigError as error:
-                self.problems += self.beside(("sites", "file"), error)
+                self.problems += self.table_problems(("sites", "file"), error)
                 return (), []
             return tuple(row.pair for row in rows), [row.problem for row in rows]
         if isinstance(sites, list):
             return tuple(sites), [place("sites", index) for index in range(len(sites))]
         return (), []
 
-    def beside(self, location: Location, error: ConfigError) -> list[str]:
-        """Problems of a table; those without a line in it are placed where the recipe names it."""
+    def table_problems(self, location: Location, error: ConfigError) -> list[str]:
+        """Problems of a table; those without a line are placed where the recipe names it."""
         if all(re.search(r":\d+:\d+: ", problem) for problem in error.problems):
             return list(error.problems)
         return [self.document.problem(location, str(error))]
 
-    def fiducial(self, section: object, sites: int) -> FiducialSource:
-        """The source of the marks; files are read and plug-ins looked up here."""
+    def read_fiducial(self, section: object, sites: int) -> FiducialSource:
+        """The source of the marks. Reads files and looks up plug-ins."""
         match section:
             case schema.SimulatedFiducial():
                 return SimulatedMark(section.range, section.seed)
@@ -207,7 +207,7 @@ class _Check:
                 try:
                     rows = read_offsets(Path(self.document.name).parent / section.file)
                 except ConfigError as error:
-                    self.problems += self.beside(("fiducial", "file"), error)
+                    self.problems += self.table_problems(("fiducial", "file"), error)
                     return NoMark()
                 self.problems += [
                     row.problem(f"site {row.site} is not in the recipe, which has {sites}")
@@ -225,10 +225,10 @@ class _Check:
             case _:
                 return NoMark()
 
-    def inside(
+    def check_travel(
         self, sites: tuple[Pair, ...], places: list[Place], fiducial: FiducialSource
     ) -> None:
-        """Each site, with the reach of its micro-move, inside the travel of both axes."""
+        """Check that each site and its micro-move are within the travel."""
         reasons: dict[int, list[str]] = {}
         for index, site in enumerate(sites):
             low = high = (0.0, 0.0)
@@ -249,10 +249,10 @@ class _Check:
         for index, lines in list(reasons.items())[:100]:
             self.problems += [places[index](f"site {index + 1}: {line}") for line in lines]
 
-    def moves(
+    def read_moves(
         self, items: list[schema.MoveItem], macro: Profile, micro: Profile, at: Location
     ) -> tuple[Move, ...]:
-        """The list of moves with their profiles filled in and held against the limits."""
+        """The list of moves with complete profiles, checked against the limits."""
         names = [name for name, _ in self.axes]
         moves: list[Move] = []
         for index, item in enumerate(items):
@@ -261,22 +261,22 @@ class _Check:
                 case schema.DwellItem():
                     moves.append(Dwell(item.dwell))
                 case schema.RepeatItem():
-                    inner = self.moves(item.moves, macro, micro, (*here, "moves"))
+                    inner = self.read_moves(item.moves, macro, micro, (*here, "moves"))
                     moves.append(Repeat(item.repeat, inner))
                 case schema.ToItem():
-                    moves.append(To(item.to, item.kind, self.motion(item, macro, micro, here)))
+                    moves.append(To(item.to, item.kind, self.read_motion(item, macro, micro, here)))
                 case schema.ReverseItem():
                     if item.axis not in names:
                         reason = f"no such axis in the machine{suggest(item.axis, names)}"
                         self.refuse((*here, "axis"), reason)
-                        moves.append(Dwell(0.0))  # keeps the others in their places
+                        moves.append(Dwell(0.0))  # a placeholder keeps the indices of the others
                         continue
                     axis = names.index(item.axis)
-                    profile = self.motion(item, macro, micro, here, axis)
+                    profile = self.read_motion(item, macro, micro, here, axis)
                     moves.append(Reverse(item.reverse, axis, item.kind, profile))
         return tuple(moves)
 
-    def motion(
+    def read_motion(
         self,
         item: schema.ToItem | schema.ReverseItem,
         macro: Profile,
@@ -284,22 +284,22 @@ class _Check:
         at: Location,
         only: int | None = None,
     ) -> Profile:
-        """A move's own figures over those of its kind; a creep has to say how fast."""
+        """The profile of a move: its own limits, else its kind's; a creep needs a velocity."""
         base = macro if item.kind == "macro" else micro
         if item.kind == "creep" and item.velocity is None:
-            self.refuse((*at, "velocity"), "is missing: a creep needs its own velocity")
+            self.refuse((*at, "velocity"), "is missing: a creep needs a velocity of its own")
         profile = Profile(
             item.velocity or base.velocity,
             item.acceleration or base.acceleration,
             item.jerk or base.jerk,
         )
         if profile != base:
-            self.within_limits(profile, at, only)
+            self.check_limits(profile, at, only)
         return profile
 
-    def path(self, moves: tuple[Move, ...]) -> None:
-        """Every position on the way inside the travel, from the home position on."""
-        if (total := unrolled(moves)) > MAX_STEPS:
+    def check_path(self, moves: tuple[Move, ...]) -> None:
+        """Check that every position is within the travel, starting from home."""
+        if (total := count_unrolled(moves)) > MAX_STEPS:
             self.refuse(("moves",), f"unrolls to {total} moves and dwells, more than {MAX_STEPS}")
             return
         seen: set[tuple[Location, int]] = set()
@@ -308,14 +308,14 @@ class _Check:
                 reason = _outside(position[k], 0.0, 0.0, axis.travel)
                 if reason and isinstance(step, MoveStep) and (location, k) not in seen:
                     if step.relative is not None and step.relative[k] == 0:
-                        continue  # got there before, by a move that is reported
+                        continue  # it was outside already, by a move that is reported
                     seen.add((location, k))
                     key = "to" if step.relative is None else "reverse"
                     self.refuse((*location, key), f"{reason} of axis {name}")
 
 
 def grid_positions(grid: schema.Grid) -> tuple[Pair, ...]:
-    """Rows along the first axis; in a serpentine every second row runs backwards."""
+    """Positions row by row along the first axis; in a serpentine every second row is reversed."""
     columns, rows = grid.count
     positions = []
     for row in range(rows):
@@ -330,7 +330,7 @@ def grid_positions(grid: schema.Grid) -> tuple[Pair, ...]:
 
 
 def _outside(position: float, low: float, high: float, travel: tuple[float, float]) -> str | None:
-    """Why a position, with its reach, is not inside the travel."""
+    """Why a position, or its fiducial from `low` to `high` around it, is outside the travel."""
     span = f"the travel {travel[0]:g} ... {travel[1]:g} m"
     if not travel[0] <= position <= travel[1]:
         return f"{position:.9g} m is outside {span}"

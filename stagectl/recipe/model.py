@@ -1,6 +1,6 @@
-"""What a recipe says, as frozen values: SI units, checked, no file and no machine in it.
+"""A validated recipe as frozen values in SI units, independent of file and machine.
 
-Made by `stagectl.recipe.load.load_recipe`; turned into steps by `stagectl.recipe.plan.plan`.
+`load` makes it; `plan` turns it into steps.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ Kind = Literal["macro", "micro", "creep", "other"]
 OnTimeout = Literal["continue", "retry", "stop"]
 
 MAX_STEPS = 100_000
-"""Most moves and dwells that a recipe may unroll to."""
+"""Largest number of moves and dwells after repeats are unrolled."""
 
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """Largest velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] of a move, for each axis."""
+    """Limits of velocity [m/s], acceleration [m/s^2] and jerk [m/s^3] of a move, per axis."""
 
     velocity: float
     acceleration: float
@@ -32,9 +32,9 @@ class Settle:
     """When a move counts as settled.
 
     Attributes:
-        window: half width around the target [m].  hold: time inside it [s].
-        timeout: longest wait after the end of the demand [s].
-        on_timeout: what to do then.
+        window: half width around the target [m].  hold: time to stay inside [s].
+        timeout: longest wait after the end of the setpoints [s].
+        on_timeout: what to do after the timeout.
     """
 
     window: float
@@ -64,35 +64,31 @@ class Reverse:
 
 @dataclass(frozen=True, slots=True)
 class Dwell:
-    """Stay for `duration` [s]."""
+    """Stay in place for `duration` [s]."""
 
     duration: float
 
 
 @dataclass(frozen=True, slots=True)
 class Repeat:
-    """The moves, `count` times over."""
+    """The moves, repeated `count` times."""
 
     count: int
     moves: tuple[Move, ...]
-
-    def unrolled(self) -> int:
-        """Moves and dwells in all, without unrolling them."""
-        return self.count * unrolled(self.moves)
 
 
 Move = To | Reverse | Dwell | Repeat
 
 
-def unrolled(moves: tuple[Move, ...]) -> int:
-    """How many moves and dwells a list comes to."""
-    return sum(m.unrolled() if isinstance(m, Repeat) else 1 for m in moves)
+def count_unrolled(moves: tuple[Move, ...]) -> int:
+    """Number of moves and dwells of a list with its repeats unrolled."""
+    return sum(m.count * count_unrolled(m.moves) if isinstance(m, Repeat) else 1 for m in moves)
 
 
 def unroll(
     moves: tuple[Move, ...], at: tuple[str | int, ...] = ("moves",)
 ) -> Iterator[tuple[tuple[str | int, ...], To | Reverse | Dwell]]:
-    """The moves in the order they happen, each with its place in the recipe file."""
+    """The moves in order with repeats unrolled, each with its location in the recipe file."""
     for index, move in enumerate(moves):
         if isinstance(move, Repeat):
             for _ in range(move.count):
@@ -103,7 +99,7 @@ def unroll(
 
 @dataclass(frozen=True, slots=True)
 class SimulatedMark:
-    """A mark uniformly within +-`range` [m] of the site, each axis, drawn from seed and site."""
+    """Marks drawn uniformly within +-`range` [m] of each site, per axis, from `seed`."""
 
     range: float
     seed: int
@@ -111,12 +107,12 @@ class SimulatedMark:
 
 @dataclass(frozen=True, slots=True)
 class NoMark:
-    """No fiducial: no micro-move."""
+    """No fiducial, so no micro-move."""
 
 
 @dataclass(frozen=True, slots=True)
 class ListedMarks:
-    """Marks from a file: offset from the site [m] by site; sites without one are not found."""
+    """Marks from a file: site -> offset from the site [m]; other sites have none."""
 
     offsets: dict[int, Pair]
 
@@ -133,11 +129,11 @@ FiducialSource = SimulatedMark | NoMark | ListedMarks | PluginMark
 
 @dataclass(frozen=True, slots=True)
 class SiteLimits:
-    """Pass or fail per site, judged on its micro-move; None means not judged.
+    """Limits that decide whether a site passes, by its micro-move; None for no limit.
 
     Attributes:
-        settling: longest settling to the settle window [s].
-        peak_error: largest |aligned demand - position| while the demand moves [m].
+        settling: longest settling time to the settle window [s].
+        peak_error: largest |aligned demand - position| while the setpoint moves [m].
     """
 
     settling: float | None = None
@@ -146,12 +142,12 @@ class SiteLimits:
 
 @dataclass(frozen=True, slots=True)
 class Excursion:
-    """A move of a calibration, near its site.
+    """A calibration move near its site.
 
     Attributes:
         offset: of its target from the site [m].
         kind: of the move.
-        profile: of it.
+        profile: its limits.
     """
 
     offset: Pair
@@ -161,19 +157,19 @@ class Excursion:
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """A validated recipe: either `sites` (visited one by one) or `moves`, the other is empty.
+    """A validated recipe: either `sites` to visit or a list of `moves`; the other is empty.
 
     Attributes:
         name: the recipe's name.
-        axes: names of the two axes, in the order of every pair of coordinates.
-        macro, micro: profiles of the moves between sites and onto the mark.
-        expose: time the camera takes at a site [s].
-        sites: positions [m] in the order of the visit; sites count from 1.
-        text: the file's text as read.  source: how the file was named.
-        notes: what in the file has no effect, for the operator.
-        excursions: moves made at every site: a calibration.
-        slipped: calibrations slipped into a production run: (behind which site, place [m]).
-        slipped_excursions: the moves made there.
+        axes: names of the two axes, in the order of all coordinate pairs.
+        macro, micro: profiles of the moves to sites and onto marks.
+        expose: exposure time at a site [s].
+        sites: positions [m] in the order of visits; sites are numbered from 1.
+        text: the file's text as read.  source: name of the file.
+        notes: keys without effect, for the operator.
+        excursions: calibration moves at every site.
+        slipped: calibration sites inserted into a production run: (after which site, place [m]).
+        slipped_excursions: the calibration moves there.
     """
 
     name: str
@@ -197,5 +193,5 @@ class Recipe:
 
     @property
     def folder(self) -> Path:
-        """Where files named in the recipe are looked for."""
+        """The folder to which file names in the recipe are relative."""
         return Path(self.source).parent

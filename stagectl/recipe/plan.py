@@ -1,8 +1,8 @@
-"""From a recipe to a flat list of frozen steps: what `run` does and what `--dry-run` counts.
+"""From a recipe to a flat list of frozen steps, which `run` executes and `--dry-run` counts.
 
-Pure: the same recipe and start give the same steps. Only the targets of micro-moves onto a
-fiducial are open; they come from the fiducial while the recipe runs. The steps come in stretches
-that are done as a whole or again from their first step: a site, or one entry of a list of moves.
+The same recipe and start always give the same steps. Only the targets of micro-moves onto a mark
+are open; the fiducial provides them during the run. The steps form stretches (a site, or one entry
+of a list of moves): after a fault or an interruption, a stretch is repeated from its first step.
 """
 
 from __future__ import annotations
@@ -31,14 +31,13 @@ class MoveStep:
     """Move both axes to rest at a target.
 
     Attributes:
-        site: site it belongs to, from 1; None in a list of moves.
+        site: its site, from 1; None in a list of moves.
         kind: macro, micro, creep or other.
-        target: absolute position [m]; None for a micro-move, whose target the fiducial gives, and
-            for a relative move.
-        profile: limits of the motion, for each axis.
-        relative: signed distance from the last target [m] instead of `target`.
-        place: whose friction it shows, where that is not the site's or the target's [m]: of a
-            calibration slipped in.
+        target: absolute position [m]; None for a relative move and for a micro-move, whose target
+            comes from the fiducial.
+        profile: limits of the motion, per axis.
+        relative: signed distance from the last target [m], instead of `target`.
+        place: where its friction estimate belongs [m], if not at the site or the target.
     """
 
     site: int | None
@@ -61,14 +60,14 @@ class SettleStep:
 
 @dataclass(frozen=True, slots=True)
 class FiducialStep:
-    """Ask where the mark of this site is; the next micro-move goes there."""
+    """Locate the mark of this site, the target of the next micro-move."""
 
     site: int
 
 
 @dataclass(frozen=True, slots=True)
 class ExposeStep:
-    """Hold still while the camera takes its picture: `duration` [s]."""
+    """Hold still during an exposure of `duration` [s]."""
 
     duration: float
 
@@ -82,11 +81,11 @@ class DwellStep:
 
 @dataclass(frozen=True, slots=True)
 class DoneStep:
-    """A stretch is over: a run that is interrupted from here on goes on behind it.
+    """The end of a stretch: a run interrupted after it resumes with the next stretch.
 
     Attributes:
         number: of the stretch, from 1.
-        site: the same, where the recipe has sites; None in a list of moves.
+        site: the same number if the recipe has sites; None in a list of moves.
     """
 
     number: int
@@ -98,25 +97,25 @@ MarkedStep = Step | DoneStep
 
 
 def plan(recipe: Recipe, start: Pair = (0.0, 0.0)) -> tuple[Step, ...]:
-    """The steps of a recipe in their order.
+    """The steps of a recipe in order.
 
     Args:
         recipe: a validated recipe.
-        start: where the axes are when it begins [m] (home by default); only the direction of the
-            first `reverse` of an axis can depend on it.
+        start: position of the axes at the start [m], home by default. Only the direction of an
+            axis' first `reverse` can depend on it.
     """
     return tuple(step for _, steps in _stretches(recipe, start) for step in steps)
 
 
 def plan_from(recipe: Recipe, done: int, start: Pair = (0.0, 0.0)) -> tuple[MarkedStep, ...]:
-    """The steps after the first `done` stretches, each stretch with a `DoneStep` at its end.
+    """The steps after the first `done` stretches, with a `DoneStep` at the end of each stretch.
 
-    A list of moves that goes on in its middle begins with a move to where it was.
+    A list of moves that resumes in the middle first moves to where it was.
 
     Args:
         recipe: a validated recipe.
-        done: stretches that are over, 0 for none.
-        start: as `plan`.
+        done: number of finished stretches.
+        start: as for `plan`.
     """
     steps: list[MarkedStep] = []
     for number, (origin, stretch) in enumerate(_stretches(recipe, start), 1):
@@ -129,12 +128,12 @@ def plan_from(recipe: Recipe, done: int, start: Pair = (0.0, 0.0)) -> tuple[Mark
 
 
 def _stretches(recipe: Recipe, start: Pair) -> Iterator[tuple[Pair, tuple[Step, ...]]]:
-    """Each stretch with the position that it begins at."""
+    """Each stretch with its start position."""
     settle = _settle_step(recipe.settle)
     origin = start
     if recipe.moves:
         for _, position, step in walk(recipe.moves, start):
-            # Macro- and micro-moves wait for the settle window; creeps and reversals run on.
+            # Macro- and micro-moves wait for the settle window; creeps and reversals do not.
             waits = isinstance(step, MoveStep) and step.kind in ("macro", "micro")
             yield origin, (step, settle) if waits else (step,)
             origin = position
@@ -146,8 +145,8 @@ def _stretches(recipe: Recipe, start: Pair) -> Iterator[tuple[Pair, tuple[Step, 
         if recipe.expose > 0:
             steps.append(ExposeStep(recipe.expose))
         steps += _excursions(recipe.excursions, site, position, settle)
-        for behind, place in recipe.slipped:
-            if behind == site:
+        for after, place in recipe.slipped:
+            if after == site:
                 steps += [MoveStep(None, "macro", place, recipe.macro), settle]
                 steps += _excursions(recipe.slipped_excursions, None, place, settle)
         yield origin, tuple(steps)
@@ -157,7 +156,7 @@ def _stretches(recipe: Recipe, start: Pair) -> Iterator[tuple[Pair, tuple[Step, 
 def _excursions(
     excursions: Sequence[Excursion], site: int | None, place: Pair, settle: SettleStep
 ) -> Iterator[Step]:
-    """The moves of a calibration at a place, each with the wait for rest."""
+    """The calibration moves at a place, each followed by settling."""
     for excursion in excursions:
         (x, y), (dx, dy) = place, excursion.offset
         target = (round(x + dx, 12), round(y + dy, 12))
@@ -168,10 +167,10 @@ def _excursions(
 def walk(
     moves: tuple[Move, ...], start: Pair
 ) -> Iterator[tuple[tuple[str | int, ...], Pair, MoveStep | DwellStep]]:
-    """A list of moves unrolled: place in the recipe file, position afterwards [m], step.
+    """A list of moves, unrolled: location in the recipe file, position afterwards [m], step.
 
-    An axis that has not moved yet counts as having last moved in the negative direction, so that
-    its first `reverse` goes in the positive one.
+    An axis that has not moved yet is taken to have moved in the negative direction, so its first
+    `reverse` is positive.
     """
     position = list(start)
     direction = [-1.0, -1.0]

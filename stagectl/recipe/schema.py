@@ -1,7 +1,6 @@
-"""The shape of a recipe file: which keys there are and what values they take.
+"""The models of a recipe file: its keys (explained in docs/recipe.md) and their values.
 
-Only the shape and each value's own range; what the values mean together, and for a machine, is
-checked in `load`. Keys are explained in docs/recipe.md.
+They check each value by itself; `load` checks them against each other and against a machine.
 """
 
 from __future__ import annotations
@@ -9,7 +8,6 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, StrictInt, StringConstraints, Tag
-from pydantic_core import PydanticCustomError
 
 from stagectl.config.machine import Label, LengthPair, Name
 from stagectl.config.units import (
@@ -21,13 +19,13 @@ from stagectl.config.units import (
     PositiveTime,
     PositiveVelocity,
 )
-from stagectl.config.validation import Section
+from stagectl.config.validation import Section, refusal
 
 
 def _no_path(name: str) -> str:
-    """Folders are called after a recipe."""
+    """Refuse a name that is a path: folders are named after a recipe."""
     if "/" in name:
-        raise PydanticCustomError("reason", "must not hold a /: folders are called after it")
+        raise refusal("must not contain a /: folders are named after it")
     return name
 
 
@@ -138,7 +136,7 @@ class SiteLimitsSection(Section):
 
 
 class MotionKeys(Section):
-    """What a single move may say of its own motion."""
+    """Limits of a single move."""
 
     velocity: PositiveVelocity | None = None
     acceleration: PositiveAcceleration | None = None
@@ -195,7 +193,7 @@ MoveItem = Annotated[
 
 
 class RecipeFile(Section):
-    """A recipe file from its top."""
+    """A whole recipe file."""
 
     recipe: RecipeName
     macro: ProfileSection

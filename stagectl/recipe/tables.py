@@ -1,7 +1,7 @@
-"""Tables of positions: comma separated, a header line, `#` comments, SI numbers or units.
+"""Tables of positions: comma-separated, with a header line, `#` comments, SI numbers or units.
 
-`sites.csv` has the columns x, y; `offsets.csv` has site, dx, dy. Columns may stand in any order;
-a column that is not known is an error, as an unknown key is.
+`sites.csv` has the columns x, y; `offsets.csv` has site, dx, dy. The columns may be in any order;
+an unknown column is an error.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ MAX_ROWS = 100_000
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A line of a table: where it stands, its site number (None without that column), its pair."""
+    """A row: its place in the file, site number (None without that column) and pair [m]."""
 
     name: str
     mark: Mark
@@ -29,12 +29,12 @@ class Row:
     pair: Pair
 
     def problem(self, reason: str) -> str:
-        """One line that places `reason` at this row."""
+        """The line of a problem with this row."""
         return format_problem(self.name, self.mark, "", reason)
 
 
 def read_sites(path: Path) -> tuple[Row, ...]:
-    """Rows of `x, y`, optionally `site`, which then must count from 1.
+    """Rows of `x, y`, and optionally `site`, which must then count from 1.
 
     Raises:
         ConfigError: every problem of the table, one line each.
@@ -51,7 +51,7 @@ def read_sites(path: Path) -> tuple[Row, ...]:
 
 
 def read_offsets(path: Path) -> tuple[Row, ...]:
-    """Rows of `site, dx, dy`, each site once at most.
+    """Rows of `site, dx, dy`, each site at most once.
 
     Raises:
         ConfigError: every problem of the table, one line each.

@@ -60,7 +60,7 @@ def test_a_plugins_answers_are_passed_on() -> None:
 
 @pytest.mark.parametrize("answer", [(1,), (1, 2, 3), "ab", (float("nan"), 0.0), 3, (None, 1)])
 def test_an_answer_that_is_no_offset_is_a_fault(answer: object) -> None:
-    with pytest.raises(RunFault, match=r"'cam': site 4: the answer is no offset"):
+    with pytest.raises(RunFault, match=r"'cam': site 4: the answer is not an offset"):
         Plugin("cam", Camera(answer)).find(4, (0.0, 0.0))
 
 

@@ -11,7 +11,7 @@ from estimation.trajectory import duration
 from stagectl.config import Machine
 from stagectl.errors import ConfigError
 from stagectl.recipe import NoMark, Profile, Recipe, load_recipe
-from stagectl.recipe.length import at_least
+from stagectl.recipe.duration_limit import minimum_duration
 from stagectl.recipe.model import ListedMarks, SimulatedMark
 
 Problems = Callable[..., tuple[str, ...]]
@@ -187,7 +187,7 @@ def test_keys_that_must_be_there(inspection: str, problems_of: Problems, key: st
 
 def test_sites_and_moves_exclude_each_other(inspection: str, problems_of: Problems) -> None:
     (both,) = problems_of(inspection + "moves: [{dwell: 1}]\n")
-    assert "moves: cannot stand beside sites" in both
+    assert "moves: cannot be combined with sites" in both
     (neither,) = problems_of(HEAD)
     assert "sites: is missing (or a list of moves instead)" in neither
 
@@ -222,7 +222,7 @@ MOVES = HEAD + "moves:\n"
         ),
         (
             "- {to: [0, 0], kind: creep}",
-            "r.yaml:6:3: moves[1].velocity: is missing: a creep needs its own velocity",
+            "r.yaml:6:3: moves[1].velocity: is missing: a creep needs a velocity of its own",
         ),
         (
             "- {to: [0, 0], velocity: 3}",
@@ -359,11 +359,11 @@ def test_thousands_of_problems_are_counted_not_listed(problems_of: Problems) -> 
     [
         (
             "velocity: 0.5", "velocity: 1e-12",
-            "r.yaml:7:8: sites: a macro-move of 50 mm takes at least 1.39e+07 h, 1 h is the most",
+            "r.yaml:7:8: sites: a macro-move of 50 mm takes at least 1.39e+07 h, the limit is 1 h",
         ),
         (
             "velocity: 0.01", "velocity: 1e-9",
-            "r.yaml:7:8: sites: a micro-move of 0.08 mm takes at least 22.2 h, 1 h is the most",
+            "r.yaml:7:8: sites: a micro-move of 0.08 mm takes at least 22.2 h, the limit is 1 h",
         ),
         (
             "expose: 0.02", "expose: 3600",
@@ -387,11 +387,11 @@ def test_the_bound_is_below_what_a_motion_takes_and_near_it() -> None:
     for distance in (1e-9, 1e-6, 8e-5, 1e-3, 0.05, 0.3):
         for profile in (Profile(0.5, 3.0, 200.0), Profile(0.01, 0.2, 20.0)):
             took = duration(distance, profile.velocity, profile.acceleration, profile.jerk)
-            assert 0.5 * took < at_least(distance, profile) <= took * (1 + 1e-9)
+            assert 0.5 * took < minimum_duration(distance, profile) <= took * (1 + 1e-9)
 
 
 def test_a_name_is_no_path(problems_of: Problems, inspection: str) -> None:
     text = inspection.replace("recipe: inspection-20", "recipe: ../evil")
     assert problems_of(text) == (
-        "r.yaml:2:9: recipe: must not hold a /: folders are called after it",
+        "r.yaml:2:9: recipe: must not contain a /: folders are named after it",
     )

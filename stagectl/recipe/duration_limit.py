@@ -1,8 +1,8 @@
-"""Whether a recipe is short enough to be recorded: refused before anything moves where it is not.
+"""The longest move and run: recipes beyond are refused before anything moves.
 
-A slip in a unit (a velocity of 1e-12, an exposure of 1e9 s) else shows itself hours later, or as a
-trajectory that no memory holds. Durations here are lower bounds, made without solving a trajectory;
-`dry_run` has the exact ones.
+A mistaken unit (a velocity of 1e-12, an exposure of 1e9 s) would otherwise show hours later, or as
+a trajectory that does not fit into memory. Durations here are lower bounds that need no trajectory;
+`dry_run` computes exact ones.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from stagectl.recipe.model import ListedMarks, NoMark, Profile, Recipe, Simulate
 from stagectl.recipe.plan import DwellStep, ExposeStep, MoveStep, SettleStep, plan
 
 MAX_MOVE: Final = 3600.0
-"""Longest move [s]: its setpoints are computed at once."""
+"""Longest move [s]: all its setpoints are computed at once."""
 MAX_RUN: Final = 43_200.0
-"""Longest run [s]: what a recording holds at 1 kHz."""
-_PLUGIN_REACH: Final = 1e-4  # m; a micro-move is shorter than that
+"""Longest run [s]: the capacity of a recording at 1 kHz."""
+_PLUGIN_REACH: Final = 1e-4  # m; bound of a micro-move onto a plug-in's mark
 
 
-def too_long(recipe: Recipe) -> str | None:
-    """Why the recipe takes too long, or None where it does not."""
+def why_too_long(recipe: Recipe) -> str | None:
+    """Why the recipe takes too long, or None."""
     reach = _reach(recipe)
     total = 0.0
     position = (0.0, 0.0)
@@ -36,11 +36,11 @@ def too_long(recipe: Recipe) -> str | None:
                     position = (position[0] + step.relative[0], position[1] + step.relative[1])
                 else:
                     distance = reach
-                least = at_least(distance, step.profile)
+                least = minimum_duration(distance, step.profile)
                 if least > MAX_MOVE:
                     return (
                         f"a {step.kind}-move of {distance * 1e3:g} mm takes at least "
-                        f"{least / 3600.0:.3g} h, {MAX_MOVE / 3600.0:g} h is the most"
+                        f"{least / 3600.0:.3g} h, the limit is {MAX_MOVE / 3600.0:g} h"
                     )
                 total += least
             case SettleStep():
@@ -52,10 +52,10 @@ def too_long(recipe: Recipe) -> str | None:
     return None
 
 
-def at_least(distance: float, profile: Profile) -> float:
+def minimum_duration(distance: float, profile: Profile) -> float:
     """A lower bound of the time from rest to rest over `distance` [m], in s.
 
-    What the motion takes when only one of the three limits holds: d/v; 2 sqrt(d/a); 4 (d/2j)^(1/3).
+    The longest of the durations under one limit each: d/v, 2 sqrt(d/a), 4 (d/2j)^(1/3).
     """
     return max(
         distance / profile.velocity,
@@ -65,7 +65,7 @@ def at_least(distance: float, profile: Profile) -> float:
 
 
 def _reach(recipe: Recipe) -> float:
-    """Longest micro-move onto a mark, on one axis [m]."""
+    """Longest micro-move onto a mark, per axis [m]."""
     match recipe.fiducial:
         case SimulatedMark(reach, _):
             return reach
