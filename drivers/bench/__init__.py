@@ -1,4 +1,4 @@
-"""For whoever connects a stage: who is on the bus, what the axes do, how a drive behaves."""
+"""Commissioning: nodes on the bus, status of the axes, conformance of a drive, bus load."""
 
 from drivers.bench.bus_budget import BusBudget, stage_budget
 from drivers.bench.scan import Found, scan

@@ -1,8 +1,8 @@
-"""Does a set of frames fit into the SYNC period? Bits of CAN 2.0A frames, worst stuffing included.
+"""Whether a set of CAN 2.0A frames fits into the SYNC period, with worst-case bit stuffing.
 
-A data frame of n bytes has 47 + 8 n bits (interframe space included), and at most
-floor((34 + 8 n - 1) / 4) stuff bits: 34 + 8 n bits are stuffed, after the first five equal ones
-every four. Arithmetic only; how bits become time is the bit rate's business alone.
+A data frame of n bytes has 47 + 8 n bits, interframe space included, and at most
+floor((34 + 8 n - 1) / 4) stuff bits: of the 34 + 8 n bits that are stuffed, one after the first
+five and one after every further four.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def least_bits(data_bytes: int) -> int:
 
 
 def worst_bits(data_bytes: int) -> int:
-    """Bits of a data frame with as many stuff bits as there can be."""
+    """Bits of a data frame with as many stuff bits as possible."""
     return least_bits(data_bytes) + (34 + 8 * data_bytes - 1) // 4
 
 
@@ -36,7 +36,7 @@ class Line:
     """Frames of one kind in every cycle.
 
     Attributes:
-        name: such as "RPDO of x".  count: frames a cycle.  data_bytes: of each.
+        name: such as "RPDO 1 of x".  count: frames per cycle.  data_bytes: of each.
     """
 
     name: str
@@ -45,12 +45,12 @@ class Line:
 
     @property
     def worst(self) -> int:
-        """Bits of all of them, worst stuffing."""
+        """Bits of these frames, worst stuffing."""
         return self.count * worst_bits(self.data_bytes)
 
     @property
     def least(self) -> int:
-        """Bits of all of them, no stuffing."""
+        """Bits of these frames, no stuffing."""
         return self.count * least_bits(self.data_bytes)
 
 
@@ -59,8 +59,8 @@ class BusBudget:
     """Bus time of one SYNC period.
 
     Attributes:
-        lines: what is sent in every cycle.
-        heartbeats: nodes that send one every `HEARTBEAT_PERIOD`, the host among them.
+        lines: frames of every cycle.
+        heartbeats: nodes that send one every `HEARTBEAT_PERIOD`, host included.
         sync_period: [s].  bitrate: [bit/s].
     """
 
@@ -71,8 +71,8 @@ class BusBudget:
 
     @property
     def available(self) -> int:
-        """Bits that a cycle has."""
-        # one part in 10^9: 0.001 * 1e6 must not lose a bit to binary fractions
+        """Bits available in a cycle."""
+        # the factor keeps 0.001 * 1e6 from losing a bit to binary fractions
         return math.floor(self.sync_period * self.bitrate * (1 + 1e-9))
 
     @property
@@ -87,7 +87,7 @@ class BusBudget:
 
     @property
     def peak(self) -> int:
-        """The worst cycle: every heartbeat that can fall into it falls into it."""
+        """Bits of the worst cycle, with every heartbeat that can fall into it."""
         in_one = math.ceil(self.sync_period / HEARTBEAT_PERIOD)
         return self.worst + self.heartbeats * in_one * worst_bits(1)
 
@@ -98,7 +98,7 @@ class BusBudget:
 
     @property
     def sdo_pairs(self) -> int:
-        """SDO requests with their answers that still fit into the worst cycle."""
+        """SDO request and answer pairs that still fit into the worst cycle."""
         return max(0, self.available - self.peak) // (2 * worst_bits(SDO_BYTES))
 
     @property
@@ -108,10 +108,7 @@ class BusBudget:
 
     @property
     def sdo_per_second(self) -> float:
-        """SDO request and answer pairs a second that the mean cycle leaves room for.
-
-        One transfer at a time and one frame each way; heartbeats count with their mean share.
-        """
+        """SDO request and answer pairs per second that fit on average, heartbeats included."""
         beats = self.heartbeats * worst_bits(1) / HEARTBEAT_PERIOD
         left = self.bitrate - self.worst / self.sync_period - beats
         return max(0.0, left / (2 * worst_bits(SDO_BYTES)))
@@ -128,15 +125,15 @@ def stage_budget(
     """The budget of a stage: SYNC, and the same PDOs for every axis.
 
     Args:
-        axes: their names.
-        rpdos: bytes of each receive PDO of an axis.
-        tpdos: bytes of each transmit PDO of an axis.
+        axes: names of the axes.
+        rpdos: bytes of each RPDO of an axis.
+        tpdos: bytes of each TPDO of an axis.
         sync_period: [s].
         bitrate: [bit/s].
         sync_bytes: 1 where SYNC carries a counter.
 
     Raises:
-        ValueError: a PDO of other than 0..8 bytes.
+        ValueError: a PDO has more than 8 bytes.
     """
     lines = [Line("SYNC", 1, sync_bytes)]
     for name in axes:

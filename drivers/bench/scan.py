@@ -1,7 +1,7 @@
-"""Who is on the bus: listens, then asks every node id for its device type, all at once.
+"""Finds the nodes on a bus: listens, then reads the device type from every node id at once.
 
-Needs no EDS and no machine file; sends SDO reads only, so no drive moves or changes its state. A
-master that talks to the same nodes by SDO at this moment may see answers that it did not ask for.
+Needs no EDS and no machine file. Sends only SDO reads, so no drive moves or changes state; another
+host that uses SDO at the same time may receive answers to our requests.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from drivers.canopen import Network, SdoChannel
 from drivers.drive import decode
 
 LISTEN = 0.25
-"""How long to listen for heartbeats before and after asking [s]: two of our own periods."""
+"""Time to listen for heartbeats, before and after the requests [s]."""
 _PACE = 0.0005
 _READ_TIMEOUT = 0.2
 _NMT = {0: "boot-up", 4: "stopped", 5: "operational", 127: "pre-operational"}
@@ -24,12 +24,12 @@ _NMT = {0: "boot-up", 4: "stopped", 5: "operational", 127: "pre-operational"}
 
 @dataclass(slots=True)
 class Found:
-    """A node, as far as it told.
+    """A node; None for what it does not report.
 
     Attributes:
         node: 1..127.
-        heard: how it was heard, of "boot-up", "heartbeat", "SDO".
-        nmt: NMT state from its heartbeat, None without one.
+        heard: how it was found: "boot-up", "heartbeat", "SDO".
+        nmt: NMT state from its heartbeat.
         device_type: 0x1000.  vendor, product, revision, serial: 0x1018.  name: 0x1008.
         statusword: 0x6041 of a CiA 402 drive.  error_register: 0x1001.
         error_code: 0x603F of a CiA 402 drive.
@@ -61,18 +61,18 @@ class Found:
         return None if self.statusword is None else str(decode(self.statusword))
 
     def hear(self, how: str) -> None:
-        """Note a way in which it was heard."""
+        """Notes a way in which the node was found."""
         if how not in self.heard:
             self.heard.append(how)
 
 
 def scan(network: Network, ask: bool = True, listen: float = LISTEN) -> list[Found]:
-    """All nodes that are heard within `listen` [s] or answer an SDO, by node id.
+    """All nodes that are heard within `listen` [s] or answer an SDO, ordered by node id.
 
     Args:
-        network: whose bus nobody else reads.
-        ask: also by SDO; False only listens.
-        listen: how long [s], twice when asking.
+        network: of the bus, which nothing else reads.
+        ask: whether to send SDO requests; False only listens.
+        listen: time to listen [s]; twice with requests.
 
     Raises:
         BusError: the bus fails.
@@ -124,7 +124,7 @@ def scan(network: Network, ask: bool = True, listen: float = LISTEN) -> list[Fou
 
 
 def _identify(network: Network, found: Found) -> None:
-    """Reads what the node says of itself; what it lacks stays None."""
+    """Reads the identity and state of a node; what it lacks stays None."""
     channel = SdoChannel(network, found.node, _READ_TIMEOUT)
 
     def number(index: int, sub: int) -> int | None:

@@ -1,6 +1,6 @@
-"""What an axis is doing, read by SDO and said in plain words; nothing is changed or moved.
+"""Status of an axis, read by SDO and put into plain words; nothing is changed or moved.
 
-A drive that does not report something leaves it out: an absent object is no error here.
+An object that the drive does not have is left out; it is no error here.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from drivers.errors import ConfigurationError, NodeError
 from drivers.objects import ObjectRef
 
 HISTORY_LENGTH = 4
-"""Entries of 0x1003 that are worth a look."""
+"""Entries read from 0x1003."""
 
-STANDS = 1e-3
-"""Slower than this, an axis under force is said to hold [m/s]."""
+STANDSTILL = 1e-3
+"""An enabled axis slower than this is described as holding [m/s]."""
 _INPUTS = (
     (0, "at the negative limit switch"), (1, "at the positive limit switch"),
     (3, "interlock active (STO or enable input)"),
@@ -35,12 +35,12 @@ class AxisStatus:
 
     Attributes:
         axis: name.  node: id.  nmt: NMT state, from heartbeats.
-        statusword: 0x6041.  state: what it shows.  words: the same in plain words.
+        statusword: 0x6041.  state: that it shows.  words: the status in plain words.
         mode: 0x6061.  position: [m].  force: [N].
         error_code: 0x603F.  error_register: 0x1001.
         history: newest error codes of 0x1003, newest first.
-        sto: 0x60FD bit 3: safe torque off, or the enable input is open.
-        brake: 0x60FE:01 bit 0: the holding brake is set.
+        sto: 0x60FD bit 3: safe torque off active, or enable input open.
+        brake: 0x60FE:01 bit 0: holding brake set.
     """
 
     axis: str
@@ -65,8 +65,8 @@ class AxisStatus:
 
 
 @dataclass(frozen=True, slots=True)
-class Surroundings:
-    """What a drive may report of the axis besides its statusword; None where it does not.
+class Signals:
+    """Optional signals of a drive besides its statusword; None where it does not report them.
 
     Attributes:
         velocity: 0x606C [m/s].
@@ -79,7 +79,7 @@ class Surroundings:
     outputs: int | None = None
 
     def in_words(self) -> list[str]:
-        """What of it somebody beside the stage wants to know."""
+        """Active inputs and outputs, one clause each."""
         inputs = self.inputs or 0
         words = [text for bit, text in _INPUTS if inputs >> bit & 1]
         if self.outputs is not None:
@@ -87,10 +87,8 @@ class Surroundings:
         return words
 
 
-def in_words(
-    statusword: int, error_code: int | None = None, around: Surroundings = Surroundings()
-) -> str:
-    """What a statusword means for somebody who stands beside the stage."""
+def in_words(statusword: int, error_code: int | None = None, signals: Signals = Signals()) -> str:
+    """The status of an axis in plain words."""
     state = decode(statusword)
     words = {
         State.NOT_READY_TO_SWITCH_ON: "starting up, no force",
@@ -102,20 +100,20 @@ def in_words(
         State.FAULT_REACTION_ACTIVE: "fault, stopping",
         State.FAULT: "fault, no force",
     }[state]
-    if state is State.OPERATION_ENABLED and around.velocity is not None:
-        words = "enabled, " + ("holding" if abs(around.velocity) < STANDS else "moving")
+    if state is State.OPERATION_ENABLED and signals.velocity is not None:
+        words = "enabled, " + ("holding" if abs(signals.velocity) < STANDSTILL else "moving")
     if state in (State.FAULT, State.FAULT_REACTION_ACTIVE) and error_code:
         words += f": {error_text(error_code)}"
     if not statusword & Status.VOLTAGE_ENABLED and state is not State.FAULT:
-        told = (around.inputs or 0) & od.INTERLOCK
-        words += "; no supply voltage" + ("" if told else " (STO, contactor or mains)")
+        explained = (signals.inputs or 0) & od.INTERLOCK
+        words += "; no supply voltage" + ("" if explained else " (STO, contactor or mains)")
     if statusword & Status.WARNING:
         words += "; warning"
     if statusword & Status.INTERNAL_LIMIT:
-        words += "; an internal limit acts"
+        words += "; internal limit active"
     if not statusword & Status.REMOTE:
-        words += "; does not obey the bus (local control)"
-    return "; ".join([words, *around.in_words()])
+        words += "; ignores commands from the bus (local control)"
+    return "; ".join([words, *signals.in_words()])
 
 
 def status_of(axis: Axis) -> AxisStatus:
@@ -139,7 +137,7 @@ def status_of(axis: Axis) -> AxisStatus:
 
     position, force = optional(od.POSITION_ACTUAL), optional(od.FORCE_ACTUAL)
     code, speed = optional(od.ERROR_CODE), optional(od.VELOCITY_ACTUAL)
-    around = Surroundings(
+    signals = Signals(
         None if speed is None else speed * axis.settings.velocity_unit_si,
         optional(od.DIGITAL_INPUTS),
         optional(od.DIGITAL_OUTPUTS),
@@ -150,20 +148,20 @@ def status_of(axis: Axis) -> AxisStatus:
         nmt=node.nmt_state,
         statusword=statusword,
         state=decode(statusword),
-        words=in_words(statusword, code, around),
+        words=in_words(statusword, code, signals),
         mode=optional(od.MODE_DISPLAY),
         position=None if position is None else position * axis.scale.increment,
         force=None if force is None else force * axis.scale.force,
         error_code=code,
         error_register=optional(od.ERROR_REGISTER),
         history=axis.node.error_history(HISTORY_LENGTH),
-        sto=None if around.inputs is None else bool(around.inputs & od.INTERLOCK),
-        brake=None if around.outputs is None else bool(around.outputs & 1),
+        sto=None if signals.inputs is None else bool(signals.inputs & od.INTERLOCK),
+        brake=None if signals.outputs is None else bool(signals.outputs & 1),
     )
 
 
 def error_line(status: AxisStatus) -> str:
-    """Error code, register and history in one line, "none" where there is nothing."""
+    """Error code, register and history on one line, or "none"."""
     parts = []
     if status.error_code:
         parts.append(error_text(status.error_code))

@@ -1,4 +1,4 @@
-"""CANopen as the host speaks it: bus, nodes, SDO, PDO mappings, EMCY, another host on the bus."""
+"""CANopen on the host's side: bus, nodes, SDO, PDO mappings, EMCY, detection of other hosts."""
 
 from drivers.canopen.bus import Network, OwnFrame, Tap, open_bus
 from drivers.canopen.clock import Clock, MonotonicClock, delivers_at_once, stamps_of

@@ -1,9 +1,9 @@
-"""The host's end of the bus: one owner, no thread, no callback on the wall clock.
+"""The host's end of the bus, without a receiving thread: whoever waits receives.
 
-`Network` is canopen's network without its Notifier: whoever waits pumps. It is the only reader of
-the bus, feeds the services (SDO, heartbeat, EMCY) through `notify`, sends the host's heartbeat when
-due, and shows every frame to the `tap`. The cyclic path (`cycle.py`) reads the same bus in its own
-loop and hands over what is not process data. One thread at a time: `lock` is held by who pumps.
+`Network` is canopen's network without its Notifier. It reads the bus, feeds the services (SDO,
+heartbeat, EMCY) through `notify`, sends the host's heartbeat when due, and shows every frame to the
+`tap`. The cyclic path (`drivers.cyclic.reception`) reads the same bus in a loop of its own and
+passes on what is not process data. One thread at a time: the one that receives holds `lock`.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from drivers.errors import BusError
 from drivers.settings import BusSettings
 
 Tap = Callable[[int, int, bytes], object]
-"""Sees every frame sent or received: (time [ns], CAN-ID, data); id `BUS_FAILED` where that failed.
-"""
+"""Called with every frame sent or received: (time [ns], CAN-ID, data). The CAN-ID `BUS_FAILED`
+marks a failure of the bus."""
 BUS_FAILED = 0x2000_0000
 """SocketCAN's flag of an error frame."""
 
 _IP_MULTICAST_ALL, _IPV6_MULTICAST_ALL = 49, 29
-"""Of linux/in.h and linux/in6.h; Python's socket module doesn't have them."""
+"""From linux/in.h and linux/in6.h; Python's socket module lacks them."""
 HEARTBEAT_NS = 100_000_000
 SERVICE_NS = 25_000_000
 _JUST_OPENED_NS = 1_000_000_000
 _HOST_OPERATIONAL = b"\x05"
 
-# These log what we raise as exceptions anyway; without a handler Python prints it to stderr.
+# They log what is raised as an exception anyway; without a handler Python prints it to stderr.
 for _library in ("can", "canopen"):
     logging.getLogger(_library).addHandler(logging.NullHandler())
 
@@ -48,7 +48,7 @@ _new = object.__new__
 
 
 class OwnFrame(can.Message):
-    """A data frame of the host's: python-can's `virtual` bus copies it field by field otherwise."""
+    """A data frame sent by the host, with a fast copy for python-can's `virtual` bus."""
 
     __slots__ = ()
 
@@ -79,7 +79,7 @@ def open_bus(settings: BusSettings) -> can.BusABC:
 
 
 def _hear_own_group_only(bus: can.BusABC) -> None:
-    """A socket hears the groups of all programs on this computer otherwise: other stages."""
+    """Ignores multicast groups joined by other programs on this computer, such as other stages."""
     with socket.socket(fileno=os.dup(bus.fileno())) as shared, suppress(OSError):
         if shared.family == socket.AF_INET6:
             shared.setsockopt(socket.IPPROTO_IPV6, _IPV6_MULTICAST_ALL, 0)
@@ -88,25 +88,26 @@ def _hear_own_group_only(bus: can.BusABC) -> None:
 
 
 def _line(problem: BaseException) -> str:
-    """An exception's text on one line, its class where it has none."""
+    """An exception's text on one line, or its class where it has no text."""
     return " ".join(str(problem).split()) or type(problem).__name__
 
 
 class Network(canopen.Network):
-    """A canopen network that its owner pumps.
+    """A canopen network whose owner calls for reception.
 
     Attributes:
-        clock: the time everything here runs in.
-        tap: sees every frame, or None.
-        beats: whether the host's heartbeat goes out; not from an onlooker, for whom drives
-            would go on when their real host is gone.
-        own_ids: CAN-IDs that the host sends. Seen again, they are its own echo (udp_multicast
-            loops frames back), since an id has one sender.
-        other_host: whether somebody else sends what only a host does.
-        watchers: called about every 25 ms of clock time with the time [ns] (heartbeat deadlines).
+        clock: of the bus.
+        tap: called with every frame, or None.
+        beats: whether the host's heartbeat is sent. Not by an observer: drives would go on when
+            their real host is lost.
+        own_ids: CAN-IDs that the host sends. Received, they are its own echo (udp_multicast loops
+            frames back), since a CAN-ID has one sender.
+        other_host: detects frames that only another host can have sent.
+        watchers: called about every 25 ms with the time [ns], for deadlines.
         service_due: when `service` has to be called next [ns].
         lock: held by the thread that sends and receives.
-        dispatching: inside the callbacks of a received frame, which must not wait for another.
+        dispatching: whether a received frame's callbacks are running, which must not wait for
+            another frame.
     """
 
     def __init__(
@@ -125,11 +126,11 @@ class Network(canopen.Network):
         self._beat_due = self.service_due = self._opened = self.clock.now_ns()
 
     def connect(self, *args: Any, **kwargs: Any) -> Network:
-        """Nothing to do: the bus is open, and there is no Notifier."""
+        """Does nothing: the bus is open, and there is no Notifier."""
         return self
 
     def disconnect(self) -> None:
-        """Takes the nodes off; the bus is closed by who opened it."""
+        """Removes the nodes; the bus is closed by its opener."""
         for node_id in list(self.nodes):
             del self[node_id]
         self.bus = None
@@ -138,7 +139,7 @@ class Network(canopen.Network):
         """Sends one frame.
 
         Raises:
-            BusError: the bus does not take it.
+            BusError: the bus refuses it.
         """
         payload = bytes(data)
         self.own_ids.add(can_id)
@@ -157,16 +158,16 @@ class Network(canopen.Network):
             raise self.failure(f"cannot send frame 0x{can_id:03X}", why) from why
 
     def failure(self, what: str, why: BaseException) -> BusError:
-        """A `BusError` that names this bus; the tap sees that the bus failed."""
+        """A `BusError` that names this bus; the tap is told of the failure."""
         if self.tap is not None:
             self.tap(self.clock.now_ns(), BUS_FAILED, b"")
         return BusError(f"bus {self.label}: {what}: {_line(why)}")
 
     def received(self, message: can.Message) -> None:
-        """Shows one received frame to the tap and feeds it to canopen's services."""
+        """Passes a received frame to the tap and to canopen's services."""
         if message.is_error_frame or message.is_remote_frame or message.is_extended_id:
             return
-        others = message.arbitration_id in self.other_host.ids and self.other_host.sends(
+        others = message.arbitration_id in self.other_host.ids and self.other_host.has_sent(
             message, self.clock.now_ns()
         )
         if message.arbitration_id in self.own_ids and not others:
@@ -177,25 +178,25 @@ class Network(canopen.Network):
         try:
             self.notify(message.arbitration_id, message.data, message.timestamp)
         except struct.error:
-            pass  # an emergency or heartbeat of the wrong length: no such service
+            pass  # an emergency or heartbeat of the wrong length
         finally:
             self.dispatching = False
 
     def service(self, now: int) -> None:
-        """Sends the host's heartbeat when due, and lets the watchers look at their deadlines."""
+        """Sends the host's heartbeat when due and calls the watchers."""
         self.service_due = now + SERVICE_NS
         if self.beats and now >= self._beat_due:
-            # not `+= period`: after a long computation one beat, not a burst
+            # not just `+= period`: after a long computation one heartbeat, not a burst
             self._beat_due = max(self._beat_due + HEARTBEAT_NS, now + HEARTBEAT_NS // 2)
             self.send_message(HEARTBEAT_ID, _HOST_OPERATIONAL)
         for watcher in self.watchers:
             watcher(now)
 
     def check_alone(self) -> None:
-        """Whether this is the only host.
+        """Checks that this is the only host.
 
         Raises:
-            BusError: another one was heard.
+            BusError: another host was heard.
         """
         if self.other_host.found is not None:
             raise BusError(
@@ -204,12 +205,12 @@ class Network(canopen.Network):
             )
 
     def listen(self, duration: float) -> None:
-        """Receives for `duration` [s], or until another host is heard; sends nothing.
+        """Receives for `duration` [s] without sending anything.
 
-        Where the bus has just been opened, the time since then counts: its queue has it all.
+        If the bus has just been opened, the time since then counts: its queue holds all frames.
 
         Raises:
-            BusError: the bus cannot be read, or there is another host.
+            BusError: the bus cannot be read, or another host is heard.
         """
         with self.lock:
             begin = self.clock.now_ns()
@@ -227,10 +228,10 @@ class Network(canopen.Network):
                     self.received(message)
                     self.check_alone()
                 if left <= 0 and (message is None or left <= -_JUST_OPENED_NS):
-                    return  # a queue that never gets empty says nothing new
+                    return  # even if the queue never gets empty
 
     def pump(self, duration: float) -> None:
-        """Receives and dispatches for `duration` [s]; 0 takes what is there.
+        """Receives and dispatches for `duration` [s]; 0: what is in the queue.
 
         Raises:
             BusError: the bus cannot be read.
@@ -241,7 +242,7 @@ class Network(canopen.Network):
         """Receives and dispatches until `condition` holds.
 
         Returns:
-            Whether it holds, False after `timeout` [s of the clock].
+            Whether it holds; False after `timeout` [s].
 
         Raises:
             BusError: the bus cannot be read.
@@ -254,7 +255,7 @@ class Network(canopen.Network):
         while not condition():
             now = self.clock.now_ns()
             if now >= self.service_due:
-                # what has come in first: a heartbeat that waits to be read is no lost heartbeat
+                # first the queue: a heartbeat that waits there is not lost
                 while (waiting := self._receive(0.0)) is not None:
                     self.received(waiting)
                     if condition():

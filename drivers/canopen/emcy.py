@@ -1,6 +1,6 @@
-"""Text of emergency and error codes (EMCY, 0x603F): CiA 301 table 26 and CiA 402-1.
+"""Texts of error codes (EMCY, 0x603F): CiA 301 table 26 and CiA 402-1.
 
-A code that is not listed is described by its class (the high byte, then the high digit).
+A code that is not listed is described by its class: the high byte, else the high digit.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ ERROR_TEXTS: dict[int, str] = {
     0x8210: "PDO not processed due to length error",
     0x8220: "PDO length exceeded",
     0x8240: "unexpected SYNC data length",
-    0x8250: "RPDO timeout: setpoints stayed away",
+    0x8250: "RPDO timeout: setpoints missing",
     0x8311: "excess force or torque",
     0x8400: "velocity (speed) control",
     0x8480: "excess velocity difference",
@@ -76,7 +76,7 @@ ERROR_REGISTER_BITS: tuple[str, ...] = (
 
 
 def error_text(code: int) -> str:
-    """What an EMCY or 0x603F code means, ending with the code itself."""
+    """The meaning of an error code, followed by the code itself."""
     text = ERROR_TEXTS.get(code) or ERROR_TEXTS.get(code & 0xFFF0) or ERROR_TEXTS.get(code & 0xFF00)
     if text is None:
         text = _CLASSES.get(code >> 12, "unknown error")
@@ -84,5 +84,5 @@ def error_text(code: int) -> str:
 
 
 def register_text(register: int) -> str:
-    """The set bits of the error register 0x1001 in words, "none" when it is 0."""
+    """The bits set in the error register 0x1001, in words; "none" where it is 0."""
     return ", ".join(t for i, t in enumerate(ERROR_REGISTER_BITS) if register >> i & 1) or "none"

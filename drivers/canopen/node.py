@@ -1,7 +1,7 @@
-"""One CANopen node: NMT, boot-up, identity, heartbeat and EMCY watch.
+"""One CANopen node: NMT, boot-up, identity, monitoring of heartbeat and EMCY.
 
-Alarms are kept for the cyclic path to look at: callbacks never raise and never talk. Its objects:
-`remote_objects.py`.
+Alarms are stored for the cyclic path to check: callbacks neither raise nor send. The node's objects
+are in `remote_objects.py`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from drivers.settings import AxisSettings
 
 SECOND_ANSWER = 0.005
 """A second device with the same node id answers within this time after the first [s]."""
-REBOOTED = "the drive rebooted (boot-up message): its set-up is lost"
+REBOOTED = "the drive rebooted (boot-up message): its configuration is lost"
 HEARTBEAT_PRODUCER_MS = 100
 HEARTBEAT_DEADLINE_NS = 350_000_000
 
@@ -31,10 +31,10 @@ _NMT_STATES = {4: "STOPPED", 5: "OPERATIONAL", 127: "PRE-OPERATIONAL"}
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """Something a node said, or did not say, that must stop the axes.
+    """An event of a node that must stop the axes.
 
     Attributes:
-        cause: one clause.  code: EMCY error code, None for other alarms.
+        cause: one clause.  code: EMCY error code, None for other events.
     """
 
     cause: str
@@ -45,9 +45,9 @@ class Node(RemoteObjects):
     """A remote node.
 
     Attributes:
-        alarm: the first alarm since `clear_alarms`, None when there was none.
+        alarm: the first alarm since `clear_alarms`, None without one.
         watched: whether silence, a reboot or leaving OPERATIONAL is an alarm.
-        booted: number of boot-up messages seen.
+        booted: number of boot-up messages received.
         emergencies: EMCY error codes since `clear_alarms`, oldest first.
     """
 
@@ -66,7 +66,7 @@ class Node(RemoteObjects):
         network.watchers.append(self._watch)
         self.on_alarm: Callable[[Node], None] | None = None
 
-    # -- what the node says -----------------------------------------------------------------
+    # -- monitoring -------------------------------------------------------------------------
 
     def _on_heartbeat(self, can_id: int, data: bytearray, timestamp: float) -> None:
         if len(data) != 1:
@@ -98,35 +98,35 @@ class Node(RemoteObjects):
             self._raise(Alarm(f"heartbeat lost: node {self.id} silent for {silent:.2f} s"))
 
     def _raise(self, alarm: Alarm) -> None:
-        # the first one is the cause; later ones are its consequences
+        # the first alarm is the cause, later ones are its consequences
         if self.alarm is None:
             self.alarm = alarm
             if self.on_alarm is not None:
                 self.on_alarm(self)
 
     def clear_alarms(self) -> None:
-        """Forgets what was said so far; the heartbeat deadline starts anew."""
+        """Clears alarms and emergencies and restarts the heartbeat deadline."""
         self.alarm = None
         self.emergencies.clear()
         self._heard_ns = self._network.clock.now_ns()
 
     @property
     def nmt_state(self) -> str | None:
-        """NMT state from the last heartbeat, None before the first."""
+        """NMT state of the last heartbeat, None before the first."""
         return None if self.state is None else _NMT_STATES.get(self.state, str(self.state))
 
     # -- NMT --------------------------------------------------------------------------------
 
     def boot(self) -> None:
-        """Resets the node's communication, waits for its boot-up, checks who it is.
+        """Resets the node's communication, waits for its boot-up and checks its identity.
 
         Raises:
-            NodeError: no boot-up in time, or another device than the EDS describes.
+            NodeError: no boot-up in time, or a device other than the EDS describes.
         """
         self.watched = False
-        self._network.pump(0.0)  # a boot-up message of before is no answer to our reset
+        self._network.pump(0.0)  # an earlier boot-up message does not answer our reset
         before = self._booted_before = self.booted
-        # communication only: the application keeps its power stage off and its encoder reference
+        # communication only: the encoder reference is kept
         self._network.send_message(0, (130, self.id))
         if not self._network.pump_until(lambda: self.booted > before, self._boot_timeout):
             raise NodeError(
@@ -138,15 +138,15 @@ class Node(RemoteObjects):
         self._check_identity()
 
     def find_double(self) -> NodeError | None:
-        """What speaks for two devices with this node id since `boot`; None: nothing does.
+        """Evidence since `boot` of two devices with this node id; None: there is none.
 
-        A bus may double a frame now and then, and a drive may restart while it is set up: two
-        devices do it each time.
+        A bus may duplicate a frame now and then, and a drive may restart while it is configured; of
+        two devices there is evidence every time.
 
         Raises:
             NodeError: no answer.
         """
-        answers = self._answers()
+        answers = self._count_answers()
         booted = self.booted - self._booted_before
         if booted > 1:
             what = f"{booted} boot-up messages after one reset"
@@ -158,14 +158,14 @@ class Node(RemoteObjects):
             f"{what}: do two devices have node id {self.id}? (stagectl scan)", axis=self.name
         )
 
-    def _answers(self) -> int:
-        """How many answers one SDO request gets."""
+    def _count_answers(self) -> int:
+        """The number of answers to one SDO request."""
         count = 0
-        asked = struct.pack("<HB", od.DEVICE_TYPE.index, od.DEVICE_TYPE.sub)
+        requested = struct.pack("<HB", od.DEVICE_TYPE.index, od.DEVICE_TYPE.sub)
 
         def answer(can_id: int, data: bytearray, timestamp: float) -> None:
             nonlocal count
-            count += bytes(data[1:4]) == asked
+            count += bytes(data[1:4]) == requested
 
         self._network.subscribe(0x580 + self.id, answer)
         try:
@@ -193,8 +193,8 @@ class Node(RemoteObjects):
                     axis=self.name, obj=ref,
                 )  # fmt: skip
         revision = self._dictionary.get_variable(0x1018, od.REVISION.sub)
-        # the major number stands for the CANopen behaviour, the minor one for the firmware
-        wanted, source = self._revision, "the settings want"
+        # the major number denotes the CANopen behaviour, the minor number the firmware
+        wanted, source = self._revision, "the settings require"
         if wanted is None and revision is not None and revision.default is not None:
             wanted, source = revision.default >> 16, "the EDS describes"
         if wanted is not None and (found := self.read(od.REVISION) >> 16) != wanted:
@@ -208,11 +208,11 @@ class Node(RemoteObjects):
             )
 
     def set_heartbeat(self) -> None:
-        """Sets the node's heartbeat; that it watches the host's: `host_watch.py`."""
+        """Has the node send heartbeats."""
         self.write_checked(od.HEARTBEAT_PRODUCER, HEARTBEAT_PRODUCER_MS)
 
     def start(self) -> None:
-        """NMT start, and wait for a heartbeat that confirms OPERATIONAL.
+        """Sends NMT start and waits for a heartbeat that confirms OPERATIONAL.
 
         Raises:
             NodeError: the node does not become OPERATIONAL.
@@ -230,10 +230,10 @@ class Node(RemoteObjects):
         self.watched = True
 
     def release(self) -> None:
-        """Puts the node back to PRE-OPERATIONAL without heartbeat watch over the host."""
+        """Returns the node to PRE-OPERATIONAL; it no longer watches the host's heartbeat."""
         self.watched = False
         if self.offers(od.HEARTBEAT_CONSUMER):
-            with suppress(NodeError):  # a drive may refuse to watch a host at all
+            with suppress(NodeError):  # a drive may not support it
                 self.write(od.HEARTBEAT_CONSUMER, 0)
         self._network.send_message(0, (128, self.id))
 

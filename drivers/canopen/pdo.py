@@ -1,13 +1,12 @@
-"""Process data: mappings, the struct codecs made from them, and their configuration by SDO.
+"""PDO mappings, the struct codecs made from them, and their configuration by SDO.
 
-Mapped objects must be 8, 16, 32 or 64 bit wide (CiA 402's cyclic objects are); others have no
-`struct` code and are refused. Configuration goes by the book of CiA 301, section 7.5.2.36: PDO
-invalid, count 0, entries, count, transmission type, PDO valid; then everything is read back.
+Mapped objects have 8, 16, 32 or 64 bits, as the cyclic objects of CiA 402 do; others are refused.
+The order of configuration is that of CiA 301, 7.5.2.36: PDO invalid, count 0, entries, count,
+transmission type, PDO valid; then everything is read back.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from struct import Struct
 from typing import Protocol
@@ -16,7 +15,7 @@ from drivers.errors import ConfigurationError
 from drivers.objects import ObjectRef
 
 INVALID = 1 << 31
-"""COB-ID bit 31: the PDO does not exist."""
+"""COB-ID bit 31: the PDO is not valid."""
 NO_RTR = 1 << 30
 
 # CiA 301 data type -> (struct code, bits)
@@ -67,7 +66,7 @@ class MappedObject:
 
 @dataclass(frozen=True, slots=True)
 class PdoMapping:
-    """What one PDO carries, in order, and its codec (little-endian, no gaps).
+    """The objects of one PDO in order, and its codec (little-endian, no gaps).
 
     Attributes:
         entries: the mapped objects, 64 bits at most.
@@ -83,32 +82,9 @@ class PdoMapping:
             raise ConfigurationError(f"a PDO carries 8 to 64 bits, this mapping has {bits}")
         object.__setattr__(self, "codec", Struct("<" + "".join(e.code for e in self.entries)))
 
-    def encode(self, values: Sequence[int | float]) -> bytes:
-        """One frame's data, values in mapping order.
-
-        Raises:
-            ConfigurationError: a value does not fit its object.
-        """
-        from struct import error
-
-        try:
-            return self.codec.pack(*values)
-        except error as problem:
-            raise ConfigurationError(f"values {tuple(values)} do not fit: {problem}") from None
-
-    def decode(self, data: bytes | bytearray) -> tuple[int | float, ...]:
-        """The values of one frame, in mapping order.
-
-        Raises:
-            ConfigurationError: the frame is shorter or longer than the mapping.
-        """
-        if len(data) != self.codec.size:
-            raise ConfigurationError(f"PDO of {len(data)} bytes, its mapping has {self.codec.size}")
-        return self.codec.unpack(data)
-
 
 class ObjectAccess(Protocol):
-    """Reads and writes objects of one node (implemented by `node.Node`)."""
+    """Access to the objects of one node (implemented by `Node`)."""
 
     name: str
 
@@ -124,11 +100,11 @@ class ObjectAccess(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class PdoRecord:
-    """One PDO of a node: where its communication and mapping parameters are.
+    """Communication and mapping parameters of one PDO of a node.
 
     Attributes:
-        communication: index, 0x1400.. or 0x1800...  mapping: index, 0x1600.. or 0x1A00...
-        label: for messages, "RPDO 1".
+        communication: index, from 0x1400 or 0x1800.  mapping: index, from 0x1600 or 0x1A00.
+        label: for messages, such as "RPDO 1".
     """
 
     communication: int
@@ -146,11 +122,11 @@ class PdoRecord:
         return cls(0x1800 + number - 1, 0x1A00 + number - 1, f"TPDO {number}")
 
     def cob_id(self) -> ObjectRef:
-        """The object with COB-ID and the bits valid (31, inverted) and RTR (30, inverted)."""
+        """The object with COB-ID and the bits "not valid" (31) and "no RTR" (30)."""
         return ObjectRef(self.communication, 1, f"COB-ID of {self.label}")
 
     def disable(self, node: ObjectAccess) -> None:
-        """Makes the PDO invalid, where the node has it at all."""
+        """Makes the PDO invalid, where the node has it."""
         ref = self.cob_id()
         if not node.offers(ref):
             return
@@ -161,16 +137,16 @@ class PdoRecord:
     def configure(
         self, node: ObjectAccess, cob_id: int, mapping: PdoMapping, transmission: int = SYNCHRONOUS
     ) -> None:
-        """Maps the PDO, sets its transmission type, makes it valid, and reads all of it back.
+        """Maps the PDO, sets its transmission type, makes it valid, and reads everything back.
 
         Raises:
-            ConfigurationError: the node holds something else than was written.
+            ConfigurationError: the node holds a value other than the one written.
             NodeError: the node refuses or does not answer.
         """
         cob, kind = self.cob_id(), ObjectRef(self.communication, 2, f"{self.label} transmission")
         count = ObjectRef(self.mapping, 0, f"{self.label} number of mapped objects")
         current = node.read(cob)
-        # bit 30 (no RTR) is kept as the drive has it: some abort when it changes
+        # bit 30 (no RTR) stays as it is: some drives abort a change
         base = cob_id | (current & NO_RTR)
         node.write(cob, (current & ~0x1FFFFFFF) | INVALID | (current & 0x1FFFFFFF))
         node.write(count, 0)

@@ -1,7 +1,7 @@
-"""The objects of one node by SDO, as its EDS describes them.
+"""Access to the objects of one node by SDO, as its EDS describes them.
 
-The dictionary comes from canopen; what is added here is errors that name axis and object, one
-retry of a lost SDO, and read-back: an object that holds its value already is not written.
+Adds to canopen's dictionary errors that name axis and object, one retry of a lost SDO, and
+read-back. An object that holds its value already is not written.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from drivers.settings import AxisSettings
 
 T = TypeVar("T")
 Value = int | float | str | bytes | bytearray
-"""Of an object, by its data type."""
+"""Value of an object, by its data type."""
 
 SDO_TIMEOUT = 0.4
 SDO_ATTEMPTS = 2
@@ -38,7 +38,7 @@ def load_dictionary(settings: AxisSettings) -> canopen.ObjectDictionary:
         raise ConfigurationError(f"EDS file {settings.eds}: no such file", axis=settings.name)
     try:
         dictionary = canopen.import_od(str(settings.eds), settings.node)
-    except Exception as why:  # its parser raises whatever int() and configparser do
+    except Exception as why:  # the parser raises what int() and configparser raise
         reason = " ".join(str(why).split()) or type(why).__name__
         raise ConfigurationError(f"EDS file {settings.eds}: {reason}", axis=settings.name) from why
     if 0x1018 not in dictionary:
@@ -49,11 +49,11 @@ def load_dictionary(settings: AxisSettings) -> canopen.ObjectDictionary:
 
 
 class RemoteObjects:
-    """What a node lets be read and written.
+    """The objects of a node.
 
     Attributes:
         name: of its axis.  id: node id.
-        silent: it did not answer an SDO, and nothing was heard of it since.
+        silent: whether it left an SDO unanswered and nothing was received from it since.
     """
 
     def __init__(self, network: Network, settings: AxisSettings) -> None:
@@ -68,7 +68,7 @@ class RemoteObjects:
         return self._variable(obj) is not None
 
     def has(self, obj: ObjectRef) -> bool:
-        """Whether the EDS lists the object and the node lets it be read.
+        """Whether the EDS lists the object and the node has it.
 
         Raises:
             NodeError: no answer.
@@ -103,7 +103,7 @@ class RemoteObjects:
         data = self._attempt("read", obj, lambda: self._sdo.upload(obj.index, obj.sub))
         variable = self._variable(obj)
         if variable is not None and len(data) * 8 > len(variable) >= 8:
-            data = data[: len(variable) // 8]  # some drives send four bytes for any number
+            data = data[: len(variable) // 8]  # some drives send four bytes for every number
         if variable is None or len(data) * 8 != len(variable):
             return int.from_bytes(data, "little")
         return int(variable.decode_raw(data))
@@ -125,10 +125,10 @@ class RemoteObjects:
         return tuple(codes)
 
     def read_value(self, obj: ObjectRef) -> Value:
-        """Reads an object of any type by SDO, bytes where the EDS says nothing of its type.
+        """Reads an object of any type by SDO; bytes where the EDS does not list it.
 
         Raises:
-            NodeError: as `read`, or the answer is not of the object's type.
+            NodeError: as `read`, or the answer does not fit the object's type.
         """
         data = self._attempt("read", obj, lambda: self._sdo.upload(obj.index, obj.sub))
         variable = self._variable(obj)
@@ -136,7 +136,7 @@ class RemoteObjects:
             return data if variable is None else variable.decode_raw(data)
         except canopen.ObjectDictionaryError as why:
             raise NodeError(
-                f"read: {len(data)} bytes are not of its type", axis=self.name, obj=obj
+                f"read: {len(data)} bytes do not fit its type", axis=self.name, obj=obj
             ) from why
 
     def write(self, obj: ObjectRef, value: Value) -> None:
@@ -154,48 +154,48 @@ class RemoteObjects:
         )
 
     def write_unanswered(self, obj: ObjectRef, value: int) -> None:
-        """Sends a write and waits for no answer: for a stop, to who doesn't answer but may listen.
+        """Writes without waiting for the answer: for stopping a node that may still listen.
 
         Raises:
             ConfigurationError: as `write`.
-            BusError: the bus does not take it.
+            BusError: the bus refuses it.
         """
         self._sdo.write_unanswered(obj.index, obj.sub, self._encoded(obj, value))
 
     def write_checked(self, obj: ObjectRef, value: int) -> None:
-        """Has an object hold a value.
+        """Writes an object and reads it back.
 
         Raises:
-            ConfigurationError: the drive holds another value in the end.
+            ConfigurationError: the drive holds another value afterwards.
             NodeError: as `read` and `write`.
         """
-        held, refusal = self._keep(obj, value)
+        held, refusal = self._write_and_read(obj, value)
         if held != value:
-            raise self.not_kept(obj, value, held, refusal)
+            raise self.mismatch(obj, value, held, refusal)
 
     def write_optional(self, obj: ObjectRef, value: int) -> bool:
-        """Has an object that a drive may do without hold a value.
+        """As `write_checked`, for an optional object.
 
         Returns:
-            False where neither EDS nor node offer it.
+            False where EDS or node do not offer it.
 
         Raises:
             ConfigurationError, NodeError: as `write_checked`, where it is offered.
         """
-        kept = self.keep(obj, value)
-        if kept is None:
+        result = self.write_if_accepted(obj, value)
+        if result is None:
             return False
-        held, refusal = kept
+        held, refusal = result
         if held != value:
-            raise self.not_kept(obj, value, held, refusal)
+            raise self.mismatch(obj, value, held, refusal)
         return True
 
-    def keep(self, obj: ObjectRef, value: int) -> tuple[int, NodeError | None] | None:
-        """Has an object hold a value where the drive lets it; the caller judges what it holds.
+    def write_if_accepted(self, obj: ObjectRef, value: int) -> tuple[int, NodeError | None] | None:
+        """Writes an optional object; the caller judges the value that it holds then.
 
         Returns:
-            What it holds in the end, and the drive's refusal of the write if there was one; None
-            where neither EDS nor node offer it.
+            The value held, and the refusal of the write if there was one; None where EDS or node do
+            not offer the object.
 
         Raises:
             ConfigurationError: the value does not fit the object.
@@ -204,13 +204,13 @@ class RemoteObjects:
         if not self.offers(obj):
             return None
         try:
-            return self._keep(obj, value)
+            return self._write_and_read(obj, value)
         except NodeError as refused:
             if refused.abort_code in _NOT_OFFERED:
                 return None
             raise
 
-    def _keep(self, obj: ObjectRef, value: int) -> tuple[int, NodeError | None]:
+    def _write_and_read(self, obj: ObjectRef, value: int) -> tuple[int, NodeError | None]:
         held = self.read(obj)
         if held == value:
             return held, None
@@ -222,10 +222,10 @@ class RemoteObjects:
             return held, refused
         return self.read(obj), None
 
-    def not_kept(
+    def mismatch(
         self, obj: ObjectRef, value: int, held: int, refusal: NodeError | None
     ) -> ConfigurationError | NodeError:
-        """The error of a value that the drive does not hold, refused or not."""
+        """The error of a drive that holds another value than the one written."""
         if refusal is None:
             return ConfigurationError(
                 f"wrote {value}, the drive holds {held}", axis=self.name, obj=obj
@@ -237,7 +237,7 @@ class RemoteObjects:
 
     @property
     def dictionary(self) -> canopen.ObjectDictionary:
-        """What the EDS says."""
+        """The object dictionary of the EDS."""
         return self._dictionary
 
     def _variable(self, obj: ObjectRef) -> canopen.objectdictionary.ODVariable | None:

@@ -1,9 +1,9 @@
 """SDO client protocol (CiA 301, 7.2.4): expedited, segmented and block transfers, without a bus.
 
 A transfer is a generator: it yields what to send next (one frame, several for a block, or None to
-go on waiting), is sent every frame that the server sends, and returns the object's bytes. A frame
-that is no answer to the present request (another object, another service, the toggle of a segment
-before) is passed over: it is late, or somebody else's. `sdo_channel.py` brings it onto a bus.
+keep waiting), is sent every frame received from the server, and returns the object's bytes. A frame
+that does not answer the present request (another object or service, an old toggle bit) is ignored:
+it is late, or meant for another client. `sdo_channel.py` runs transfers on a bus.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ _EXPEDITED, _SIZED = 0x02, 0x01
 
 
 def abort_frame(index: int, sub: int, code: int) -> bytes:
-    """The client gives a transfer up."""
+    """The client's abort of a transfer."""
     return _HEAD.pack(0x80, index, sub) + struct.pack("<I", code)
 
 
 def upload(index: int, sub: int) -> Transfer:
-    """Reads an object: expedited or segmented, as the server has it."""
+    """Reads an object, expedited or segmented as the server chooses."""
     answer = yield from _initiate(_request(0x40, index, sub), index, sub, 0x40)
     return (yield from _rest_of_upload(answer, index, sub))
 
 
 def download(index: int, sub: int, data: bytes) -> Transfer:
-    """Writes an object: expedited up to four bytes, else segmented."""
+    """Writes an object, expedited up to four bytes, else segmented."""
     if 0 < len(data) <= 4:
         command = 0x20 | (4 - len(data)) << 2 | _EXPEDITED | _SIZED
         yield from _initiate(_request(command, index, sub, data), index, sub, 0x60)
@@ -56,7 +56,7 @@ def download(index: int, sub: int, data: bytes) -> Transfer:
 
 
 def block_upload(index: int, sub: int) -> Transfer:
-    """Reads an object in blocks; a server may answer by an ordinary upload."""
+    """Reads an object in blocks; the server may answer with an ordinary upload."""
     frame = _HEAD.pack(0xA4, index, sub) + bytes((BLOCK_SEGMENTS, 0, 0, 0))
     answer = yield from _initiate(frame, index, sub, 0xC0, 0x40)
     if answer[0] & 0xE0 == 0x40:
@@ -74,7 +74,7 @@ def block_upload(index: int, sub: int) -> Transfer:
                 _check_abort(answer, index, sub)
                 continue
             number = answer[0] & 0x7F
-            if number == sequence + 1:  # anything else is repeated from the last good one on
+            if number == sequence + 1:  # else the server repeats from the last good one on
                 sequence = number
                 data += answer[1:]
                 finished = bool(answer[0] & 0x80)
@@ -89,16 +89,15 @@ def block_upload(index: int, sub: int) -> Transfer:
         del data[-unused:]
     if checked and crc_hqx(bytes(data), 0) != struct.unpack_from("<H", answer, 1)[0]:
         raise SdoAbortedError(_CRC_ERROR)
-    # nothing comes back for this one
     return bytes(data)
 
 
 BLOCK_UPLOAD_END = bytes((0xA1, 0, 0, 0, 0, 0, 0, 0))
-"""Closes a block upload; sent by the channel, since no answer follows."""
+"""Ends a block upload; sent by the channel, since no answer follows."""
 
 
 def block_download(index: int, sub: int, data: bytes) -> Transfer:
-    """Writes an object in blocks, with checksum where the server has one."""
+    """Writes an object in blocks, with a checksum where the server supports it."""
     frame = _request(0xC6, index, sub, struct.pack("<I", len(data)))
     answer = yield from _initiate(frame, index, sub, 0xA0)
     checked, size = bool(answer[0] & 0x04), answer[4]
@@ -134,9 +133,9 @@ def _request(command: int, index: int, sub: int, data: bytes = b"") -> bytes:
 
 
 def _check_abort(answer: bytes, index: int, sub: int) -> None:
-    """Raises what the server says, if this is its abort of our transfer."""
+    """Raises the server's abort of this transfer, if the frame is one."""
     command, its_index, its_sub = _HEAD.unpack_from(answer)
-    # some servers leave the object out of the abort of a segment
+    # some servers omit the object when they abort a segment
     if command == 0x80 and (its_index, its_sub) in ((index, sub), (0, 0)):
         raise SdoAbortedError(struct.unpack_from("<I", answer, 4)[0])
 

@@ -1,10 +1,10 @@
-"""One node's SDO server as the host uses it: one transfer at a time, from any thread.
+"""SDO access to one node: one transfer at a time, requested from any thread.
 
-Whoever has the bus drives the transfers: the caller itself where nobody else pumps, else the thread
-that does, which takes them up with the network's regular services (so also between the SYNCs of a
-stream, without waiting there). After a timeout the channel is in doubt: an answer may still come.
-Before the next transfer, a mandatory object that was not just asked for is read; the server answers
-in order, so whatever was late has gone by when that answer comes.
+The thread that has the bus runs the transfers: the caller itself, or the thread that is receiving,
+which takes them up with the network's regular services, also between the SYNCs of a stream and
+without waiting there. After a timeout an answer may still come late. So before the next transfer a
+mandatory object other than those just requested is read (a fence): the server answers in order, and
+after this answer no late one can follow.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from drivers.errors import BusError, DriverError
 TIMEOUT = 0.4
 """For each answer [s]."""
 _FENCES = ((0x1000, 0), (0x1001, 0), (0x1018, 0), (0x1018, 1))
-_LOOK = 0.005
-"""How often a thread that waits for another one's pumping looks whether it still does [s]."""
+_POLL = 0.005
+"""Interval at which a thread checks whether the bus has become free [s]."""
 
 
 class _Job:
-    """A transfer and how it ended."""
+    """A transfer and its result."""
 
     __slots__ = ("begin", "closing", "done", "error", "object", "result")
 
@@ -53,9 +53,9 @@ class _Job:
 
     def end(self, result: bytes = b"", error: Exception | None = None) -> None:
         self.result, self.error = result, error
-        self.done = True  # last: another thread looks at this one
+        self.done = True  # last: another thread polls it
 
-    def ended(self) -> bool:
+    def is_done(self) -> bool:
         return self.done
 
 
@@ -77,19 +77,19 @@ class SdoChannel:
         self._job: _Job | None = None
         self._transfer: Transfer | None = None
         self._fence: tuple[int, int] | None = None
-        self._owed: list[tuple[int, int]] = []  # asked for in vain since the last fence
+        self._unanswered: list[tuple[int, int]] = []  # objects, since the last fence
         self._deadline = 0
         network.subscribe(0x580 + node_id, self._on_answer)
         network.watchers.append(self._service)
 
     def detach(self) -> None:
-        """Stops listening; what waits fails."""
+        """Stops listening; waiting transfers fail."""
         self._network.unsubscribe(0x580 + self.node_id, self._on_answer)
         if self._service in self._network.watchers:
             self._network.watchers.remove(self._service)
         for job in (self._job, *self._waiting):
             if job is not None and not job.done:
-                job.end(error=SdoCommunicationError("the node was let go of"))
+                job.end(error=SdoCommunicationError("the node was released"))
         self._job = self._transfer = None
         self._waiting.clear()
 
@@ -108,20 +108,20 @@ class SdoChannel:
         self._run(_Job((index, sub), lambda: download(index, sub, data), None))
 
     def write_unanswered(self, index: int, sub: int, data: bytes) -> None:
-        """Writes an object of up to four bytes and waits for no answer; what is under way fails.
+        """Writes up to four bytes without waiting for the answer; the transfer under way fails.
 
         Raises:
             BusError: the bus fails.
         """
         with self._network.lock:
             if self._job is not None:
-                self._drop(self._job, SdoCommunicationError("given up for something urgent"))
-            self._owed.append((index, sub))
+                self._drop(self._job, SdoCommunicationError("abandoned for an urgent write"))
+            self._unanswered.append((index, sub))
             for frame in next(download(index, sub, data)) or ():
                 self._send(frame)
 
     def block_upload(self, index: int, sub: int) -> bytes:
-        """As `upload`, in blocks where the node offers them."""
+        """As `upload`, in blocks where the node supports them."""
         try:
             return self._run(_Job((index, sub), lambda: block_upload(index, sub), BLOCK_UPLOAD_END))
         except SdoAbortedError as refused:
@@ -130,7 +130,7 @@ class SdoChannel:
             return self.upload(index, sub)
 
     def block_download(self, index: int, sub: int, data: bytes) -> None:
-        """As `download`, in blocks where the node offers them."""
+        """As `download`, in blocks where the node supports them."""
         try:
             self._run(_Job((index, sub), lambda: block_download(index, sub, data), None))
         except SdoAbortedError as refused:
@@ -138,7 +138,7 @@ class SdoChannel:
                 raise
             self.download(index, sub, data)
 
-    # -- who drives -------------------------------------------------------------------------
+    # -- in the thread that requests --------------------------------------------------------
 
     def _run(self, job: _Job) -> bytes:
         network = self._network
@@ -149,8 +149,8 @@ class SdoChannel:
         with self._lock:
             self._waiting.append(job)
         while not job.done:
-            # somebody else pumps: it takes the job up, or lets go of the bus
-            if not network.lock.acquire(timeout=_LOOK):
+            # another thread that has the bus takes the job up, or releases the bus
+            if not network.lock.acquire(timeout=_POLL):
                 continue
             try:
                 self._drive(job)
@@ -167,29 +167,29 @@ class SdoChannel:
         while not job.done:
             self._next()
             left = max(0, self._deadline - network.clock.now_ns()) * 1e-9
-            if not network.pump_until(job.ended, left):
+            if not network.pump_until(job.is_done, left):
                 self._service(network.clock.now_ns())
 
     def _drop(self, job: _Job, failed: Exception) -> None:
         if job is self._job:
-            self._owed.append(self._fence or job.object)
+            self._unanswered.append(self._fence or job.object)
             self._job = self._transfer = self._fence = None
         with self._lock:
             if job in self._waiting:
                 self._waiting.remove(job)
         job.end(error=failed)
 
-    # -- the transfer under way, in the thread that has the bus -------------------------------
+    # -- in the thread that has the bus -------------------------------------------------------
 
     def _service(self, now: int) -> None:
-        """Ends what has waited too long, begins what is next."""
+        """Ends a transfer that has timed out, begins the next."""
         job = self._job
         if job is not None and now >= self._deadline:
             if self._transfer is not None:
                 self._transfer.close()
             self._job = self._transfer = None
             at, self._fence = self._fence or job.object, None
-            self._owed.append(at)
+            self._unanswered.append(at)
             try:
                 self._send(abort_frame(*at, TIMED_OUT))
             finally:
@@ -203,11 +203,11 @@ class SdoChannel:
             if not self._waiting:
                 return
             job = self._job = self._waiting.popleft()
-        if not self._owed:
+        if not self._unanswered:
             self._begin(job.begin())
             return
-        del self._owed[: -len(_FENCES) + 1]  # the oldest ones have had several timeouts to come
-        self._fence = next(f for f in _FENCES if f not in self._owed)
+        del self._unanswered[: -len(_FENCES) + 1]  # older answers are several timeouts late
+        self._fence = next(f for f in _FENCES if f not in self._unanswered)
         self._begin(upload(*self._fence))
 
     def _begin(self, transfer: Transfer) -> None:
@@ -217,7 +217,7 @@ class SdoChannel:
     def _submit(self, frames: tuple[bytes, ...] | None) -> None:
         for frame in frames or ():
             self._send(frame)
-        # after sending: in virtual time the answer may be in the queue already
+        # set after sending: in virtual time the answer may be in the queue already
         self._deadline = self._network.clock.now_ns() + round(self.timeout * 1e9)
 
     def _send(self, frame: bytes) -> None:
@@ -237,10 +237,10 @@ class SdoChannel:
                 self._send(job.closing)
             self._finish(job, end.value, None)
         except SdoAbortedError as refused:
-            if self._fence is not None:  # refused is answered
+            if self._fence is not None:  # a refusal is an answer
                 self._fence_passed(job)
                 return
-            if data[0] != 0x80:  # our own decision, which the server has to hear of
+            if data[0] != 0x80:  # our own decision: the server has to be told
                 self._send(abort_frame(*job.object, refused.code))
             self._finish(job, b"", refused)
         else:
@@ -249,7 +249,7 @@ class SdoChannel:
 
     def _fence_passed(self, job: _Job) -> None:
         self._fence = None
-        self._owed.clear()
+        self._unanswered.clear()
         self._begin(job.begin())
 
     def _finish(self, job: _Job, result: bytes, error: Exception | None) -> None:

@@ -1,4 +1,4 @@
-"""One CiA 402 drive: its set-up, units, parameters and the bits of its words."""
+"""One CiA 402 drive: configuration, units, parameters, controlword and statusword."""
 
 from drivers.drive.axis import Axis
 from drivers.drive.cia402 import (

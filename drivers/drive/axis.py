@@ -1,18 +1,18 @@
-"""One axis: what its drive is set up with, and the scaling between SI and its integers.
+"""One axis: the configuration of its drive, and the scaling between SI and integers.
 
-Everything here is SDO work before and between motions; cyclic data are `cycle.py`'s. What is
-written is read back. Gains and the drive's own tuning are not touched.
+All of it is SDO access before and between motions; process data are `drivers.cyclic`'s. What is
+written is read back. Controller gains and other tuning of the drive are left alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Collection, Sequence
 
 from drivers import objects as od
 from drivers.canopen import MappedObject, Network, Node, PdoMapping, PdoRecord
 from drivers.drive import dcf, parameters
 from drivers.drive.cia402 import Mode
-from drivers.drive.host_watch import unwatched
+from drivers.drive.host_watch import watch_host
 from drivers.drive.units import Scale, check_units
 from drivers.errors import AxisFault, ConfigurationError, NodeError
 from drivers.objects import ObjectRef
@@ -22,18 +22,18 @@ TARGETS = {
     Mode.CYCLIC_SYNC_VELOCITY: od.TARGET_VELOCITY,
     Mode.CYCLIC_SYNC_TORQUE: od.TARGET_FORCE,
 }
-"""What the cyclic target is in these modes; in all others the target position."""
+"""Cyclic target of these modes; of all others it is the target position."""
 TPDO_OBJECTS = (od.STATUSWORD, od.POSITION_ACTUAL, od.FORCE_ACTUAL)
 
 MODE_TIMEOUT = 5.0
-"""Some drives show the mode before for seconds [s]."""
+"""Some drives display the previous mode for seconds [s]."""
 PDO_COUNT = 4
 
 _WITHOUT = {
     od.FORCE_OFFSET: "force offsets are not sent",
     od.FORCE_ACTUAL: "force reads 0, friction cannot be learned",
 }
-"""Objects that are mapped where offered, and what is missing without them."""
+"""Objects that are mapped where offered, and the consequence where they are not."""
 
 _NAMES = {
     mode: mode.name.lower().replace("_sync_", " synchronous ").replace("_", " ") for mode in Mode
@@ -45,36 +45,36 @@ class Axis:
 
     Attributes:
         name: as in the settings.  node: its CANopen node.
-        settings: its settings; once configured, within what the drive has.
+        settings: its settings; once configured, limited to what the drive holds.
         scale: length and force of one unit on the bus.
-        homed: whether position 0 is the stage's zero; the drive's reboot makes it False.
-        rpdo, tpdo: the cyclic mappings, made from the EDS's data types; without force offset or
-            force where the drive has none.
-        mode: of operation set last, None before the first.
-        target: what the cyclic target is: position, velocity or force.
-        limitations: what the drive does not offer or has otherwise than asked for, and what
-            follows from that, one clause each.
+        homed: whether position 0 is the stage's zero; False after a reboot of the drive.
+        rpdo, tpdo: the cyclic mappings, with data types from the EDS; without force offset or
+            force where the drive lacks them.
+        mode: mode of operation set last, None before the first.
+        target: object of the cyclic target: position, velocity or force.
+        limitations: what the drive lacks or holds other than requested, and the consequence, one
+            clause each.
     """
 
     def __init__(self, network: Network, settings: AxisSettings) -> None:
-        self.settings = self._asked = settings
+        self.settings = self._requested = settings
         self.name = settings.name
         self.node = Node(network, settings)
         self.scale = Scale(settings.increment, settings.rated_force / 1000)
         self.mode: Mode | None = None
         self.limitations: list[str] = []
         self.target = od.TARGET_POSITION
-        self.rpdo = self._mapping([r for r in self._outward if self._usable(r, self.node.offers)])
-        self.tpdo = self._mapping([r for r in TPDO_OBJECTS if self._usable(r, self.node.offers)])
+        self._map_objects({ref for ref in _WITHOUT if not self.node.offers(ref)})
         self.rpdo_id = 0x200 + settings.node
         self.tpdo_id = 0x180 + settings.node
         self._network = network
         self._homed_at_boot: int | None = None
 
-    @property
-    def _outward(self) -> tuple[ObjectRef, ...]:
-        """Objects of the RPDO: controlword, target, force offset."""
-        return od.CONTROLWORD, self.target, od.FORCE_OFFSET
+    def _map_objects(self, absent: Collection[ObjectRef]) -> None:
+        """Makes the cyclic mappings without objects that are absent."""
+        rpdo = (od.CONTROLWORD, self.target, od.FORCE_OFFSET)
+        self.rpdo = self._mapping([ref for ref in rpdo if ref not in absent])
+        self.tpdo = self._mapping([ref for ref in TPDO_OBJECTS if ref not in absent])
 
     def _mapping(self, refs: Sequence[ObjectRef]) -> PdoMapping:
         try:
@@ -86,14 +86,9 @@ class Axis:
                 f"EDS file {self.settings.eds}: {refused}", axis=self.name
             ) from refused
 
-    @staticmethod
-    def _usable(ref: ObjectRef, has: Callable[[ObjectRef], bool]) -> bool:
-        """Whether to map an object: what is optional only where it is there."""
-        return ref not in _WITHOUT or has(ref)
-
     @property
     def accepts_force_offset(self) -> bool:
-        """Whether the drive has 0x60B2, and so compensation."""
+        """Whether the drive has 0x60B2, which friction compensation needs."""
         return any(e.object == od.FORCE_OFFSET for e in self.rpdo.entries)
 
     @property
@@ -102,54 +97,44 @@ class Axis:
         return any(e.object == od.FORCE_ACTUAL for e in self.tpdo.entries)
 
     def add_limitation(self, clause: str) -> None:
-        """Notes something that this drive does without."""
+        """Adds a clause to `limitations`, once."""
         if clause not in self.limitations:
             self.limitations.append(clause)
 
     def _find_limitations(self) -> None:
-        """What of the cyclic objects the node has, whatever its EDS says."""
+        """Finds which cyclic objects the node has, whatever its EDS says."""
         self.limitations.clear()
-        has = {ref: self.node.has(ref) for ref in _WITHOUT}
-        for ref, consequence in _WITHOUT.items():
-            if not has[ref]:
-                self.add_limitation(f"{ref} is not offered: {consequence}")
+        absent = [ref for ref in _WITHOUT if not self.node.has(ref)]
+        for ref in absent:
+            self.add_limitation(f"{ref} is not offered: {_WITHOUT[ref]}")
         self.target = od.TARGET_POSITION
-        self.rpdo = self._mapping([r for r in self._outward if has.get(r, True)])
-        self.tpdo = self._mapping([r for r in TPDO_OBJECTS if has.get(r, True)])
+        self._map_objects(absent)
 
     @property
     def homed(self) -> bool:
-        """Whether homing was done since the drive's last boot-up."""
+        """Whether the axis was homed since its drive's last boot-up."""
         return self._homed_at_boot == self.node.booted
 
     @homed.setter
     def homed(self, value: bool) -> None:
         self._homed_at_boot = self.node.booted if value else None
 
-    def counts(self, position: float) -> int:
-        """Position [m] in units of the bus."""
-        return round(position / self.scale.increment)
-
-    def speed_counts(self, velocity: float) -> int:
-        """Velocity [m/s] in units of the bus."""
-        return round(velocity / self.settings.velocity_unit_si)
-
     def configure(self, bus: BusSettings) -> None:
-        """Writes the DCF, checks the units, writes limits, windows, options, PDOs and heartbeats.
+        """Writes DCF values, checks units, writes limits, windows, options, PDOs and heartbeats.
 
         Raises:
-            ConfigurationError: other units than ours, a value that is none to go by, or a
-                drive that goes on without its host where the settings do not accept that.
+            ConfigurationError: units differ from the settings, the drive holds an unacceptable
+                value, or it goes on without its host and the settings do not accept that.
             NodeError: the drive refuses or does not answer.
         """
         node = self.node
         self._find_limitations()
-        for clause in dcf.apply(node, dcf.configured(node.dictionary)):
+        for clause in dcf.apply(node, dcf.parameter_values(node.dictionary)):
             self.add_limitation(clause)
-        for clause in check_units(node, self._asked):
+        for clause in check_units(node, self._requested):
             self.add_limitation(clause)
         self.check_mode(Mode.CYCLIC_SYNC_POSITION)
-        self._listen_to_sync()
+        self._set_sync_id()
         self._set_sync_counter(bus.sync_counter)
         node.write_optional(od.CYCLE_PERIOD, bus.period_us)
         if not node.write_optional(od.SYNC_WINDOW, bus.window_us) and bus.window_us:
@@ -159,7 +144,7 @@ class Axis:
         value, index = interpolation_period(bus.period_us)
         node.write_optional(od.INTERPOLATION_VALUE, value)
         node.write_optional(od.INTERPOLATION_INDEX, index)
-        self.settings, clauses = parameters.give(node, self._asked)
+        self.settings, clauses = parameters.write_settings(node, self._requested)
         for clause in clauses:
             self.add_limitation(clause)
         PdoRecord.receive(1).configure(node, self.rpdo_id, self.rpdo)
@@ -168,13 +153,13 @@ class Axis:
             PdoRecord.receive(number).disable(node)
             PdoRecord.transmit(number).disable(node)
         node.set_heartbeat()
-        self._have_host_watched()
+        self._watch_host()
 
-    def _have_host_watched(self) -> None:
-        gap = unwatched(self.node, self.settings.options.abort_connection, self.add_limitation)
-        if gap is None:
+    def _watch_host(self) -> None:
+        problem = watch_host(self.node, self.settings.options.abort_connection, self.add_limitation)
+        if problem is None:
             return
-        obj, why = gap
+        obj, why = problem
         if not self.settings.unwatched_host:
             raise ConfigurationError(
                 f"{why}; powered only with unwatched_host: accept in its drive section",
@@ -182,15 +167,15 @@ class Axis:
             )  # fmt: skip
         self.add_limitation(f"{obj} {why}")
 
-    def _listen_to_sync(self) -> None:
-        """0x1005: our SYNC, and none of the drive's own."""
+    def _set_sync_id(self) -> None:
+        """Sets 0x1005: the drive consumes our SYNC and produces none."""
         node = self.node
         if node.offers(od.SYNC_COB_ID) and node.read(od.SYNC_COB_ID) & 0x4000_07FF != od.SYNC_ID:
             node.write_optional(od.CYCLE_PERIOD, 0)
             node.write_checked(od.SYNC_COB_ID, od.SYNC_ID)
 
     def _set_sync_counter(self, overflow: int) -> None:
-        """0x1019, which may change only while 0x1006 is 0."""
+        """Sets 0x1019, which may change only while 0x1006 is 0."""
         node = self.node
         if node.has(od.SYNC_OVERFLOW):
             if node.read(od.SYNC_OVERFLOW) != overflow:
@@ -203,30 +188,30 @@ class Axis:
             )  # fmt: skip
 
     def map_target(self, mode: Mode) -> bool:
-        """Maps the cyclic target that the mode takes, 0 to begin with where it is no position.
+        """Maps the cyclic target of a mode; velocities and forces start at 0.
 
         Returns:
             Whether the mapping has changed.
 
         Raises:
-            NodeError, ConfigurationError: the drive does not take it.
+            NodeError, ConfigurationError: the drive does not accept it.
         """
         target = TARGETS.get(mode, od.TARGET_POSITION)
         if target == self.target:
             return False
         if target != od.TARGET_POSITION:
             self.node.write(target, 0)
-        with_offset = self.accepts_force_offset
         self.target = target
-        self.rpdo = self._mapping([r for r in self._outward if r != od.FORCE_OFFSET or with_offset])
+        mapped = {entry.object for entry in (*self.rpdo.entries, *self.tpdo.entries)}
+        self._map_objects(set(_WITHOUT) - mapped)
         PdoRecord.receive(1).configure(self.node, self.rpdo_id, self.rpdo)
         return True
 
     def check_mode(self, mode: Mode) -> None:
-        """Whether the drive has the mode at all.
+        """Checks that the drive offers a mode of operation.
 
         Raises:
-            ConfigurationError: 0x6502 or the EDS say that it has not.
+            ConfigurationError: it does not, by 0x6502 or the EDS.
         """
         target = TARGETS.get(mode, od.TARGET_POSITION)
         if not self.node.offers(target):
@@ -243,10 +228,10 @@ class Axis:
             )  # fmt: skip
 
     def set_mode(self, mode: Mode) -> None:
-        """Writes the mode of operation and waits until the drive shows it.
+        """Writes the mode of operation and waits until the drive displays it (0x6061).
 
         Raises:
-            AxisFault: it shows another one after `MODE_TIMEOUT`.
+            AxisFault: another mode is displayed after `MODE_TIMEOUT`.
         """
         self.node.write(od.MODE, mode)
         self.mode = mode
@@ -254,23 +239,22 @@ class Axis:
         while (shown := self.node.read(od.MODE_DISPLAY)) != mode:
             if self._network.clock.now_ns() >= deadline:
                 raise AxisFault(
-                    f"asked for mode {int(mode)}, the drive still shows {shown} after "
-                    f"{MODE_TIMEOUT:g} s",
+                    f"shows mode {shown} {MODE_TIMEOUT:g} s after mode {int(mode)} was requested",
                     axis=self.name, obj=od.MODE_DISPLAY,
                 )  # fmt: skip
             self._network.pump(0.005)
 
     def set_profile(self, velocity: float, acceleration: float) -> float:
-        """Velocity [m/s] and acceleration [m/s^2] of the drive's own profiles (pp).
+        """Sets velocity [m/s] and acceleration [m/s^2] of the drive's own profiles (pp).
 
         Returns:
-            How many times longer than asked for a move takes at most; 1 where the drive has them.
+            Largest factor by which moves take longer where the drive holds lower values; else 1.
 
         Raises:
-            ConfigurationError, NodeError: the drive has neither these nor slower ones.
+            ConfigurationError, NodeError: the drive holds neither these nor lower values.
         """
-        slower, held = parameters.give_profile(self.node, self.settings, velocity, acceleration)
-        for ref, clause in held.items():  # of this move, not of the one before
+        slower, held = parameters.write_profile(self.node, self.settings, velocity, acceleration)
+        for ref, clause in held.items():  # of this move, not of the previous one
             self.limitations = [c for c in self.limitations if not c.startswith(f"{ref} ")]
             if clause is not None:
                 self.add_limitation(clause)
@@ -285,10 +269,10 @@ class Axis:
 
 
 def interpolation_period(period_us: int) -> tuple[int, int]:
-    """0x60C2:01 and :02 of a period: value * 10^index seconds.
+    """Value and index of a period for 0x60C2:01 and :02: value * 10^index seconds.
 
     Raises:
-        ConfigurationError: no UNSIGNED8 times a power of ten is this period.
+        ConfigurationError: the period is no UNSIGNED8 times a power of ten.
     """
     value, index = period_us, -6
     while value % 10 == 0:

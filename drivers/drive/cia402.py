@@ -1,8 +1,8 @@
-"""CiA 402 power state machine and the words' bits: pure, no bus (CiA 402-2, section 7).
+"""CiA 402 power state machine, controlword and statusword bits (CiA 402-2, section 7). No bus.
 
-`next_controlword` walks one transition at a time, because some drives take 0x06, 0x07 and 0x0F
-only one by one. Transition 16 (quick stop active to enabled) is never asked for: it exists only
-with some option codes, and going round by SWITCH ON DISABLED always works.
+`next_controlword` commands one transition at a time, because some drives accept 0x06, 0x07 and 0x0F
+only one by one. Transition 16 (quick stop active to enabled) is never commanded: it exists only
+with some option codes, and the way through SWITCH ON DISABLED always works.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from enum import Enum, IntEnum, IntFlag
 
 
 class State(Enum):
-    """States of the power drive system: (mask, value) on the statusword."""
+    """States of the power drive system, each as (mask, value) of the statusword."""
 
     NOT_READY_TO_SWITCH_ON = (0x4F, 0x00)
     SWITCH_ON_DISABLED = (0x4F, 0x40)
@@ -28,7 +28,7 @@ class State(Enum):
 
 
 class Command(IntEnum):
-    """Controlwords of the device control commands (bits 7, 3, 2, 1, 0; bit 4.. are the mode's)."""
+    """Controlwords of the device control commands (bits 7, 3, 2, 1, 0; 4 to 6 are the mode's)."""
 
     DISABLE_VOLTAGE = 0x0000
     QUICK_STOP = 0x0002
@@ -49,7 +49,7 @@ class Mode(IntEnum):
 
 
 class Control(IntFlag):
-    """Controlword bits that belong to the mode."""
+    """Controlword bits of the modes."""
 
     NEW_SETPOINT = 0x0010  # pp
     CHANGE_IMMEDIATELY = 0x0020  # pp
@@ -60,7 +60,7 @@ class Control(IntFlag):
 
 
 class Status(IntFlag):
-    """Statusword bits outside the state."""
+    """Statusword bits besides the state."""
 
     VOLTAGE_ENABLED = 0x0010
     WARNING = 0x0080
@@ -93,20 +93,20 @@ TRANSITIONS: dict[tuple[State, Command], tuple[int, State]] = {
     (_S.QUICK_STOP_ACTIVE, _C.DISABLE_VOLTAGE): (12, _S.SWITCH_ON_DISABLED),
     (_S.FAULT, _C.FAULT_RESET): (15, _S.SWITCH_ON_DISABLED),
 }
-"""(state, command) -> (number of the transition, next state): those that the host asks for."""
+"""(state, command) -> (number of the transition, next state), for all that the host commands."""
 
 AUTOMATIC: dict[State, tuple[int, State]] = {
     _S.NOT_READY_TO_SWITCH_ON: (1, _S.SWITCH_ON_DISABLED),
     _S.FAULT_REACTION_ACTIVE: (14, _S.FAULT),
 }
-"""Transitions that the drive makes by itself. 0 is power on, 13 any state to fault reaction."""
+"""Transitions that the drive makes by itself; also 0, power on, and 13, any state to a fault."""
 
 
 def decode(statusword: int) -> State:
     """The state that a statusword shows.
 
-    Every 16-bit word shows exactly one state or none (bits 0..3 in a combination that CiA 402
-    does not define); the latter is taken for NOT READY TO SWITCH ON, which commands nothing.
+    Bits 0..3 may form a combination that CiA 402 does not define. It counts as NOT READY TO SWITCH
+    ON, in which nothing is commanded.
     """
     for state in State:
         mask, value = state.value
@@ -119,15 +119,12 @@ def next_command(state: State, target: State) -> Command | None:
     """The command for the first transition on the shortest way from `state` to `target`.
 
     Returns:
-        None when already there, or when the drive moves on by itself.
+        None where `state` is `target`, or the drive leaves `state` by itself.
 
     Raises:
-        ValueError: no command leads to `target` (FAULT and its reaction, for instance).
+        ValueError: no command leads to `target` (FAULT, for instance).
     """
-    if target is State.FAULT_REACTION_ACTIVE or target in (
-        State.FAULT,
-        State.NOT_READY_TO_SWITCH_ON,
-    ):
+    if target is State.FAULT or target in AUTOMATIC:
         raise ValueError(f"{target} cannot be commanded")
     if state is target or state in AUTOMATIC:
         return None
@@ -149,9 +146,9 @@ def next_controlword(state: State, target: State, previous: int = 0) -> int:
 
     Args:
         state: what the statusword shows.
-        target: where to go; QUICK STOP ACTIVE from a state without motion stays where it is.
-        previous: controlword sent last; a fault is reset by a rising edge of bit 7 only, so a
-            word with that bit is followed by one without.
+        target: the state wanted.
+        previous: controlword sent last; only a rising edge of bit 7 resets a fault, so a word with
+            this bit is followed by one without.
 
     Raises:
         ValueError: no command leads to `target`.
@@ -160,7 +157,7 @@ def next_controlword(state: State, target: State, previous: int = 0) -> int:
         return HOLD.get(state, previous)
     command = next_command(state, target)
     if state is State.NOT_READY_TO_SWITCH_ON and target is not State.SWITCH_ON_DISABLED:
-        return int(Command.SHUTDOWN)  # some drives show 0x0000 until they are spoken to
+        return int(Command.SHUTDOWN)  # some drives show 0x0000 until the first controlword
     if command is None:
         return previous & ~Command.FAULT_RESET
     if command is Command.FAULT_RESET and previous & Command.FAULT_RESET:

@@ -1,8 +1,8 @@
-"""Values that a DCF brings along: held by the drive after every boot, differences told together.
+"""Parameter values of a DCF: written at every boot and read back; differences are one error.
 
-A DCF is an EDS with a `ParameterValue` where a drive is to hold something else than its default.
-What the driver sets by itself (communication, PDOs, words, modes, set-points) is not taken from it.
-Speeds and accelerations may be rounded by the drive, all else has to be what the file says.
+A DCF is an EDS with a `ParameterValue` where the drive is to hold a value other than its default.
+Objects that the driver sets itself (communication, PDOs, controlword, mode, setpoints) are skipped.
+Drives may round velocities and accelerations; all other values have to be exact.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from drivers.errors import ConfigurationError, NodeError, shown
 from drivers.objects import ObjectRef
 
 LISTED = 5
-"""Differences that are told; of more, only the number."""
+"""Differences listed in the error; of further ones only the number."""
 _OURS = {
     0x1005, 0x1006, 0x1007, 0x1014, 0x1016, 0x1017, 0x1019, 0x1010, 0x1011,
     0x6040, 0x6060, 0x607A, 0x60FF, 0x6071, 0x60B2, 0x60C2,
 }  # fmt: skip
 _PDOS = range(0x1400, 0x1C00)
 _ROUNDED = {0x607F, 0x6081, 0x6082, 0x6083, 0x6084, 0x6085, 0x6099, 0x609A, 0x60C5, 0x60C6}
-"""Speeds and accelerations."""
+"""Velocities and accelerations."""
 
 
-def configured(dictionary: canopen.ObjectDictionary) -> list[tuple[ObjectRef, Value]]:
-    """The objects that the file gives a value of its own, in the order of their indices."""
+def parameter_values(dictionary: canopen.ObjectDictionary) -> list[tuple[ObjectRef, Value]]:
+    """Objects with a `ParameterValue`, and that value, in the order of their indices."""
     values: list[tuple[ObjectRef, Value]] = []
     for variable in _variables(dictionary):
         value = variable.value
@@ -54,13 +54,13 @@ def _variables(
 
 
 def apply(node: Node, values: list[tuple[ObjectRef, Value]]) -> list[str]:
-    """Writes the values that the drive does not hold already, reads all of them back.
+    """Writes the values that the drive does not hold already, and reads all of them back.
 
     Returns:
         What the drive has rounded, one clause each.
 
     Raises:
-        ConfigurationError: names every object that was refused or holds something else.
+        ConfigurationError: names the objects that were refused or hold another value.
         NodeError: the node does not answer.
     """
     differences, rounded = [], []
@@ -74,9 +74,9 @@ def apply(node: Node, values: list[tuple[ObjectRef, Value]]) -> list[str]:
             differences.append(f"{ref} {refused.cause}")
         except ConfigurationError as unfit:
             differences.append(f"{ref} {unfit.cause}")
-    told = {text.split(" ", 1)[0] for text in differences}
+    reported = {text.split(" ", 1)[0] for text in differences}
     for ref, value in values:
-        if f"0x{ref.index:04X}:{ref.sub:02X}" in told:
+        if f"0x{ref.index:04X}:{ref.sub:02X}" in reported:
             continue
         held = _held(node, ref, value)
         if held == _as_held(node, ref, value):
@@ -101,23 +101,23 @@ def _held(node: Node, ref: ObjectRef, value: Value) -> Value:
 
 
 def _holds(node: Node, ref: ObjectRef, value: Value) -> bool:
-    """Whether there is nothing to write, as in an object that is fixed at that value."""
+    """Whether the drive holds the value already, as in an object fixed at it."""
     try:
         return _held(node, ref, value) == _as_held(node, ref, value)
     except NodeError as refused:
         if refused.abort_code is None:
             raise
-        return False  # the write will say why
+        return False  # the write will tell why
 
 
 def _is_rounded(ref: ObjectRef, value: Value, held: Value) -> bool:
     if ref.index not in _ROUNDED or not (isinstance(value, int) and isinstance(held, int)):
         return False
-    return Parameter(ref, value, Rule.ROUNDED).rounded(held)
+    return Parameter(ref, value, Rule.ROUNDED).is_rounded(held)
 
 
 def _as_held(node: Node, ref: ObjectRef, value: Value) -> Value:
-    """A number in the object's own precision."""
+    """The value in the precision of the object."""
     variable = node.dictionary.get_variable(ref.index, ref.sub)
     if variable is None or not isinstance(value, float):
         return value

@@ -1,8 +1,8 @@
-"""Whether a drive stops by itself when its host is gone: it has to notice that, and to act on it.
+"""Has a drive stop by itself when its host is lost.
 
-0x1016 lets it notice that our heartbeat stays away, 0x6007 says what it does then. A drive that
-lacks the one, or does nothing by the other, goes on under power with its last set-point when the
-host dies or the cable breaks. Node guarding (0x100C, 0x100D) is not used in place of the heartbeat.
+0x1016 makes it watch our heartbeat, 0x6007 is its reaction. A drive without the former, or without
+a reaction, goes on under power with its last setpoint when the host dies or the cable breaks. Node
+guarding (0x100C, 0x100D) is not used.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from drivers.objects import ObjectRef
 from drivers.settings import HOST_NODE
 
 PERIOD_MS = 500
-"""The drive misses its host after this time without a heartbeat."""
+"""The drive considers its host lost after this time without a heartbeat."""
 _COUNT = ObjectRef(0x1016, 0, "number of heartbeats watched")
 _NO_ACTION = 0
 _REACTIONS = {
@@ -24,22 +24,22 @@ _REACTIONS = {
     2: "it switches the power off and the axis coasts, nothing brakes it",
     3: "it stops by a quick stop",
 }
-"""What 0x6007 has a drive do when its host is gone (CiA 402)."""
-_STAYS = "its host is gone, and stays under power"
+"""Values of 0x6007 when the host is lost (CiA 402)."""
+_STAYS = "its host is lost, and stays under power"
 
 
-def unwatched(
-    node: Node, reaction: int, limited: Callable[[str], object]
+def watch_host(
+    node: Node, reaction: int, add_limitation: Callable[[str], object]
 ) -> tuple[ObjectRef, str] | None:
-    """Has the drive watch the host's heartbeat and do `reaction` (0x6007) when it stays away.
+    """Has the drive watch the host's heartbeat and react to its loss.
 
     Args:
         node: of the drive.
-        reaction: abort connection option code, not 0.
-        limited: called with a clause where the drive does something else than `reaction`.
+        reaction: abort connection option code (0x6007), not 0.
+        add_limitation: called with a clause where the drive reacts in another way.
 
     Returns:
-        Why the drive goes on without its host: the object, and one clause; None: it does not.
+        None, or why the drive goes on without its host: the object and one clause.
 
     Raises:
         NodeError: the node does not answer.
@@ -54,17 +54,15 @@ def unwatched(
     if held == _NO_ACTION:
         return od.ABORT_CONNECTION_OPTION, f"{why}: the drive does nothing when {_STAYS}"
     if held != reaction:
-        done = _REACTIONS.get(
-            -1 if held is None else held, "the drive does what its maker has it do"
-        )
-        limited(f"{od.ABORT_CONNECTION_OPTION} {why}: without its host {done}")
+        done = _REACTIONS.get(-1 if held is None else held, "the reaction is manufacturer specific")
+        add_limitation(f"{od.ABORT_CONNECTION_OPTION} {why}: without its host {done}")
     return None
 
 
 def _kept(node: Node, obj: ObjectRef, value: int) -> tuple[int | None, str]:
-    """What the object holds after `value` was asked for, and what is wrong with that."""
+    """What the object holds after `value` was written, and a clause on what is wrong with it."""
     try:
-        kept = node.keep(obj, value)
+        kept = node.write_if_accepted(obj, value)
     except NodeError as refused:
         if refused.abort_code is None:
             raise

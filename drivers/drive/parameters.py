@@ -1,10 +1,9 @@
-"""Limits, windows, option codes and homing that a drive is given, and what it makes of them.
+"""Limits, windows, option codes and homing: written to the drive, and judged by what it holds then.
 
-Drives round to a grid of their own, clamp to what they can do, or have a value fixed. What an
-object holds in the end counts, by these rules: a value rounded by 1 % or one unit is taken; a
-clamped one where that is the safe side (less force, a smaller window, a narrower travel, slower);
-another reaction to a stop is taken and said. Anything else is refused. What a drive does without
-its host (0x6007) is `host_watch.py`'s. The host goes by what the drive has.
+Drives round values, clamp them to their range or have them fixed. Accepted are values rounded by
+1 % or one unit; values clamped to the safe side (less force, smaller window, narrower travel,
+slower); other reactions to a stop, which are reported. All else is refused. The host uses the
+values that the drive holds. The reaction to a lost host (0x6007) is in `host_watch.py`.
 """
 
 from __future__ import annotations
@@ -19,17 +18,17 @@ from drivers.objects import ObjectRef
 from drivers.settings import AxisSettings
 
 ROUNDING = 0.01
-"""What drives may round by, relative; one unit is always allowed."""
-PLACE_ROUNDING = 1e-6
-"""The same of positions: an end of the travel must not move by 1 %."""
+"""Accepted rounding, relative; one unit is always accepted."""
+POSITION_ROUNDING = 1e-6
+"""The same for positions: the end of the travel must not move by 1 %."""
 HOMING_ACCELERATION = 1.0
 
-_MISSED = {
-    od.FOLLOWING_ERROR_WINDOW: "the drive does not watch the following error as asked",
-    od.QUICK_STOP_OPTION: "how it stops on a quick stop is the drive's own matter",
-    od.SOFT_LIMIT_HIGH: "only the host watches the travel",
+_MISSING = {
+    od.FOLLOWING_ERROR_WINDOW: "the drive does not monitor the following error as requested",
+    od.QUICK_STOP_OPTION: "its reaction to a quick stop is manufacturer specific",
+    od.SOFT_LIMIT_HIGH: "only the host monitors the travel",
 }
-"""What is missing without these objects."""
+"""Consequence where these objects are not offered."""
 
 _COASTS = "it switches the power off and the axis coasts, nothing brakes it"
 _BRAKES = {
@@ -41,7 +40,7 @@ _BRAKES = {
 }
 _REACTIONS: dict[ObjectRef, tuple[str, dict[int, str]]] = {
     od.QUICK_STOP_OPTION: (
-        "on a quick stop, that for a lost host included,",
+        "on a quick stop, also when the host is lost,",
         _BRAKES | {n + 4: f"{_BRAKES[n]} and holds there" for n in (1, 2, 3, 4)},
     ),
     od.SHUTDOWN_OPTION: ("on shutdown", _BRAKES),
@@ -49,11 +48,11 @@ _REACTIONS: dict[ObjectRef, tuple[str, dict[int, str]]] = {
     od.HALT_OPTION: ("on a halt", _BRAKES),
     od.FAULT_REACTION_OPTION: ("on a fault", _BRAKES),
 }
-"""When an option code counts, and what its values mean (CiA 402)."""
+"""When an option code applies, and the meaning of its values (CiA 402)."""
 
 
 class Rule(Enum):
-    """Which value besides the one asked for is taken."""
+    """Which values besides the requested one are accepted."""
 
     EXACT = auto()
     ROUNDED = auto()
@@ -65,14 +64,14 @@ class Rule(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One object and what it is to hold.
+    """One object and the value it is to hold.
 
     Attributes:
-        object: the object.  value: asked for, in the drive's unit.
-        rule: what else is taken: ROUNDED; besides that LESS, but not 0; a lower end of the travel
-            ABOVE, an upper one BELOW; or ANY.
-        unit: one unit of it in SI.  dimension: that SI unit.
-        consequence: of a value that is not just rounded.
+        object: the object.  value: requested, in the drive's unit.
+        rule: what else is accepted: ROUNDED values; with the other rules also LESS but not 0, for
+            ends of the travel ABOVE or BELOW, or ANY.
+        unit: SI value of one unit.  dimension: that SI unit.
+        consequence: of a value that is not merely rounded.
     """
 
     object: ObjectRef
@@ -82,15 +81,15 @@ class Parameter:
     dimension: str = ""
     consequence: str = ""
 
-    def rounded(self, held: int) -> bool:
-        """Whether the drive has only rounded."""
-        share = PLACE_ROUNDING if self.rule in (Rule.ABOVE, Rule.BELOW) else ROUNDING
+    def is_rounded(self, held: int) -> bool:
+        """Whether the drive holds the requested value rounded."""
+        share = POSITION_ROUNDING if self.rule in (Rule.ABOVE, Rule.BELOW) else ROUNDING
         near = abs(held - self.value) <= max(1.0, share * abs(self.value))
         return near and self.rule is not Rule.EXACT and (held != 0 or self.value == 0)
 
-    def taken(self, held: int) -> bool:
-        """Whether the axis can do with what the drive holds."""
-        if held == self.value or self.rounded(held):
+    def is_accepted(self, held: int) -> bool:
+        """Whether the axis can be operated with the value that the drive holds."""
+        if held == self.value or self.is_rounded(held):
             return True
         match self.rule:
             case Rule.LESS:
@@ -104,51 +103,51 @@ class Parameter:
         return False
 
     def describe(self, held: int) -> str:
-        """One clause on a value that is not the one asked for."""
+        """One clause on a value other than the requested one."""
         has, asked = f"{held * self.unit:.6g}", f"{self.value * self.unit:.6g}"
         if has == asked:
             has, asked = f"{held * self.unit:.10g}", f"{self.value * self.unit:.10g}"
-        what = "the drive rounds it" if self.rounded(held) else self.consequence
+        what = "the drive rounds it" if self.is_rounded(held) else self.consequence
         return f"{self.object} is {has} {self.dimension}, not {asked} {self.dimension}: {what}"
 
 
-def give(node: RemoteObjects, asked: AxisSettings) -> tuple[AxisSettings, list[str]]:
-    """Writes an axis' settings into its drive, where the drive does not hold them already.
+def write_settings(node: RemoteObjects, requested: AxisSettings) -> tuple[AxisSettings, list[str]]:
+    """Writes the settings of an axis to its drive, where the drive does not hold them already.
 
     Returns:
-        The settings as the drive has them, and what is missing or different, one clause each.
+        The settings as the drive holds them, and what is missing or different, one clause each.
 
     Raises:
-        ConfigurationError: the drive holds a value that is none to go by.
-        NodeError: no answer, or a write refused where the value held is none to go by.
+        ConfigurationError: the drive holds a value that is not accepted.
+        NodeError: no answer, or a write is refused and the value held is not accepted.
     """
     clauses: list[str] = []
-    for ref, code in _option_codes(asked):
-        clauses += _give_option(node, ref, code)
+    for ref, code in _option_codes(requested):
+        clauses += _write_option(node, ref, code)
     held: dict[ObjectRef, float] = {}
-    for parameter in _parameters(asked):
+    for parameter in _parameters(requested):
         ref = parameter.object
-        value, said = _give(node, parameter)
+        value, clause = _write(node, parameter)
         if value is None:
-            if ref in _MISSED:
-                clauses.append(f"{ref} is not offered: {_MISSED[ref]}")
-        elif said is not None:
-            clauses.append(said)
+            if ref in _MISSING:
+                clauses.append(f"{ref} is not offered: {_MISSING[ref]}")
+        elif clause is not None:
+            clauses.append(clause)
             held[ref] = value * parameter.unit
-    return _as_held(asked, held), clauses
+    return _as_held(requested, held), clauses
 
 
-def give_profile(
+def write_profile(
     node: RemoteObjects, settings: AxisSettings, velocity: float, acceleration: float
 ) -> tuple[float, dict[ObjectRef, str | None]]:
     """Writes velocity [m/s] and acceleration [m/s^2] of the drive's own profiles (pp).
 
     Returns:
-        How many times longer than asked for a move takes at most, and for each object a clause
-        on what it holds, None where that is what was asked for.
+        Largest factor by which moves take longer than requested; for each object a clause where it
+        holds another value than requested, else None.
 
     Raises:
-        ConfigurationError, NodeError: as `give`.
+        ConfigurationError, NodeError: as `write_settings`.
     """
     speed, rate = settings.velocity_unit_si, settings.acceleration_unit
     slower, clauses = 1.0, dict[ObjectRef, str | None]()
@@ -160,7 +159,7 @@ def give_profile(
         wanted = Parameter(
             ref, round(value / unit), Rule.LESS, unit, dimension, "the move takes longer"
         )
-        held, clauses[ref] = _give(node, wanted)
+        held, clauses[ref] = _write(node, wanted)
         if held is None:
             raise ConfigurationError("is not offered", axis=settings.name, obj=ref)
         if held:
@@ -184,7 +183,7 @@ def _parameters(s: AxisSettings) -> tuple[Parameter, ...]:
     search, index = s.homing_velocity
     homing = min(HOMING_ACCELERATION, s.acceleration)
     sooner, slower = "the drive faults sooner", "homing is slower"
-    beyond, window = "set-points beyond it are refused", "the drive's own moves end by that"
+    beyond, window = "setpoints beyond it are refused", "the drive's own moves end by that"
     return (
         Parameter(od.QUICK_STOP_DECELERATION, round(s.acceleration / rate), Rule.ROUNDED,
                   rate, "m/s^2"),
@@ -208,28 +207,28 @@ def _parameters(s: AxisSettings) -> tuple[Parameter, ...]:
     )  # fmt: skip
 
 
-def _give(node: RemoteObjects, wanted: Parameter) -> tuple[int | None, str | None]:
-    """What the object holds in the end (None: there is none), and what is to be said of it."""
-    kept = node.keep(wanted.object, wanted.value)
-    if kept is None:
+def _write(node: RemoteObjects, wanted: Parameter) -> tuple[int | None, str | None]:
+    """What the object holds (None: it is not offered), and a clause where that differs."""
+    result = node.write_if_accepted(wanted.object, wanted.value)
+    if result is None:
         return None, None
-    held, refusal = kept
+    held, refusal = result
     if held == wanted.value:
         return held, None
-    if wanted.taken(held):
+    if wanted.is_accepted(held):
         return held, wanted.describe(held) + _because(refusal)
-    raise node.not_kept(wanted.object, wanted.value, held, refusal)
+    raise node.mismatch(wanted.object, wanted.value, held, refusal)
 
 
-def _give_option(node: RemoteObjects, ref: ObjectRef, code: int) -> list[str]:
-    kept = node.keep(ref, code)
-    if kept is None:
-        return [f"{ref} is not offered: {_MISSED[ref]}"] if ref in _MISSED else []
-    held, refusal = kept
+def _write_option(node: RemoteObjects, ref: ObjectRef, code: int) -> list[str]:
+    result = node.write_if_accepted(ref, code)
+    if result is None:
+        return [f"{ref} is not offered: {_MISSING[ref]}"] if ref in _MISSING else []
+    held, refusal = result
     if held == code:
         return []
     when, meanings = _REACTIONS[ref]
-    meaning = meanings.get(held, "the drive does what its maker has it do")
+    meaning = meanings.get(held, "the reaction is manufacturer specific")
     return [f"{ref} is {held}, not {code}: {when} {meaning}{_because(refusal)}"]
 
 
@@ -237,19 +236,19 @@ def _because(refusal: NodeError | None) -> str:
     return "" if refusal is None else f" ({refusal.cause})"
 
 
-def _as_held(asked: AxisSettings, held: dict[ObjectRef, float]) -> AxisSettings:
-    """The settings within what the drive has, which may be less than was asked for."""
+def _as_held(requested: AxisSettings, held: dict[ObjectRef, float]) -> AxisSettings:
+    """The settings limited to the values that the drive holds."""
 
     def least(ref: ObjectRef, value: float) -> float:
         return min(value, held.get(ref, value))
 
-    low, high = asked.travel
-    search, index = asked.homing_velocity
+    low, high = requested.travel
+    search, index = requested.homing_velocity
     return replace(
-        asked,
+        requested,
         travel=(max(low, held.get(od.SOFT_LIMIT_LOW, low)), least(od.SOFT_LIMIT_HIGH, high)),
-        following_error=least(od.FOLLOWING_ERROR_WINDOW, asked.following_error),
-        peak_force=least(od.MAX_FORCE, asked.peak_force),
+        following_error=least(od.FOLLOWING_ERROR_WINDOW, requested.following_error),
+        peak_force=least(od.MAX_FORCE, requested.peak_force),
         homing_velocity=(
             least(od.HOMING_SEARCH_SPEED, search), least(od.HOMING_INDEX_SPEED, index),
         ),

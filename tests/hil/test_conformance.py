@@ -76,7 +76,7 @@ def test_the_virtual_drive_passes_everything(machine: Machine) -> None:
     told: list[Finding] = []
     with network(machine) as (bus, stage):
         before = [dict(d.dictionary.values) for d in stage.drives]
-        findings = run(bus, 1, homing=True, told=told.append)
+        findings = run(bus, 1, homing=True, on_finding=told.append)
         after = [dict(d.dictionary.values) for d in stage.drives]
     assert [f for f in findings if f.verdict is not Verdict.PASS] == []
     assert len(findings) > 90
@@ -92,7 +92,7 @@ def test_the_axis_is_not_moved(machine: Machine) -> None:
     with network(machine) as (bus, stage):
         before = stage.plant.encoder(0)
         seen = []
-        run(bus, 1, told=lambda _: seen.append(stage.plant.encoder(0)))
+        run(bus, 1, on_finding=lambda _: seen.append(stage.plant.encoder(0)))
     assert max(abs(x - before) for x in seen) < 2_000  # nm: it rings on its friction when enabled
 
 
@@ -142,7 +142,7 @@ def test_a_drive_without_acknowledge_in_pp(machine: Machine) -> None:
     with network(machine, alter) as (bus, _):
         findings = run(bus, 1)
     by_name = {f.name: f for f in findings}
-    assert by_name["bit 4 up: bit 12 comes up"].verdict is Verdict.ABSENT
+    assert by_name["bit 12 rises with bit 4"].verdict is Verdict.ABSENT
     assert by_name["bit 10: target reached"].verdict is Verdict.PASS
     assert by_name["bit 12: follows the command value"].verdict is Verdict.FAIL
 
@@ -247,7 +247,7 @@ def test_process_data_are_put_back_when_it_is_interrupted(machine: Machine) -> N
     with network(machine) as (bus, stage):
         before = set_up(bus, stage)
         with pytest.raises(KeyboardInterrupt):
-            run(bus, 1, power=False, told=interrupt)
+            run(bus, 1, power=False, on_finding=interrupt)
         assert process_data(stage) == before
 
 
@@ -265,7 +265,7 @@ def test_what_the_drive_does_not_take_back_is_told(machine: Machine) -> None:
         dictionary.check[key(0x1A00, 1)] = only_the_statusword
         findings = run(bus, 1, power=False)
     (found,) = [f for f in findings if f.verdict is Verdict.FAIL]
-    assert (found.group, found.name) == ("NMT", "what was changed is put back")  # by the reset
+    assert (found.group, found.name) == ("NMT", "changed values are restored")  # by the reset
     assert found.detail.startswith("0x1800 has COB-ID 0x")
     assert "606C0020 60410010 60610008 mapped" in found.detail
 
@@ -275,7 +275,7 @@ def test_a_silent_heartbeat_and_a_missing_emergency(machine: Machine) -> None:
         findings = run(bus, 1)
     failed = failures(findings)
     assert {"heartbeat shows OPERATIONAL", "boot-up message after reset communication"} <= failed
-    assert {"an emergency says so", "EMCY 0x8130 when a watched heartbeat stays away"} <= failed
+    assert {"an emergency is sent", "EMCY 0x8130 when a watched heartbeat ends"} <= failed
     assert "the rising edge of bit 7 does (transition 15)" not in failed
 
 
@@ -287,7 +287,7 @@ def test_a_synchronous_rpdo_that_acts_on_arrival(machine: Machine) -> None:
             if found.name.startswith("type 3"):  # what comes next is the RPDO
                 world.subscribe(0x201, lambda _: world.at(world.now_ns, stage.drives[0].pdo.latch))
 
-        findings = run(bus, 1, power=False, told=hasty)
+        findings = run(bus, 1, power=False, on_finding=hasty)
     assert failures(findings) == {"a synchronous RPDO waits for the SYNC"}
 
 

@@ -72,15 +72,15 @@ def test_what_is_fixed_at_the_value_asked_for_is_not_written(stage_machine: Mach
 @pytest.mark.parametrize(
     ("index", "value", "said"),
     [
-        (0x605A, 0, "quick stop option code is 0, not 2: on a quick stop, that for a lost host "
-                    "included, it switches the power off and the axis coasts, nothing brakes it"),
-        (0x605A, 6, "quick stop option code is 6, not 2: on a quick stop, that for a lost host "
-                    "included, it brakes on the quick-stop ramp and holds there"),
+        (0x605A, 0, "quick stop option code is 0, not 2: on a quick stop, also when the host is "
+                    "lost, it switches the power off and the axis coasts, nothing brakes it"),
+        (0x605A, 6, "quick stop option code is 6, not 2: on a quick stop, also when the host is "
+                    "lost, it brakes on the quick-stop ramp and holds there"),
         (0x605B, 0, "shutdown option code is 0, not 1: on shutdown it switches the power off"),
         (0x605C, 0, "disable operation option code is 0, not 1: when disabled it switches"),
         (0x605D, 2, "halt option code is 2, not 1: on a halt it brakes on the quick-stop ramp"),
         (0x605E, 0, "fault reaction option code is 0, not 2: on a fault it switches the power"),
-        (0x605E, -1, "fault reaction option code is -1, not 2: on a fault the drive does what its"),
+        (0x605E, -1, "fault reaction option code is -1, not 2: on a fault the reaction is"),
     ],
 )  # fmt: skip
 def test_an_option_code_of_the_drives_own_is_said(
@@ -138,7 +138,7 @@ def test_the_host_goes_by_what_a_drive_has_clamped(stage_machine: Machine) -> No
             "(write of 3000 refused: Value of parameter written too high (abort 0x06090031))",
             "axis x: 0x6065:00 following error window is 0.0002 m, not 0.001 m: the drive faults "
             "sooner",
-            "axis x: 0x607D:02 max position limit is 0.02 m, not 0.15 m: set-points beyond it",
+            "axis x: 0x607D:02 max position limit is 0.02 m, not 0.15 m: setpoints beyond it",
             "axis x: 0x6099:01 speed during search for switch is 0.004 m/s, not 0.01 m/s: homing "
             "is slower",
             "axis x: 0x6067:00 position window is 1e-05 m, not 1e-06 m: the drive's own moves end",
@@ -333,7 +333,7 @@ def test_another_major_revision_is_taken_where_it_is_wanted(stage_machine: Machi
             if found:
                 stage.boot()
             else:
-                said = "the EDS describes 1" if revision is None else "the settings want 6"
+                said = "the EDS describes 1" if revision is None else "the settings require 6"
                 with pytest.raises(NodeError, match=f"major revision is 7, {said}"):
                     stage.boot()
 

@@ -94,14 +94,14 @@ def test_without_torque_actual_value_force_reads_zero() -> None:
 def test_without_factor_group_the_increment_is_trusted() -> None:
     with stage_without(0x608F, 0x6091, 0x6092) as (stage, _):
         assert len(stage.limitations) == 3
-        assert all("position unit is taken to be 1e-09 m" in x for x in stage.limitations)
+        assert all("position unit is assumed to be 1e-09 m" in x for x in stage.limitations)
         assert len(stage.hold(0.01)) == 10
 
 
 def test_without_option_codes_and_windows_it_says_what_follows() -> None:
     with stage_without(0x6007, 0x605A, 0x605B, 0x605C, 0x605D, 0x605E, 0x6065) as (stage, _):
-        assert any("without its host the drive does what its maker" in x for x in stage.limitations)
-        assert any("does not watch the following error" in x for x in stage.limitations)
+        assert any("without its host the reaction is manufacturer" in x for x in stage.limitations)
+        assert any("does not monitor the following error" in x for x in stage.limitations)
         stage.halt()
         assert stage.enabled
 

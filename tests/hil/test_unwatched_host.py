@@ -1,4 +1,4 @@
-"""A drive that goes on under power when its host is gone: refused before power, or accepted."""
+"""A drive that goes on under power when its host is lost: refused before power, or accepted."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def test_accepted_it_is_powered_and_said(
         stage.boot()
         (clause,) = stage.limitations
         assert clause.startswith(f"axis x: {said[:9]}")
-        assert clause.endswith("its host is gone, and stays under power")
+        assert clause.endswith("its host is lost, and stays under power")
         stage.home()
         stage.enable()
         assert stage.enabled

@@ -1,10 +1,9 @@
-"""Does a node behave as CiA 301 and CiA 402 say? Checks against any CANopen drive, as findings.
+"""Conformance of any CANopen drive to CiA 301 and CiA 402.
 
-Needs no EDS: objects are read and written by SDO with the sizes that CiA 402 gives them. Every
-value that is changed is put back, and the drive ends disabled and PRE-OPERATIONAL. The axis comes
-under force where it stands (`power`) and isn't moved: set-points are its actual position. What a
-drive may do without is "not offered", not a failure; a refusal with another abort code than the
-standard's is "differs".
+Needs no EDS: objects are read and written by SDO with the sizes of CiA 402. Changed values are
+restored, and the drive ends disabled and PRE-OPERATIONAL. With `power` the axis is enabled where it
+stands and not moved: setpoints are its actual position. A missing optional feature is "not
+offered", a refusal with an abort code other than the standard's "differs"; neither is a failure.
 """
 
 from __future__ import annotations

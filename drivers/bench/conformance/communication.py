@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 
-from drivers.bench.conformance.pdo_setup import INVALID, keep
+from drivers.bench.conformance.pdo_setup import INVALID, restore_pdos
 from drivers.bench.conformance.probe import (
     ABSENT_OBJECT,
     ABSENT_SUB,
@@ -26,7 +26,7 @@ _MAPPED_STATUSWORD, _MAPPED_POSITION, _MAPPED_CONTROLWORD = 0x60410010, 0x606400
 
 
 def identity(probe: Probe) -> Iterator[Finding]:
-    """Mandatory objects and what they say."""
+    """Mandatory objects and their values."""
     kind = probe.read(0x1000)
     yield probe.expect("0x1000 names profile 402", kind & 0xFFFF == 402, f"is 0x{kind:08X}")
     code = probe.abort_code(lambda: probe.read(0x1001))
@@ -50,7 +50,7 @@ def identity(probe: Probe) -> Iterator[Finding]:
 
 
 def abort_codes(probe: Probe) -> Iterator[Finding]:
-    """Accesses that have to be refused, and with what."""
+    """Accesses that have to be refused, and their abort codes."""
     yield probe.refusal("read of an absent object", lambda: probe.raw(0x1FFF), ABSENT_OBJECT)
     yield probe.refusal(
         "write of an absent object", lambda: probe.write_raw(0x1FFF, 0, b"\0"), ABSENT_OBJECT
@@ -73,8 +73,8 @@ def abort_codes(probe: Probe) -> Iterator[Finding]:
 
 
 def network_management(probe: Probe) -> Iterator[Finding]:
-    """NMT states as the heartbeat shows them, boot-up, heartbeat produced and consumed."""
-    _keep_communication(probe)
+    """NMT states shown by the heartbeat, boot-up, heartbeats produced and consumed."""
+    _restore_communication(probe)
     probe.change(0x1017, 0, _BEAT_MS)
     for command, state, name in (
         (1, 5, "OPERATIONAL"),
@@ -99,24 +99,24 @@ def network_management(probe: Probe) -> Iterator[Finding]:
     yield probe.expect("boot-up message after reset communication", booted, "none within 2 s")
 
 
-def _keep_communication(probe: Probe) -> None:
-    """What "reset communication" takes from a drive that another master has set up."""
+def _restore_communication(probe: Probe) -> None:
+    """Notes for `Probe.restore` what "reset communication" discards of another host's setup."""
     for index in (*range(0x1400, 0x1404), *range(0x1800, 0x1804)):
         if probe.offers(index, 1):
-            keep(probe, index)
+            restore_pdos(probe, index)
     consumers = [(0x1016, s) for s in range(1, 5)]
-    # 0x1019 comes back before 0x1006, under which it must not change
+    # restored in reverse: 0x1019 must not change while 0x1006 is not 0
     for index, sub in ((0x1005, 0), (0x1006, 0), (0x1007, 0), (0x1019, 0), (0x1029, 1), *consumers):
         if probe.offers(index, sub):
-            probe.keep(index, sub)
+            probe.restore_later(index, sub)
 
 
 def _heartbeat_consumer(probe: Probe) -> Iterator[Finding]:
-    name = "EMCY 0x8130 when a watched heartbeat stays away"
+    name = "EMCY 0x8130 when a watched heartbeat ends"
     if not probe.offers(0x1016, 1):
         yield probe.absent(name, "0x1016")
         return
-    probe.stay_when_the_host_is_lost()
+    probe.keep_nmt_state_on_host_loss()
     probe.emergencies.clear()
     probe.change(0x1016, 1, _OTHER_HOST << 16 | 100)
     probe.network.send_message(0x700 + _OTHER_HOST, b"\x05")
@@ -127,8 +127,8 @@ def _heartbeat_consumer(probe: Probe) -> Iterator[Finding]:
 
 
 def mapping(probe: Probe) -> Iterator[Finding]:
-    """Mapping by the book of CiA 301, 7.5.2.36, and what has to be refused on the way."""
-    keep(probe, 0x1800, 0x1400)
+    """Mapping in the order of CiA 301, 7.5.2.36, and what has to be refused during it."""
+    restore_pdos(probe, 0x1800, 0x1400)
     base = (0x180 + probe.node) | (probe.read(0x1800, 1) & _NO_RTR)
     _invalidate(probe, 0x1800)
     yield probe.refusal(
@@ -194,7 +194,7 @@ def _map(probe: Probe, index: int, *entries: int) -> None:
 
 
 def _sync(probe: Probe, count: int) -> list[bytes]:
-    """TPDOs that a number of SYNCs, 5 ms apart, brings."""
+    """The TPDOs after a number of SYNCs, 5 ms apart."""
     probe.tpdos.clear()
     for _ in range(count):
         probe.network.send_message(0x80, b"")
@@ -227,7 +227,7 @@ def _synchronous(probe: Probe) -> Iterator[Finding]:
 
 
 def _latch(probe: Probe) -> Iterator[Finding]:
-    """A synchronous RPDO acts at the SYNC, not before."""
+    """A synchronous RPDO takes effect at the SYNC, not before."""
     probe.nmt(128)
     cob = probe.read(0x1400, 1)
     _invalidate(probe, 0x1400)
@@ -244,7 +244,8 @@ def _latch(probe: Probe) -> Iterator[Finding]:
         probe.state() is State.SWITCH_ON_DISABLED, probe.shown(),
     )  # fmt: skip
     _sync(probe, 2)
-    yield probe.expect("and acts at it", probe.reaches(State.READY_TO_SWITCH_ON), probe.shown())
+    reached = probe.reaches(State.READY_TO_SWITCH_ON)
+    yield probe.expect("and takes effect at it", reached, probe.shown())
     probe.nmt(128)
 
 

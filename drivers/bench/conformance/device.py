@@ -1,4 +1,4 @@
-"""CiA 402 device control: states, transitions, commands that change nothing, fault, modes."""
+"""CiA 402 device control: states, transitions, commands without effect, faults, modes."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from drivers.drive import TRANSITIONS, Command, State, Status, next_command
 
 _OTHER_HOST = 126
 _FAULT_OPTION = 1
-"""0x6007: losing the host is a fault."""
+"""0x6007: loss of the host is a fault."""
 _QUIET = 0.05
 _MODES = {1: "pp", 3: "pv", 4: "tq", 6: "hm", 7: "ip", 8: "csp", 9: "csv", 10: "cst"}
 _RANGE = (0x06090030, 0x06090031)
 
 
 def _transitions(probe: Probe, with_power: bool) -> Iterator[Finding]:
-    """Every transition that a command makes, each from a state reached by commands."""
+    """All transitions by command, each from a state reached by commands."""
     for (origin, command), (number, after) in TRANSITIONS.items():
         powered = State.OPERATION_ENABLED in (origin, after) or origin is State.QUICK_STOP_ACTIVE
         if powered is not with_power or origin is State.FAULT:
@@ -24,7 +24,7 @@ def _transitions(probe: Probe, with_power: bool) -> Iterator[Finding]:
         name = f"transition {number}: {origin} to {after} ({command.name.lower()})"
         if not _lead(probe, origin):
             if origin is State.QUICK_STOP_ACTIVE and probe.state() is State.SWITCH_ON_DISABLED:
-                # options 0..4 leave by themselves: that is transition 12, too
+                # with option codes 0..4 the drive leaves by itself, which also is transition 12
                 yield probe.expect(name, True, "")
             else:
                 yield probe.expect(name, False, f"{origin} not reached: {probe.shown()}")
@@ -39,7 +39,7 @@ def _transitions(probe: Probe, with_power: bool) -> Iterator[Finding]:
 
 
 def _lead(probe: Probe, state: State) -> bool:
-    """Takes the drive to a state, one transition at a time."""
+    """Takes the drive to a state, one transition at a time; False where that fails."""
     probe.off()
     for _ in range(5):
         present = probe.state()
@@ -56,7 +56,7 @@ def _lead(probe: Probe, state: State) -> bool:
 
 
 def states(probe: Probe) -> Iterator[Finding]:
-    """Transitions without force, commands that must change nothing, statusword bits."""
+    """Transitions without force, commands that must have no effect, statusword bits."""
     probe.off()
     word = probe.statusword()
     yield probe.expect("bit 9 (remote) is set", bool(word & Status.REMOTE), probe.shown())
@@ -68,7 +68,7 @@ def states(probe: Probe) -> Iterator[Finding]:
         probe.control(command)
         probe.network.pump(_QUIET)
         yield probe.expect(
-            f"{command.name.lower()} is passed over in SWITCH ON DISABLED",
+            f"{command.name.lower()} is ignored in SWITCH ON DISABLED",
             probe.state() is State.SWITCH_ON_DISABLED, probe.shown(),
         )  # fmt: skip
         probe.off()
@@ -94,7 +94,7 @@ def modes(probe: Probe) -> Iterator[Finding]:
         probe.network.pump(_QUIET)
         held = probe.read(0x6061) != mode
         name = f"{_MODES[mode]} ({mode}), not in 0x6502, is not entered"
-        answer = "taken" if code is None else f"abort 0x{code:08X}"
+        answer = "accepted" if code is None else f"abort 0x{code:08X}"
         yield probe.expect(name, held, f"0x6061 shows {mode}, was {last}, {answer}")
     yield probe.refusal("mode 99 is refused", lambda: probe.write(0x6060, 0, 99), *_RANGE)
 
@@ -108,7 +108,7 @@ def powered_states(probe: Probe) -> Iterator[Finding]:
 
 
 def _choose_mode(probe: Probe) -> bool:
-    """A mode in which an enabled axis keeps its place."""
+    """Chooses a mode in which an enabled axis holds its position; False without one."""
     for mode in (1, 6, 8, 3):
         if probe.supports(mode):
             probe.change(0x6060, 0, mode)
@@ -118,17 +118,17 @@ def _choose_mode(probe: Probe) -> bool:
 
 
 def fault(probe: Probe) -> Iterator[Finding]:
-    """A fault that any drive can have at rest: the host's heartbeat lost with 0x6007 = 1."""
+    """A fault that any drive can have at rest: loss of the heartbeat with 0x6007 = 1."""
     if not (probe.offers(0x6007) and probe.offers(0x1016, 1)):
         yield probe.absent("fault and its reset", "0x6007 or 0x1016")
         return
     mode = next((m for m in (1, 6, 8) if probe.supports(m)), 1)
-    probe.stay_when_the_host_is_lost()
+    probe.keep_nmt_state_on_host_loss()
     probe.change(0x6007, 0, _FAULT_OPTION)
     if not probe.enable(mode):
         yield probe.expect("OPERATION ENABLED", False, probe.shown())
         return
-    # bit 7 stands from before the fault: its level must not acknowledge anything
+    # bit 7 is set before the fault: its level must not acknowledge anything
     probe.control(Command.ENABLE_OPERATION | Command.FAULT_RESET)
     yield probe.expect(
         "bit 7 with enable operation changes nothing",
@@ -142,9 +142,7 @@ def fault(probe: Probe) -> Iterator[Finding]:
     probe.write(0x1016, 1, 0)
     if not faulted:
         return
-    yield probe.expect(
-        "an emergency says so", bool([e for e in probe.emergencies if e]), probe.fault_text()
-    )
+    yield probe.expect("an emergency is sent", any(probe.emergencies), probe.fault_text())
     yield probe.expect("0x1001 shows an error", bool(probe.read(0x1001) & 1), "generic bit is 0")
     if probe.offers(0x603F):
         yield probe.expect("0x603F holds a code", probe.read(0x603F) != 0, "is 0")

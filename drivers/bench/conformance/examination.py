@@ -1,4 +1,4 @@
-"""All groups of checks on one node, in their order."""
+"""Runs the groups of checks on one node, each from the same initial state."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ def run(
     node: int,
     power: bool = True,
     homing: bool = False,
-    told: Callable[[Finding], object] = lambda _: None,
+    on_finding: Callable[[Finding], object] = lambda _: None,
 ) -> list[Finding]:
     """Checks a node.
 
     Args:
-        network: whose bus nobody else reads.
+        network: of the bus, which nothing else reads.
         node: 1..126.
-        power: also what needs the axis under force.
-        homing: also home, at the present position (method 37 or 35): the zero changes.
-        told: called with each finding as it is made.
+        power: include checks that enable the axis.
+        homing: include homing at the present position (method 37 or 35), which changes the zero.
+        on_finding: called with each finding as it is made.
 
     Raises:
         NodeError: the node does not answer at all.
@@ -46,26 +46,26 @@ def run(
         except SdoCommunicationError as silence:
             raise NodeError(f"node {node} does not answer SDO") from silence
         except SdoAbortedError:
-            pass  # the first check says so
+            pass  # the first check reports it
         for name, check in groups:
             probe.group = name
             refused: list[Finding] = []
             try:
                 for finding in _guarded(probe, check):
                     findings.append(finding)
-                    told(finding)
+                    on_finding(finding)
             finally:  # here, not in the generator: it must be done before the probe is closed
-                refused = _restored(probe)
+                refused = _restore(probe)
             for finding in refused:
                 findings.append(finding)
-                told(finding)
+                on_finding(finding)
     finally:
         probe.close()
     return findings
 
 
 def _guarded(probe: Probe, check: Check) -> Iterator[Finding]:
-    """A group's findings; an access that fails unasked ends the group, not the probe."""
+    """The findings of a group; an unexpected failure of an access ends the group only."""
     try:
         yield from check(probe)
     except SdoAbortedError as refused:
@@ -74,8 +74,8 @@ def _guarded(probe: Probe, check: Check) -> Iterator[Finding]:
         yield probe.expect("every access of this group", False, "no SDO answer")
 
 
-def _restored(probe: Probe) -> list[Finding]:
-    """Off, PRE-OPERATIONAL, with the values of before; what the drive did not take back."""
+def _restore(probe: Probe) -> list[Finding]:
+    """Disables the drive and restores its values; returns what the drive did not accept."""
     try:
         probe.nmt(128)
         with suppress(SdoAbortedError):
@@ -83,4 +83,4 @@ def _restored(probe: Probe) -> list[Finding]:
         refused = probe.restore()
     except SdoCommunicationError:
         refused = ["no SDO answer"] if probe.changed else []
-    return [probe.expect("what was changed is put back", False, text) for text in refused]
+    return [probe.expect("changed values are restored", False, text) for text in refused]

@@ -1,6 +1,6 @@
-"""CiA 402 motion: windows and limits, set-point handshake, halt, csp following, homing bits.
+"""CiA 402 motion: windows and limits, setpoint handshake, halt, cyclic modes, homing.
 
-Set-points are the actual position; nothing is meant to move.
+Setpoints are the actual position: nothing is meant to move.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _HANDSHAKE = 0.5
 
 
 def settings(probe: Probe) -> Iterator[Finding]:
-    """Windows, limits and option codes are kept as written."""
+    """Windows, limits and option codes read back as written."""
     for index, sub, value, name in (
         (0x6065, 0, 1_000_000, "following error window"),
         (0x6065, 0, _OFF, "following error window off"),
@@ -39,7 +39,7 @@ def settings(probe: Probe) -> Iterator[Finding]:
         (0x60C2, 1, 4, "interpolation period"),
         (0x60C2, 2, -3, "interpolation index"),
     ):
-        label = f"0x{index:04X}:{sub:02X} {name} stays written"
+        label = f"0x{index:04X}:{sub:02X} {name} reads back as written"
         if not probe.offers(index, sub):
             yield probe.absent(label, "")
             continue
@@ -64,36 +64,36 @@ def profile_position(probe: Probe) -> Iterator[Finding]:
     def bit(mask: int, level: bool, timeout: float = _HANDSHAKE) -> bool:
         return probe.wait(lambda: bool(probe.statusword() & mask) is level, timeout)
 
-    yield probe.expect("bit 12 is 0 before a set-point", bit(_BIT_12, False), probe.shown())
+    yield probe.expect("bit 12 is 0 before a setpoint", bit(_BIT_12, False), probe.shown())
     probe.write(0x607A, 0, probe.read(0x6064))
     now = _ENABLED | int(Control.CHANGE_IMMEDIATELY)
     probe.control(now | int(Control.NEW_SETPOINT))
     taken = bit(_BIT_12, True)
     if not taken:
-        yield probe.absent("bit 4 up: bit 12 comes up", "drive without acknowledge")
+        yield probe.absent("bit 12 rises with bit 4", "drive without acknowledge")
     else:
-        yield probe.expect("bit 4 up: bit 12 comes up", True, "")
+        yield probe.expect("bit 12 rises with bit 4", True, "")
         probe.network.pump(0.1)
         stays = bool(probe.statusword() & _BIT_12)
-        yield probe.expect("bit 12 stays up for as long as bit 4", stays, probe.shown())
+        yield probe.expect("bit 12 stays set as long as bit 4", stays, probe.shown())
         probe.control(now)
-        yield probe.expect("bit 4 down: bit 12 goes down", bit(_BIT_12, False), probe.shown())
+        yield probe.expect("bit 12 falls with bit 4", bit(_BIT_12, False), probe.shown())
     probe.control(now)
     yield probe.expect("bit 10: target reached", bit(_REACHED, True, 5.0), probe.shown())
     probe.write(0x607A, 0, 0)
     probe.control(now | int(Control.NEW_SETPOINT | Control.RELATIVE))
     accepted = bit(_BIT_12, True) or not taken
-    yield probe.expect("a relative set-point is taken", accepted, probe.shown())
+    yield probe.expect("a relative setpoint is accepted", accepted, probe.shown())
     probe.control(now | int(Control.RELATIVE))
     yield probe.expect("and reached", bit(_REACHED, True, 5.0), probe.shown())
     probe.control(_ENABLED | int(Control.HALT))
     standing = bit(_REACHED, True, 2.0) and probe.state() is State.OPERATION_ENABLED
-    yield probe.expect("halt: enabled, bit 10 says velocity 0", standing, probe.shown())
+    yield probe.expect("halt: enabled, bit 10 shows velocity 0", standing, probe.shown())
     probe.control(_ENABLED)
 
 
 def profile_velocity(probe: Probe) -> Iterator[Finding]:
-    """Target velocity 0: velocity reached and speed zero."""
+    """Target velocity 0 in pv: target reached and speed zero."""
     if not (probe.supports(_PV) and probe.offers(0x60FF)):
         yield probe.absent("profile velocity", "not in 0x6502, or 0x60FF")
         return
@@ -107,7 +107,7 @@ def profile_velocity(probe: Probe) -> Iterator[Finding]:
 
 
 def cyclic_velocity(probe: Probe) -> Iterator[Finding]:
-    """The same at velocity 0 in csv."""
+    """Target velocity 0 in csv: the drive follows the command value."""
     if not (probe.supports(_CSV) and probe.offers(0x60FF)):
         yield probe.absent("cyclic synchronous velocity", "not in 0x6502, or 0x60FF")
         return
@@ -116,7 +116,7 @@ def cyclic_velocity(probe: Probe) -> Iterator[Finding]:
 
 
 def cyclic_position(probe: Probe) -> Iterator[Finding]:
-    """csp: bit 12 says that the drive follows the command value, from SYNC to SYNC."""
+    """Actual position as target in csp: the drive follows the command value."""
     if not probe.supports(_CSP):
         yield probe.absent("cyclic synchronous position", "not in 0x6502")
         return
@@ -140,7 +140,7 @@ def _cyclic(probe: Probe, mode: int) -> Iterator[Finding]:
 
 
 def homing_bits(probe: Probe) -> Iterator[Finding]:
-    """Homing mode before the start: no error, standing still."""
+    """Homing mode before the start: no error, standstill."""
     if not probe.supports(_HM):
         yield probe.absent("homing", "not in 0x6502")
         return
@@ -152,7 +152,7 @@ def homing_bits(probe: Probe) -> Iterator[Finding]:
 
 
 def homing_run(probe: Probe) -> Iterator[Finding]:
-    """Homing at the present position: bits 13, 12, 10 end as 0, 1, 1; the start bit going down."""
+    """Homing at the present position: bits 13, 12, 10 end as 0, 1, 1; start bit cleared."""
     if not probe.supports(_HM):
         yield probe.absent("homing", "not in 0x6502")
         return
@@ -173,7 +173,7 @@ def homing_run(probe: Probe) -> Iterator[Finding]:
     probe.control(_ENABLED)
     probe.network.pump(0.05)
     still = not probe.statusword() & _BIT_13
-    yield probe.expect("the start bit down is no error", still, probe.shown())
+    yield probe.expect("clearing the start bit is no error", still, probe.shown())
 
 
 GROUPS: list[tuple[str, Check]] = [

@@ -1,7 +1,6 @@
-"""Communication and mapping parameters of one PDO as they were found, and their way back.
+"""Saves and restores communication and mapping parameters of a PDO.
 
-Everything is read before anything is changed: while the count is 0, some drives show no entries,
-or have lost them.
+All are read before any is changed: while the count is 0, some drives show no entries or lose them.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ class PdoSetup:
 
     Attributes:
         communication, mapping: indices of its records.
-        cob_id, kind: sub-indices 1 and 2 of the former.  entries: of the latter, as many as count.
+        cob_id, kind: sub-indices 1 and 2 of the former.  entries: of the latter.
     """
 
     communication: int
@@ -30,7 +29,7 @@ class PdoSetup:
 
     @classmethod
     def read(cls, probe: Probe, communication: int) -> PdoSetup:
-        """What the drive holds; raises as `Probe.read`."""
+        """The parameters in the drive; raises as `Probe.read`."""
         mapping = communication + 0x200
         count = probe.read(mapping, 0)
         return cls(
@@ -41,8 +40,8 @@ class PdoSetup:
             tuple(probe.read(mapping, sub) for sub in range(1, count + 1)),
         )
 
-    def put_back(self, probe: Probe) -> str:
-        """Writes it by the book where the drive holds another; says what it did not take."""
+    def restore(self, probe: Probe) -> str:
+        """Restores the parameters where they differ; returns what the drive did not accept."""
         if PdoSetup.read(probe, self.communication) == self:
             return ""
         steps = [
@@ -61,13 +60,13 @@ class PdoSetup:
         return f"0x{self.communication:04X} has {held.text()}, had {self.text()}"
 
     def text(self) -> str:
-        """On one line."""
+        """The parameters on one line."""
         entries = " ".join(f"{entry:08X}" for entry in self.entries) or "nothing"
         return f"COB-ID 0x{self.cob_id:08X}, type {self.kind}, {entries} mapped"
 
 
-def keep(probe: Probe, *communication: int) -> None:
-    """Has `Probe.restore` put these PDOs back (index of 0x14xx or 0x18xx); raises as `read`."""
+def restore_pdos(probe: Probe, *communication: int) -> None:
+    """Has `Probe.restore` restore these PDOs (index 0x14xx or 0x18xx); raises as `Probe.read`."""
     for index in communication:
         setup = PdoSetup.read(probe, index)
-        probe.undo(lambda s=setup: s.put_back(probe))  # type: ignore[misc]
+        probe.on_restore(lambda s=setup: s.restore(probe))  # type: ignore[misc]

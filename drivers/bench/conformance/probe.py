@@ -1,7 +1,7 @@
-"""The node under probe: object access with sizes by CiA 402, waiting, and what was found.
+"""The node under test: object access with the sizes of CiA 402, waiting, findings.
 
-A check is a generator of findings; groups of checks run one after the other, each from a drive
-that is disabled, PRE-OPERATIONAL and has its own values.
+A check is a generator of findings. Groups of checks run one after the other, each from a drive that
+is disabled, PRE-OPERATIONAL and holds its original values.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _STATE_TIMEOUT = 1.0
 
 
 class Verdict(Enum):
-    """What a check found."""
+    """Result of a check."""
 
     PASS = "pass"  # noqa: S105  no password
     FAIL = "FAIL"
@@ -39,11 +39,11 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One row of the table.
+    """One row of the table of results.
 
     Attributes:
-        group: of the check.  name: what was asked for.  verdict: see there.
-        detail: what the drive did, empty where it did as asked.
+        group: of the check.  name: what was expected.  verdict: its result.
+        detail: what the drive did instead, empty if it passed.
     """
 
     group: str
@@ -53,7 +53,7 @@ class Finding:
 
 
 def code_of(index: int, sub: int) -> str:
-    """`struct` code of an object, from CiA 301 and 402; UNSIGNED32 where neither is smaller."""
+    """`struct` code of an object by CiA 301 and 402; UNSIGNED32 by default."""
     if index in _SIGNED_8 or (index == 0x60C2 and sub == 2):
         return "b"
     if index in _SIGNED_16:
@@ -73,13 +73,13 @@ class Probe:
     """A node that is being checked.
 
     Args:
-        network: whose bus nobody else reads; must not be another host's for the time.
+        network: of the bus, which nothing else reads and no other host uses.
         node: 1..126.
 
     Attributes:
-        group: name of the group under way, for `finding`.
-        emergencies: EMCY codes heard.  beats: (time [ns], NMT state) of every heartbeat.
-        tpdos: (CAN-ID, data) of every frame heard on 0x180..0x57F of this node.
+        group: name of the present group, for findings.
+        emergencies: EMCY codes received.  beats: (time [ns], NMT state) of every heartbeat.
+        tpdos: (CAN-ID, data) of every TPDO of this node.
     """
 
     def __init__(self, network: Network, node: int) -> None:
@@ -119,7 +119,7 @@ class Probe:
     # -- objects ----------------------------------------------------------------------------
 
     def read(self, index: int, sub: int = 0) -> int:
-        """An object's value.
+        """The value of an object.
 
         Raises:
             SdoAbortedError: refused.
@@ -130,7 +130,7 @@ class Probe:
         return int.from_bytes(data[: struct.calcsize(code)], "little", signed=code.islower())
 
     def raw(self, index: int, sub: int = 0, block: bool = False) -> bytes:
-        """An object's bytes, by block transfer where asked for; raises as `read`."""
+        """The bytes of an object, on request by block transfer; raises as `read`."""
         channel = self._channel
         return channel.block_upload(index, sub) if block else channel.upload(index, sub)
 
@@ -143,30 +143,30 @@ class Probe:
         self._channel.download(index, sub, data)
 
     def change(self, index: int, sub: int, value: int) -> None:
-        """Writes an object whose value of before `restore` puts back; raises as `read`."""
-        self.keep(index, sub)
+        """Writes an object whose original value `restore` restores; raises as `read`."""
+        self.restore_later(index, sub)
         self.write(index, sub, value)
 
-    def keep(self, index: int, sub: int = 0) -> None:
-        """Has `restore` put back what the object holds now; raises as `read`."""
+    def restore_later(self, index: int, sub: int = 0) -> None:
+        """Has `restore` restore the present value of an object; raises as `read`."""
         before = self.read(index, sub)
-        self.undo(lambda: self._put_back(index, sub, before))
+        self.on_restore(lambda: self._restore_value(index, sub, before))
 
     @property
     def changed(self) -> bool:
-        """Whether something is still to be put back."""
+        """Whether something is still to be restored."""
         return bool(self._undo)
 
-    def undo(self, action: Callable[[], str]) -> None:
-        """Has `restore` call this on its way back; it says what could not be put back, or ""."""
+    def on_restore(self, action: Callable[[], str]) -> None:
+        """Has `restore` call an action, which returns what the drive did not accept, or ""."""
         self._undo.append(action)
 
-    def _put_back(self, index: int, sub: int, before: int) -> str:
+    def _restore_value(self, index: int, sub: int, before: int) -> str:
         if self.read(index, sub) == before:
             return ""
         self.abort_code(lambda: self.write(index, sub, before))
         held = self.read(index, sub)
-        if held == before or (index == _MODE and before == 0):  # which asks for no mode
+        if held == before or (index == _MODE and before == 0):  # 0: no mode was requested
             return ""
         return f"0x{index:04X}:{sub:02X} holds {held}, was {before}"
 
@@ -179,25 +179,25 @@ class Probe:
         return True
 
     def abort_code(self, action: Callable[[], object]) -> int | None:
-        """What an access is refused with, None when it is not."""
+        """The abort code of an access, None where it is accepted."""
         try:
             action()
         except SdoAbortedError as refused:
             return refused.code
         return None
 
-    def stay_when_the_host_is_lost(self) -> None:
-        """Keeps the NMT state then (0x1029:01 = 1), where the drive offers that: SDO goes on."""
+    def keep_nmt_state_on_host_loss(self) -> None:
+        """Sets 0x1029:01 to 1 where the drive offers it, so that SDO remains available."""
         self.abort_code(lambda: self.change(0x1029, 1, 1))
 
     def restore(self) -> list[str]:
-        """Puts back what was there before, the latest change first.
+        """Restores all changes, the latest first.
 
         Returns:
-            What the drive did not take.
+            What the drive did not accept.
 
         Raises:
-            SdoCommunicationError: no answer; the rest is still to be put back.
+            SdoCommunicationError: no answer; the rest is still to be restored.
         """
         refused = []
         while self._undo:
@@ -211,7 +211,7 @@ class Probe:
     # -- states -----------------------------------------------------------------------------
 
     def wait(self, condition: Callable[[], bool], timeout: float) -> bool:
-        """Pumps until `condition` holds, at most `timeout` [s]; looks every 5 ms."""
+        """Receives until `condition`, checked every 5 ms, holds; False after `timeout` [s]."""
         deadline = self.network.clock.now_ns() + round(timeout * 1e9)
         while not condition():
             if self.network.clock.now_ns() >= deadline:
@@ -241,7 +241,7 @@ class Probe:
         self.network.pump(0.02)
 
     def off(self) -> None:
-        """SWITCH ON DISABLED, out of whatever state, with a fault acknowledged."""
+        """Takes the drive to SWITCH ON DISABLED from any state; acknowledges a fault."""
         if self.state() in (State.FAULT, State.FAULT_REACTION_ACTIVE):
             self.reaches(State.FAULT)
             self.control(Command.DISABLE_VOLTAGE)
@@ -250,7 +250,7 @@ class Probe:
         self.reaches(State.SWITCH_ON_DISABLED)
 
     def enable(self, mode: int) -> bool:
-        """OPERATION ENABLED in a mode, at the actual position; whether that worked."""
+        """Takes the drive to OPERATION ENABLED in a mode, at its actual position."""
         self.off()
         self.change(0x6060, 0, mode)
         if not self.wait(lambda: self.read(0x6061) == mode, _STATE_TIMEOUT):
@@ -273,16 +273,16 @@ class Probe:
     # -- findings ---------------------------------------------------------------------------
 
     def expect(self, name: str, held: bool, found: str) -> Finding:
-        """Pass, or fail with what was found."""
+        """A finding: pass, or fail with what was found."""
         verdict = Verdict.PASS if held else Verdict.FAIL
         return Finding(self.group, name, verdict, "" if held else found)
 
     def absent(self, name: str, why: str) -> Finding:
-        """Not offered."""
+        """A finding: not offered."""
         return Finding(self.group, name, Verdict.ABSENT, why)
 
     def refusal(self, name: str, action: Callable[[], object], *codes: int) -> Finding:
-        """Pass when refused with one of the codes, differs with another, fail when accepted."""
+        """A finding: pass if refused with one of the codes, differs with another, else fail."""
         code = self.abort_code(action)
         if code in codes:
             return Finding(self.group, name, Verdict.PASS)
@@ -295,12 +295,12 @@ class Probe:
         )
 
     def shown(self) -> str:
-        """Statusword and state, for details."""
+        """Statusword and state as text."""
         word = self.statusword()
         return f"statusword 0x{word:04X} ({decode(word)})"
 
     def fault_text(self) -> str:
-        """The last emergency, for details."""
+        """The last emergency as text."""
         if not self.emergencies:
             return "no emergency"
         return f"emergency {error_text(self.emergencies[-1])}"

@@ -21,10 +21,10 @@ def test_without_echoes_every_host_frame_received_is_of_another_host() -> None:
     other = OtherHost(echoes=False)
     told: list[str | None] = []
     other.on_found = lambda: told.append(other.found)
-    other.sends(frame(0x77F, b"\x05", is_rx=False), 0)
+    other.has_sent(frame(0x77F, b"\x05", is_rx=False), 0)
     assert told == []
-    other.sends(frame(0x77F, b"\x05"), 0)
-    other.sends(frame(0x080), 0)
+    other.has_sent(frame(0x77F, b"\x05"), 0)
+    other.has_sent(frame(0x080), 0)
     assert told == ["a heartbeat of node 127 (0x77F)"]
 
 
@@ -34,17 +34,17 @@ def test_echoes_of_own_frames_are_own_however_late_or_often() -> None:
     for k in range(50):  # read much later, with some lost on the way
         other.note_sent(0x201, bytes([k]), k * MS)
     for k in (0, 1, 2, 5, 9, 10, 49):
-        other.sends(frame(0x201, bytes([k])), 300 * MS)
+        other.has_sent(frame(0x201, bytes([k])), 300 * MS)
     other.note_sent(0x080, b"", 400 * MS)
     for _ in range(3):  # a network that doubles frames
-        other.sends(frame(0x080), 401 * MS)
+        other.has_sent(frame(0x080), 401 * MS)
     assert other.found is None
 
 
 @pytest.mark.parametrize(
     ("can_id", "data", "at", "said"),
     [
-        (0x201, b"\x0f\x01", 11, "set-points for node 1 (0x201)"),
+        (0x201, b"\x0f\x01", 11, "setpoints for node 1 (0x201)"),
         (0x000, b"\x82\x00", 11, "the NMT command 'reset communication' (0x000) for all nodes"),
         (0x77F, b"\x05", 60, "a heartbeat of node 127 (0x77F)"),
         (0x080, b"", 60, "a SYNC (0x080)"),
@@ -57,15 +57,15 @@ def test_frames_that_were_never_sent_are_of_another_host(
     other.ids.add(0x201)
     for own in (frame(0x201, b"\x0f\x00"), frame(0x080), frame(0x77F, b"\x05"), frame(0, b"\1\1")):
         other.note_sent(own.arbitration_id, bytes(own.data), 10 * MS)
-        other.sends(own, 10 * MS)
-    other.sends(frame(can_id, data), at * MS)
+        other.has_sent(own, 10 * MS)
+    other.has_sent(frame(can_id, data), at * MS)
     assert other.found == said
 
 
 def test_a_sync_sent_by_the_kernel_is_our_own() -> None:
     other = OtherHost(echoes=True)
     other.sent_elsewhere.add(0x080)
-    other.sends(frame(0x080), 0)
+    other.has_sent(frame(0x080), 0)
     assert other.found is None
 
 

@@ -76,7 +76,7 @@ def test_a_mismatch_names_both_units():
         ({"x60A9_0": 0xFA010300}, r"0x60A9:00 .*velocity unit is 1e-06 m/s, .* 1e-09 m/s"),
         ({"x60AA_0": 0xF7015700}, r"0x60AA:00 .*acceleration unit is 1e-09 m/s\^2, .* 1e-06"),
         ({"x6097_1": 1, "x6097_2": 0}, r"0x6097:01 .*factor group holds 1 / 0"),
-        ({"x607E_0": 0x80}, r"0x607E:00 polarity: 0x80 turns positions or velocities round"),
+        ({"x607E_0": 0x80}, r"0x607E:00 polarity: 0x80 reverses positions or velocities"),
         ({"x6076_0": 41_000}, r"0x6076:00 .*the drive says 41 N, the settings 40 N"),
     ],
 )
@@ -99,14 +99,14 @@ def test_missing_unit_objects_are_reported():
     clauses = check_units(Drive(), settings())
     assert len(clauses) == 4
     assert clauses[-1] == (
-        "0x6076:00 motor rated torque is not offered: the rated force is taken to be 40 N"
+        "0x6076:00 motor rated torque is not offered: the rated force is assumed to be 40 N"
     )
 
 
 @pytest.mark.parametrize("polarity", [0x40, 0x80, 0xC0, -128])
 def test_a_polarity_that_reverses_motion_is_refused(polarity):
     with pytest.raises(
-        ConfigurationError, match=rf"^axis x: 0x607E:00 .*0x{polarity & 0xFF:02X} t"
+        ConfigurationError, match=rf"^axis x: 0x607E:00 .*0x{polarity & 0xFF:02X} reverses"
     ):
         check_units(factor_group(1e-9, 1e-9, x607E_0=polarity), settings())
 
@@ -166,7 +166,7 @@ def test_half_a_factor_counts_as_none(missing):
     del drive.objects[missing]
     (clause,) = check_units(drive, settings())
     assert clause == (
-        "0x6091:01 motor shaft revolutions is not offered: one position unit is taken to be 1e-09 m"
+        "0x6091:01 motor shaft revolutions is not offered: one position unit is assumed to be 1e-09 m"
     )
 
 
