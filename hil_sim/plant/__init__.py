@@ -1,10 +1,10 @@
-"""The simulated mechanics with motor, friction, encoder and control loops, compiled."""
+"""The simulated plant, compiled: mechanics, friction, motor, encoder and control loops."""
 
 from hil_sim.plant.arrays import Arrays
 from hil_sim.plant.friction import element_shares, slip_step, stribeck
 from hil_sim.plant.mechanics import advance, command
 from hil_sim.plant.motor import Motor
-from hil_sim.plant.port_arrays import opened
+from hil_sim.plant.port_arrays import build_ports
 from hil_sim.plant.simulate import Response, needs_all_axes, simulate
 from hil_sim.plant.stepped import Plant, warm_up
 
@@ -14,10 +14,10 @@ __all__ = [
     "Plant",
     "Response",
     "advance",
+    "build_ports",
     "command",
     "element_shares",
     "needs_all_axes",
-    "opened",
     "simulate",
     "slip_step",
     "stribeck",

@@ -14,10 +14,10 @@ from hil_sim.plant.port_arrays import (
     PORT_FIELDS,
     PORT_STATE_FIELDS,
     Arena,
-    couple,
-    fill,
-    fill_coarse,
-    opened,
+    build_ports,
+    write_coarse_weights,
+    write_coupling,
+    write_ports,
 )
 from hil_sim.settings import SUBSTEPS, AxisSettings, CascadeSettings, ControlSettings, StageSettings
 
@@ -123,7 +123,7 @@ class Arrays:
         if substeps != 1 and substeps < SUBSTEPS:
             raise ValueError(f"substeps must be 1 or at least {SUBSTEPS}, is {substeps}")
         axes = settings.axes
-        self.ports = opened(settings, duration, substeps)
+        self.ports = build_ports(settings, duration, substeps)
         for a, ports in enumerate(() if level is None else self.ports):
             ports.scale_time_coulomb(np.append(level[:, a], level[-1, a]))  # type: ignore[index]
         self.plant = np.zeros(len(axes), dtype=_PLANT)
@@ -135,10 +135,10 @@ class Arrays:
                 record[name] = value
             record["first_element"] = first
             first += axis.friction.elements
-            fill(record, ports, arena, settings, substeps)
+            write_ports(record, ports, arena, settings, substeps)
             if substeps < SUBSTEPS:
-                fill_coarse(record, ports, settings.control_period, float(fines[a]))
-        couple(self.plant, self.ports, arena)
+                write_coarse_weights(record, ports, settings.control_period, float(fines[a]))
+        write_coupling(self.plant, self.ports, arena)
         self.arena = arena.array()
         self.control = np.array(
             [_control_record(a.control) for a in axes],

@@ -1,14 +1,15 @@
 """The plant in one step per control tick, compiled: for many simulations of one recording.
 
-The reference integrates in steps of Tc/5 (semi-implicit Euler), which is more than the mechanics
-ask for: only the current loop is that fast, and its answer to a constant input has a closed form.
-The coarse step of length h = Tc stands for n = 5 fine ones. What the motor does within it enters by
-the sums that the fine steps would make (`coarse_weights.py`); friction and the other forces, which
-change little, enter as a straight line from the step's start to its end:
+The reference integrates in steps of Tc/5 (semi-implicit Euler). Only the current loop needs steps
+that short, and its response to a constant input has a closed form. The coarse step of length h = Tc
+replaces n = 5 fine ones: the motor force enters by the sums that the fine steps would make
+(`coarse_weights`); friction and the other forces, which change little, enter as a straight line
+from the step's start to its end:
 
     x1 - x0 = h (v0 + h/m (F_x - R0 (n + 1)/(2n))),   v1 - v0 = h/m (F_v - R0 - c (R1 - R0))
 
-with c = (n - 1)/(2n). Springs of what swings take the whole kick at once: that keeps their energy.
+with c = (n - 1)/(2n). Springs of oscillators take the whole change of velocity at once, which
+conserves their energy.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from hil_sim.plant.friction import slip_step, stribeck
 
 @numba.njit(cache=True, error_model="numpy")
 def _decay(y):  # type: ignore[no-untyped-def]
-    """exp(-y) of a small y, to 1e-9."""
+    """exp(-y) for y >= 0, to 1e-9 for small y."""
     if y > 0.05:
         return math.exp(-y)
     return 1.0 - y * (1.0 - y * (0.5 - y * (1.0 / 6.0 - y / 24.0)))
@@ -43,10 +44,10 @@ def _decay(y):  # type: ignore[no-untyped-def]
 def advance_coarsely(  # type: ignore[no-untyped-def]
     plant, control, state, loop, forces, slipping, shares, arena, period, normals, first, ticks
 ):  # fmt: skip
-    """Advance every axis by `ticks` control ticks, a step each; arguments as the kernel's.
+    """Advance every axis, in one long function: passing arrays on costs more than the step itself.
 
-    All in one function: arrays that are handed on have their references counted at every call,
-    which would take longer than the step.
+    (numba counts their references at every call.) Each of the `ticks` control ticks is one step.
+    Arguments: as those of `mechanics.advance`.
     """
     axes = plant.shape[0]
     noisy = normals.shape[2] > 0

@@ -1,4 +1,4 @@
-"""How the motor's force acts within one coarse step, as weights; see `hil_sim.plant.coarse`."""
+"""Weights of the motor force within one coarse step; see `hil_sim.plant.coarse`."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ F64 = NDArray[np.float64]
 
 
 def motor_weights(decay: float, share: F64) -> F64:
-    """How the motor force acts in one coarse step, as weights of what it depends on.
+    """Weights by which outputs and initial force make up the motor force in one coarse step.
 
     Args:
         decay: 2 pi bandwidth times the fine step.
-        share: weight of the output before its step in each fine step, float64[n].
+        share: weight of the earlier output in each fine step, float64[n].
 
     Returns:
-        float64[3, 2]: rows for the force at the end, its mean for the velocity and its mean for
-        the displacement; columns for the earlier output and the force at the start. What is
-        missing to 1 (displacement: to (n + 1)/(2n)) is the weight of the present output.
+        float64[3, 2]: rows for the force at the end, its mean in the velocity and its mean in the
+        displacement; columns for the earlier output and the force at the start. The present output
+        has the remaining weight, to 1 or, for the displacement, to (n + 1)/(2n).
     """
     count = len(share)
     gain = 1.0 - math.exp(-decay)

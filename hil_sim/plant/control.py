@@ -1,10 +1,10 @@
 """The virtual drive's loops, one control tick at a time, compiled.
 
-Position loop: PID on the encoder with a low-passed derivative, force offset added, output clamped
-to the peak force, integrator halted while clamped (docs/reference-stage.md, "The drive, each
-control tick"). Or a cascade, as drives with a velocity loop have it (and the EMPS benchmark): a
-proportional position loop demands a velocity from a PI loop on the encoder's. The current loop, a
-first-order lag, is integrated with the plant.
+Position loop: PID on the encoder with a low-passed derivative, plus force offset, clamped to the
+peak force; the integrator stops while clamped (docs/reference-stage.md, "The drive, each control
+tick"). Or a cascade, as in drives with a velocity loop (and in the EMPS benchmark): the output of a
+proportional position loop is the setpoint of a PI loop on the encoder's velocity. The current loop,
+a first-order lag, is integrated with the plant.
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ CONTROL_STATE_DTYPE = np.dtype(
 HELD_AT_POSITION = (
     "demand", "from_position", "to_position", "reading", "reading_before", "last_demand",
 )  # fmt: skip
-"""Fields of the state that are at the encoder's reading when the loop is closed."""
+"""Fields of the state that are set to the encoder's reading when the loop is closed."""
 
 
 @numba.njit(cache=True, error_model="numpy")
 def advance_demand(loop):  # type: ignore[no-untyped-def]
-    """Next point of the linear ramp between the last two commanded pairs."""
+    """Advance one tick on the linear ramp to the pair commanded last [m, N]."""
     if loop.ramp_done >= loop.ramp_ticks:
         return
     loop.ramp_done += 1
@@ -69,7 +69,17 @@ def advance_demand(loop):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def cascade(control, loop, encoder, period):  # type: ignore[no-untyped-def]
-    """One tick of position loop P over velocity loop PI; `kd` is the velocity loop's gain."""
+    """One tick of a P position loop over a PI velocity loop, whose gain is `kd`.
+
+    Args:
+        control: record of the axis.
+        loop: state of the axis.
+        encoder: reading [m].
+        period: Tc [s].
+
+    Returns:
+        The following error [m].
+    """
     error = loop.demand - encoder
     before = loop.reading_before if control.span == 2 else loop.reading
     rate = (encoder - before) / (control.span * period)
@@ -89,8 +99,15 @@ def cascade(control, loop, encoder, period):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def position_loop(control, loop, encoder, period):  # type: ignore[no-untyped-def]
-    """One tick of the loop; sets the clamped force demand, returns the following error [m]."""
-    if loop.open:  # force as commanded; the demand stays where the axis is
+    """One tick of the loop: set `output` [N], return the following error [m].
+
+    Args:
+        control: record of the axis.
+        loop: state of the axis.
+        encoder: reading [m].
+        period: Tc [s].
+    """
+    if loop.open:  # force as commanded; the demand follows the axis
         loop.demand = encoder
         loop.output = min(max(loop.offset, -control.peak_force), control.peak_force)
         return 0.0

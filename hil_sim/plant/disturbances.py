@@ -1,8 +1,8 @@
 """What the ports of an axis do to its plant, compiled.
 
-Per control tick `refresh` evaluates tables and everything over time as straight lines around the
-tick's middle; per substep `drive` gives the force on the carriage, `swing` and `drag` advance
-what has a state of its own. Layout of records and arena: `hil_sim.plant.port_arrays`.
+Per control tick `refresh` linearises tables and everything that depends on time about the middle of
+the tick. Per substep `drive` gives the force on the carriage; `swing` and `drag` advance
+oscillators and hysteretic elements. Layout of records and arena: `hil_sim.plant.port_arrays`.
 """
 
 from __future__ import annotations
@@ -14,11 +14,14 @@ import numba
 
 @numba.njit(cache=True, error_model="numpy")
 def _table(arena, offset, low, inverse, count, x):  # type: ignore[no-untyped-def]
-    """Value and slope at x by cubic interpolation (Catmull-Rom); held at the ends."""
+    """Value and slope at x by cubic interpolation (Catmull-Rom); held at the ends.
+
+    The table has `count` nodes from `low` on, 1/`inverse` apart, and one more entry at each end.
+    """
     u = (x - low) * inverse
     if u >= count - 1.0:
         return arena[offset + count], 0.0
-    if not u > 0.0:  # a number that is none comes out here, too
+    if not u > 0.0:  # NaN included
         return arena[offset + 1], 0.0
     cell = int(u)
     t = u - cell
@@ -34,7 +37,7 @@ def _table(arena, offset, low, inverse, count, x):  # type: ignore[no-untyped-de
 
 @numba.njit(cache=True, error_model="numpy")
 def _over_time(arena, offset, inverse, count, t):  # type: ignore[no-untyped-def]
-    """Value and rate of a table over time by straight lines; held at the ends."""
+    """Value and rate at t [s] by linear interpolation; held at the ends."""
     u = t * inverse
     if u >= count - 1.0:
         return arena[offset + count - 1], 0.0
@@ -48,7 +51,7 @@ def _over_time(arena, offset, inverse, count, t):  # type: ignore[no-untyped-def
 
 @numba.njit(cache=True, error_model="numpy")
 def _field(arena, offset, x, y):  # type: ignore[no-untyped-def]
-    """Factor over two positions, bilinear, held at the edges; and where the next field begins."""
+    """Factor at (x, y) [m], bilinear, held at the edges; and the offset of the next field."""
     rows = int(arena[offset])
     columns = int(arena[offset + 3])
     u = (x - arena[offset + 1]) * arena[offset + 2]
@@ -68,10 +71,15 @@ def _field(arena, offset, x, y):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def refresh(p, s, across, arena, output, period):  # type: ignore[no-untyped-def]
-    """Prepare one control tick of an axis: straight lines over position and time, dead time.
+    """Prepare a control tick, in one long function: passing the arena on costs more than the work.
 
-    `across` is the position of the other axis [m], `output` the controller's of this tick [N],
-    `period` Tc [s].
+    Args:
+        p: record of the axis.
+        s: state of the axis.
+        across: position of the other axis [m].
+        arena: of all axes, float64[n].
+        output: of the controller in this tick [N].
+        period: Tc [s].
     """
     if p.history >= 0:
         depth = p.history_depth
@@ -140,7 +148,7 @@ def refresh(p, s, across, arena, output, period):  # type: ignore[no-untyped-def
 
 @numba.njit(cache=True, error_model="numpy")
 def delayed(p, s, arena, substep):  # type: ignore[no-untyped-def]
-    """The current loop's input in this substep [N]."""
+    """Input of the current loop in this substep [N], after the dead time."""
     if p.history < 0:
         return s.late
     share = arena[p.delay_share + substep]
@@ -149,19 +157,24 @@ def delayed(p, s, arena, substep):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def coulomb_factor(p, s, direction):  # type: ignore[no-untyped-def]
-    """What scales Fc at the present position, time and direction."""
+    """Factor on Fc at the present position, time and direction."""
     value = s.coulomb + s.coulomb_slope * (s.position - s.place)
     return max(value, 0.0) * (p.coulomb_forward if direction > 0.0 else p.coulomb_backward)
 
 
 @numba.njit(cache=True, error_model="numpy")
 def drive(p, s, arena, since, motor_force, resistance):  # type: ignore[no-untyped-def]
-    """Force on the carriage and the acceleration it makes, but for coupling.
+    """Acceleration of the carriage relative to the base [m/s^2], without coupling.
 
-    Sets `net`, `sprung`, `springs`, `response` and `rise`; returns the acceleration relative to
-    the base [m/s^2].
+    Sets `net`, `sprung`, `response` and `rise`.
 
-    Args: `since` the tick's start [s], measured motor force [N], friction [N].
+    Args:
+        p: record of the axis.
+        s: state of the axis.
+        arena: of all axes, float64[n].
+        since: time since the tick's start [s].
+        motor_force: as measured [N].
+        resistance: friction [N].
     """
     away = s.position - s.place
     force = motor_force
@@ -202,7 +215,7 @@ def drive(p, s, arena, since, motor_force, resistance):  # type: ignore[no-untyp
 
 @numba.njit(cache=True, error_model="numpy")
 def over_velocity(arena, p, v):  # type: ignore[no-untyped-def]
-    """Force at this velocity; nodes lie at ± (i / scale)^2."""
+    """Force at velocity v [m/s], linear between nodes at ± (i / scale)^2 [N]."""
     half = p.velocity_nodes
     u = math.sqrt(abs(v)) * p.velocity_scale
     if not u < half:
@@ -218,7 +231,7 @@ def over_velocity(arena, p, v):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def solve_jointly(plant, state, arena, dt):  # type: ignore[no-untyped-def]
-    """Replace the kicks by those with coupling; takes the coupling forces out of `net`."""
+    """Replace the kicks of a step `dt` [s] by those with coupling, and update `net`."""
     count = plant.shape[0]
     at = plant[0].coupling
     first = state[0].kick
@@ -231,7 +244,7 @@ def solve_jointly(plant, state, arena, dt):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def swing(p, s, arena, dt):  # type: ignore[no-untyped-def]
-    """Advance what hangs from the carriage and the bases, after the kick."""
+    """Advance oscillators on the carriage and bases by `dt` [s], after the kick."""
     if p.hanging_count > 0:
         acceleration = (s.net + s.sprung) / p.mass  # of the carriage, absolute
         for i in range(p.hanging_count):

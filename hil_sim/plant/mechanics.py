@@ -1,13 +1,13 @@
 """The stage's mechanics with its drive loops, all axes jointly, compiled.
 
-One kernel for every stage: what the plain model does not have enters through ports
-(`hil_sim.plant.disturbances`), and an axis without any takes the plain path, to the bit.
+One kernel simulates every stage. What the plain model does not have enters through ports
+(`hil_sim.plant.disturbances`); an axis without ports takes the plain path, bit for bit.
 
-Order of one control tick at time t, as docs/reference-stage.md states it: the encoder reading taken
-at t feeds the position loop, whose output drives the current loop and the plant until t + Tc, where
-the encoder is read again. The plant is integrated in steps of Tc/5, semi-implicit Euler.
+A control tick at time t (docs/reference-stage.md): the encoder reading taken at t feeds the
+position loop, whose output drives current loop and plant until t + Tc, when the encoder is read
+again. The plant is integrated in steps of Tc/5, semi-implicit Euler.
 
-Not modelled: power electronics, commutation; cables, the machine's base and much else are effects
+Not modelled: power electronics, commutation. Cables, the machine's base and much else are effects
 (`hil_sim.effects`).
 """
 
@@ -35,7 +35,10 @@ from hil_sim.settings import SUBSTEPS
 
 @numba.njit(cache=True, error_model="numpy")
 def command(loop, position, force, ticks):  # type: ignore[no-untyped-def]
-    """Ramp demand and force offset from the last commanded pair to this one within `ticks`."""
+    """Ramp demand and force offset of one axis linearly to this pair [m, N] within `ticks`.
+
+    `loop` is its record of `CONTROL_STATE_DTYPE`.
+    """
     loop.from_position = loop.demand
     loop.from_force = loop.offset
     loop.to_position = position
@@ -49,7 +52,13 @@ def step(  # type: ignore[no-untyped-def]
     plant, control, state, loop, forces, slipping, shares, arena, period, normals, first, ticks,
     orders, report,
 ):  # fmt: skip
-    """Take over the orders, advance, report: what `Plant` needs of one call."""
+    """Execute commands, advance, report: many arguments, so that `Plant` needs one call.
+
+    Arguments up to `ticks`: as those of `advance`. `orders`, float64[axes, 5]: 1 to command,
+    position [m], force offset [N], ticks; 1 to restart the worst following error; executed flags are
+    set to 0. `report`, float64[axes, 5], written: encoder counts, motor force [N], demand [m],
+    encoder velocity [m/s], worst following error [m].
+    """
     for a in range(plant.shape[0]):
         if orders[a, 0] != 0.0:
             command(loop[a], orders[a, 1], orders[a, 2], int(orders[a, 3]))
@@ -71,7 +80,10 @@ def step(  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def _kick(p, s, arena, substep, dt):  # type: ignore[no-untyped-def]
-    """Change of velocity of an axis with ports in this substep, but for coupling."""
+    """Set `kick`, the change of velocity [m/s] of an axis with ports in this substep of `dt` [s].
+
+    Coupling with the other axis is not included: `solve_jointly`.
+    """
     s.motor_force += p.current_gain * (delayed(p, s, arena, substep) - s.motor_force)
     resistance = s.friction + p.viscous * s.velocity
     s.kick = dt * drive(p, s, arena, substep * dt, s.motor_force, resistance)
@@ -82,7 +94,23 @@ def advance(  # type: ignore[no-untyped-def]
     plant, control, state, loop, forces, slipping, shares, arena, period, substeps, normals, first,
     ticks,
 ):  # fmt: skip
-    """Advance every axis by `ticks` control ticks; their noise starts at `normals[..., first]`."""
+    """Advance every axis, in one long function: passing arrays on costs more than a substep.
+
+    Args:
+        plant: records of the axes, [axes]; read only.
+        control: records of their loops, [axes]; read only.
+        state: states of the axes, [axes]; changed in place.
+        loop: states of their loops, [axes].
+        forces: friction elements of all axes, float64[elements] [N].
+        slipping: whether each slips, bool[elements].
+        shares: nu of each, float64[elements].
+        arena: tables and extra states of all axes, float64[n] (`port_arrays`).
+        period: control tick Tc [s].
+        substeps: plant steps per tick; fewer than 5: one coarse step.
+        normals: standard normals for encoder and wander, float64[axes, 2, n]; n = 0: no noise.
+        first: index in `normals` of the first tick.
+        ticks: control ticks to advance.
+    """
     if substeps < SUBSTEPS:
         advance_coarsely(
             plant, control, state, loop, forces, slipping, shares, arena, period, normals, first,
@@ -164,9 +192,11 @@ def run_demands(  # type: ignore[no-untyped-def]
     plant, control, state, loop, forces, slipping, shares, arena, period, substeps, ticks, normals,
     demand, offset, unit, position_out, force_out,
 ):  # fmt: skip
-    """Run whole demands: row k of every array is SYNC k.
+    """Run whole demands: many arguments, as `advance` has.
 
-    `normals` of no ticks means no noise; a `unit` of 0 leaves the force as it is.
+    Arguments up to `normals`: as those of `advance`, `ticks` per SYNC. Row k of the others is SYNC k:
+    `demand` [m] and `offset` [N], float64[K, axes]; `position_out` [m] and `force_out` [N], written,
+    float64[K, axes]. `unit`, float64[axes] [N]: rounding of the reported force, 0: none.
     """
     axes = plant.shape[0]
     for k in range(demand.shape[0]):

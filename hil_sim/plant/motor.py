@@ -1,8 +1,8 @@
-"""One axis of the plant in the drive's units of length and speed, and 1/1000 of the rated force.
+"""One axis of the plant in the drive's integer units, forces in 1/1000 of the rated force.
 
-The incremental encoder counts from 0 where it was powered on; `origin` is the true counter value
-where the position actual value reads 0, moved by homing. Positions of commands are added up as
-integers, so that a target reaches the loop as exactly that many units.
+The incremental encoder counts from 0 where it was powered on; `origin` is the true counter value at
+position actual value 0 and is set by homing. Positions of commands are added as integers, so that a
+target reaches the loop as exactly that many units.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ class Motor:
         self._permille = self.settings.control.rated_force / 1000.0
         self.origin = plant.encoder(axis)
         self.open = False
-        self._streamed = False
-        self._streams = False  # the clock runs, and the loop is closed
+        self._clock_started = False
+        self._ready = False  # the clock runs, and the loop is closed
 
     def counter(self) -> int:
         """True encoder counter [increments], 0 at the index mark."""
@@ -62,7 +62,7 @@ class Motor:
         return value if -32768 <= value <= 32767 else 32767 if value > 0 else -32768
 
     def demand(self) -> float:
-        """Demand inside the loop, true coordinate [m]."""
+        """Position demand inside the loop, true coordinate [m]."""
         return self._plant.demand(self._axis)
 
     def worst_following_error(self) -> float:
@@ -70,36 +70,36 @@ class Motor:
         return self._plant.following_error(self._axis) / self.unit
 
     def to_true(self, position: int) -> float:
-        """A position in the drive's coordinate [units] as true coordinate [m]."""
+        """Convert a position of the drive [units] to a true coordinate [m]."""
         if self._whole:
             return (position + self.origin * self._whole) * self.unit
         return position * self.unit + self.origin * self.settings.increment
 
     def to_drive(self, position: float) -> int:
-        """A true coordinate [m] in the drive's coordinate [units], INTEGER32."""
+        """Convert a true coordinate [m] to a position of the drive [units], INTEGER32."""
         return _int32((position - self.origin * self.settings.increment) / self.unit)
 
     def power(self, on: bool) -> None:
         """Close the loop at the present position, or take the force off."""
         self._plant.power(self._axis, on)
         self.open = False
-        self._streams = self._streamed
+        self._ready = self._clock_started
 
     def command(self, position: int, permille: int, ticks: int) -> None:
         """Ramp to a target [units] and force offset [1/1000 rated] within `ticks` control ticks."""
-        if not self._streams:
+        if not self._ready:
             self._begin_streaming()
         whole = self._whole
         true = (position + self.origin * whole) * self.unit if whole else self.to_true(position)
         self._plant.command(self._axis, true, permille * self._permille, ticks)
 
     def _begin_streaming(self) -> None:
-        if not self._streamed:
-            self._streamed = True
+        if not self._clock_started:
+            self._clock_started = True
             self._plant.start_clock()
         if self.open:
             self.power(True)
-        self._streams = True
+        self._ready = True
 
     def command_true(self, position: float, ticks: int) -> None:
         """Ramp to a true coordinate [m] within `ticks` control ticks, force offset 0."""
@@ -108,9 +108,9 @@ class Motor:
         self._plant.command(self._axis, position, 0.0, ticks)
 
     def command_force(self, permille: int) -> None:
-        """This force from the next control tick on [1/1000 rated], whatever the position."""
+        """Open the loop and command this force [1/1000 rated] from the next control tick on."""
         if not self.open:
             self.open = True
-            self._streams = False
+            self._ready = False
             self._plant.open_loop(self._axis)
         self._plant.command(self._axis, self.demand(), permille * self._permille, 1)

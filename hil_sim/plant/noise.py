@@ -11,9 +11,11 @@ F64 = NDArray[np.float64]
 
 
 class Noise:
-    """Encoder noise and friction wander, drawn in order from one stream per axis and source.
+    """Random numbers from one stream per axis and source (encoder noise, friction wander).
 
-    seed None: none of either.
+    Args:
+        axes: number of axes.
+        seed: of all streams; None: no noise.
     """
 
     def __init__(self, axes: int, seed: int | None) -> None:
@@ -27,8 +29,8 @@ class Noise:
             ]
         )
 
-    def start_wander(self, settings: StageSettings) -> F64:
-        """A stationary first value of the factor on Fc, per axis."""
+    def draw_initial_wander(self, settings: StageSettings) -> F64:
+        """Draw the initial wander of each axis from its stationary distribution, float64[axes]."""
         if self._streams is None:
             return np.zeros(self._axes)
         return np.array(
@@ -39,7 +41,7 @@ class Noise:
         )
 
     def draw(self, ticks: int) -> F64:
-        """Standard normals for the next ticks, shape (axes, 2, ticks)."""
+        """Draw standard normals for the next ticks, float64[axes, 2, ticks]."""
         if self._streams is None:
             return np.zeros((self._axes, 2, ticks))
         return np.array([[s.standard_normal(ticks) for s in pair] for pair in self._streams])

@@ -1,6 +1,6 @@
-"""Whole demands at once: the closed-loop response of a stage, without a bus.
+"""Batch simulation: the closed-loop response of a stage to whole demands, without a bus.
 
-The same compiled mechanics that the virtual drives step.
+It uses the same compiled mechanics that the virtual drives step.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ F64 = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """What the drives of a simulated stage report, sampled at each SYNC; float64, shape (K, axes).
+    """What the drives report at each SYNC, float64[K, axes].
 
     Attributes:
         position: position actual value [m].
@@ -44,27 +44,27 @@ def simulate(
     substeps: int = SUBSTEPS,
     rounded: bool = True,
 ) -> Response:
-    """Closed-loop response to target positions and force offsets, from rest at the first target.
+    """Simulate the closed loop from rest at the first target.
 
-    The simulation itself releases the interpreter lock: threads run side by side. An axis that
-    does not depend on another one (`needs_all_axes`) may be simulated on its own: settings and
-    columns of that axis only; several variants of it: `simulate_variants`.
+    The kernel releases the interpreter lock, so that threads run in parallel. An axis that does not
+    depend on another one (`needs_all_axes`) may be simulated alone, with its settings and columns
+    only; several variants of one axis: `simulate_variants`.
 
     Args:
         settings: of the stage.
-        demand: target position sent for SYNC k [m], shape (K, axes).
-        offset: force offset sent for SYNC k [N], shape (K, axes).
-        seed: of encoder noise and friction wander; None for the noise-free response.
-            Roundings of encoder and force stay.
+        demand: target positions for SYNC k [m], float64[K, axes].
+        offset: force offsets for SYNC k [N], float64[K, axes].
+        seed: of encoder noise and friction wander; None for the noise-free response (encoder and
+            force remain rounded).
         rest_force: motor force of each axis in the initial rest [N], balanced by its friction
             elements in equal parts (each at most its static limit); default 0.
-        level: factor on Fc at each SYNC, shape (K, axes), straight between them; default 1.
+        level: factor on Fc at each SYNC, float64[K, axes], linear between them; default 1.
         substeps: plant steps per control tick. 5 is the reference; 1 is several times faster and
             within a few nm and mN of it (`hil_sim.plant.coarse`); more than 5 is finer.
-        rounded: False reports the force as it is (the encoder stays rounded, inside the loop).
+        rounded: False reports the force without rounding (the encoder stays rounded, in the loop).
 
     Raises:
-        ValueError: shapes that do not fit, or effects that cannot be.
+        ValueError: shapes do not match, or effects are impossible.
     """
     demand = np.ascontiguousarray(demand, dtype=np.float64)
     offset = np.ascontiguousarray(offset, dtype=np.float64)
@@ -87,10 +87,10 @@ def simulate(
         arrays.loop[name] = offset[0]
     arrays.loop["powered"] = True
     for a, held in enumerate(() if rest_force is None else rest_force):
-        if held != 0.0:  # else nothing holds anything yet, also where effects pull
+        if held != 0.0:  # at 0 friction holds nothing, even if effects pull
             arrays.balance(a, held, settings.axes[a])
     noise = Noise(count, seed)
-    arrays.state["wander"] = noise.start_wander(settings)
+    arrays.state["wander"] = noise.draw_initial_wander(settings)
     unit = np.array([rounded * a.control.rated_force / 1000.0 for a in settings.axes])
     run_demands(
         arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces, arrays.slipping,
@@ -102,7 +102,7 @@ def simulate(
 
 
 def needs_all_axes(settings: StageSettings) -> bool:
-    """Whether an effect ties the axes together, so that none can be simulated on its own."""
+    """Whether an effect couples the axes, so that none can be simulated alone."""
     for axis in settings.axes:
         ports = EffectPorts(axis, settings.sync_period, 0.0)
         for effect in axis.effects:
@@ -123,26 +123,26 @@ def simulate_variants(
     substeps: int = 1,
     rounded: bool = True,
 ) -> Response:
-    """Noise-free responses of several variants of one axis to one demand, side by side.
+    """Simulate several variants of one axis for the same demand, noise-free.
 
-    Nearly twice as fast for each as one after the other: steps of one variant fill the time in
-    which another's waits for its own results. Four at a time are enough.
+    Nearly twice as fast per variant as one after the other: the processor interleaves their steps.
+    Four variants at a time are enough.
 
     Args:
         sync_period: Ts [s].
-        variants: settings of the axis, effects included; none may need another axis.
-        demand: target position sent for SYNC k [m], float64[K].
-        offset: force offset sent for SYNC k [N], float64[K].
+        variants: settings of the axis; no effect may involve another axis.
+        demand: target position for SYNC k [m], float64[K].
+        offset: force offset for SYNC k [N], float64[K].
         rest_force: motor force in the initial rest [N], as in `simulate`.
         level: factor on Fc at each SYNC, float64[K] or float64[K, variants]; default 1.
-        substeps: as in `simulate`, but coarse by default.
+        substeps: as in `simulate`; coarse by default.
         rounded: as in `simulate`.
 
     Returns:
         One column per variant.
 
     Raises:
-        ValueError: shapes that do not fit, effects that cannot be or that need another axis.
+        ValueError: shapes do not match, or effects are impossible or involve another axis.
     """
     settings = StageSettings(sync_period, tuple(variants))
     if any(needs_all_axes(StageSettings(sync_period, (v,))) for v in variants if v.effects):

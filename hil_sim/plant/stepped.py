@@ -1,4 +1,4 @@
-"""A stage that is stepped in control ticks: what the virtual drives work on."""
+"""The plant stepped in control ticks: what the virtual drives work on."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ _COUNTS, _FORCE, _VELOCITY = 0, 1, 3  # of a report
 
 
 class Plant:
-    """A stage that is stepped in control ticks, its loops closed or open axis by axis.
+    """A `PlantPort`: all axes of the simulated stage, advanced in control ticks.
 
     Args:
         settings: of the stage.
         seed: of encoder noise and friction wander; None for neither.
-        start: true position of each axis [m]; default all 0. At rest, all friction states zero.
+        start: true position of each axis [m], at rest with all friction states zero; default 0.
 
     Attributes:
-        time_ns: start of the next control tick that has not been integrated.
+        time_ns: start of the next control tick to integrate.
 
     Raises:
-        ValueError: effects that cannot be, naming axis and effect.
+        ValueError: effects are impossible; names axis and effect.
     """
 
     def __init__(
@@ -43,11 +43,11 @@ class Plant:
         self._arrays = Arrays(settings, [0.0] * count if start is None else start)
         self._noise = Noise(count, seed)
         arrays = self._arrays
-        arrays.state["wander"] = self._noise.start_wander(settings)
+        arrays.state["wander"] = self._noise.draw_initial_wander(settings)
         self._normals = self._noise.draw(_NOISE_BLOCK)
         self._used = 0
         self._clock_runs = False
-        # Orders wait for the next step; its report is kept as plain floats.
+        # Commands wait for the next step; its report is kept as plain floats.
         self._orders = np.zeros((count, 5))
         self._order_rows: list[Any] = [memoryview(row) for row in self._orders]  # type: ignore[arg-type]
         self._report = np.zeros((count, 5))
@@ -63,8 +63,7 @@ class Plant:
     def advance_to(self, time_ns: int) -> None:
         """Integrate all control ticks that start before `time_ns`; no effect for the past.
 
-        Inside a tick, what is measured is read off the line between its two ends, as by an encoder
-        latched at SYNC.
+        Within a tick, measurements are interpolated between its ends, as if latched at SYNC.
         """
         left = self.time_ns - time_ns
         if left < 0:
@@ -79,10 +78,10 @@ class Plant:
             self._integrate(1)
             self._before, self._values = before, self._report.tolist()
         if 0 <= left < self._period_ns and self._before is not self._after:
-            self._measure_inside(left / self._period_ns)
+            self._interpolate(left / self._period_ns)
 
-    def _measure_inside(self, left: float) -> None:
-        """At an instant that is the share `left` of a tick before its end."""
+    def _interpolate(self, left: float) -> None:
+        """Interpolate measurements to the fraction `left` of a tick before its end."""
         for values, before, after in zip(self._values, self._before, self._after, strict=True):
             values[_COUNTS] = round(after[_COUNTS] + left * (before[_COUNTS] - after[_COUNTS]))
             for k in (_FORCE, _VELOCITY):
@@ -122,17 +121,17 @@ class Plant:
         order[0], order[1], order[2], order[3] = 1.0, position, force, ticks
 
     def open_loop(self, axis: int) -> None:
-        """Let the force alone be commanded, until `power` closes the loop again."""
+        """Command the force alone, until `power` closes the loop again."""
         self._arrays.loop[axis]["open"] = True
 
     def start_clock(self) -> None:
-        """Make now t = 0 for whatever depends on time; once after power-on, for all axes."""
+        """Set t = 0 for effects that depend on time; once after power-on, for all axes."""
         if not self._clock_runs:
             self._clock_runs = True
             self._arrays.restart_clock()
 
     def encoder(self, axis: int) -> int:
-        """Encoder counts at the time advanced to, from the plant's true zero."""
+        """Encoder counts at the time advanced to, from true zero."""
         return int(self._values[axis][0])
 
     def force(self, axis: int) -> float:
@@ -144,11 +143,11 @@ class Plant:
         return self._values[axis][2]
 
     def velocity(self, axis: int) -> float:
-        """Velocity as the drive reports it: from the encoder, low-passed [m/s]."""
+        """Low-passed encoder velocity at that time [m/s]."""
         return self._values[axis][3]
 
     def following_error(self, axis: int) -> float:
-        """Largest |demand - encoder| since this was last called [m]."""
+        """Largest |demand - encoder| [m] since the last call."""
         values = self._values[axis]
         worst, values[4] = values[4], 0.0
         self._order_rows[axis][4] = 1.0
@@ -156,7 +155,7 @@ class Plant:
 
 
 def warm_up(settings: StageSettings) -> None:
-    """Compile (or load) what a `Plant` of these settings needs, before time matters."""
+    """Compile (or load from the cache) what a `Plant` needs, before real time begins."""
     scratch = Plant(settings, None)
     scratch.power(0, True)
     scratch.command(0, 0.0, 0.0, settings.ticks)

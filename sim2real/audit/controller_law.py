@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from hil_sim.plant import opened
+from hil_sim.plant import build_ports
 from hil_sim.settings import ControlSettings, StageSettings
 from sim2real.gap import Replay
 from stagedata import BoolArray, FloatArray
@@ -232,7 +232,7 @@ def reconstruct_law(replay: Replay, settings: StageSettings, axis: str) -> Contr
     places = replay.place[valid]
     for gap in np.flatnonzero(np.diff(places) > 1):
         usable[max(valid[gap] + 1 - _MARGIN, 0) : valid[gap + 1] + _MARGIN] = False
-    ports = opened(settings, 0.0)[index]
+    ports = build_ports(settings, 0.0)[index]
     return ControllerLaw(
         settings.axes[index].control,
         replay.period,
