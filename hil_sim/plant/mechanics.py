@@ -55,8 +55,8 @@ def step(  # type: ignore[no-untyped-def]
     """Execute commands, advance, report: many arguments, so that `Plant` needs one call.
 
     Arguments up to `ticks`: as those of `advance`. `orders`, float64[axes, 5]: 1 to command,
-    position [m], force offset [N], ticks; 1 to restart the worst following error; executed flags are
-    set to 0. `report`, float64[axes, 5], written: encoder counts, motor force [N], demand [m],
+    position [m], force offset [N], ticks; 1 to restart the worst following error. Executed flags
+    are set to 0. `report`, float64[axes, 5], written: encoder counts, motor force [N], demand [m],
     encoder velocity [m/s], worst following error [m].
     """
     for a in range(plant.shape[0]):
@@ -194,9 +194,9 @@ def run_demands(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Run whole demands: many arguments, as `advance` has.
 
-    Arguments up to `normals`: as those of `advance`, `ticks` per SYNC. Row k of the others is SYNC k:
-    `demand` [m] and `offset` [N], float64[K, axes]; `position_out` [m] and `force_out` [N], written,
-    float64[K, axes]. `unit`, float64[axes] [N]: rounding of the reported force, 0: none.
+    Arguments up to `normals`: as those of `advance`, `ticks` per SYNC. Row k of the others is SYNC
+    k: `demand` [m] and `offset` [N], float64[K, axes]; `position_out` [m] and `force_out` [N],
+    written, float64[K, axes]. `unit`, float64[axes] [N]: rounding of the reported force, 0: none.
     """
     axes = plant.shape[0]
     for k in range(demand.shape[0]):
