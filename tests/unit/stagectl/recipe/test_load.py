@@ -7,12 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from estimation.trajectory import duration
 from stagectl.config import Machine
 from stagectl.errors import ConfigError
 from stagectl.recipe import NoMark, Profile, Recipe, load_recipe
-from stagectl.recipe.duration_limit import minimum_duration
-from stagectl.recipe.model import ListedMarks, SimulatedMark
+from stagectl.recipe.model import SimulatedMark
 
 Problems = Callable[..., tuple[str, ...]]
 RecipeOf = Callable[[str], Recipe]
@@ -269,61 +267,6 @@ def test_keys_without_effect_are_noted_not_hidden(recipe_of: RecipeOf) -> None:
     assert recipe.notes == ("expose has no effect with moves",)
 
 
-def test_sites_and_offsets_from_files(
-    tmp_path: Path, machine: Machine, problems_of: Problems
-) -> None:
-    path = tmp_path / "r.yaml"
-    path.write_text(
-        HEAD + "expose: 0\nsites: {file: s.csv}\nfiducial: {source: offsets, file: o.csv}\n"
-    )
-    sites, offsets = tmp_path / "s.csv", tmp_path / "o.csv"
-    sites.write_text("# mm\ny, x\n1 mm, 2e-3\n-0.1, 150 mm\n")
-    offsets.write_text("site,dx,dy\n2,-5 um,1e-6\n")
-    recipe = load_recipe(path, machine)
-    assert recipe.sites == ((2e-3, 1e-3), (0.15, -0.1))
-    assert recipe.fiducial == ListedMarks({2: (-5e-6, 1e-6)})
-
-    offsets.write_text("site,dx,dy\n2,5 um,0\n3,0,0\n")
-    with pytest.raises(ConfigError) as caught:
-        load_recipe(path, machine)
-    assert caught.value.problems == (
-        f"{offsets}:3:1: site 3 is not in the recipe, which has 2",
-        f"{sites}:4:1: site 2: 0.15 m with its fiducial 5e-06 m away is outside the travel "
-        "-0.15 ... 0.15 m of axis x",
-    )
-
-    offsets.unlink()
-    sites.write_text("x,y\n1,2,3\n nan,5 ms\n")
-    with pytest.raises(ConfigError) as caught:
-        load_recipe(path, machine)
-    assert [line.removeprefix(str(tmp_path)) for line in caught.value.problems] == [
-        "/s.csv:2:1: must have 2 cells, has 3",
-        "/s.csv:3:2: x: must be a finite number, is nan",
-        "/s.csv:3:6: y: must be a length (SI, or a text such as '80 um'), but '5 ms' is a time",
-        f"/r.yaml:7:35: fiducial.file: {offsets}: no such file",
-    ]
-
-
-@pytest.mark.parametrize(
-    ("table", "reason"),
-    [
-        ("", ":1:1: is empty: a header line x,y is expected"),
-        ("x\n1\n", ":1:1: y: is missing"),
-        ("x,y,z\n1,2,3\n", ":1:1: z: unknown column; known: x, y, site"),
-        ("x,x,y\n1,2,3\n", ":1:1: x: duplicate column"),
-        ("x,y\n", ":1:1: must have 1 to 100000 rows below the header, has 0"),
-        ("site,x,y\n2,0,0\n", ":2:1: site must be 1, is 2: sites count from 1 without a gap"),
-        ("site,x,y\none,0,0\n", ":2:1: site: must be a site number from 1, is 'one'"),
-        ("x,y\n,0\n", ":2:1: x: must be a length, is ''"),
-    ],
-)
-def test_faults_of_a_table(tmp_path: Path, problems_of: Problems, table: str, reason: str) -> None:
-    (tmp_path / "s.csv").write_text(table)
-    text = HEAD + "expose: 0\nsites: {file: s.csv}\nfiducial: {source: none}\n"
-    (found,) = problems_of(text, str(tmp_path / "r.yaml"))
-    assert found == f"{tmp_path}/s.csv{reason}"
-
-
 def test_a_missing_file_a_directory_and_an_empty_file(tmp_path: Path, machine: Machine) -> None:
     empty = tmp_path / "empty.yaml"
     empty.touch()
@@ -337,57 +280,10 @@ def test_a_missing_file_a_directory_and_an_empty_file(tmp_path: Path, machine: M
         assert caught.value.problems == (f"{path}{reason}",)
 
 
-def test_a_table_that_is_a_directory_is_placed_where_the_recipe_names_it(
-    tmp_path: Path, problems_of: Problems
-) -> None:
-    (tmp_path / "sites2").mkdir()
-    text = HEAD + "expose: 0\nsites: {file: sites2}\nfiducial: {source: none}\n"
-    (found,) = problems_of(text, str(tmp_path / "r.yaml"))
-    assert found == (
-        f"{tmp_path}/r.yaml:6:15: sites.file: {tmp_path}/sites2: is a directory, not a file"
-    )
-
-
 def test_thousands_of_problems_are_counted_not_listed(problems_of: Problems) -> None:
     found = problems_of(MOVES + "- {too: 1}\n" * 5000)
     assert len(found) == 101
     assert found[-1] == "r.yaml: and 4900 more problems"
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "problem"),
-    [
-        (
-            "velocity: 0.5", "velocity: 1e-12",
-            "r.yaml:7:8: sites: a macro-move of 50 mm takes at least 1.39e+07 h, the limit is 1 h",
-        ),
-        (
-            "velocity: 0.01", "velocity: 1e-9",
-            "r.yaml:7:8: sites: a micro-move of 0.08 mm takes at least 22.2 h, the limit is 1 h",
-        ),
-        (
-            "expose: 0.02", "expose: 3600",
-            "r.yaml:7:8: sites: takes at least 20 h, a recording holds 12 h",
-        ),
-    ],
-)  # fmt: skip
-def test_a_run_that_no_recording_holds(
-    inspection: str, problems_of: Problems, old: str, new: str, problem: str
-) -> None:
-    assert problems_of(inspection.replace(old, new)) == (problem,)
-
-
-def test_moves_that_no_recording_holds(problems_of: Problems) -> None:
-    text = HEAD + "moves: [{repeat: 9, moves: [{dwell: 5000}]}]\n"
-    (problem,) = problems_of(text)
-    assert problem.endswith("moves: takes at least 12.5 h, a recording holds 12 h")
-
-
-def test_the_bound_is_below_what_a_motion_takes_and_near_it() -> None:
-    for distance in (1e-9, 1e-6, 8e-5, 1e-3, 0.05, 0.3):
-        for profile in (Profile(0.5, 3.0, 200.0), Profile(0.01, 0.2, 20.0)):
-            took = duration(distance, profile.velocity, profile.acceleration, profile.jerk)
-            assert 0.5 * took < minimum_duration(distance, profile) <= took * (1 + 1e-9)
 
 
 def test_a_name_is_no_path(problems_of: Problems, inspection: str) -> None:

@@ -21,7 +21,6 @@ from sim2real.report import (
 )
 from stagectl.config import load_machine, stage_settings
 from stagectl.report import write_gap_page
-from stagectl.report.gap_charts import Curve, bars, chart, matrix
 from stagectl.report.gap_page import headline, render_gap_page
 from stagectl.store import read_recording
 
@@ -154,19 +153,6 @@ def test_a_recording_that_supports_nothing_is_a_page_all_the_same(examined, tmp_
 def test_every_verdict_has_a_headline():
     for verdict in ("no_gap", "explained", "partly_explained", "unexplained", "insufficient"):
         assert headline(GapReport((), verdict, "")).endswith(".")
-
-
-def test_charts_take_what_there_is():
-    assert "Nothing to draw" in chart([], "x", "y")
-    flat = chart([Curve("before", np.arange(3.0), np.zeros(3))], "x", "y <z>")
-    assert "y &lt;z&gt;" in flat
-    assert "nan" not in flat
-    gone = np.array([np.nan, -1.0, 0.0, 1.0, 10.0])
-    assert "nan" not in chart([Curve("after", gone, gone)], "x", "y", logarithmic=True)
-    long = chart([Curve("measured", np.arange(1e5), np.sin(np.arange(1e5)))], "x", "y")
-    assert len(long) < 40_000
-    assert "nan" not in bars(["rest", "micro"], {"before": [1.0, np.nan], "after": [0.0, 0.0]}, "y")
-    assert matrix(["a", "b"], {("a", "b"): 0.25}).count("0.25") >= 2
 
 
 def test_similarity_of_signatures_is_drawn(examined, explained):

@@ -15,8 +15,8 @@ import pytest
 from stagectl.errors import StagectlError
 from stagectl.report import content, write_report
 from stagectl.report.page import render_report
-from stagectl.report.traces import BEFORE, chart_data
-from stagectl.store import FrictionEntry, ParameterEstimate, RunFacts, build_summary, read_recording
+from stagectl.report.traces import BEFORE
+from stagectl.store import FrictionEntry, ParameterEstimate, RunFacts, build_summary
 from stagedata import Recording, aligned_demand
 
 TC, TS = 1e-4, 1e-3
@@ -27,19 +27,6 @@ FRICTION = [
         2, "y", False, "innovation <too> large", 3e-5, {"coulomb": ParameterEstimate(99, 9, "N")}
     ),
 ]
-
-
-@pytest.fixture(scope="module")
-def recording() -> Recording:
-    """Another program's recording, with sites as a run of ours would have them."""
-    read = read_recording(Path(__file__).parents[3] / "data" / "null-1-other-moves.h5")
-    moves = tuple(replace(move, site=i // 2 + 1) for i, move in enumerate(read.moves))
-    return replace(read, moves=moves)
-
-
-@pytest.fixture(scope="module")
-def summary(recording: Recording) -> dict[str, Any]:
-    return build_summary(recording, FACTS, FRICTION, control_period=TC, sync_period=TS)
 
 
 class Page(HTMLParser):
@@ -125,41 +112,6 @@ def test_embedded_error_is_that_of_the_recording(recording: Recording, summary: 
     assert abs(aligned_demand(x, TC / TS)[k - 1] - move.target["x"]) > 1e-9
 
 
-def test_missed_samples_are_gaps(recording: Recording):
-    k = recording.moves[2].start
-    x = replace(recording.axes["x"], valid=np.arange(len(recording)) != k)
-    masked = replace(recording, axes={"x": x, "y": recording.axes["y"]})
-    told = build_summary(masked, FACTS, [], control_period=TC, sync_period=TS)
-    data = chart_data(masked, told, TC)
-    assert data["moves"][2]["error"]["x"][BEFORE] is None
-    assert data["moves"][2]["force"]["x"][BEFORE] is None
-    assert data["moves"][2]["error"]["y"][BEFORE] is not None
-
-
-def test_a_cross_stands_where_the_window_drawn_was_missed(
-    recording: Recording, summary: dict[str, Any]
-):
-    drawn = chart_data(recording, summary, TC)["settling"]
-    assert [("5e-08" in e["outside"]) for e in drawn] == [
-        not m["settled"] for m in summary["moves"]
-    ]
-    wider = [e for e in drawn if "2e-07" in e["outside"]]
-    assert 0 < len(wider) < sum("5e-08" in e["outside"] for e in drawn)
-    for entry in wider:  # outside the wider window at the end: the whole time for both
-        assert entry["times"]["2e-07"] == entry["times"]["5e-08"]
-
-
-def test_a_long_run_embeds_its_slowest_micro_moves_and_says_how_many_it_leaves_out(
-    recording: Recording, summary: dict[str, Any]
-):
-    data = chart_data(recording, summary, TC, max_samples=2000)
-    assert 0 < len(data["moves"]) < 15
-    assert data["left_out"] == len(recording.moves) - len(data["moves"])
-    assert {move["kind"] for move in data["moves"]} == {"micro"}
-    assert len(data["settling"]) == len(summary["moves"])  # the overview stays whole
-    assert data["moves"][data["first"]]["kind"] == "micro"
-
-
 def test_a_run_that_was_aborted_before_its_first_move(recording: Recording):
     empty = replace(recording, moves=())
     facts = replace(FACTS, outcome="aborted", compensation="none")
@@ -171,11 +123,6 @@ def test_a_run_that_was_aborted_before_its_first_move(recording: Recording):
     assert json.loads(page.data)["moves"] == []
 
 
-def test_a_summary_of_another_recording_is_refused(recording: Recording, summary: dict[str, Any]):
-    with pytest.raises(ValueError, match="not those of the recording"):
-        chart_data(replace(recording, moves=recording.moves[:5]), summary, TC)
-
-
 def test_is_written_whole_or_not_at_all(
     recording: Recording, summary: dict[str, Any], tmp_path: Path
 ):
@@ -185,31 +132,6 @@ def test_is_written_whole_or_not_at_all(
     assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
     with pytest.raises(StagectlError, match="cannot write the report"):
         write_report(tmp_path / "absent" / "r.html", recording, summary, control_period=TC)
-
-
-@pytest.mark.parametrize(
-    ("metres", "text"),
-    [(9e-8, "0.0900"), (5.2e-5, "52.0"), (0.025, "25 000"), (0.0, "0"), (None, "–")],  # noqa: RUF001
-)
-def test_lengths_have_three_significant_digits(metres: float | None, text: str):
-    assert content.format_micrometres(metres) == text
-
-
-@pytest.mark.parametrize(("seconds", "text"), [(0.0, "0"), (0.1435, "143.5"), (0.002, "2")])
-def test_times_in_milliseconds(seconds: float, text: str):
-    assert content.format_milliseconds(seconds) == text
-
-
-def test_interrupted_moves_are_not_in_the_table(summary: dict[str, Any]):
-    moves = [{**move, "completed": False} for move in summary["moves"] if move["axis"] == "x"]
-    moves += [move for move in summary["moves"] if move["axis"] == "y"]
-    assert {row.axis for row in content.result_rows({**summary, "moves": moves}, ("x", "y"))} == {
-        "y"
-    }
-
-
-def test_refused_figures_are_not_the_latest(summary: dict[str, Any]):
-    assert content.latest_friction(summary, ("x", "y")) == [("x", "coulomb", "6.02", "0.0100", "N")]
 
 
 def test_a_list_of_moves_has_no_sites(recording: Recording, summary: dict[str, Any]):

@@ -1,0 +1,47 @@
+"""Machine files with one thing wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from stagectl.config import load_machine, parse_machine
+from stagectl.errors import ConfigError
+
+
+def problems(text: str) -> tuple[str, ...]:
+    with pytest.raises(ConfigError) as caught:
+        parse_machine(text, "m.yaml")
+    assert all("\n" not in line for line in caught.value.problems)
+    assert str(caught.value) == "\n".join(caught.value.problems)
+    assert caught.value.exit_code == 2
+    return caught.value.problems
+
+
+@pytest.fixture(scope="session")
+def problems_of() -> Callable[[str], tuple[str, ...]]:
+    """The problems of a machine file's text, which must have some."""
+    return problems
+
+
+@pytest.fixture(scope="session")
+def check_refused() -> Callable[[str, str, str], None]:
+    """Replace the first `old` in the packaged machine (that of axis x) by `new`: one problem.
+
+    `^` in the new text marks the place that the problem must name.
+    """
+
+    def check(old: str, new: str, key_and_reason: str) -> None:
+        good = load_machine().text
+        assert old in good
+        text = good.replace(old, new, 1)
+        (found,) = problems(text.replace("^", ""))
+        if "^" in text:
+            before = text[: text.index("^")]
+            place = f"{before.count(chr(10)) + 1}:{len(before) - before.rfind(chr(10))}"
+            assert found.startswith(f"m.yaml:{place}: {key_and_reason}")
+        else:
+            assert key_and_reason in found
+
+    return check

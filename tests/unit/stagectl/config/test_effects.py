@@ -1,0 +1,67 @@
+"""Effects in a machine file: what reaches the simulator, and what is refused."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from stagectl.config import load_machine, parse_machine, stage_settings
+from stagectl.errors import ConfigError
+
+
+def with_effect(text: str) -> str:
+    return load_machine().text.replace("node: 1", f"node: 1\n    effects: [{text}]", 1)
+
+
+def test_effects_reach_the_simulator() -> None:
+    text = with_effect("{effect: force_offset, force: 1}, {effect: dead_time, delay: 0.0002}")
+    x, y = stage_settings(parse_machine(text, "m")).axes
+    assert [(e.effect.name, e.parameters) for e in x.effects] == [
+        ("force_offset", {"force": 1.0}),
+        ("dead_time", {"delay": 0.0002}),
+    ]
+    assert y.effects == ()
+
+
+@pytest.mark.parametrize(
+    ("effect", "problem"),
+    [
+        (
+            "{effect: coging, amplitude: 1, pitch: 0.03, phase: 0}",
+            r"m:12:24: axes\.x\.effects\[1\]\.effect: unknown effect 'coging'; "
+            r"did you mean 'cogging'\?",
+        ),
+        (
+            "{effect: cogging, amplitude: 1, ptch: 0.03, phase: 0}",
+            r"m:12:47: axes\.x\.effects\[1\]\.ptch: unknown key of cogging; "
+            r"did you mean 'pitch'\?",
+        ),
+        (
+            "{effect: cogging, amplitude: 1, pitch: 0.03}",
+            r"m:12:15: axes\.x\.effects\[1\]: cogging: phase is missing "
+            r"\(at position 0 \[rad\]\)",
+        ),
+        (
+            "{effect: cogging, amplitude: 1, pitch: 0, phase: 0}",
+            r"m:12:54: axes\.x\.effects\[1\]\.pitch: must be >= 0\.001 m, is 0",
+        ),
+        (
+            "{effect: payload_mass, mass: -9}",
+            r"m:12:15: axes\.x\.effects\[1\]: mass: leaves no mass of the axis' 8 kg",
+        ),
+        (
+            "{effect: payload_mass, mass: -5}, {effect: payload_mass, mass: -5}",
+            r"m:12:14: axes\.x\.effects: effects leave a mass of -2 kg",
+        ),
+        (
+            "{effect: friction_spot, amplitude: 0.1, center: 0, other: 1.0e+300, width: 0.01}",
+            r"m:12:73: axes\.x\.effects\[1\]\.other: must be within \+-1e\+15 m, is 1e\+300",
+        ),
+    ],
+)
+def test_effects_that_cannot_be_are_named_with_file_and_key(effect: str, problem: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        stage_settings(parse_machine(with_effect(effect), "m"))
+    (line,) = str(caught.value).splitlines()
+    assert re.fullmatch(problem, line), line

@@ -1,0 +1,54 @@
+"""Recipes that take longer than a recording can hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from estimation.trajectory import duration
+from stagectl.recipe import Profile
+from stagectl.recipe.duration_limit import minimum_duration
+
+Problems = Callable[..., tuple[str, ...]]
+HEAD = """recipe: a
+macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
+micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
+settle: {window: 50 nm, hold: 5 ms, timeout: 0.15}
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        (
+            "velocity: 0.5", "velocity: 1e-12",
+            "r.yaml:7:8: sites: a macro-move of 50 mm takes at least 1.39e+07 h, the limit is 1 h",
+        ),
+        (
+            "velocity: 0.01", "velocity: 1e-9",
+            "r.yaml:7:8: sites: a micro-move of 0.08 mm takes at least 22.2 h, the limit is 1 h",
+        ),
+        (
+            "expose: 0.02", "expose: 3600",
+            "r.yaml:7:8: sites: takes at least 20 h, a recording holds 12 h",
+        ),
+    ],
+)  # fmt: skip
+def test_a_run_that_no_recording_holds(
+    inspection: str, problems_of: Problems, old: str, new: str, problem: str
+) -> None:
+    assert problems_of(inspection.replace(old, new)) == (problem,)
+
+
+def test_moves_that_no_recording_holds(problems_of: Problems) -> None:
+    text = HEAD + "moves: [{repeat: 9, moves: [{dwell: 5000}]}]\n"
+    (problem,) = problems_of(text)
+    assert problem.endswith("moves: takes at least 12.5 h, a recording holds 12 h")
+
+
+def test_the_bound_is_below_what_a_motion_takes_and_near_it() -> None:
+    for distance in (1e-9, 1e-6, 8e-5, 1e-3, 0.05, 0.3):
+        for profile in (Profile(0.5, 3.0, 200.0), Profile(0.01, 0.2, 20.0)):
+            took = duration(distance, profile.velocity, profile.acceleration, profile.jerk)
+            assert 0.5 * took < minimum_duration(distance, profile) <= took * (1 + 1e-9)

@@ -1,0 +1,18 @@
+"""Charts as inline SVG."""
+
+import numpy as np
+
+from stagectl.report.gap_charts import Curve, bars, chart, matrix
+
+
+def test_charts_take_what_there_is():
+    assert "Nothing to draw" in chart([], "x", "y")
+    flat = chart([Curve("before", np.arange(3.0), np.zeros(3))], "x", "y <z>")
+    assert "y &lt;z&gt;" in flat
+    assert "nan" not in flat
+    gone = np.array([np.nan, -1.0, 0.0, 1.0, 10.0])
+    assert "nan" not in chart([Curve("after", gone, gone)], "x", "y", logarithmic=True)
+    long = chart([Curve("measured", np.arange(1e5), np.sin(np.arange(1e5)))], "x", "y")
+    assert len(long) < 40_000
+    assert "nan" not in bars(["rest", "micro"], {"before": [1.0, np.nan], "after": [0.0, 0.0]}, "y")
+    assert matrix(["a", "b"], {("a", "b"): 0.25}).count("0.25") >= 2
