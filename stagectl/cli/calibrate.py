@@ -14,7 +14,7 @@ from stagectl.cli.motion import load_machines, stage_options, stop_on_signal
 from stagectl.cli.options import FILE, JSON_OUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
+    from rich.console import Console, RenderableType
 
     from stagectl.calibration import Calibration, SiteOutcome, SiteSequence
     from stagectl.history import Pair, StageKey
@@ -158,7 +158,7 @@ def _measure(
     Returns:
         What ended the calibration early, or None.
     """
-    from stagectl.calibration import outcomes, overall, reached_lines, visited
+    from stagectl.calibration import outcomes, visited
     from stagectl.cli.progress import RunProgress
     from stagectl.errors import StagectlError, UnusableInput
     from stagectl.history import StageKey
@@ -187,12 +187,7 @@ def _measure(
     if result.error is not None:  # leave out sites that were not reached
         sites = visited(sites, friction)
     found = outcomes(sites, friction, tuple(machine.axes), built, changes)
-    console.print(_table(found, calibration.sequence), crop=False, soft_wrap=True)
-    reached = reached_lines(found, calibration.sequence)
-    if reached:
-        console.print("uncertainty reached, median over the sites, 1 sigma:")
-    for line in [*(f"  {line}" for line in reached), *overall(changes)]:
-        console.print(line, markup=False, soft_wrap=True)
+    _print_outcomes(console, found, changes, calibration.sequence)
     if number is not None:
         console.print(
             f"map {number} stored in {request.history}; 'stagectl map activate {number} --history "
@@ -208,6 +203,19 @@ def _measure(
     if json_out is not None:
         write_json(_as_dict(request, number, found, calibration.sequence), json_out)
     return failed
+
+
+def _print_outcomes(
+    console: Console, found: list[SiteOutcome], changes: list[AxisChange], sequence: SiteSequence
+) -> None:
+    from stagectl.calibration import overall, reached_lines
+
+    console.print(_table(found, sequence), crop=False, soft_wrap=True)
+    reached = reached_lines(found, sequence)
+    if reached:
+        console.print("uncertainty reached, median over the sites, 1 sigma:")
+    for line in [*(f"  {line}" for line in reached), *overall(changes)]:
+        console.print(line, markup=False, soft_wrap=True)
 
 
 def _new_map(

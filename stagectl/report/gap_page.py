@@ -86,20 +86,7 @@ def render_gap_page(
         similarity: axis -> similarity of pairs of effects.
         profiles: friction over position, where it was found to be a cause.
     """
-    measured, located = examined.measured, examined.located
-    sections: list[gap_traces.Section] = []
-    move_name, move_panels = "", tuple[gap_traces.Panel, ...]()
-    if measured and located is not None:
-        ratio = examined.settings.control_period / examined.settings.sync_period
-        order = sorted(
-            ((share, a, s) for a, of in located.excess.items() for s, share in of.items()),
-            reverse=True,
-        )
-        sections = [
-            gap_traces.residual_section(measured, explained, axis, signal, share, ratio)
-            for share, axis, signal in order
-        ]
-        move_name, move_panels = gap_traces.worst_move(measured, explained, order[0][1], ratio)
+    sections, (move_name, move_panels) = _residuals(examined, explained)
     ranked = sorted(report.candidates, key=lambda c: -c.probability)
     moves = report.next_experiment.to_json()["moves"] if report.next_experiment else ()
     return render_template(
@@ -128,6 +115,25 @@ def render_gap_page(
         next_moves=_yaml(moves),
         with_sigma=_with_sigma,
     )
+
+
+def _residuals(
+    examined: Examination, explained: Sequence[Signals] | None
+) -> tuple[list[gap_traces.Section], tuple[str, tuple[gap_traces.Panel, ...]]]:
+    """Charts of the residuals, largest share of the gap first, and of the worst move."""
+    measured, located = examined.measured, examined.located
+    if not measured or located is None:
+        return [], ("", ())
+    ratio = examined.settings.control_period / examined.settings.sync_period
+    order = sorted(
+        ((share, a, s) for a, of in located.excess.items() for s, share in of.items()),
+        reverse=True,
+    )
+    sections = [
+        gap_traces.residual_section(measured, explained, axis, signal, share, ratio)
+        for share, axis, signal in order
+    ]
+    return sections, gap_traces.worst_move(measured, explained, order[0][1], ratio)
 
 
 def headline(report: GapReport) -> str:

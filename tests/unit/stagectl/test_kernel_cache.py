@@ -20,7 +20,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def test_kernels_older_than_any_source_go(package):
+def test_kernels_older_than_any_source_are_deleted(package):
     later = time.time() + 10
     os.utime(package / "gms.py", (later, later))
     assert kernel_cache.drop_stale() == 2
@@ -28,14 +28,14 @@ def test_kernels_older_than_any_source_go(package):
     assert kernel_cache.drop_stale() == 0
 
 
-def test_fresh_kernels_stay(package):
+def test_fresh_kernels_are_kept(package):
     earlier = time.time() - 10
     os.utime(package / "gms.py", (earlier, earlier))
     assert kernel_cache.drop_stale() == 0
     assert len(list((package / "__pycache__").iterdir())) == 3
 
 
-def test_kernels_with_the_code_of_another_package_go_with_it(package, tmp_path):
+def test_kernels_with_the_code_of_another_package_are_deleted_with_it(package, tmp_path):
     for name in ("hil_sim", "sim2real"):
         (tmp_path / name / "__pycache__").mkdir(parents=True)
         (tmp_path / name / "code.py").write_text("")
@@ -50,7 +50,7 @@ def test_kernels_with_the_code_of_another_package_go_with_it(package, tmp_path):
     assert not kept.exists()
 
 
-def test_a_kernel_that_another_process_has_just_dropped_is_passed_over(package):
+def test_a_kernel_that_another_process_has_just_deleted_is_skipped(package):
     (package / "__pycache__" / "gone.f-1.py311.nbi").symlink_to("nothing")
     earlier = time.time() - 10
     os.utime(package / "gms.py", (earlier, earlier))

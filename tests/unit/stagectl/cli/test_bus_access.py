@@ -1,4 +1,4 @@
-"""Ctrl-C while drives are moved by hand: once it unwinds, a second one does not disturb that."""
+"""Ctrl-C during bench commands: the first stops the drives, further ones are ignored."""
 
 import os
 import signal
@@ -27,7 +27,7 @@ def stop_twice(number: int) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_the_second_does_not_break_off_what_the_first_began(number):
+def test_a_second_ctrl_c_does_not_interrupt_the_stop(number):
     with pytest.raises(click.exceptions.Abort) as ended:
         stop_twice(number)
     # one exception alone: the second raised none on the way out
@@ -35,15 +35,15 @@ def test_the_second_does_not_break_off_what_the_first_began(number):
     os.kill(os.getpid(), number)  # the bus is being closed: this is not the moment either
 
 
-def test_without_one_everything_is_as_before():
+def test_without_ctrl_c_the_handlers_are_restored():
     before = signal.getsignal(signal.SIGINT)
-    with interruptible() as asked:
-        assert not asked()
+    with interruptible() as stopped:
+        assert not stopped()
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_one_that_is_waited_for_is_told_and_not_raised():
-    with interruptible() as asked:
-        assert not asked()
+def test_ctrl_c_only_sets_the_flag_once_it_is_polled():
+    with interruptible() as stopped:
+        assert not stopped()
         os.kill(os.getpid(), signal.SIGINT)
-        assert asked()
+        assert stopped()

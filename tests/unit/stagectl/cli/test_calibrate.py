@@ -10,7 +10,7 @@ from stagectl.cli.calibrate import _table
 
 
 @pytest.mark.parametrize("severity", ["good", "watch", "act", "failed"])
-def test_nothing_is_cut_off_at_80_columns(severity):
+def test_the_table_fits_80_columns(severity):
     learnt = {"coulomb": SimpleNamespace(bits=116.9)}
     entry = SimpleNamespace(
         site=121, place=(-0.15, -0.15), axis="x", coulomb=12.021, sigma=0.105, change=-0.123,

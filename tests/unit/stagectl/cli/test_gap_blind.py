@@ -1,4 +1,4 @@
-"""`gap blind` goes on from its lines, and says in one line what it can't use."""
+"""`gap blind` continues from its lines; unusable input is one line."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def run(*arguments: object) -> tuple[int, str]:
     return 0, done.output
 
 
-def test_trials_that_the_lines_hold_are_not_run_again(tmp_path) -> None:
+def test_trials_already_in_the_lines_are_not_repeated(tmp_path) -> None:
     lines, figures, docs = (tmp_path / name for name in ("t.jsonl", "t.json", "blind.md"))
     lines.write_text(json.dumps(LINE) + "\n" + json.dumps({**LINE, "seed": 4}) + "\n")
     common = ("--trials", 1, "--seed", 3, "--label", "v", "--lines", lines)

@@ -97,7 +97,7 @@ def test_unusable_recordings_are_one_line(small, tmp_path, spoil, words):
         ),
     ],
 )
-def test_recordings_that_say_too_little_get_a_report(small, tmp_path, spoil, words):
+def test_recordings_with_too_little_motion_get_a_report(small, tmp_path, spoil, words):
     report, _ = run(spoilt(small, tmp_path, spoil))
     assert report["verdict"] == "insufficient"
     assert words in report["reason"]
@@ -130,7 +130,7 @@ def test_machine_files_that_do_not_fit(small, tmp_path):
     assert "missing.yaml" in run(small, "--machine", tmp_path / "missing.yaml")[1]
 
 
-def test_recordings_of_different_machines_need_to_be_told_which(small, tmp_path):
+def test_recordings_of_different_machines_need_the_machine_option(small, tmp_path):
     text = load_machine().text.replace("mass: 8.0", "mass: 8.1")
     other = spoilt(small, tmp_path, lambda f: f.attrs.__setitem__("machine", text))
     assert "--machine" in run(small, other)[1]

@@ -31,13 +31,13 @@ def test_nan_is_in_no_range(command: str) -> None:
     assert "nan is not a number" in " ".join(result.stderr.split())
 
 
-def test_a_number_within_its_range_is_taken() -> None:
+def test_a_number_within_its_range_is_accepted() -> None:
     assert NumberRange(0.0, 2.0).convert("1.5", None, None) == 1.5
     with pytest.raises(click.BadParameter):
         NumberRange(0.0, 2.0).convert("2.5", None, None)
 
 
-def test_files_are_refused_before_the_work(tmp_path: Path) -> None:
+def test_output_files_are_checked_before_the_work(tmp_path: Path) -> None:
     assert JSON_FILE.convert("-", None, None) == Path("-")
     for value, why in (
         ("-", "cannot be written to standard output"),
@@ -48,7 +48,7 @@ def test_files_are_refused_before_the_work(tmp_path: Path) -> None:
             OUTPUT.convert(value, None, None)
 
 
-def test_json_on_standard_output_is_all_of_it() -> None:
+def test_nothing_but_json_goes_to_standard_output() -> None:
     result = CliRunner().invoke(cli, ["bus-budget", "--json", "-"])
     assert result.exit_code == 0
     assert json.loads(result.stdout)

@@ -60,7 +60,7 @@ def test_effects_reach_the_simulator() -> None:
         ),
     ],
 )
-def test_effects_that_cannot_be_are_named_with_file_and_key(effect: str, problem: str) -> None:
+def test_refused_effects_are_reported_with_their_place(effect: str, problem: str) -> None:
     with pytest.raises(ConfigError) as caught:
         stage_settings(parse_machine(with_effect(effect), "m"))
     (line,) = str(caught.value).splitlines()

@@ -1,4 +1,4 @@
-"""The faults file: what its words become on the bus, and what is refused with its place."""
+"""Faults files: the faults they become, and refused values with their place."""
 
 import math
 from pathlib import Path
@@ -34,7 +34,7 @@ def test_the_example_of_the_documentation(machine):
     assert [type(x) for x in plan.faults] == [f.Drop, f.Delay, f.Duplicate, f.DriveFault]
 
 
-def test_the_seed_of_the_run_stands_where_the_file_has_none(machine):
+def test_the_seed_of_the_run_is_used_unless_the_file_has_one(machine):
     text = "faults: [{fault: reboot, axis: x, at: 1 s}]"
     assert parse_faults(text, "faults.yaml", machine, 11).seed == 11
 
@@ -116,7 +116,7 @@ def test_every_kind(parse):
     assert parse(*cases) == tuple(cases.values())
 
 
-def test_no_end_is_no_end(parse):
+def test_a_fault_without_an_end_lasts_forever(parse):
     (fault,) = parse("fault: drop, frame: sync, after: 2 s")
     assert fault.frames.until == math.inf
 
@@ -150,7 +150,7 @@ def test_no_end_is_no_end(parse):
         ("fault: sdo_abort, axis: x, code: 1234", "2:39", "'0x08000000'"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_place(parse, line, place, word):
+def test_refused_values_are_reported_with_their_place(parse, line, place, word):
     with pytest.raises(ConfigError) as caught:
         parse(line)
     (problem,) = caught.value.problems

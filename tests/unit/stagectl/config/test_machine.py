@@ -1,4 +1,4 @@
-"""Machine files: the packaged one is read exactly, and every bad one says where and why."""
+"""The machine of a machine file."""
 
 from __future__ import annotations
 

@@ -21,11 +21,11 @@ def test_text_and_source_are_kept_as_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["[]", "just text", "3", "machine: a"])
-def test_a_file_that_is_no_machine_at_all(problems_of, text: str) -> None:
+def test_a_file_without_a_machine_is_refused_at_its_beginning(problems_of, text: str) -> None:
     assert all(line.startswith("m.yaml:1:1: ") for line in problems_of(text))
 
 
-def test_a_missing_file_a_directory_and_an_empty_file(tmp_path: Path) -> None:
+def test_a_missing_file_a_directory_and_an_empty_file_are_refused(tmp_path: Path) -> None:
     empty = tmp_path / "empty.yaml"
     empty.touch()
     for path, reason in {

@@ -53,7 +53,7 @@ def test_driver_settings_hold_bus_limits_and_homing() -> None:
     assert x.eds.name == "stagectl-linear-drive.eds"
 
 
-def test_a_named_eds_is_looked_for_beside_the_machine_file(tmp_path: Path) -> None:
+def test_a_named_eds_is_relative_to_the_machine_file(tmp_path: Path) -> None:
     text = load_machine().text.replace("node: 1", "node: 1\n    eds: mine.eds", 1)
     path = tmp_path / "m.yaml"
     path.write_text(text)
@@ -80,7 +80,7 @@ def test_a_named_eds_is_looked_for_beside_the_machine_file(tmp_path: Path) -> No
         ),
     ],
 )
-def test_a_plant_that_the_steps_cannot_follow_is_no_plant(old: str, new: str, problem: str) -> None:
+def test_a_plant_too_stiff_for_the_steps_is_refused(old: str, new: str, problem: str) -> None:
     machine = parse_machine(load_machine().text.replace(old, new), "m")
     driver_settings(machine)  # a real stage may have it
     with pytest.raises(ConfigError) as caught:

@@ -60,5 +60,5 @@ def test_implausible_values_are_one_line_at_their_place(
         ("correlation_time: 0.5", "correlation_time: 1.0e+6"),
     ],
 )
-def test_what_a_stage_may_have_is_taken(old: str, new: str) -> None:
+def test_values_of_unusual_stages_are_accepted(old: str, new: str) -> None:
     parse_machine(GOOD.replace(old, new), "m")

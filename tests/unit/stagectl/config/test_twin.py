@@ -22,7 +22,7 @@ def test_a_twin_is_a_machine_file_with_the_effects_and_figures():
     assert [e.name for e in again.axes["x"].effects] == ["cogging", "force_offset"]
 
 
-def test_what_cannot_be_is_refused():
+def test_unknown_axes_and_parameters_and_bad_values_are_refused():
     machine = load_machine()
     with pytest.raises(StagectlError, match="no axis z"):
         render_twin(machine, {"z": []})

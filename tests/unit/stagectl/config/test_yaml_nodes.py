@@ -158,7 +158,7 @@ def test_problems_are_placed_at_values_keys_and_nearest_parents() -> None:
     assert document.problem(("a", "tag", "b", 0), "x") == "f.yaml:2:7: a.b[1]: x"
 
 
-def test_garbage_never_gets_past_as_anything_but_a_problem() -> None:
+def test_random_bytes_are_a_document_or_a_problem() -> None:
     """Bytes flipped, cut and doubled in a real file: a document or a ConfigError, one line each."""
     source = "recipe: a\nmacro: {velocity: 0.5, jerk: 2e2}\nsites: [[0, 1], [2, 3]]\nx: 'q'\n"
     random_ = random.Random(3)  # noqa: S311 - not for secrets

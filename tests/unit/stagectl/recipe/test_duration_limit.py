@@ -35,19 +35,19 @@ settle: {window: 50 nm, hold: 5 ms, timeout: 0.15}
         ),
     ],
 )  # fmt: skip
-def test_a_run_that_no_recording_holds(
+def test_sites_that_take_too_long_are_refused(
     inspection: str, problems_of: Problems, old: str, new: str, problem: str
 ) -> None:
     assert problems_of(inspection.replace(old, new)) == (problem,)
 
 
-def test_moves_that_no_recording_holds(problems_of: Problems) -> None:
+def test_moves_that_take_too_long_are_refused(problems_of: Problems) -> None:
     text = HEAD + "moves: [{repeat: 9, moves: [{dwell: 5000}]}]\n"
     (problem,) = problems_of(text)
     assert problem.endswith("moves: takes at least 12.5 h, a recording holds 12 h")
 
 
-def test_the_bound_is_below_what_a_motion_takes_and_near_it() -> None:
+def test_the_bound_is_below_the_duration_of_a_move_and_near_it() -> None:
     for distance in (1e-9, 1e-6, 8e-5, 1e-3, 0.05, 0.3):
         for profile in (Profile(0.5, 3.0, 200.0), Profile(0.01, 0.2, 20.0)):
             took = duration(distance, profile.velocity, profile.acceleration, profile.jerk)

@@ -262,7 +262,7 @@ def test_a_refused_move_does_not_shift_the_places_of_others(problems_of: Problem
     assert [line.split(": ")[1] for line in found] == ["moves[1].axis", "moves[2].to"]
 
 
-def test_keys_without_effect_are_noted_not_hidden(recipe_of: RecipeOf) -> None:
+def test_keys_without_effect_are_noted(recipe_of: RecipeOf) -> None:
     recipe = recipe_of(HEAD + "expose: 1\nmoves: [{dwell: 1}]\n")
     assert recipe.notes == ("expose has no effect with moves",)
 
@@ -286,7 +286,7 @@ def test_thousands_of_problems_are_counted_not_listed(problems_of: Problems) -> 
     assert found[-1] == "r.yaml: and 4900 more problems"
 
 
-def test_a_name_is_no_path(problems_of: Problems, inspection: str) -> None:
+def test_a_name_must_not_be_a_path(problems_of: Problems, inspection: str) -> None:
     text = inspection.replace("recipe: inspection-20", "recipe: ../evil")
     assert problems_of(text) == (
         "r.yaml:2:9: recipe: must not contain a /: folders are named after it",

@@ -21,7 +21,18 @@ FRICTION = [
 ]
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
+def facts() -> RunFacts:
+    return FACTS
+
+
+@pytest.fixture(scope="session")
+def friction() -> list[FrictionEntry]:
+    """An accepted estimate and a refused one."""
+    return FRICTION
+
+
+@pytest.fixture(scope="session")
 def recording() -> Recording:
     """Another program's recording, with sites as a run of ours would have them."""
     read = read_recording(Path(__file__).parents[3] / "data" / "null-1-other-moves.h5")
@@ -29,6 +40,6 @@ def recording() -> Recording:
     return replace(read, moves=moves)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def summary(recording: Recording) -> dict[str, Any]:
     return build_summary(recording, FACTS, FRICTION, control_period=TC, sync_period=TS)

@@ -1,4 +1,4 @@
-"""The scales of the friction panels: what is in force fills them."""
+"""The friction panels of the report: their ranges and the places of estimates."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ def entry(axis: str, site: int, **values: float) -> dict[str, Any]:
     return {"axis": axis, "site": site, "accepted": True, "parameters": figures}
 
 
-def test_what_was_not_known_yet_does_not_set_the_panel_range():
+def test_estimates_before_the_parameter_was_known_do_not_widen_the_range():
     course = [point(6.0e5 + d, 2e3) for d in (0.0, 500.0, -800.0, 300.0)]
     low, high = panel_range([point(3.0e5, 2.4e5), point(6.07e5, 3.9e4), *course])
     assert 5.9e5 < low < 6.0e5 - 2.8e3
     assert 6.0e5 + 2.5e3 < high < 6.1e5
 
 
-def test_a_drift_that_is_known_is_shown_whole():
+def test_a_known_drift_is_shown_completely():
     course = [point(6.0 + 0.1 * k, 0.05) for k in range(20)]
     low, high = panel_range(course)
     assert low < 5.95
     assert high > 7.95
 
 
-def test_the_figure_in_force_is_in_the_scale_however_uncertain():
+def test_the_last_accepted_estimate_is_shown_however_uncertain():
     low, high = panel_range([*(point(6.0, 0.01) for _ in range(9)), point(9.0, 1.0)])
     assert low < 6.0
     assert high > 10.0
 
 
-def test_a_refused_figure_sets_no_scale_but_where_all_were_refused():
+def test_refused_estimates_count_only_if_all_were_refused():
     assert panel_range([point(6.0, 0.1), point(99.0, 0.1, accepted=False)])[1] < 7.0
     assert panel_range([point(99.0, 1.0, accepted=False)])[0] > 90.0
 
@@ -53,12 +53,12 @@ def test_a_refused_figure_sets_no_scale_but_where_all_were_refused():
         [point(-1.7e308, 1e307), point(1.7e308, 1e307)],
     ],
 )
-def test_a_scale_is_never_empty_nor_beyond_all_numbers(points: list[dict[str, Any]]):
+def test_a_range_is_never_empty_nor_infinite(points: list[dict[str, Any]]):
     low, high = panel_range(points)
     assert -float("inf") < low < high < float("inf")
 
 
-def test_each_figure_of_each_axis_has_a_panel_and_estimates_of_a_site_stand_side_by_side():
+def test_each_parameter_and_axis_has_a_panel_with_estimates_of_a_site_side_by_side():
     entries = [
         entry("x", 1, coulomb=6.0, viscous=20.0), entry("y", 1, coulomb=9.0),
         entry("x", 1, coulomb=6.1, viscous=20.0), entry("x", 2, coulomb=6.0),
@@ -72,7 +72,7 @@ def test_each_figure_of_each_axis_has_a_panel_and_estimates_of_a_site_stand_side
     assert panels[0]["high"] < panels[1]["low"]
 
 
-def test_many_estimates_of_a_site_stay_beside_it():
+def test_many_estimates_of_a_site_stay_near_it():
     (panel,) = friction_panels([entry("x", 3, coulomb=6.0)] * 18, ("x",), by_site=True)
     places = [p["place"] for p in panel["points"]]
     assert 2.6 <= places[0] < places[1] < places[-1] <= 3.4

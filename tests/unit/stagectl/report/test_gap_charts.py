@@ -5,7 +5,7 @@ import numpy as np
 from stagectl.report.gap_charts import Curve, bars, chart, matrix
 
 
-def test_charts_take_what_there_is():
+def test_empty_flat_missing_and_long_data_can_be_drawn():
     assert "Nothing to draw" in chart([], "x", "y")
     flat = chart([Curve("before", np.arange(3.0), np.zeros(3))], "x", "y <z>")
     assert "y &lt;z&gt;" in flat

@@ -107,7 +107,7 @@ def test_friction_over_position_is_drawn_if_it_is_a_cause(examined, explained):
     assert "surplus of the Coulomb" not in render_gap_page(explained, examined, "wafer")
 
 
-def test_the_page_says_all_of_it_and_loads_nothing(examined, explained):
+def test_the_page_is_complete_and_loads_nothing(examined, explained):
     model = [m.floor.nominal for m in examined.measured]
     page = render_gap_page(
         explained, examined, "wafer <xy>", explained=model,
@@ -132,7 +132,7 @@ def test_verdict_comes_first(examined, explained):
     assert page.index("The gap is") < page.index("Gap and floor") < page.index("Where the gap is")
 
 
-def test_without_causes_there_is_no_after(examined):
+def test_without_causes_there_are_no_curves_after(examined):
     report = replace(report_without_causes(examined), verdict="no_gap")
     page = render_gap_page(report, examined, "m")
     Balanced().feed(page)
@@ -140,7 +140,7 @@ def test_without_causes_there_is_no_after(examined):
     assert "describes this stage" in page
 
 
-def test_a_recording_that_supports_nothing_is_a_page_all_the_same(examined, tmp_path):
+def test_an_insufficient_recording_has_a_page_too(examined, tmp_path):
     none = replace(examined, insufficient="no motion", measured=(), gap=None, located=None)
     report = report_without_causes(none)
     write_gap_page(tmp_path / "a.html", report, none, "m")

@@ -20,13 +20,6 @@ from stagectl.store import FrictionEntry, ParameterEstimate, RunFacts, build_sum
 from stagedata import Recording, aligned_demand
 
 TC, TS = 1e-4, 1e-3
-FACTS = RunFacts("inspection", "wafer-xy", "estimated", 1, True, None, 9.7, 0.6, "completed")
-FRICTION = [
-    FrictionEntry(1, "x", True, None, 3e-5, {"coulomb": ParameterEstimate(6.02, 0.01, "N")}),
-    FrictionEntry(
-        2, "y", False, "innovation <too> large", 3e-5, {"coulomb": ParameterEstimate(99, 9, "N")}
-    ),
-]
 
 
 class Page(HTMLParser):
@@ -63,7 +56,7 @@ class Page(HTMLParser):
         return " ".join(word for word in self.words if word)
 
 
-def test_needs_nothing_but_itself(recording: Recording, summary: dict[str, Any]):
+def test_the_page_loads_nothing(recording: Recording, summary: dict[str, Any]):
     html = render_report(recording, summary, control_period=TC)
     page = Page(html)
     assert page.loads == []
@@ -73,7 +66,7 @@ def test_needs_nothing_but_itself(recording: Recording, summary: dict[str, Any])
     assert "uPlot" in html
 
 
-def test_says_what_the_summary_says(recording: Recording, summary: dict[str, Any]):
+def test_the_page_states_the_results_of_the_summary(recording: Recording, summary: dict[str, Any]):
     text = Page(render_report(recording, summary, control_period=TC)).text
     assert "Completed" in text
     median = summary["micro"]["settling_median"]["5e-08"] * 1e3
@@ -83,13 +76,15 @@ def test_says_what_the_summary_says(recording: Recording, summary: dict[str, Any
     assert "6.02" in text
 
 
-def test_text_of_files_cannot_become_markup(recording: Recording, summary: dict[str, Any]):
+def test_text_of_files_cannot_become_markup(
+    recording: Recording, facts: RunFacts, friction: list[FrictionEntry]
+):
     evil = "</script><script>alert(1)</script>"
     bad = replace(recording, machine=evil, recipe=evil)
-    entry = replace(FRICTION[1], reason=evil, parameters={evil: ParameterEstimate(1, 1, evil)})
-    facts = replace(FACTS, recipe=evil, fault=evil, outcome="fault")
-    told = build_summary(bad, facts, [entry], control_period=TC, sync_period=TS)
-    html = render_report(bad, told, control_period=TC)
+    entry = replace(friction[1], reason=evil, parameters={evil: ParameterEstimate(1, 1, evil)})
+    faulty = replace(facts, recipe=evil, fault=evil, outcome="fault")
+    summary = build_summary(bad, faulty, [entry], control_period=TC, sync_period=TS)
+    html = render_report(bad, summary, control_period=TC)
     assert html.count("<script>alert") == 0
     page = Page(html)
     assert page.stack == []
@@ -112,11 +107,11 @@ def test_embedded_error_is_that_of_the_recording(recording: Recording, summary: 
     assert abs(aligned_demand(x, TC / TS)[k - 1] - move.target["x"]) > 1e-9
 
 
-def test_a_run_that_was_aborted_before_its_first_move(recording: Recording):
+def test_a_run_that_was_aborted_before_its_first_move(recording: Recording, facts: RunFacts):
     empty = replace(recording, moves=())
-    facts = replace(FACTS, outcome="aborted", compensation="none")
-    told = build_summary(empty, facts, [], control_period=TC, sync_period=TS)
-    page = Page(render_report(empty, told, control_period=TC))
+    aborted = replace(facts, outcome="aborted", compensation="none")
+    summary = build_summary(empty, aborted, [], control_period=TC, sync_period=TS)
+    page = Page(render_report(empty, summary, control_period=TC))
     assert "Aborted" in page.text
     assert "No micro-move was completed." in page.text
     assert "Friction was not estimated" in page.text

@@ -9,31 +9,24 @@ import numpy as np
 import pytest
 
 from stagectl.report.traces import BEFORE, chart_data
-from stagectl.store import FrictionEntry, ParameterEstimate, RunFacts, build_summary
+from stagectl.store import RunFacts, build_summary
 from stagedata import Recording
 
 TC, TS = 1e-4, 1e-3
-FACTS = RunFacts("inspection", "wafer-xy", "estimated", 1, True, None, 9.7, 0.6, "completed")
-FRICTION = [
-    FrictionEntry(1, "x", True, None, 3e-5, {"coulomb": ParameterEstimate(6.02, 0.01, "N")}),
-    FrictionEntry(
-        2, "y", False, "innovation <too> large", 3e-5, {"coulomb": ParameterEstimate(99, 9, "N")}
-    ),
-]
 
 
-def test_missed_samples_are_gaps(recording: Recording):
+def test_missed_samples_are_gaps(recording: Recording, facts: RunFacts):
     k = recording.moves[2].start
     x = replace(recording.axes["x"], valid=np.arange(len(recording)) != k)
     masked = replace(recording, axes={"x": x, "y": recording.axes["y"]})
-    told = build_summary(masked, FACTS, [], control_period=TC, sync_period=TS)
-    data = chart_data(masked, told, TC)
+    summary = build_summary(masked, facts, [], control_period=TC, sync_period=TS)
+    data = chart_data(masked, summary, TC)
     assert data["moves"][2]["error"]["x"][BEFORE] is None
     assert data["moves"][2]["force"]["x"][BEFORE] is None
     assert data["moves"][2]["error"]["y"][BEFORE] is not None
 
 
-def test_a_cross_stands_where_the_window_drawn_was_missed(
+def test_a_move_outside_a_window_at_its_end_is_marked_for_that_window(
     recording: Recording, summary: dict[str, Any]
 ):
     drawn = chart_data(recording, summary, TC)["settling"]
