@@ -1,35 +1,39 @@
-"""Friction measured at fixed sites: which sites are due, what is done there, what came of it."""
+"""Calibration: friction measured at fixed sites, and identified from recordings.
+
+`sites` (the file), `sequence` (moves at a site), `due` (when), `slip_in` (into production),
+`outcome` (results), `interrupted` (to be resumed), `identify` (figures of an axis).
+"""
 
 from stagectl.calibration.due import due_now, due_sites
 from stagectl.calibration.identify import identify_axis, identify_pieces
 from stagectl.calibration.interrupted import load_interrupted_calibration
 from stagectl.calibration.outcome import (
     SiteOutcome,
-    outcomes,
-    overall,
-    predicted_line,
-    reached_lines,
-    visited,
+    common_changes,
+    predicted_gains,
+    reached_gains,
+    site_outcomes,
+    visited_sites,
 )
 from stagectl.calibration.sequence import SiteSequence
 from stagectl.calibration.sites import Calibration, DueSection, load_calibration
-from stagectl.calibration.slip_in import slip_in
+from stagectl.calibration.slip_in import slip_in_sites
 
 __all__ = [
     "Calibration",
     "DueSection",
     "SiteOutcome",
     "SiteSequence",
+    "common_changes",
     "due_now",
     "due_sites",
     "identify_axis",
     "identify_pieces",
     "load_calibration",
     "load_interrupted_calibration",
-    "outcomes",
-    "overall",
-    "predicted_line",
-    "reached_lines",
-    "slip_in",
-    "visited",
+    "predicted_gains",
+    "reached_gains",
+    "site_outcomes",
+    "slip_in_sites",
+    "visited_sites",
 ]

@@ -1,4 +1,4 @@
-"""Which sites are due: by time, moves, distance, what production has found, or doubt."""
+"""Which sites are due: by age, moves, distance, change seen in production, or uncertainty."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class DueSite:
 
     Attributes:
         place: [m].
-        reasons: why, the worst first.
-        urgency: how far the worst limit is passed; 1 is at the limit.
+        reasons: limits that are exceeded, the worst first.
+        urgency: multiple of the worst limit.
     """
 
     place: Pair
@@ -37,25 +37,25 @@ def due_sites(
     now: float,
     places: TrackedPlaces | None,
 ) -> list[DueSite]:
-    """Those of `sites` that are due, the most urgent first.
+    """The due ones among `sites`, the most urgent first.
 
     Args:
         sites: of the calibration [m].
         limits: when a site is due.
         history: open.
-        stage: whose.
+        stage: that is calibrated.
         axes: names.
         now: [s since 1970].
-        places: the active map brought up to now, or None.
+        places: the active map, brought up to date, or None.
     """
     calibrated = history.calibrated(stage)
     last = {
         site: max((t for p, t in calibrated if math.dist(p, site) <= SITE_RADIUS), default=None)
         for site in sites
     }
-    begins = sorted({when for when in last.values() if when is not None}, reverse=True)
-    worn = _worn(history, stage, axes, begins)
-    steps = history.steps(stage, begins[-1]) if begins else []
+    starts = sorted({when for when in last.values() if when is not None}, reverse=True)
+    worn = _worn(history, stage, axes, starts)
+    steps = history.steps(stage, starts[-1]) if starts else []
     found = [
         DueSite(site, ("never calibrated",), math.inf)
         if when is None
@@ -66,16 +66,16 @@ def due_sites(
 
 
 def _worn(
-    history: History, stage: StageKey, axes: Sequence[str], begins: Sequence[float]
+    history: History, stage: StageKey, axes: Sequence[str], starts: Sequence[float]
 ) -> dict[float, dict[str, Wear]]:
-    """What every axis has done since each of these times, the latest first.
+    """Moves and distance of every axis since each of these times, the latest first.
 
-    Every move is counted once, however many sites there are.
+    Every move is read once, however many sites there are.
     """
     found: dict[float, dict[str, Wear]] = {}
     total = dict.fromkeys(axes, Wear(0, 0.0))
     until = math.inf
-    for begin in begins:
+    for begin in starts:
         for axis in axes:
             more = history.wear(stage, axis, begin, until)
             known = total[axis]
@@ -88,7 +88,7 @@ def _due(
     site: Pair, when: float, limits: DueSection, worn: Mapping[str, Wear],
     steps: Sequence[StepRecord], now: float, places: TrackedPlaces | None,
 ) -> DueSite:  # fmt: skip
-    """A site that was calibrated `when`; `worn` and `steps`: since then."""
+    """A site calibrated at `when`, with wear and steps since then."""
     passed: list[tuple[float, str]] = []
 
     def check(value: float, limit: float, text: str) -> None:
@@ -119,7 +119,7 @@ def _due(
 
 
 def due_now(calibration: Calibration, request: RunRequest) -> list[DueSite]:
-    """The due sites of a calibration when a run begins; its history is made where there is none.
+    """The due sites of a calibration when a run begins; creates its history if necessary.
 
     Raises:
         StagectlError: the history cannot be used, or its active map does not fit.

@@ -1,6 +1,6 @@
-"""Friction figures of an axis out of recordings: joins machine file and `estimation.offline`.
+"""Identifies the friction figures of an axis from recordings, by `estimation.offline`.
 
-Off the critical path: nothing here is used while a stage moves.
+Nothing here is used while a stage moves.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from stagectl.config.machine import Axis, Machine
 from stagectl.errors import UnusableInput
 from stagedata import Recording
 
-ANOTHER = 0.05
-"""Friction that is off by more than this share changes its mean around a SYNC noticeably."""
+REPEAT_FROM = 0.05
+"""Relative change of a figure from which the mean force around a SYNC is computed again."""
 
 
 def settings_of(axis: Axis, period: float) -> OfflineSettings:
-    """What the machine file says of an axis' sensors and mass; `period` is Ts [s]."""
+    """Sensors and mass of an axis by its machine file; `period` is Ts [s]."""
     wander = axis.plant.friction.repeatability
     return OfflineSettings(
         mass=axis.plant.mass,
@@ -46,12 +46,12 @@ def identify_axis(
 
     Args:
         recordings: of one stage, in any order.
-        machine: what is believed of it before.
+        machine: prior figures.
         name: of the axis.
-        elements: Maxwell-slip elements of the answer; default the machine file's.
+        elements: number of Maxwell-slip elements; default: the machine file's.
 
     Raises:
-        UnusableInput: a recording without that axis, of another SYNC period, or without samples.
+        UnusableInput: a recording lacks that axis or samples, or has another SYNC period.
     """
     axis, period = machine.axes[name], machine.bus.sync_period
     friction = friction_model(axis)
@@ -68,7 +68,7 @@ def identify_axis(
         except ValueError as error:
             raise UnusableInput(f"{where}: {error}") from error
         pieces += new
-        offset = new[-1][0].time + 2.0 * period * len(new[-1][1])  # never joined
+        offset = new[-1][0].time + 2.0 * period * len(new[-1][1])  # never continuous
     return identify_pieces(pieces, axis, friction, period)
 
 
@@ -77,30 +77,30 @@ def identify_pieces(
 ) -> Identification:
     """As `identify_axis`, from samples and the force offsets sent for them [N].
 
-    Twice where the friction turns out to be another: what it is in the mean around a SYNC depends a
-    little on what it is.
+    Runs twice where the figures differ much from the prior ones, for the mean force around a SYNC
+    depends slightly on them.
     """
     settings = settings_of(axis, period)
     level = [around_syncs(piece, sent, axis, friction, period) for piece, sent in pieces]
     answer = identify(level, friction, settings)
-    if answer.reason is not None or not _another(friction, answer):
+    if answer.reason is not None or not _differs(friction, answer):
         return answer
-    found = _found(friction, answer)
+    found = _with_figures(friction, answer)
     level = [around_syncs(piece, sent, axis, found, period) for piece, sent in pieces]
     again = identify(level, friction, settings)
     return answer if again.reason is not None else again
 
 
-def _another(friction: Friction, answer: Identification) -> bool:
-    """Whether the figures that the elements' forces are made of are others than was believed."""
+def _differs(friction: Friction, answer: Identification) -> bool:
+    """Whether the figures behind the element forces differ much from the prior ones."""
     return any(
-        abs(answer[name].value / float(getattr(friction, name)) - 1.0) > ANOTHER
+        abs(answer[name].value / float(getattr(friction, name)) - 1.0) > REPEAT_FROM
         for name in ("coulomb", "stiffness")
     )
 
 
-def _found(friction: Friction, answer: Identification) -> Friction:
-    """The model with the figures of an answer; the shape of its hysteresis as it was."""
+def _with_figures(friction: Friction, answer: Identification) -> Friction:
+    """The model with the figures of an answer; its hysteresis keeps its shape."""
     return replace(
         friction,
         coulomb=answer["coulomb"].value,
@@ -116,13 +116,13 @@ def _found(friction: Friction, answer: Identification) -> Friction:
 def around_syncs(
     piece: Samples, sent: F64, axis: Axis, friction: Friction, period: float
 ) -> Samples:
-    """With mean forces around the SYNCs, not those at them: see `estimation.sampled_force`.
+    """Samples with the mean force around each SYNC; see `estimation.sampled_force`.
 
     Args:
         piece: as sampled.
-        sent: force offset sent for each sample [N], shape (K,); in force one SYNC later.
+        sent: force offset sent for each sample [N], shape (K,); in effect one SYNC later.
         axis: of the machine file.
-        friction: what is believed of it.
+        friction: prior model.
         period: Ts [s].
     """
     move = MoveData(piece.position, piece.force, piece.valid, piece.time, 0.0)
@@ -136,7 +136,7 @@ def around_syncs(
 def _pieces(
     recording: Recording, name: str, period: float, offset: float
 ) -> list[tuple[Samples, F64]]:
-    """Samples and force offsets of one axis, cut where the host passed SYNC periods over.
+    """Samples and force offsets of one axis, split where the host skipped SYNC periods.
 
     Raises:
         ValueError: SYNCs that are not a period apart, or too few samples.

@@ -1,4 +1,4 @@
-"""An interrupted calibration: which sites it was to visit, and what it has found so far."""
+"""An interrupted calibration: the sites it was to visit, and its estimates so far."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from stagectl.store import RECORDING_NAME, RunNotes, read_notes
 
 @dataclass(frozen=True, slots=True)
 class Interrupted:
-    """What the folder of an interrupted calibration tells.
+    """An interrupted calibration.
 
     Attributes:
-        sites: in the order of the visit, the first one again at the end included [m].
-        friction: its estimates so far, and those of the calibration that it went on with itself,
-            as entries of a summary.
+        sites: in the order of the visit, including the repeated first one at the end [m].
+        friction: estimates so far, those of the calibration it resumed included, as entries of a
+            summary.
     """
 
     sites: tuple[Pair, ...]
@@ -26,22 +26,22 @@ class Interrupted:
 
 
 def load_interrupted_calibration(folder: Path) -> Interrupted:
-    """Read it; `stagectl.run.resume.load_interrupted` has said before that it can be gone on with.
+    """Read an interrupted calibration, after `stagectl.run.load_interrupted` has accepted it.
 
     Raises:
-        UnusableInput: it was no calibration, or an older version's.
+        UnusableInput: the run was not a calibration, or is of an older version.
     """
     path = folder / RECORDING_NAME
     notes = read_notes(path)
     run = next((e for e in notes.events if e.get("event") == "run"), None)
     if run is None or not run.get("sites"):
-        raise UnusableInput(f"{path}: is not of a calibration that can be gone on with")
+        raise UnusableInput(f"{path}: not a calibration that can be resumed")
     try:
         sites = tuple((float(x), float(y)) for x, y in run["sites"])
         before: tuple[dict[str, Any], ...] = ()
         if run["resumed"] is not None:
             earlier = Path(str(run["resumed"]["run"]))
-            if (earlier / RECORDING_NAME).exists():  # thrown away since: its sites say nothing more
+            if (earlier / RECORDING_NAME).exists():  # it may have been deleted
                 before = load_interrupted_calibration(earlier).friction
         return Interrupted(sites, (*before, *_friction(notes)))
     except (KeyError, TypeError, ValueError, AttributeError) as error:

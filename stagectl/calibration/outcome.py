@@ -1,4 +1,4 @@
-"""What a calibration found, site by site: level, change, what was learnt, and what to do."""
+"""Results of a calibration, site by site: level, change, information gained, and what to do."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from stagectl.history import Pair
 from stagectl.maps import AxisChange, FrictionMap
 
 WATCH, ACT = 0.03, 0.10
-"""Relative change of a site beside the common one from which it is to be watched, or seen to."""
+"""Relative change of a site, beside the common change, to watch or to act on."""
 COMMON_ACT = 0.25
+"""Likewise for the common change."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,10 +23,13 @@ class SiteOutcome:
     """One axis at one site.
 
     Attributes:
-        site: number in the calibration.  place: [m].  axis: its name.
-        coulomb: [N], None where nothing was accepted.  sigma: relative.
-        change: beside the common one since the map before, relative; None without one.
-        gains: figure -> what was reached.
+        site: number in the calibration.
+        place: [m].
+        axis: its name.
+        coulomb: [N]; None where no estimate was accepted.
+        sigma: its relative standard deviation.
+        change: relative, since the previous map, beside the common change; None without one.
+        gains: figure -> gain reached.
         refused: reasons of refused estimates.
         severity: "good", "watch", "act" or "failed".
         suggestion: one sentence.
@@ -43,7 +47,7 @@ class SiteOutcome:
     suggestion: str
 
 
-def outcomes(
+def site_outcomes(
     sites: Sequence[Pair],
     friction: Sequence[Mapping[str, Any]],
     axes: Sequence[str],
@@ -53,17 +57,17 @@ def outcomes(
     """One outcome per site and axis.
 
     Args:
-        sites: visited [m], in their order.
+        sites: visited [m], in order.
         friction: entries of the run's summary.
         axes: names.
-        built: the new map, None where none could be made.
-        changes: from the version before to it; empty without one.
+        built: the new map; None where none could be built.
+        changes: since the previous version; empty without one.
     """
     found = []
     seen: set[Pair] = set()
     for number, place in enumerate(sites, 1):
         if place in seen:
-            continue  # the first one again, for the drift
+            continue  # the first one again, to see drift
         seen.add(place)
         for axis in axes:
             mine = [e for e in friction if e["site"] == number and e["axis"] == axis]
@@ -71,8 +75,10 @@ def outcomes(
     return found
 
 
-def visited(sites: tuple[Pair, ...], friction: Sequence[Mapping[str, Any]]) -> tuple[Pair, ...]:
-    """The sites that a calibration came to: up to the last one with an estimate, even a refused."""
+def visited_sites(
+    sites: tuple[Pair, ...], friction: Sequence[Mapping[str, Any]]
+) -> tuple[Pair, ...]:
+    """The sites reached: up to the last one with an estimate, even a refused one."""
     last: int = max((entry["site"] or 0 for entry in friction), default=0)
     return sites[:last]
 
@@ -109,7 +115,7 @@ def _outcome(
 
 
 def _known(figures: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
-    """Relative standard deviations; that of C/Fc out of those of C and Fc."""
+    """Relative standard deviations; that of C/Fc from those of C and Fc."""
     known = {
         name: figure["sigma"] / figure["value"]
         for name, figure in figures.items()
@@ -142,8 +148,8 @@ def _judged(
     return "good", "nothing to do"
 
 
-def overall(changes: Sequence[AxisChange]) -> list[str]:
-    """What the whole table says, one line per axis that has something to say."""
+def common_changes(changes: Sequence[AxisChange]) -> list[str]:
+    """Change of the whole table and what to do about it, one line per axis."""
     lines = []
     for entry in changes:
         text = f"axis {entry.axis}: all sites {entry.common:+.1%} since the last map"
@@ -155,8 +161,8 @@ def overall(changes: Sequence[AxisChange]) -> list[str]:
     return lines
 
 
-def reached_lines(found: Sequence[SiteOutcome], sequence: SiteSequence) -> list[str]:
-    """What the sites have taught beside what was expected, medians over them, one line per axis."""
+def reached_gains(found: Sequence[SiteOutcome], sequence: SiteSequence) -> list[str]:
+    """Gains reached and predicted, medians over the sites, one line per axis."""
     lines = []
     for axis, expected in sequence.gains.items():
         parts = []
@@ -172,8 +178,8 @@ def reached_lines(found: Sequence[SiteOutcome], sequence: SiteSequence) -> list[
     return lines
 
 
-def predicted_line(sequence: SiteSequence) -> list[str]:
-    """What the sequence is expected to teach at a site, one line per axis."""
+def predicted_gains(sequence: SiteSequence) -> list[str]:
+    """Predicted gains at a site, one line per axis."""
     return [
         f"axis {axis}: " + ", ".join(
             f"{name} {gain.after:.1%} ({gain.bits:.1f} bit)" for name, gain in gains.items()

@@ -1,10 +1,9 @@
-"""The short sequence of moves at a calibration site, chosen for what it teaches.
+"""The sequence of moves at a calibration site, chosen for the information it yields.
 
-Sliding both ways (Coulomb and viscous), reversals past presliding and the onset (stiffness), a
-creep (relaxation). What a sequence will teach is predicted before anything moves: the estimator is
-run on its own model's answer to the moves, and the covariance it ends with is what it will know,
-for that depends on the moves and the noise, hardly on the answer. The shortest sequence that
-reaches the goals is taken.
+Sliding both ways (Coulomb and viscous friction), reversals past presliding (stiffness), and a creep
+(relaxation). The information is predicted before anything moves: the estimator runs on its own
+model's response to the moves, and its final covariance hardly depends on the actual friction. The
+shortest sequence that reaches the goals is chosen.
 """
 
 from __future__ import annotations
@@ -25,18 +24,18 @@ from stagectl.recipe import Excursion, Profile
 from stagectl.sequencer import AxisCompensation, Mode
 
 GOALS = {"coulomb": 0.01, "viscous": 0.03, "stiffness": 0.01, "relaxation_rate": 0.035}
-"""Relative standard deviations that a calibration is to reach."""
+"""Relative standard deviations to reach."""
 REST = 0.06
 """Rest after every move, at least [s]."""
 REACH = 1.5e-3
 """How far from the site the sliding moves go [m]."""
 START = {"coulomb": 0.3, "viscous": 0.3, "stiffness": 0.3, "relaxation_rate": 0.2}
-"""What is known of a site before, for the prediction: relative standard deviations."""
+"""Prior relative standard deviations, for the prediction."""
 
 
 @dataclass(frozen=True, slots=True)
 class Gain:
-    """What a sequence teaches of one figure of one axis.
+    """Information gained on one figure of one axis.
 
     Attributes:
         before, after: relative standard deviation.
@@ -47,13 +46,13 @@ class Gain:
 
     @property
     def bits(self) -> float:
-        """Information gained: log2 of the ratio."""
+        """log2 of before over after."""
         return math.log2(self.before / self.after) if self.after > 0 else math.inf
 
 
 @dataclass(frozen=True, slots=True)
 class SiteSequence:
-    """A sequence with what is expected of it.
+    """A sequence and its predicted gains.
 
     Attributes:
         excursions: moves at the site, the last one back onto it.
@@ -66,7 +65,7 @@ class SiteSequence:
     gains: Mapping[str, Mapping[str, Gain]]
 
     def reaches(self, goals: Mapping[str, float] = GOALS) -> bool:
-        """Whether every figure of every axis will be known well enough."""
+        """Whether the prediction reaches the goals for every figure of every axis."""
         return all(
             gains[name].after <= goal
             for gains in self.gains.values()
@@ -74,11 +73,11 @@ class SiteSequence:
         )
 
 
-def choose(machine: Machine, reach: float = REACH) -> SiteSequence:
-    """The shortest sequence that reaches `GOALS`; where none does, the most telling one.
+def choose_sequence(machine: Machine, reach: float = REACH) -> SiteSequence:
+    """The shortest sequence that reaches `GOALS`; if none does, the most informative one.
 
     Args:
-        machine: as the host believes it.
+        machine: as the host believes it to be.
         reach: of the sliding moves [m].
     """
     best: SiteSequence | None = None
@@ -99,12 +98,12 @@ def _bits(sequence: SiteSequence) -> float:
 
 def _moves(machine: Machine, rounds: int, reach: float, creep: float) -> tuple[Excursion, ...]:
     """Offsets from the site, both axes at once."""
-    # Soft: what 20 us of doubt about when forces act are times mass and jerk looks like viscous
+    # A low jerk: 20 us of uncertainty in when forces act, times mass and jerk, look like viscous
     # friction (3 % of it at 200 m/s^3).
     slide = _profile(machine, 0.5, 3.0, 50.0)
     fine = _profile(machine, 0.01, 0.2, 20.0)
     slow = _profile(machine, 0.001, 0.1, 10.0)
-    # Twice the breakaway travel is past presliding for certain.
+    # Twice the breakaway travel is certainly past presliding.
     turn = 2.0 * max(friction_model(axis).breakaway_travel for axis in machine.axes.values())
     steps: list[tuple[float, str, Profile]] = []
     for _ in range(rounds):
@@ -118,7 +117,7 @@ def _moves(machine: Machine, rounds: int, reach: float, creep: float) -> tuple[E
 
 
 def _profile(machine: Machine, velocity: float, acceleration: float, jerk: float) -> Profile:
-    """Within what every axis allows."""
+    """A profile within the limits of every axis."""
     limits = [axis.limits for axis in machine.axes.values()]
     return Profile(
         min(velocity, *(limit.velocity for limit in limits)),
@@ -139,7 +138,7 @@ def _predicted(machine: Machine, excursions: Sequence[Excursion]) -> SiteSequenc
 def _gain(
     axis: Axis, period: float, excursions: Sequence[Excursion], index: int
 ) -> tuple[dict[str, Gain], float]:
-    """The estimator on its own model's answer to the moves of one axis."""
+    """Run the estimator on its own model's response to the moves of one axis."""
     friction = friction_model(axis)
     estimator = AxisCompensation(axis, friction, Mode.ESTIMATED, period).estimator
     values = {name: float(getattr(friction, name)) for name in START}
@@ -148,7 +147,7 @@ def _gain(
     state.forces[:] = 0.0
     estimator.expect(friction.coulomb, START["coulomb"] * friction.coulomb)  # as at a site
     at, time = 0.0, 0.0
-    # The arrival at the site: its onset says nothing, but the elements end as sliding leaves them.
+    # The arrival at the site, which leaves the elements as sliding does.
     for target, profile in [(-0.02, excursions[0].profile), (0.0, excursions[0].profile)]:
         at, time = _move(estimator, axis, state, at, target, profile, time, period)
     estimator.believe({name: (value, START[name] * value) for name, value in values.items()})

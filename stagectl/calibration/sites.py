@@ -1,4 +1,4 @@
-"""The file of a calibration: where its sites are, and when they are due. docs/friction-map.md."""
+"""The calibration file: its sites, and when they are due. See docs/friction-map.md."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 
 from pydantic import Field, StrictInt
 
-from stagectl.calibration.sequence import REACH, SiteSequence, choose
+from stagectl.calibration.sequence import REACH, SiteSequence, choose_sequence
 from stagectl.config.machine import Label, Machine
 from stagectl.config.units import PositiveLength, PositiveNumber, PositiveTime
 from stagectl.config.validation import Section, validate
@@ -20,13 +20,14 @@ DAY = 86400.0
 
 
 class DueSection(Section):
-    """`due`: a site is due when any of these is passed.
+    """`due`: a site is due when any of these limits is exceeded.
 
     Attributes:
-        days: since it was calibrated last.
-        moves, distance: of an axis since then, all over the table [m].
-        uncertainty: of its level now, relative, 1 sigma.
-        change: by which production has found it changed since, relative.
+        days: since its last calibration.
+        moves: of an axis since then, all over the table.
+        distance: likewise [m].
+        uncertainty: present relative standard deviation of its level.
+        change: of its level seen in production since, relative.
     """
 
     days: PositiveNumber = 7.0
@@ -37,7 +38,7 @@ class DueSection(Section):
 
 
 class CalibrationFile(Section):
-    """A calibration file from its top."""
+    """The top level of a calibration file."""
 
     calibrate: schema.RecipeName
     sites: schema.Sites
@@ -49,13 +50,13 @@ class CalibrationFile(Section):
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """What is to be calibrated.
+    """A calibration.
 
     Attributes:
-        recipe: the sites with the moves made at each.
-        sequence: of the moves, with what they are expected to teach.
-        due: when a site is due.
-        budget: of time for sites that are slipped into a production run [s], None: not given.
+        recipe: of the sites and the moves at each.
+        sequence: of the moves, with its predicted gains.
+        due: limits of a site.
+        budget: time for sites slipped into a production run [s], or None.
     """
 
     recipe: Recipe
@@ -64,12 +65,12 @@ class Calibration:
     budget: float | None
 
     def at(self, sites: tuple[Pair, ...], revisit: bool = True) -> Recipe:
-        """The recipe at some of the sites only.
+        """The recipe for some of the sites.
 
         Args:
             sites: [m].
-            revisit: the first one again at the end, so that drift meanwhile is not taken for a
-                difference between the sites.
+            revisit: visit the first one again at the end, so that drift is not mistaken for a
+                difference between sites.
         """
         again = sites[:1] if revisit and len(sites) > 3 else ()
         return replace(self.recipe, sites=(*sites, *again))
@@ -86,7 +87,7 @@ fiducial: {{source: simulated, range: {reach!r}}}
 
 
 def load_calibration(path: Path, machine: Machine) -> Calibration:
-    """The calibration of a file, checked against the machine as a recipe is.
+    """Load a calibration and check it against the machine, as a recipe.
 
     Raises:
         ConfigError: it cannot be used; one line per problem.
@@ -111,7 +112,7 @@ def load_calibration(path: Path, machine: Machine) -> Calibration:
     ]
     if problems:
         raise ConfigError(problems[:20])
-    sequence = choose(machine, file.reach)
+    sequence = choose_sequence(machine, file.reach)
     profile = sequence.excursions[0].profile
     text = _RECIPE.format(
         name=file.calibrate, v=profile.velocity, a=profile.acceleration, j=profile.jerk,

@@ -1,7 +1,7 @@
-"""Due sites slipped into a production run, as many as a time budget allows.
+"""Slips due sites into a production run, the most urgent first, within a time budget.
 
-Each goes behind the production site that is nearest to it, the most urgent first. Its time is that
-of the motion there and back on the way, of the sequence, and of the rests.
+Each comes after the production site nearest to it. Its cost is the detour, the sequence and the
+rests.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from stagectl.calibration.sequence import REST, SiteSequence
 from stagectl.recipe import Pair, Recipe
 
 
-def slip_in(
+def slip_in_sites(
     recipe: Recipe, due: Sequence[DueSite], sequence: SiteSequence, budget: float
 ) -> tuple[Recipe, float]:
-    """The recipe with calibrations in it, and the time that they take [s].
+    """The recipe with calibrations slipped in, and the time they take [s].
 
     Args:
         recipe: of production, with sites.

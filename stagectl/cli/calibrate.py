@@ -60,7 +60,7 @@ def command(
     The new map is stored in the history; 'stagectl map activate' puts it into use. Drive settings
     are not changed, and the stage ends at the first site.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
-    from stagectl.calibration import load_calibration, predicted_line
+    from stagectl.calibration import load_calibration, predicted_gains
     from stagectl.history import FILE_NAME, default_history
 
     believed, truth = load_machines(machine, simulate, bus, moves=not dry_run)
@@ -76,7 +76,7 @@ def command(
             f"{len(calibration.sequence.excursions)} moves at each site, "
             f"{calibration.sequence.duration:.2f} s; expected uncertainty, 1 sigma:"
         )
-        for line in predicted_line(calibration.sequence):
+        for line in predicted_gains(calibration.sequence):
             click.echo(f"  {line}")
         if not calibration.sequence.reaches():
             click.echo("  below the required accuracy: a larger 'reach' may help")
@@ -158,7 +158,7 @@ def _measure(
     Returns:
         What ended the calibration early, or None.
     """
-    from stagectl.calibration import outcomes, visited
+    from stagectl.calibration import site_outcomes, visited_sites
     from stagectl.cli.progress import RunProgress
     from stagectl.errors import StagectlError, UnusableInput
     from stagectl.history import StageKey
@@ -185,8 +185,8 @@ def _measure(
     friction = [*before, *result.summary["friction"]]
     sites = request.recipe.sites
     if result.error is not None:  # leave out sites that were not reached
-        sites = visited(sites, friction)
-    found = outcomes(sites, friction, tuple(machine.axes), built, changes)
+        sites = visited_sites(sites, friction)
+    found = site_outcomes(sites, friction, tuple(machine.axes), built, changes)
     _print_outcomes(console, found, changes, calibration.sequence)
     if number is not None:
         console.print(
@@ -208,13 +208,13 @@ def _measure(
 def _print_outcomes(
     console: Console, found: list[SiteOutcome], changes: list[AxisChange], sequence: SiteSequence
 ) -> None:
-    from stagectl.calibration import overall, reached_lines
+    from stagectl.calibration import common_changes, reached_gains
 
     console.print(_table(found, sequence), crop=False, soft_wrap=True)
-    reached = reached_lines(found, sequence)
+    reached = reached_gains(found, sequence)
     if reached:
         console.print("uncertainty reached, median over the sites, 1 sigma:")
-    for line in [*(f"  {line}" for line in reached), *overall(changes)]:
+    for line in [*(f"  {line}" for line in reached), *common_changes(changes)]:
         console.print(line, markup=False, soft_wrap=True)
 
 

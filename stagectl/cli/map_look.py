@@ -27,7 +27,7 @@ def show(
     """
     from math import isfinite
 
-    from stagectl.maps import at_place, map_versions, shown, summary, write_map_report
+    from stagectl.maps import at_place, map_versions, summary, version_as_json, write_map_report
 
     if at is not None and not all(map(isfinite, at)):
         raise click.BadParameter("must be two finite numbers, in m", param_hint="--at")
@@ -43,7 +43,7 @@ def show(
             write_map_report(html, opened, stage, version, older[-1] if older else None)
             click.echo(f"written: {html}", err=is_json_on_stdout(json_out))
         if json_out is not None:
-            write_json(shown(version, at), json_out)
+            write_json(version_as_json(version, at), json_out)
 
 
 @click.command("history")
@@ -53,13 +53,13 @@ def list_versions(
     history: str | None, stage_name: str | None, simulated: bool | None, json_out: Path | None
 ) -> None:
     """List all versions, and when each was in use."""
-    from stagectl.maps import listed, map_versions, versions_table
+    from stagectl.maps import map_versions, versions_as_json, versions_table
 
     with open_stage_history(history, stage_name, simulated) as (opened, stage):
         versions, used = map_versions(opened, stage), opened.activations(stage)
     console_for(json_out).print(versions_table(stage, versions, used), crop=False)
     if json_out is not None:
-        write_json(listed(stage, versions, used), json_out)
+        write_json(versions_as_json(stage, versions, used), json_out)
 
 
 @click.command("compare")
@@ -72,7 +72,7 @@ def compare(
     json_out: Path | None,
 ) -> None:  # fmt: skip
     """Show what changed from version OLD to version NEW, site by site."""
-    from stagectl.maps import changed, changes_table
+    from stagectl.maps import changes_as_json, changes_table
     from stagectl.maps import compare as compare_maps
 
     with open_stage_history(history, stage_name, simulated) as (opened, stage):
@@ -81,7 +81,7 @@ def compare(
     changes = compare_maps(first.map, second.map)
     console_for(json_out).print(changes_table(old, new, changes), crop=False)
     if json_out is not None:
-        write_json(changed(stage, old, new, changes), json_out)
+        write_json(changes_as_json(stage, old, new, changes), json_out)
 
 
 @click.command("export")

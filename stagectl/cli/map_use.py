@@ -92,12 +92,12 @@ def rollback(
             version = select_version(opened, stage, number)
             _activate(opened, stage, version, machine, max_age, "rolled back", json_out)
             return
-        from stagectl.maps import applied
+        from stagectl.maps import activation_as_json
 
         opened.activate(stage, None, datetime.now(UTC).timestamp(), "rolled back")
         click.echo(f"{stage}: no map in use", err=is_json_on_stdout(json_out))
         if json_out is not None:
-            write_json(applied(stage, None, [], "rolled back"), json_out)
+            write_json(activation_as_json(stage, None, [], "rolled back"), json_out)
 
 
 def _previous_version(history: History, stage: StageKey) -> int | None:
@@ -123,7 +123,7 @@ def _activate(
     """Check a version and report the findings; put it into use unless `reason` is None."""
     from stagectl.config import load_machine
     from stagectl.errors import UnusableInput
-    from stagectl.maps import applied, outdated, problems
+    from stagectl.maps import activation_as_json, outdated, problems
 
     now, quiet = datetime.now(UTC).timestamp(), is_json_on_stdout(json_out)
     model = load_machine(machine)
@@ -132,7 +132,9 @@ def _activate(
     if grave and machine is None and stage.machine != model.name:
         grave.append(f"name the machine file of {stage.machine} with --machine")
     if json_out is not None:
-        write_json(applied(stage, version.number, found, None if grave else reason), json_out)
+        write_json(
+            activation_as_json(stage, version.number, found, None if grave else reason), json_out
+        )
     if grave:
         raise UnusableInput(
             f"{history.name}: map {version.number} cannot be activated: {'; '.join(grave)}"

@@ -180,7 +180,7 @@ def _with_due_sites(request: RunRequest, path: Path, budget: float | None) -> Ru
     """The run with as many due calibration sites inserted as the budget allows."""
     from dataclasses import replace
 
-    from stagectl.calibration import due_now, load_calibration, slip_in
+    from stagectl.calibration import due_now, load_calibration, slip_in_sites
 
     if request.history is None:
         raise click.UsageError("--calibrate needs a history, from which it sees what is due")
@@ -189,7 +189,7 @@ def _with_due_sites(request: RunRequest, path: Path, budget: float | None) -> Ru
     calibration = load_calibration(path, request.machine)
     due = due_now(calibration, request)
     allowed = budget if budget is not None else calibration.budget
-    recipe, spent = slip_in(
+    recipe, spent = slip_in_sites(
         request.recipe, due, calibration.sequence, DEFAULT_BUDGET if allowed is None else allowed
     )
     where = "; ".join(f"({x * 1e3:g}, {y * 1e3:g}) mm" for _, (x, y) in recipe.slipped)

@@ -1,13 +1,23 @@
-"""Friction maps: built from the history, kept in versions, used and tracked in production."""
+"""Friction maps over the table, built from the history, kept in versions, tracked in production.
+
+`model` (a map), `build`, `active` and `places` (in a run), `learning` (rates of change),
+`applicable` and `compare` (checks), `snapshot` (for a replay), `as_json`, `tables`, `export` and
+`report` (output).
+"""
 
 from stagectl.maps.active import ActiveMap, load_active, map_versions
 from stagectl.maps.applicable import outdated, problems, sites_outside
+from stagectl.maps.as_json import (
+    activation_as_json,
+    changes_as_json,
+    version_as_json,
+    versions_as_json,
+)
 from stagectl.maps.build import build_map
 from stagectl.maps.compare import AxisChange, compare
 from stagectl.maps.learning import tracking_settings
 from stagectl.maps.model import FrictionMap, MapVersion, to_json
 from stagectl.maps.places import SITE_RADIUS, TrackedPlaces
-from stagectl.maps.plain import applied, changed, listed, shown
 from stagectl.maps.report import write_map_report
 from stagectl.maps.snapshot import restore_snapshot, take_snapshot
 from stagectl.maps.tables import at_place, changes_table, summary, versions_table
@@ -19,24 +29,24 @@ __all__ = [
     "FrictionMap",
     "MapVersion",
     "TrackedPlaces",
-    "applied",
+    "activation_as_json",
     "at_place",
     "build_map",
-    "changed",
+    "changes_as_json",
     "changes_table",
     "compare",
-    "listed",
     "load_active",
     "map_versions",
     "outdated",
     "problems",
     "restore_snapshot",
-    "shown",
     "sites_outside",
     "summary",
     "take_snapshot",
     "to_json",
     "tracking_settings",
+    "version_as_json",
+    "versions_as_json",
     "versions_table",
     "write_map_report",
 ]

@@ -1,4 +1,4 @@
-"""The active map of a stage, brought up to now, as what a run goes by."""
+"""The active map of a stage, brought up to date for a run."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from dataclasses import dataclass
 from stagectl.config.machine import Machine
 from stagectl.history import EstimateRecord, History, Pair, StageKey
 from stagectl.maps.applicable import problems
-from stagectl.maps.learning import figure_drift, of_each, tracking_settings
+from stagectl.maps.learning import figure_drift, limit_per_place, tracking_settings
 from stagectl.maps.model import FrictionMap, MapVersion, from_json
 from stagectl.maps.places import TrackedPlaces
 from stagectl.sequencer import Figures
 
 REPLAYED = 60
-"""So many of the last measurements of each place and axis are gone through to bring a map up to
-now: what they say together is known better than it stays as it is."""
+"""Latest measurements of each place and axis used to bring a map up to date: together they are
+more certain than the level is constant."""
 
 
 @dataclass(frozen=True, slots=True)
 class ActiveMap:
-    """What a run goes by.
+    """The map that a run uses.
 
     Attributes:
         version: of the map.
-        places: what it knows, and goes on learning.
-        figures: axis -> friction figures to begin with.
-        drift: axis -> figure -> how far it may change from move to move, relative, as learnt.
+        places: friction over the table, which moves update.
+        figures: axis -> friction figures to start from.
+        drift: axis -> figure -> relative 1-sigma of its change per move, learned from the history.
     """
 
     version: MapVersion
@@ -36,7 +36,7 @@ class ActiveMap:
 
 
 def map_versions(history: History, stage: StageKey) -> list[MapVersion]:
-    """All versions of a stage's map in their order.
+    """All versions of a stage's map in order.
 
     Raises:
         UnusableInput: one of them cannot be read.
@@ -57,13 +57,13 @@ def load_active(
     sites: Sequence[Pair],
     started: float,
 ) -> ActiveMap | None:
-    """The active map, with all that moves have shown since; None where no map is in use.
+    """The active map, updated with the measurements since; None where no map is active.
 
     Args:
         history: open.
-        stage: whose.
-        machine: as the host believes it.
-        sites: that the run will go to [m].
+        stage: to load the map of.
+        machine: as the host believes it to be.
+        sites: that the run will visit [m].
         started: of the run [s since 1970].
 
     Raises:
@@ -78,7 +78,7 @@ def load_active(
     )  # fmt: skip
     refuse_unless_applicable(version, machine, history.name)
     friction_map = version.map
-    each = of_each(history, stage, REPLAYED)
+    each = limit_per_place(history, stage, REPLAYED)
     since = history.measurements(stage, friction_map.date, started, each)
     places = TrackedPlaces(
         friction_map,
@@ -100,9 +100,9 @@ def load_active(
 def _latest_figures(
     history: History, stage: StageKey, friction_map: FrictionMap, started: float
 ) -> dict[str, Figures]:
-    """What a run begins with: the last accepted estimate, wherever it was made, else the map's.
+    """Figures to start from: of the last accepted estimate at any place, else the map's.
 
-    But for the Coulomb force, which the places know.
+    The Coulomb force is the sites' mean with a wide sigma, for the places know it better.
     """
     newest: dict[str, EstimateRecord] = {}
     for row in history.at_date(stage, started):

@@ -1,4 +1,4 @@
-"""Can this map be applied to this machine? Asked before it is put into use, and by every run."""
+"""Whether a map can be used on a machine; checked on activation and by every run."""
 
 from __future__ import annotations
 
@@ -14,23 +14,25 @@ from stagectl.maps.build import LEAST_SITES
 from stagectl.maps.model import FrictionMap, MapAxis, MapVersion
 
 FAR_OFF = (0.2, 5.0)
-"""A Coulomb force outside of so many times the machine file's is no friction of this stage."""
+"""Plausible Coulomb force, as multiples of the machine file's."""
 UNUSUAL = (0.6, 1.67)
+"""Likewise; a warning outside of it."""
 UNSURE = 0.1
-"""A site known no better than that (relative, 1 sigma) is hardly known."""
+"""Relative standard deviation from which a site is hardly known."""
 AGED = 30.0
-"""An older map [days] is used, and that is said."""
+"""Age from which a map is used with a warning [days]."""
 DAY = 86400.0
 ODD = 4.0
-"""A site so many standard deviations off what its neighbours say does not fit them."""
+"""Standard deviations from which a site disagrees with its neighbours."""
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Something about a map.
+    """An objection to a map.
 
     Attributes:
-        grave: it cannot be applied.  text: one sentence.
+        grave: the map cannot be used.
+        text: one sentence.
     """
 
     grave: bool
@@ -38,7 +40,7 @@ class Problem:
 
 
 def problems(friction_map: FrictionMap, machine: Machine) -> list[Problem]:
-    """What speaks against a map, the grave things first."""
+    """Objections to using a map on a machine, the grave ones first."""
     found: list[Problem] = []
     if friction_map.stage.machine != machine.name:
         found.append(
@@ -58,13 +60,12 @@ def problems(friction_map: FrictionMap, machine: Machine) -> list[Problem]:
 
 
 def outdated(friction_map: FrictionMap, now: float, max_age: float) -> list[Problem]:
-    """What its age speaks against a map that is to be put into use.
+    """Objections to activating a map because of its age.
 
-    A run does not ask: there what the map says counts for less the older it is, and what moves have
-    shown since for more.
+    A run does not check this: its tracking trusts an old map less, and later moves more.
 
     Args:
-        friction_map: to be used.
+        friction_map: to be activated.
         now: [s since 1970].
         max_age: [days].
     """
@@ -82,7 +83,7 @@ def outdated(friction_map: FrictionMap, now: float, max_age: float) -> list[Prob
 
 
 def sites_outside(version: MapVersion, sites: Sequence[Pair]) -> list[str]:
-    """What is to be said of sites [m] that lie outside of the map; nothing where none does."""
+    """A warning about sites [m] that lie outside of the map; empty where none does."""
     if not sites:
         return []
     inside = np.ones(len(sites), dtype=np.bool_)

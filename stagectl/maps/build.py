@@ -1,10 +1,10 @@
-"""A friction map out of a stage's history.
+"""Builds a friction map from a stage's history.
 
-All that moves have shown of the level at each place goes, in the order of time, through the same
-tracking as in production, begun without any opinion of the sites. So repeated visits are averaged
-with the wander's correlation in mind, old ones count less, and what the whole table has drifted by
-between two sites is not taken for a difference between them, as far as a site was seen again. What
-comes out are the sites' levels at the end; the field between them is fitted to these.
+All measured levels go through the same tracking as in production, in order of time and with an
+uninformed prior. So repeated visits are averaged with regard to the wander's correlation, old ones
+count less, and drift of the whole table between two sites is not taken for a difference between
+them, as far as a site was revisited. The map has the sites' final levels and a field fitted to
+them.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from numpy.typing import NDArray
 from estimation.field import COMMON, KERNELS, SITES, FrictionField, SiteTracker, TrackingSettings
 from stagectl.errors import UnusableInput
 from stagectl.history import F64, History, Measurement, Pair, StageKey
-from stagectl.maps.learning import of_each
+from stagectl.maps.learning import limit_per_place
 from stagectl.maps.model import FrictionMap, MapAxis, MapSite
 
 LEAST_SITES = 4
-"""A map of fewer places says nothing of the others."""
+"""Fewer places make no map."""
 GATHERED = 100
-"""So many of the last measurements of each place and axis go in: the ones before them add nothing,
-and a year of production would take hours to go through."""
+"""Latest measurements of each place and axis used: earlier ones add nothing, and a year of
+production would take hours."""
 WARMING = ((3e-5, 0.4), (2e-4, 0.3), (1e-3, 0.2), (3e-3, 0.1))
-"""How fast the level may be changing when measurements begin, rms [1/s], and prior weights: it is
-asked for that the stage be warm, and not always so."""
-_PRUNE, _HOPELESS = 200, 7.0  # so many measurements on, what is exp(-7) as likely is left out
-_OPEN = 0.5  # relative 1-sigma of the common level before anything is known of it
+"""Rms rate of change of the level when measurements begin [1/s], and prior weights: the stage
+should be warm by then, but is not always."""
+_PRUNE, _HOPELESS = 200, 7.0  # every 200 measurements, drop what is less likely by exp(-7)
+_OPEN = 0.5  # prior relative 1-sigma of the common level
 AMPLITUDE, LENGTH, SCATTER = 0.15, 0.45, 0.05
-"""Before the sites are looked at: rms over the table, correlation length relative to the sites'
-extent, and rms from a site to a smooth table."""
+"""Prior of the sites' levels: rms over the table, correlation length relative to the sites' extent,
+and rms deviation of a site from a smooth table."""
 
 
 def build_map(
@@ -44,19 +44,19 @@ def build_map(
     since: float = -math.inf,
     settings: Mapping[str, TrackingSettings] | None = None,
 ) -> FrictionMap:
-    """The map at a date.
+    """Build the map at a date.
 
     Args:
         history: open.
-        stage: whose.
-        until: nothing later goes in [s since 1970].
-        since: nothing earlier goes in.
+        stage: to build the map of.
+        until: latest measurement used [s since 1970].
+        since: earliest measurement used.
         settings: of the tracking, by axis; default: the same for all.
 
     Raises:
-        UnusableInput: there is too little to make a map of.
+        UnusableInput: there are too few places.
     """
-    measured = history.measurements(stage, since, until, of_each(history, stage, GATHERED))
+    measured = history.measurements(stage, since, until, limit_per_place(history, stage, GATHERED))
     by_axis: dict[str, list[Measurement]] = {}
     for entry in measured:
         by_axis.setdefault(entry.axis, []).append(entry)
@@ -80,8 +80,8 @@ def _axis(
 ) -> tuple[tuple[MapSite, ...], tuple]:  # type: ignore[type-arg]
     places = list(dict.fromkeys(entry.place for entry in entries))
     mean, covariance, moves = _levels(entries, places, settings)
-    # What is uncertain of all sites alike (the common level) is not uncertain of the map's shape:
-    # each site beside the mean of all.
+    # Uncertainty of the common level does not concern the map's shape: take each site's deviation
+    # from the mean of all.
     with_mean = covariance.mean(axis=1)
     beside = covariance.diagonal() - 2.0 * with_mean + with_mean.mean()
     sigma = np.sqrt(np.maximum(beside, 1e-8))
@@ -98,10 +98,10 @@ def _axis(
 def _levels(
     entries: Sequence[Measurement], places: Sequence[Pair], settings: TrackingSettings
 ) -> tuple[F64, F64, NDArray[np.int64]]:
-    """Logarithm of the sites' levels at the end, its covariance, and how often each was measured.
+    """Logarithm of the sites' final levels, its covariance, and the number of measurements of each.
 
-    A mixture over how fast the stage was warming up, weighted by how well that explains what was
-    measured: taken for certain, fast ones would leave the table's shape open, slow ones bend it.
+    A mixture over rates of warm-up, weighted by their likelihood: a single fast rate would leave
+    the shape of the table open, a single slow one would distort it.
     """
     values = np.log([entry.value for entry in entries])
     start = np.full(len(places), float(np.median(values)))
@@ -143,11 +143,10 @@ def _levels(
 
 
 def prior_covariance(places: Sequence[Pair]) -> F64:
-    """What is believed of the sites before they are looked at, for the logarithm of their level.
+    """Prior covariance of the logarithm of the sites' levels.
 
-    Any level, varying smoothly over the table, and a little from site to site. Without the
-    smoothness, a drift while the sites are visited could not be told from a difference between
-    them but by a site that is seen twice.
+    Any common level, varying smoothly over the table, and slightly from site to site. Without the
+    smoothness, only a site visited twice would distinguish drift from a difference between sites.
     """
     at = np.array(places)
     apart = np.linalg.norm(at[:, None] - at[None], axis=2)
@@ -159,7 +158,7 @@ def prior_covariance(places: Sequence[Pair]) -> F64:
 def _figures(
     history: History, stage: StageKey, axis: str, until: float
 ) -> dict[str, tuple[float, float]]:
-    """The other figures, weighted over the places' last estimates."""
+    """The other figures, from the newest of the places' last estimates that has them."""
     rows = [row for row in history.at_date(stage, until) if row.axis == axis]
     found: dict[str, tuple[float, float]] = {}
     names = {name for row in rows for name in row.figures} - {"coulomb"}

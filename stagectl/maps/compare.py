@@ -1,4 +1,4 @@
-"""What has changed from one map to another: by how much, where, and whether it means anything."""
+"""Compares two maps: change of the whole table and of each site, and its significance."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 from stagectl.history import Pair
 from stagectl.maps.model import FrictionMap, MapAxis
 
-MEANS_SOMETHING = 3.5
-"""A change beyond so many standard deviations is none by chance."""
+SIGNIFICANT = 3.5
+"""Standard deviations from which a change is significant."""
 
 
 @dataclass(frozen=True, slots=True)
 class SiteChange:
-    """One place.
+    """Change of one site.
 
     Attributes:
         place: [m].
@@ -30,18 +30,19 @@ class SiteChange:
 
     @property
     def significant(self) -> bool:
-        """Whether it is more than chance."""
-        return abs(self.change) > MEANS_SOMETHING * self.sigma
+        """Whether the change exceeds chance."""
+        return abs(self.change) > SIGNIFICANT * self.sigma
 
 
 @dataclass(frozen=True, slots=True)
 class AxisChange:
-    """One axis.
+    """Changes of one axis.
 
     Attributes:
-        common: mean relative change of all places.
-        own: rms of the places' changes about it.
-        sites: largest change about the mean first; `SiteChange.change` is about the mean.
+        axis: its name.
+        common: median relative change of all sites.
+        own: rms of the sites' changes about it.
+        sites: changes about the common one, the largest first.
     """
 
     axis: str
@@ -63,11 +64,11 @@ def _axis(name: str, old: MapAxis, new: MapAxis) -> AxisChange:
     value, spread = field.value.copy(), field.sigma.copy()
     measured = {site.place: site for site in old.sites}
     for i, site in enumerate(new.sites):
-        if site.place in measured:  # measured then and now: what lies between sites is no matter
+        if site.place in measured:  # measured then and now: no interpolation needed
             value[i], spread[i] = measured[site.place].coulomb, measured[site.place].sigma
     ratio = np.log([site.coulomb for site in new.sites]) - np.log(value)
     sigma = np.hypot(spread, [site.sigma for site in new.sites])
-    # Those that are known well say what all have in common; a median keeps a spot out of it.
+    # The median, so that a spot does not count as a common change.
     common = float(np.median(ratio))
     own = np.expm1(ratio - common)
     changes = [

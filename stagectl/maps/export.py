@@ -21,7 +21,7 @@ Cell = str | float | int | bool | None
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Columns by name, units in the names, and rows."""
+    """Named columns, with units in the names, and rows."""
 
     columns: tuple[str, ...]
     rows: Sequence[Sequence[Cell]]
@@ -46,7 +46,7 @@ def grid_table(version: MapVersion, step: float) -> Table:
 
     Args:
         version: of the map.
-        step: distance of the nodes [m].
+        step: pitch of the grid [m].
     """
     rows: list[Sequence[Cell]] = []
     for name, axis in version.map.axes.items():
@@ -95,7 +95,7 @@ def trend_table(history: History, stage: StageKey) -> Table:
 
 
 def refused_table(history: History, stage: StageKey) -> Table:
-    """Every refused estimate with the reason, the newest first."""
+    """Every refused estimate with its reason, newest first."""
     runs = _runs(history, stage)
     return _table(
         [
@@ -122,16 +122,16 @@ def _run(number: int, runs: Mapping[int, RunEntry]) -> dict[str, Cell]:
 
 
 def _table(rows: Sequence[Mapping[str, Cell]]) -> Table:
-    """Columns as they come up in the rows."""
+    """Columns in the order of their first appearance."""
     columns = tuple(dict.fromkeys(name for row in rows for name in row))
     return Table(columns, [[row.get(name) for name in columns] for row in rows])
 
 
 def write_table(table: Table, path: Path) -> None:
-    """Write a table; the ending of the file says how.
+    """Write a table in the format of the file's suffix.
 
     Raises:
-        UnusableInput: an ending other than .csv and .parquet, or pyarrow is missing.
+        UnusableInput: a suffix other than .csv and .parquet, or pyarrow is missing.
         StagectlError: it cannot be written.
     """
     if path.suffix == ".csv":

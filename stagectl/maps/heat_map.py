@@ -14,8 +14,8 @@ F64 = NDArray[np.float64]
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52, 84, 26, 40
 _MOST, _LEAST = 300.0, 60.0
-"""Length of the longer side of what is drawn, and the least of the other [px]."""
-# viridis at nine points (S. van der Walt, N. Smith, 2015): even in lightness, safe for all eyes.
+"""Length of the longer side, and least length of the shorter one [px]."""
+# viridis at nine points (S. van der Walt, N. Smith, 2015): uniform, safe for colour blindness.
 _COLOURS = np.array(
     [
         (68, 1, 84), (72, 40, 120), (62, 74, 137), (49, 104, 142), (38, 130, 142),
@@ -33,7 +33,9 @@ class HeatMap:
         x, y: centres of the cells [m], evenly spaced, shapes (n,), (m,).
         values: of the cells, shape (n, m); nan is left blank.
         sites: marked places [m].
-        title: above.  unit: beside the scale.  scale: factor for what the scale shows.
+        title: above the picture.
+        unit: beside the scale.
+        scale: factor on the numbers of the scale.
         digits: of the scale.
     """
 
@@ -48,7 +50,7 @@ class HeatMap:
 
 
 def draw_heat_map(picture: HeatMap) -> str:
-    """The picture as an SVG element: as long as wide where the table is."""
+    """Draw the picture as an SVG element, to the table's proportions."""
     dx = float(picture.x[1] - picture.x[0])
     dy = float(picture.y[1] - picture.y[0])
     x0, x1 = float(picture.x[0]) - dx / 2, float(picture.x[-1]) + dx / 2

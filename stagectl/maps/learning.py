@@ -1,7 +1,7 @@
-"""How a stage's friction changes, learnt from its history, per axis and figure.
+"""Learns from a stage's history how fast its friction changes, per axis and figure.
 
-The Coulomb force of each site goes into the settings of the tracking, the other figures into how
-far the estimator lets them drift from move to move.
+The rate of the Coulomb force goes into the settings of the tracking, those of the other figures
+into the drift per move that the estimator assumes.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from stagectl.history import History, Measurement, Pair, StageKey
 
 HOUR = 3600.0
 MOST_STEPS = 400
-"""The latest differences say enough, and a run should not wait for more."""
+"""Latest differences used: they suffice, and a run should not wait for more."""
 MOST_TOGETHER, LEAST_EACH = 6000, 10
-"""Measurements of all places of an axis that can be waited for, and of each that are wanted."""
+"""Most measurements of all places of an axis, and least of each place."""
 RECENT = 20
-"""Of each place, to see how long it is from move to move."""
+"""Latest measurements of each place, for the time between moves."""
 LEAST_STEPS = 20
-"""Fewer differences than that say nothing; the usual rates stand."""
+"""Least number of differences to learn a rate from; else the default stands."""
 
 
-def of_each(history: History, stage: StageKey, most: int) -> int:
-    """How many of the last measurements of every place can be gone through, at most `most`."""
+def limit_per_place(history: History, stage: StageKey, most: int) -> int:
+    """Number of latest measurements of every place to use, at most `most`."""
     places = max(len(history.places(stage)), 1)
     return min(most, max(MOST_TOGETHER // places, LEAST_EACH))
 
@@ -36,12 +36,12 @@ def of_each(history: History, stage: StageKey, most: int) -> int:
 def tracking_settings(
     machine: Machine, history: History, stage: StageKey
 ) -> dict[str, TrackingSettings]:
-    """Settings of the tracking by axis.
+    """Settings of the tracking, by axis.
 
     Args:
-        machine: whose `repeatability` is the level's wander.
+        machine: its `repeatability` is the wander of the level.
         history: open.
-        stage: whose.
+        stage: to learn from.
     """
     measured = history.measurements(stage, each=MOST_STEPS // 4, apart=HOUR)
     settings: dict[str, TrackingSettings] = {}
@@ -60,14 +60,15 @@ def tracking_settings(
 def figure_drift(
     history: History, stage: StageKey, axes: Sequence[str]
 ) -> dict[str, dict[str, float]]:
-    """Relative 1-sigma by which the figures but the Coulomb force change from move to move.
-
-    Axis -> figure -> drift; what the history says too little of is absent.
+    """Relative 1-sigma of the change per move of all figures but the Coulomb force.
 
     Args:
         history: open.
-        stage: whose.
+        stage: to learn from.
         axes: their names.
+
+    Returns:
+        Axis -> figure -> drift, without those of which the history says too little.
     """
     measured = history.measurements(stage, each=RECENT)
     found: dict[str, dict[str, float]] = {}
@@ -78,7 +79,7 @@ def figure_drift(
         if not len(apart):
             continue
         gap = float(np.median(apart))
-        # Within an hour it may go as far as it is seen to do from one hour to the next.
+        # Within an hour, allow the change seen from one hour to the next.
         found[axis] = {
             name: math.sqrt((noise.rate**2 / DAY + noise.scatter**2 / HOUR) * gap)
             for name, noise in figure_noise(history, stage, axis).items()
@@ -88,12 +89,12 @@ def figure_drift(
 
 
 def level_noise(measured: Sequence[Measurement]) -> ProcessNoise:
-    """Rate of one axis' sites on their own: what is common to all of them at a time is taken out.
+    """Rate of change of one axis' single sites, without their common change.
 
     Args:
         measured: of one axis.
     """
-    # Hourly means: within an hour it is wander and warm-up, which the tracking has apart.
+    # Hourly means: wander and warm-up within an hour are modelled separately.
     cells: dict[tuple[Pair, int], list[float]] = {}
     for entry in measured:
         cells.setdefault((entry.place, int(entry.time // HOUR)), []).append(math.log(entry.value))
@@ -116,7 +117,7 @@ def level_noise(measured: Sequence[Measurement]) -> ProcessNoise:
 def figure_noise(history: History, stage: StageKey, axis: str) -> Mapping[str, ProcessNoise]:
     """Rate and scatter of every friction figure of one axis, from the trends of all places.
 
-    Of each hour one estimate counts: those before it have gone into it.
+    One estimate per hour is used, for it contains those before it.
     """
     by_name: dict[str, list[Series]] = {}
     for place in history.places(stage):
@@ -132,7 +133,7 @@ def figure_noise(history: History, stage: StageKey, axis: str) -> Mapping[str, P
 
 
 def _latest(series: Sequence[Series]) -> list[Series]:
-    """The ends of all series, MOST_STEPS differences together."""
+    """The latest parts of all series, MOST_STEPS differences together."""
     most = max(MOST_STEPS // max(len(series), 1), 2) + 1
     return [Series(s.time[-most:], s.value[-most:], s.sigma[-most:]) for s in series]
 

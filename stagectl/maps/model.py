@@ -1,7 +1,7 @@
-"""A friction map as a frozen value, and as JSON: what a version in the history holds.
+"""A friction map as a frozen value, and as the JSON stored in the history.
 
-The map is its sites' levels with their uncertainty and the hyperparameters of the field between
-them; the field itself is made from these (`field`). Format: docs/formats/history.md.
+A map is its sites' levels with their uncertainty, and the hyperparameters of the field between
+them, which `MapAxis.field` makes from these. Format: docs/formats/history.md.
 """
 
 from __future__ import annotations
@@ -28,9 +28,10 @@ class MapSite:
 
     Attributes:
         place: [m].
-        coulomb: [N].  sigma: its standard deviation, relative.
-        measured: when it was measured last [s since 1970].
-        count: of measurements that went in.
+        coulomb: [N].
+        sigma: its relative standard deviation.
+        measured: time of its last measurement [s since 1970].
+        count: number of measurements used.
     """
 
     place: Pair
@@ -45,10 +46,10 @@ class MapAxis:
     """One axis of a map.
 
     Attributes:
-        sites: where it was measured.
+        sites: calibrated places.
         nodes: hyperparameters of the field.
-        figures: the other friction figures and their standard deviation, the same all over the
-            table: name -> (value, sigma).
+        figures: name -> (value, sigma) of the other friction figures, which are the same over the
+            whole table.
     """
 
     sites: tuple[MapSite, ...]
@@ -70,8 +71,8 @@ class FrictionMap:
     """Friction of a stage over its table.
 
     Attributes:
-        stage: whose.
-        date: what it stands for [s since 1970]: drift since then is the tracking's.
+        stage: that it describes.
+        date: that it describes [s since 1970]; later changes are tracked.
         axes: name -> axis, in the machine's order.
     """
 
@@ -82,14 +83,14 @@ class FrictionMap:
 
 @dataclass(frozen=True, slots=True)
 class MapVersion:
-    """A map kept in the history.
+    """A version of a map in the history.
 
     Attributes:
         number: from 1, per stage.
         made: when it was built [s since 1970].
-        comment: the maker's.
-        active: whether production uses it now.
-        map: itself.
+        comment: by its maker.
+        active: whether runs use it.
+        map: of this version.
     """
 
     number: int
@@ -100,7 +101,7 @@ class MapVersion:
 
 
 def to_json(friction_map: FrictionMap) -> str:
-    """A map as text."""
+    """A map as JSON text."""
     return json.dumps(
         {
             "format": FORMAT,
@@ -128,14 +129,14 @@ def to_json(friction_map: FrictionMap) -> str:
 
 
 def from_json(text: str, name: str) -> FrictionMap:
-    """The map of a text.
+    """Read a map from JSON text.
 
     Args:
-        text: as `to_json` made it.
-        name: what the error calls it.
+        text: as made by `to_json`.
+        name: for the error.
 
     Raises:
-        UnusableInput: it is none, or one of a newer version.
+        UnusableInput: it is not a map, or of a newer version.
     """
     try:
         data: dict[str, Any] = json.loads(text)

@@ -1,4 +1,4 @@
-"""The HTML page of a map: heat maps, what changed since the version before, every site's trend."""
+"""The HTML page of a map: heat maps, changes since the previous version, trend of every site."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ def write_map_report(
     """Write the page, atomically.
 
     Args:
-        path: of the HTML file; one that exists is replaced.
+        path: of the HTML file, replacing an existing one.
         history: for the trends.
-        stage: whose.
-        version: shown.
-        before: what changes are told from; None for none.
+        stage: that the map describes.
+        version: to show.
+        before: version to compare with; None for none.
 
     Raises:
         StagectlError: it cannot be written.

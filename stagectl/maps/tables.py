@@ -1,4 +1,4 @@
-"""Maps on a terminal."""
+"""Maps, their versions and changes as tables on a terminal."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ FIGURES = {
     "stiffness": "stiffness, N/m",
     "relaxation_rate": "C/Fc, 1/s",
 }
-"""What is the same all over the table, as people read it."""
+"""Labels of the figures that are the same over the whole table."""
 
 
 def day(time: float, seconds: bool = False) -> str:
-    """Seconds since 1970 as people write them, UTC."""
+    """Seconds since 1970 as date and time in UTC."""
     return f"{datetime.fromtimestamp(time, UTC):%Y-%m-%d %H:%M{':%S' if seconds else ''}}"
 
 
@@ -36,7 +36,7 @@ def _table(title: str, *columns: str) -> Table:
 
 
 def summary(version: MapVersion) -> RenderableType:
-    """The axes of a map in figures."""
+    """Figures of a map, by axis."""
     use = ", in use" if version.active else ""
     title = f"map {version.number} of {version.map.stage}, as of {day(version.map.date)} UTC{use}"
     table = _table(
@@ -84,7 +84,7 @@ def at_place(version: MapVersion, place: tuple[float, float]) -> RenderableType:
 def versions_table(
     stage: StageKey, versions: Sequence[MapVersion], used: Sequence[Activation]
 ) -> RenderableType:
-    """All versions, and what was put into use when."""
+    """All versions and activations."""
     table = _table(f"maps of {stage}", "map", "made (UTC)", "as of", "sites", "in use", "comment")
     for version in versions:
         sites = "/".join(str(len(axis.sites)) for axis in version.map.axes.values())
@@ -100,7 +100,7 @@ def versions_table(
 
 
 def changes_table(old: int, new: int, changes: Sequence[AxisChange]) -> RenderableType:
-    """What has changed between two versions."""
+    """Changes between two versions."""
     parts: list[RenderableType] = []
     for axis in changes:
         table = _table(

@@ -10,18 +10,18 @@ from stagectl.report import ticks
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 44, 8, 22, 22
 MOST = 200
-"""Points drawn; of more, the last ones."""
+"""Points drawn at most, the last ones."""
 
 
 def draw_trend(
     trend: Trend, figure: str, title: str, at_map: float | None, width: int = 380, height: int = 150
 ) -> str:
-    """The trend as an SVG element.
+    """Draw a trend as an SVG element.
 
     Args:
         trend: of the site.
-        figure: which.
-        title: above.
+        figure: to draw.
+        title: above the chart.
         at_map: the map's value, drawn as a line; None for none.
         width: [px].
         height: [px].
@@ -34,7 +34,7 @@ def draw_trend(
     ok = np.isfinite(value) & np.isfinite(sigma)
     value, sigma, time = value[ok], sigma[ok], time[ok]
     low, high = value - 1.96 * sigma, value + 1.96 * sigma
-    # One vague first estimate must not press all others flat.
+    # A vague first estimate must not flatten all others.
     bottom_value = min(float(np.percentile(low, 5)), float(value.min()), at_map or np.inf)
     top_value = max(float(np.percentile(high, 95)), float(value.max()), at_map or -np.inf)
     pad = 0.05 * (top_value - bottom_value) or 1.0

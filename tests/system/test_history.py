@@ -188,7 +188,7 @@ def test_import_says_what_it_cannot_use(stagectl, tmp_path):
     foreign = Path(__file__).parents[1] / "data" / "null-1.h5"
     for path, reason in {
         tmp_path / "none": "no such folder", tmp_path / "empty": "holds no recording",
-        foreign: "does not hold its estimates",
+        foreign: "lacks the records",
     }.items():  # fmt: skip
         done = stagectl("history", "import", path)
         assert (done.returncode, done.stderr.count("\n")) == (2, 1)

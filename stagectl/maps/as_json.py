@@ -1,4 +1,4 @@
-"""Maps and what is said of them as plain values, for JSON: docs/formats/history.md."""
+"""Maps, their versions and changes as JSON values: docs/formats/history.md."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from stagectl.maps.model import MapVersion
 VERSION = 1
 
 
-def head(kind: str, stage: StageKey) -> dict[str, Any]:
-    """How each of them begins."""
+def _head(kind: str, stage: StageKey) -> dict[str, Any]:
+    """The keys that all of them begin with."""
     return {
         "format": f"stagectl-map-{kind}",
         "version": VERSION,
@@ -25,8 +25,8 @@ def head(kind: str, stage: StageKey) -> dict[str, Any]:
     }
 
 
-def shown(version: MapVersion, at: Pair | None = None) -> dict[str, Any]:
-    """A version: its axes with their sites, and the field's value at a place [m], if asked for."""
+def version_as_json(version: MapVersion, at: Pair | None = None) -> dict[str, Any]:
+    """A version: its axes with their sites, and the field's value at a place [m] where given."""
     axes: dict[str, Any] = {}
     for name, axis in version.map.axes.items():
         field = axis.field()
@@ -58,15 +58,15 @@ def shown(version: MapVersion, at: Pair | None = None) -> dict[str, Any]:
                 "high": float(high[0]),
                 "inside": bool(found.inside[0]),
             }
-    return {**head("shown", version.map.stage), **_version(version), "axes": axes}
+    return {**_head("shown", version.map.stage), **_version(version), "axes": axes}
 
 
-def listed(
+def versions_as_json(
     stage: StageKey, versions: Sequence[MapVersion], used: Sequence[Activation]
 ) -> dict[str, Any]:
-    """All versions, and what was put into use when."""
+    """All versions and activations."""
     return {
-        **head("history", stage),
+        **_head("history", stage),
         "maps": [
             {
                 **_version(version),
@@ -80,10 +80,12 @@ def listed(
     }
 
 
-def changed(stage: StageKey, old: int, new: int, changes: Sequence[AxisChange]) -> dict[str, Any]:
-    """What has changed between two versions; every site, the largest change first."""
+def changes_as_json(
+    stage: StageKey, old: int, new: int, changes: Sequence[AxisChange]
+) -> dict[str, Any]:
+    """Changes between two versions at every site, the largest first."""
     return {
-        **head("changes", stage),
+        **_head("changes", stage),
         "old": old,
         "new": new,
         "axes": {
@@ -105,12 +107,12 @@ def changed(stage: StageKey, old: int, new: int, changes: Sequence[AxisChange]) 
     }
 
 
-def applied(
+def activation_as_json(
     stage: StageKey, number: int | None, problems: Sequence[Problem], reason: str | None
 ) -> dict[str, Any]:
-    """Whether a version can be applied, and what was done with it; None: no map is in use now."""
+    """Whether a version can be used, and what was done; `number` None: no map is active now."""
     return {
-        **head("applied", stage),
+        **_head("applied", stage),
         "map": number,
         "applicable": not any(problem.grave for problem in problems),
         "problems": [{"grave": p.grave, "text": p.text} for p in problems],

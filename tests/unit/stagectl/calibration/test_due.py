@@ -1,0 +1,97 @@
+"""Which sites are due."""
+
+import re
+
+import pytest
+
+from stagectl.calibration import DueSection, due_sites
+from stagectl.calibration.sites import DAY
+from stagectl.config.machine_file import load_machine
+from stagectl.history import EstimateRecord, RunEntry, StepRecord, open_history
+from stagectl.maps import load_active
+from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, keep, level
+
+SITES = ((0.0, 0.0), (0.02, 0.0), (0.02, 0.02), (0.0, 0.02))
+DUE = DueSection(days=10, moves=100, distance=5.0)
+
+
+@pytest.fixture
+def history(tmp_path):
+    opened = open_history(str(tmp_path / "stage.db"), write=True)
+    yield opened
+    opened.close()
+
+
+def estimates(history, purpose, time, places, distance=0.01):
+    number = history.start_run(
+        RunEntry(STAGE, ("x", "y"), time, "r", None, None, "s", "f", purpose)
+    )
+    history.add(
+        [
+            EstimateRecord(
+                number, "x", "other", 1, place, time, distance, True, None, {"coulomb": 6.0},
+                (0.01,), 1.0, (6.0, 0.02),
+            )
+            for place in places
+        ]
+    )  # fmt: skip
+    return number
+
+
+def test_age_moves_distance_and_steps_make_a_site_due(history):
+    limits, now = DUE, 1.7e9
+    axes = ("x", "y")
+
+    def due(at):
+        return {
+            d.place: d.reasons
+            for d in due_sites(SITES, limits, history, STAGE, axes, at, None)
+        }  # fmt: skip
+
+    assert set(due(now)) == set(SITES)  # never calibrated
+    estimates(history, "calibration", now, SITES[:3])
+    assert set(due(now + 10)) == {SITES[3]}
+    assert set(due(now + 10.5 * DAY)) == set(SITES)
+    run = estimates(history, "production", now + 100, [SITES[0]] * 101, 1e-3)
+    assert "101 moves since" in due(now + 200)[SITES[1]][0]
+    estimates(history, "calibration", now + 300, SITES)
+    assert due(now + 400) == {}
+    estimates(history, "production", now + 500, [SITES[0]] * 6, 1.0)
+    assert "6 m travelled" in due(now + 600)[SITES[2]][0]
+    estimates(history, "calibration", now + 700, SITES)
+    history.add_step(StepRecord(run, "x", SITES[2], now + 800, 0.2, "site"))
+    assert due(now + 900) == {SITES[2]: ("x: stepped by +20% since",)}
+    history.add_step(StepRecord(run, "x", SITES[2], now + 850, 0.2, "common"))
+    assert set(due(now + 900)) == set(SITES)
+
+
+def test_change_and_uncertainty_make_sites_due(history):
+    """What production has found off the map, and what the map does not know well any more."""
+    calibrate(history)
+    number, _ = keep(history, BEGIN)
+    history.activate(STAGE, number, BEGIN, "activated")
+    machine, sites = load_machine(), GRID[:6]
+    run = history.start_run(RunEntry(STAGE, ("x", "y"), BEGIN + 200, "r", None, None, "s", "f"))
+    history.add(
+        [
+            EstimateRecord(
+                run, "x", "macro", i + 1, place, BEGIN + 200 + 10 * k + i, 1e-3, True, None,
+                {"coulomb": 6.0}, (0.01,), 1.0,
+                (level("x", place) * (1.06 if i == 4 else 1.0), 0.02),
+            )
+            for k in range(8) for i, place in enumerate(sites)
+        ]
+    )  # fmt: skip
+
+    def due(now, **limits):
+        places = load_active(history, STAGE, machine, sites, now).places
+        asked = DueSection.model_validate({"days": 1000, **limits})
+        found = due_sites(sites, asked, history, STAGE, ("x", "y"), now, places)
+        return {d.place: " ".join(d.reasons) for d in found}
+
+    found = due(BEGIN + 300)
+    assert set(found) == {sites[4]}
+    assert re.fullmatch(r"x: \+[56]\.\d% off the map", found[sites[4]])
+    assert due(BEGIN + 300, change=0.2) == {}
+    assert due(BEGIN + 86400 * 30, change=0.2).keys() == set(sites)  # nobody has looked since
+    assert all("known to" in reason for reason in due(BEGIN + 300, uncertainty=1e-3).values())

@@ -1,0 +1,54 @@
+"""Results of a calibration."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from stagectl.calibration import site_outcomes, visited_sites
+from stagectl.calibration.sequence import START
+from stagectl.maps import AxisChange
+from stagectl.maps.compare import SiteChange
+
+SITES = ((0.0, 0.0), (0.02, 0.0), (0.02, 0.02), (0.0, 0.02))
+
+
+def test_change_and_refusals_decide_what_to_do_at_a_site():
+    def entry(site, accepted, reason=None):
+        figure = {"coulomb": {"value": 6.0, "sigma": 0.06, "unit": "N"}}
+        return {
+            "site": site, "axis": "x", "accepted": accepted, "reason": reason,
+            "parameters": figure,
+        }  # fmt: skip
+
+    changes = [
+        AxisChange(
+            "x", 0.0, 0.1,
+            (
+                SiteChange(SITES[0], 0.2, 0.01), SiteChange(SITES[1], 0.05, 0.01),
+                SiteChange(SITES[2], 0.05, 0.04),
+            ),
+        )
+    ]  # fmt: skip
+    friction = [entry(i, True) for i in (1, 2, 3)] + [entry(4, False, "residual 9 times")]
+    found = site_outcomes([*SITES, SITES[0]], friction, ("x",), None, changes)
+    assert [o.severity for o in found] == ["act", "watch", "good", "failed"]
+    assert "dirt" in found[0].suggestion
+    assert "residual 9 times" in found[3].suggestion
+    assert found[0].gains["coulomb"].bits == pytest.approx(math.log2(0.3 / 0.01))
+    figures = {
+        name: {"value": 1.0, "sigma": sigma} for name, sigma in
+        (("coulomb", 0.03), ("viscous", 0.05), ("stiffness", 0.01), ("attraction", 0.05))
+    }  # fmt: skip
+    told = site_outcomes(SITES[:1], [{**entry(1, True), "parameters": figures}], ("x",), None, [])
+    # What is predicted is reached of: C/Fc instead of C, whose variance has that of Fc in it.
+    assert set(told[0].gains) == set(START)
+    assert told[0].gains["relaxation_rate"].after == pytest.approx(0.04)
+    down = [replace(changes[0], sites=(SiteChange(SITES[0], -0.2, 0.01),))]
+    assert "grease" in site_outcomes(SITES[:1], friction, ("x",), None, down)[0].suggestion
+
+
+def test_sites_that_an_interrupted_calibration_did_not_reach_have_no_outcome():
+    friction = [{"site": 1, "accepted": True}, {"site": 2, "accepted": False}]
+    assert visited_sites(SITES, friction) == SITES[:2]
+    assert visited_sites(SITES, []) == ()

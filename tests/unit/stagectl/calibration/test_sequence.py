@@ -1,0 +1,33 @@
+"""The sequence of moves at a site."""
+
+import math
+
+import pytest
+
+from stagectl.calibration import DueSection, load_calibration
+from stagectl.calibration.sequence import GOALS
+
+DUE = DueSection(days=10, moves=100, distance=5.0)
+FILE = "calibrate: weekly\nsites: [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]\n"
+
+
+def test_the_sequence_reaches_its_goals(machine, tmp_path):
+    path = tmp_path / "sites.yaml"
+    path.write_text(FILE + "due: {days: 10, moves: 100, distance: 5.0}\n")
+    calibration = load_calibration(path, machine)
+    assert calibration.due == DUE
+    assert calibration.recipe.excursions == calibration.sequence.excursions
+    sequence = calibration.sequence
+    assert sequence.reaches()
+    assert sequence.duration < 2.0
+    for gains in sequence.gains.values():
+        for name, goal in GOALS.items():
+            assert 0.0 < gains[name].after <= goal < gains[name].before
+            assert gains[name].bits == pytest.approx(
+                math.log2(gains[name].before / gains[name].after)
+            )
+    kinds = {e.kind for e in sequence.excursions}
+    assert {"other", "micro", "creep"} <= kinds
+    offsets = [e.offset[0] for e in sequence.excursions]
+    assert min(offsets) < 0 < max(offsets)
+    assert offsets[-1] == 0.0

@@ -1,0 +1,60 @@
+"""The calibration file."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from stagectl.calibration import Calibration, DueSection, load_calibration
+from stagectl.errors import ConfigError
+from stagectl.recipe import MoveStep, parse_recipe, plan
+
+SITES = ((0.0, 0.0), (0.02, 0.0), (0.02, 0.02), (0.0, 0.02))
+DUE = DueSection(days=10, moves=100, distance=5.0)
+RECIPE = (
+    "recipe: r\nmacro: {{velocity: 0.5, acceleration: 3.0, jerk: 200.0}}\n"
+    "micro: {{velocity: 0.01, acceleration: 0.2, jerk: 20.0}}\n"
+    "settle: {{window: 5.0e-8, hold: 0.005, timeout: 0.15}}\nexpose: 0\n"
+    "sites: [{}]\nfiducial: {{source: none}}\n"
+)
+FILE = "calibrate: weekly\nsites: [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]\n"
+
+
+def test_every_site_is_visited_and_the_first_one_again(machine, sequence):
+    text = RECIPE.format(", ".join(f"[{x}, {y}]" for x, y in SITES))
+    recipe = replace(parse_recipe(text, "r.yaml", machine), excursions=sequence.excursions)
+    recipe = Calibration(recipe, sequence, DUE, None).at(recipe.sites)
+    steps = [s for s in plan(recipe) if isinstance(s, MoveStep)]
+    macro = [s.target for s in steps if s.kind == "macro"]
+    assert macro == [*SITES, SITES[0]]
+    assert steps[-1].target == SITES[0]
+    near = {s.site: [] for s in steps}
+    for step in steps:
+        near[step.site].append(math.dist(step.target, recipe.sites[step.site - 1]))
+    assert all(max(distances) < 5e-3 for distances in near.values())
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("calibrate: c\n", "sites: is missing"),
+        (FILE.replace("[0, 0]", "[0.15, 0]"), "outside the travel of axis x"),
+        ("calibrate: c\nsites: [[0, 0], [0.01, 0], [0, 0]]\n", "site 3 is site 1 again"),
+        (FILE + "due: {weeks: 1}\n", "due.weeks"),
+        (FILE + "due: {days: -1}\n", "due.days"),
+        (FILE + "reach: 2 kg\n", "reach"),
+    ],
+)
+def test_an_error_in_the_file_names_its_place(machine, tmp_path, text, reason):
+    path = tmp_path / "sites.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as refused:
+        load_calibration(path, machine)
+    assert reason in str(refused.value)
+    assert "sites.yaml:" in str(refused.value)
+
+
+def test_the_example_fits_the_packaged_machine(machine):
+    path = Path(__file__).parents[4] / "recipes" / "calibration-9.yaml"
+    assert len(load_calibration(path, machine).recipe.sites) == 9

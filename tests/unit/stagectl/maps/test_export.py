@@ -1,0 +1,54 @@
+"""Tables and the page of a map."""
+
+import csv
+
+import pytest
+
+from stagectl.errors import UnusableInput
+from stagectl.history import EstimateRecord, RunEntry
+from stagectl.maps import MapVersion
+from stagectl.maps.export import grid_table, refused_table, sites_table, trend_table, write_table
+from stagectl.maps.report import render
+from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, keep
+
+
+def test_sites_grid_estimates_and_page_hold_the_map(history, tmp_path):
+    calibrate(history)
+    number, built = keep(history, BEGIN)
+    version = MapVersion(number, BEGIN, "a <comment>", True, built)
+    sites = sites_table(version)
+    assert len(sites.rows) == 50
+    grid = grid_table(version, 0.01)
+    inside = grid.columns.index("inside")
+    assert {row[inside] for row in grid.rows} == {True, False}
+    estimates = trend_table(history, STAGE)
+    assert len(estimates.rows) == 208
+    assert {row[estimates.columns.index("purpose")] for row in estimates.rows} == {"calibration"}
+    assert refused_table(history, STAGE).rows == []
+    number = history.start_run(
+        RunEntry(STAGE, ("x", "y"), BEGIN + 900, "r", "L7", "W3", "stagectl", "f")
+    )
+    history.add(
+        [
+            EstimateRecord(number, "y", "macro", 3, GRID[0], BEGIN + 901, 0.02, False,
+                           "coulomb jumps by -16%", {"coulomb": 6.0}, (0.01,))
+        ]
+    )  # fmt: skip
+    refused = refused_table(history, STAGE)
+    (row,) = (dict(zip(refused.columns, row, strict=True)) for row in refused.rows)
+    assert (row["axis"], row["lot"], row["wafer"]) == ("y", "L7", "W3")
+    assert row["reason"] == "coulomb jumps by -16%"
+    path = tmp_path / "sites.csv"
+    write_table(sites, path)
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[0]["coulomb_N"]) == built.axes["x"].sites[0].coulomb
+    parquet = pytest.importorskip("pyarrow.parquet")
+    write_table(estimates, tmp_path / "e.parquet")
+    assert parquet.read_table(tmp_path / "e.parquet").num_rows == 208
+    with pytest.raises(UnusableInput, match=r"\.csv or \.parquet"):
+        write_table(sites, tmp_path / "sites.xlsx")
+    page = render(history, STAGE, version, version)
+    assert page.count("<svg") == 2 * 2 + 50
+    assert "a &lt;comment&gt;" in page
+    assert "http" not in page.replace("http://www.w3.org", "")
