@@ -166,7 +166,8 @@ def test_half_a_factor_counts_as_none(missing):
     del drive.objects[missing]
     (clause,) = check_units(drive, settings())
     assert clause == (
-        "0x6091:01 motor shaft revolutions is not offered: one position unit is assumed to be 1e-09 m"
+        "0x6091:01 motor shaft revolutions is not offered: "
+        "one position unit is assumed to be 1e-09 m"
     )
 
 
