@@ -1,14 +1,18 @@
 """Faults files: the faults they become, and refused values with their place."""
 
 import math
+import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from hil_sim.bus import faults as f
+from stagectl.config import faults
 from stagectl.config.fault_plan import load_faults, parse_faults
 from stagectl.config.faults import FRAME_NAMES
 from stagectl.config.machine_file import load_machine
+from stagectl.config.validation import Section
 from stagectl.errors import ConfigError
 
 EXAMPLE = Path(__file__).parents[4] / "examples" / "faults.yaml"
@@ -158,11 +162,41 @@ def test_refused_values_are_reported_with_their_place(parse, line, place, word):
     assert word in problem
 
 
-def test_the_documentation_names_every_frame_and_kind():
-    text = (Path(__file__).parents[4] / "docs" / "faults.md").read_text()
-    kinds = (
-        "drop", "duplicate", "delay", "reorder", "resize", "freeze", "sync_jitter", "sync_miss",
-        "heartbeat_silence", "bus_off", "reboot", "sdo_abort", "drive", *f.DRIVE_FAULTS,
-    )  # fmt: skip
-    names = {n for n in FRAME_NAMES if not n[-1].isdigit()} | {"tpdo1", "rpdo1"}
-    assert [n for n in (*kinds, *sorted(names)) if f"`{n}`" not in text] == []
+PAGE = (Path(__file__).parents[4] / "docs" / "faults.md").read_text(encoding="utf-8")
+
+
+def table_after(heading):
+    """First cell of each row, without backticks -> the other cells."""
+    table = PAGE.partition(heading)[2].partition("\n\n|")[2].partition("\n\n")[0]
+    rows = [[c.strip() for c in line.strip("|").split("|")] for line in table.splitlines()[2:]]
+    return {first.strip("`"): others for first, *others in rows}
+
+
+def names_in(text):
+    return set(re.findall(r"`(\w+)`", text))
+
+
+def test_the_page_has_exactly_the_faults_and_keys_of_the_file():
+    documented = {
+        kind: names_in(re.sub(r"\(.*?\)", "", keys))
+        for heading in ("## Faults of frames", "## Faults of nodes")
+        for kind, (keys, _) in table_after(heading).items()
+    }
+    accepted = {}
+    for model in get_args(get_args(faults.FaultSection)[0]):
+        common = next(
+            (m for m in (faults.OnFrames, faults.Window) if issubclass(model, m)), Section
+        )
+        (kind,) = get_args(model.model_fields["fault"].annotation)
+        accepted[kind] = set(model.model_fields) - set(common.model_fields) - {"fault"}
+    assert documented == accepted
+    selecting = set().union(*(first.split("`, `") for first in table_after("Selection of frames:")))
+    assert selecting == set(faults.OnFrames.model_fields)
+
+
+def test_the_page_has_exactly_the_frames_and_drive_faults_of_the_file():
+    frames = names_in(table_after("Selection of frames:")["frame"][0])
+    frames |= {f"{pdo}{n}" for pdo in ("rpdo", "tpdo") for n in (2, 3, 4)}  # "rpdo1 to 4"
+    assert frames == set(FRAME_NAMES)
+    _, effect = table_after("## Faults of nodes")["drive"]
+    assert names_in(effect) - {"until"} == set(f.DRIVE_FAULTS)
