@@ -1,12 +1,11 @@
-"""Section IV of the source paper, simulated again: its tables, its claims, what they hang on.
+"""Section IV of the source paper, reproduced: its tables, its claims, and their sensitivity.
 
 M. Boegli, T. De Laet, J. De Schutter, J. Swevers: A Split-Horizon Scheme for On-line Friction
-Parameter Estimation. `published` holds the paper's figures; `simulate` the move, `signals` what is
-measured of it, `window` and `fit` the paper's unweighted Gauss-Newton, `tables` its Tables I and
-II; `claims` and `sensitivity` what can be said about them; `study` runs all of it, `page` writes it
-down.
+Parameter Estimation. `published` holds the paper's figures, `simulate` the move, `signals` its
+measurement, `window` and `fit` the paper's unweighted Gauss-Newton, `tables` its Tables I and II;
+`claims` and `sensitivity` judge them; `study` runs everything, `page` writes the report.
 
-Not the estimator of a run: that one whitens the residual and keeps an arrival cost (`estimation`).
+A run uses another estimator, with a whitened residual and an arrival cost (`estimation`).
 """
 
 from stagectl.paper.signals import Processing

@@ -1,4 +1,4 @@
-"""The paper's six claims, each with figures from runs and a verdict that follows from them."""
+"""The paper's six claims, each with figures from runs and the verdict that follows."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ F64 = NDArray[np.float64]
 
 REPRODUCED, NOT = "reproduced", "not reproduced"
 ENCODER_NOISE = 1e-9
-"""Of the runs for the fourth claim, rms [m]; the paper has none."""
-_TELLING = 1e-4  # a relative error worth printing
-_LESS = 0.9  # what counts as less, not as equal
+"""Rms encoder noise in the runs for the fourth claim [m]; the paper has none."""
+_NOTABLE = 1e-4  # relative error worth printing
+_LESS = 0.9  # ratio that counts as less, not as equal
 _NAMES = dict(zip(PARAMETERS, ("Fc", "C", "sigma_v", "sigma0"), strict=True))
 _WHERE = {"logged": "the force is taken as logged", "aligned": "force and position are aligned"}
 
@@ -44,12 +44,12 @@ class Claim:
 def judge(
     case: Case, tables: Tables, runs: int, progress: Callable[[], None] = lambda: None
 ) -> tuple[Claim, ...]:
-    """All six.
+    """Judge all six claims.
 
     Args:
-        case: choices that the claims are judged under; the last two with the force aligned.
+        case: choices under which to judge; the last two claims always with the force aligned.
         tables: of that case.
-        runs: with encoder noise, for the fourth claim.
+        runs: number of runs with encoder noise, for the fourth claim.
         progress: called after every run.
     """
     aligned = case.with_force("aligned")
@@ -68,7 +68,7 @@ def judge(
 
 
 def _only(fits: dict[Alignment, bool]) -> str:
-    """Verdict from whether it holds for the force as logged and aligned."""
+    """Verdict on a claim that holds or not for the force as logged and aligned."""
     holding = [force for force, holds in fits.items() if holds]
     if len(holding) == len(fits):
         return REPRODUCED
@@ -76,7 +76,7 @@ def _only(fits: dict[Alignment, bool]) -> str:
 
 
 def nearer(tables: Tables) -> tuple[str, str]:
-    """Verdict and figure: errors and deviations of one window and two, a tenth less at least."""
+    """Verdict and figure: errors and deviations of one window and two; a tenth less counts."""
     better: dict[Alignment, list[str]] = {}
     figures = []
     for force in ALIGNMENTS:
@@ -90,7 +90,7 @@ def nearer(tables: Tables) -> tuple[str, str]:
         errors = ", ".join(
             f"{_NAMES[name]} {_percent(error(one, name))} and {_percent(error(two, name))}"
             for name in PARAMETERS
-            if max(abs(error(one, name)), abs(error(two, name))) > _TELLING
+            if max(abs(error(one, name)), abs(error(two, name))) > _NOTABLE
         )
         names = _listed(_NAMES[name] for name in better[force]) if better[force] else "none"
         figures.append(f"{force}: nearer and surer for {names} (errors {errors or 'below 0.01 %'})")
@@ -227,7 +227,7 @@ def border(case: Case) -> tuple[str, str]:
 
 
 def robust(case: Case) -> tuple[str, str]:
-    """Verdict and figure: what an error in one zone's parameters does to the other's."""
+    """Verdict and figure: effect of an error in one zone's parameters on the other's."""
     move = case.move()
     true = np.array([published.REFERENCE[name] for name in PARAMETERS])
     start = np.array([case.options.start[name] for name in PARAMETERS])

@@ -2,8 +2,8 @@
 
 One window: all four parameters over zones A and B at once. Two windows: Fc, C, sigma_v in zone A,
 where sigma0 does not enter; then sigma0 in zone B, the rest as found. The element forces begin at
-nu_i S(v0) in zone A and at nu_i times the total of zone A's end in zone B, or their total is one
-unknown more. `window` has the problem and its solution.
+nu_i S(v0) in zone A and at nu_i times zone A's final total in zone B, or their total is another
+unknown. `window` states and solves the problem.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Fit:
     """An estimate.
 
     Attributes:
-        value: by parameter; sigma: its standard deviation.
+        value, sigma: estimate and standard deviation, by parameter.
         mse: mean squared residual over all windows [N^2].
         iterations, evaluations: of the solver, one entry per window.
         windows: the samples of each.
@@ -76,7 +76,7 @@ def zone_a(move: Move, start: F64, options: Options | None = None) -> Solution:
 
     Args:
         move: its samples.
-        start: first iterate, shape (4,); what is no unknown stays there.
+        start: first iterate, shape (4,); known parameters keep it.
         options: of the fit.
     """
     options = options or Options()

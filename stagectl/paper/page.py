@@ -1,4 +1,4 @@
-"""docs/paper.md: tables, claims and sensitivity in Markdown, the plots beside it."""
+"""Writes docs/paper.md: tables, claims and sensitivity in Markdown, with plots."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def render(study: Study) -> str:
 
 
 def choices(case: Case) -> list[tuple[str, str]]:
-    """What the paper leaves open, and what was chosen."""
+    """What the paper leaves open, and our choice."""
     setup, processing, borders, options = (
         case.setup,
         case.processing,
@@ -101,7 +101,7 @@ def percent(share: float) -> str:
 
 
 def errors(row: Row) -> list[str]:
-    """A choice's errors in %, in the order of the parameters; the reason where there are none."""
+    """Errors of a choice in %, in the order of the parameters; or the reason for having none."""
     if row.fit is None:
         return [row.problem, "", "", ""]
     return [percent(error(row.fit, name)) for name in PARAMETERS]
@@ -134,7 +134,7 @@ def table_rows(study: Study) -> list[list[str]]:
 
 
 def table_head() -> list[str]:
-    """Of `table_rows`."""
+    """The head of `table_rows`."""
     ours = [f"{force}, {METHOD_NAMES[m]}" for force in ALIGNMENTS for m in TABLES]
     return ["", "reference", "start", *(f"paper, {METHOD_NAMES[m]}" for m in TABLES), *ours]
 

@@ -1,6 +1,6 @@
-"""How far the two-window estimate hangs on what the paper leaves open.
+"""Sensitivity of the two-window estimate to what the paper leaves open.
 
-One choice at a time is changed against the case given; everything else stays.
+One choice at a time is changed in the given case.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def compute(case: Case, progress: Callable[[], None] = lambda: None) -> tuple[Ro
 
 
 def variations(case: Case) -> Iterator[tuple[str, str, Callable[[], Case]]]:
-    """Group, choice, and the case with it (made when called: a choice may be impossible)."""
+    """Group, choice, and a function that makes the case, for a choice may be impossible."""
     yield from _move(case)
     yield from _signals(case)
     yield from _zones(case)

@@ -1,7 +1,7 @@
-"""What an estimator gets of the move: position, velocity, acceleration, force, and the zones.
+"""Signals of the move for an estimator: position, velocity, acceleration, force, and the zones.
 
 Central differences, then a Butterworth filter forward and backward, over the whole record before
-anything is cut out of it. The force goes through the same filter: left out, sigma0 and C are wrong.
+the zones are cut from it. The force goes through the same filter; otherwise sigma0 and C are wrong.
 
 Force "as logged" is the command of the sample. It is held until the next one, so on average it acts
 half a sample after the position. "Aligned" is the mean of the commands before and after the sample.
@@ -28,7 +28,7 @@ class Processing:
 
     Attributes:
         force: as logged, or aligned with the positions.
-        cut_off: of the filter [Hz]; None for no filter, as from half the sample rate on.
+        cut_off: of the filter [Hz]; None, or half the sample rate and above, for no filter.
         order: of the filter, in each direction.
         filter_force: whether the force goes through the filter too.
     """
@@ -107,7 +107,7 @@ def prepare(
         if processing.filter_force:
             force = sosfiltfilt(sections, force)
     position = x[1:-1]
-    # No motion: the record's rest may carry noise, so the search begins where the stage has moved.
+    # The rest may carry noise, so the search begins where the stage has moved.
     travelled = position - x[0] > (1e-3 if borders.onset is None else borders.onset)
     began = travelled if borders.onset is not None else travelled & record.slipping[1:-1]
     if not began.any():

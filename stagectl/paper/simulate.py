@@ -1,6 +1,6 @@
 """The move of section IV: one mass with Maxwell-slip friction under a sampled PID.
 
-The friction is the simulator's (`hil_sim.plant`), never the estimator's. The controller runs at
+The friction is the simulator's (`hil_sim.plant`), not the estimator's. The controller runs at
 the sample rate and holds its force; the mass is integrated at 200 kHz, velocity Verlet: its
 accelerations belong to the instants of the positions. (Semi-implicit Euler would shift them by half
 a step, 2.5 us, and sigma_v by 0.2 %.) No quantisation; encoder noise on request, inside the loop.
@@ -27,9 +27,9 @@ Profile = Literal["sine", "jerk-limited"]
 PLANT_RATE = 200_000
 """Steps of the mass per second."""
 LEAD_IN = 0.05
-"""Rest before the move [s]: the filter forgets the record's beginning in it."""
+"""Rest before the move [s], for the filter's transient."""
 LEAD_OUT = 0.2
-"""After the move's end [s]: settling, zone B, and the filter's end."""
+"""After the move [s]: settling, zone B, and the filter's transient."""
 JERK = 150.0
 """Of the jerk-limited profile [m/s^3]: 3 m/s^2 within 20 ms."""
 

@@ -1,4 +1,4 @@
-"""All of it in one go: tables, claims, sensitivity, and the samples that the plots show."""
+"""Runs everything: tables, claims, sensitivity, and the samples for the plots."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables I and II again: one window and two, with the force as logged and aligned."""
+"""Tables I and II reproduced: one window and two, with the force as logged and aligned."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ record = lru_cache(maxsize=4)(simulate)
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Everything that the paper leaves open, chosen."""
+    """Choices of everything that the paper leaves open."""
 
     setup: Setup = field(default_factory=Setup)
     processing: Processing = field(default_factory=Processing)
@@ -33,15 +33,15 @@ class Case:
         return record(self.setup)
 
     def move(self) -> Move:
-        """The move as an estimator gets it."""
+        """The signals of the move."""
         return prepare(self.record(), self.processing, self.borders)
 
     def fit(self, method: str) -> Fit:
-        """One of `METHODS` on it."""
+        """Fit the move by one of `METHODS`."""
         return METHODS[method](self.move(), self.options)
 
     def with_force(self, force: Alignment) -> Case:
-        """The same with the force as logged or aligned."""
+        """This case with the force as logged or aligned."""
         return replace(self, processing=replace(self.processing, force=force))
 
 
@@ -54,7 +54,7 @@ def compute(case: Case) -> Tables:
 
 
 def error(fit: Fit, name: str) -> float:
-    """Estimate over reference value, less 1."""
+    """Estimate over reference value, minus 1."""
     return fit.value[name] / published.REFERENCE[name] - 1
 
 

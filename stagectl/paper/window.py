@@ -1,8 +1,8 @@
 """One window of a move as a bounded least-squares problem, solved by Gauss-Newton.
 
 Minimises sum (u - u_hat)^2, u_hat = m a + sum F_i + sigma_v v; unweighted, without prior, p >= 0.
-N = 4 elements (`estimation.friction`), driven by the measured positions. Its unknown is the rate
-C/Fc; here it is C, as in the paper. Deviations: MSE (J'J)^-1.
+N = 4 elements, `estimation.friction`, driven by the measured positions. That model's unknown is the
+rate C/Fc; here it is C, as in the paper. Deviations: MSE (J'J)^-1.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from stagectl.paper.signals import Move
 
 F64 = NDArray[np.float64]
 Window = tuple[int, int]
-"""First sample and the one behind the last."""
+"""First sample, and the one after the last."""
 
 TOTAL, ALPHA = len(PARAMETERS), len(PARAMETERS) + 1
-"""Behind the parameters: the element forces' sum at the window's beginning [N]; alpha."""
+"""After the parameters: sum of the element forces at the window's beginning [N]; alpha."""
 NAMES = (*PARAMETERS, "total", "static_ratio")
 ZONE_A = (0, 1, 2)
 ZONE_B = (3,)
-_FLOOR = 1e-6  # the model needs positive figures: the bound 0, relative to the start
+_FLOOR = 1e-6  # lower bound relative to the start: the model needs positive figures
 _STEP = 1e-6  # of forward differences, relative
 _DECREASE = 1e-8  # decrease of the cost, relative, that ends the iteration
 _SUBSTEPS = 2
-_MOST_ITERATIONS = 60
+_MAX_ITERATIONS = 60
 _HALVINGS = 8
 
 
@@ -45,7 +45,7 @@ class Options:
     Attributes:
         start: first iterate, by parameter.
         initial: total of the element forces at a window's beginning: "tied" to S(v0) and to zone
-            A's end, or "free", one more unknown per window.
+            A's end, or "free", another unknown per window.
         turned: whether zone B's elements stick from its first sample; if not, they slip on until
             the stage moves back.
         slide: unknowns of zone A where there are two windows; `ALPHA` may be among them.
@@ -137,14 +137,14 @@ class Problem:
         residual, predicted, left = self._evaluate(value)
         cost = float(residual @ residual)
         iterations, decrease = 0, math.inf
-        while iterations < _MOST_ITERATIONS and decrease > _DECREASE * cost:
+        while iterations < _MAX_ITERATIONS and decrease > _DECREASE * cost:
             iterations += 1
             jacobian = self._jacobian(value, chosen, predicted)
             # Columns of about the same size: sigma0 is a thousand times the others.
             scale = np.maximum(np.abs(value[chosen]), _FLOOR * largest)
-            room = np.minimum(floor - value[chosen], 0.0) / scale
+            lower = np.minimum(floor - value[chosen], 0.0) / scale
             scaled = jacobian * scale
-            step = scale * _box_step(scaled, residual, room)
+            step = scale * _box_step(scaled, residual, lower)
             for _ in range(_HALVINGS):
                 trial = value.copy()
                 trial[chosen] += step
@@ -223,8 +223,8 @@ class Problem:
     def _sensitivities(self, value: F64) -> F64:
         """All five columns from the model's own derivatives.
 
-        The element forces scale with Fc, sigma0 and their initial values together; so what the
-        initial total adds follows from the force itself (Euler's theorem).
+        The element forces are homogeneous in Fc, sigma0 and their initial values together, so the
+        derivative by the initial total follows from the force (Euler's theorem).
         """
         force, by, total = self._model(value)
         coulomb, attraction, _, stiffness = value[:TOTAL]
@@ -238,7 +238,7 @@ class Problem:
         )
 
 
-def _box_step(jacobian: F64, residual: F64, room: F64) -> F64:
-    """Minimiser of |residual - jacobian step| with step >= `room`, shape (n,)."""
-    step: F64 = lsq_linear(jacobian, residual, (room, np.inf), method="bvls").x
+def _box_step(jacobian: F64, residual: F64, lower: F64) -> F64:
+    """Minimiser of |residual - jacobian step| with step >= `lower`, shape (n,)."""
+    step: F64 = lsq_linear(jacobian, residual, (lower, np.inf), method="bvls").x
     return step
