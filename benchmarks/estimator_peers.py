@@ -30,11 +30,12 @@ import numpy as np
 from machine_facts import machine_facts
 from peers.problem import F64, NAMES, UNITS, Problem, build, differences
 
-from estimation.friction import Friction, FrictionState, follow
+from estimation.friction import FrictionState, follow
 from estimation.move import MoveData
 from estimation.noise import quantisation
 from estimation.online import EstimatorSettings, SplitHorizonEstimator
 from estimation.trajectory import Limits, plan
+from stagedata import FrictionFigures
 
 BUDGET = 0.5
 """Seconds that a peer may take in one round."""
@@ -148,7 +149,7 @@ def _own(problem: Problem, count: int) -> tuple[list[float], tuple[F64, F64]]:
 
 def all_figures(rounds: int) -> tuple[list[float], str]:
     """Times of estimates with nothing fixed: N = 8, 400 samples, wandering level."""
-    true = Friction(8, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+    true = FrictionFigures(8, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
     motion, ts = plan(0.0, 25e-3, Limits(0.3, 1.0, 50.0)), 1e-3
     clean = motion.sample(np.arange(-3, 397) * ts)[0]
     rng = np.random.default_rng(1)

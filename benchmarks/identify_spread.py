@@ -29,7 +29,6 @@ from hil_sim.plant import simulate
 from hil_sim.settings import SUBSTEPS, AxisSettings
 from stagectl.calibration import identify_pieces
 from stagectl.config import load_machine, stage_settings
-from stagectl.config.host_model import friction_model
 
 F64 = NDArray[np.float64]
 BELIEVED_MASS = 8.0
@@ -91,7 +90,7 @@ def truths(axis: AxisSettings, asymmetry: float, steps: int = SUBSTEPS) -> dict[
     f = axis.friction
     known = {
         "coulomb": f.coulomb, "viscous": f.viscous, "stiffness": f.stiffness,
-        "relaxation_rate": f.attraction / f.coulomb, "static_ratio": f.static_ratio,
+        "relaxation_rate": f.relaxation_rate, "static_ratio": f.static_ratio,
         "stribeck_velocity": f.stribeck_velocity, "stribeck_shape": f.stribeck_shape,
         "asymmetry": asymmetry, "force_offset": 0.0, "mass": axis.mass,
         "lag": lateness(axis, steps),
@@ -115,7 +114,7 @@ def away(found: Identification, truth: dict[str, float]) -> list[float]:
 def spread(seeds: int, steps: int) -> None:
     """The table of errors in sigma."""
     machine = load_machine()
-    believed = friction_model(machine.axes["x"])
+    believed = machine.axes["x"].plant.friction.figures
     nominal = stage_settings(machine).axes[0]
     lopsided = own_effects()["friction_asymmetry"].at(ratio=0.1)
     other = replace(
@@ -123,7 +122,7 @@ def spread(seeds: int, steps: int) -> None:
         mass=1.07 * nominal.mass,
         effects=(lopsided,),
         friction=replace(
-            nominal.friction, coulomb=7.5, attraction=750.0, viscous=28.0, stiffness=4.5e5,
+            nominal.friction, coulomb=7.5, viscous=28.0, stiffness=4.5e5,
             static_ratio=0.7, stribeck_velocity=3e-3,
         ),
     )  # fmt: skip
@@ -149,13 +148,11 @@ def spread(seeds: int, steps: int) -> None:
 def ripple() -> None:
     """Rms of the force that the true model leaves, moving, without noise and wander."""
     nominal = stage_settings(load_machine()).axes[0]
-    quiet = replace(
-        nominal, noise=0.0, increment=1e-12, friction=replace(nominal.friction, wander=0.0)
-    )
+    quiet = replace(nominal, noise=0.0, increment=1e-12, wander=0.0)
     samples, _ = drive(quiet, None)
     x, sent = samples.position, samples.demand
     assert sent is not None
-    friction = friction_model(load_machine().axes["x"])
+    friction = load_machine().axes["x"].plant.friction.figures
     velocity, acceleration = (x[2:] - x[:-2]) / 2e-3, np.diff(x, 2) / 1e-6
     elements, _ = follow(friction, FrictionState.relaxed(10), x[1:-1], velocity, 1e-3, 8, 0.0)
     left = samples.force[1:-1] - elements - 20.0 * velocity - 8.0 * acceleration

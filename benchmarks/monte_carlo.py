@@ -34,11 +34,12 @@ import numpy as np
 from machine_facts import machine_facts
 from numpy.typing import NDArray
 
-from estimation.friction import Friction, FrictionState, follow
+from estimation.friction import FrictionState, follow
 from estimation.move import MoveData
 from estimation.noise import quantisation
 from estimation.online import BeliefSettings, EstimatorSettings, SplitHorizonEstimator
 from estimation.trajectory import Limits, plan
+from stagedata import FrictionFigures
 
 F64 = NDArray[np.float64]
 TS, ENCODER, REST, FASTEST = 1e-3, 1e-9, 5, 0.5
@@ -48,8 +49,8 @@ JITTERS = 5e-3
 """A motion slower than that does not jitter: it would turn back [m/s]."""
 NAMES = ("coulomb", "viscous", "stiffness", "mass")
 STAGES = {
-    "reference": (8.0, Friction(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)),
-    "paper": (1.0, Friction(4, 2.0, 1.0, 1e3, 2.0, 0.5, 1e-3, 1.0)),
+    "reference": (8.0, FrictionFigures(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)),
+    "paper": (1.0, FrictionFigures(4, 2.0, 1.0, 1e3, 2.0, 0.5, 1e-3, 1.0)),
 }
 
 
@@ -99,7 +100,7 @@ def positions(profile: str, length: float, phase: float, velocity: float) -> F64
     return motion.sample((np.arange(-REST, motion.duration / TS + 80) + phase) * TS)[0]
 
 
-def force(position: F64, model: Friction, mass: float, before: float = 0.0) -> F64:
+def force(position: F64, model: FrictionFigures, mass: float, before: float = 0.0) -> F64:
     """What the model says at every inner sample; the ends repeat their neighbours.
 
     `before`: sum of the element forces at rest before the move [N], shared evenly.
@@ -113,12 +114,12 @@ def force(position: F64, model: Friction, mass: float, before: float = 0.0) -> F
     return np.concatenate([inner[:1], inner, inner[-1:]])
 
 
-def model_at(model: Friction, figures: F64) -> Friction:
+def model_at(model: FrictionFigures, figures: F64) -> FrictionFigures:
     """The model with the first three of the figures."""
     return replace(model, coulomb=figures[0], viscous=figures[1], stiffness=figures[2])
 
 
-def bound(position: F64, model: Friction, mass: float, force_noise: float) -> F64:
+def bound(position: F64, model: FrictionFigures, mass: float, force_noise: float) -> F64:
     """Cramer-Rao standard deviations of the four figures."""
     truth = np.array([model.coulomb, model.viscous, model.stiffness, mass])
     count = len(position)

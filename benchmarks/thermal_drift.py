@@ -21,8 +21,8 @@ from pathlib import Path
 import numpy as np
 from machine_facts import machine_facts
 
+from estimation.friction import breakaway_travel
 from hil_sim.stage import VirtualStage
-from stagectl.config.host_model import friction_model
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import load_machine, parse_machine
 from stagectl.recipe import parse_recipe
@@ -79,12 +79,12 @@ def run(
         if not isinstance(event, FrictionUpdated) or (event.site or 0) < FIRST_SITE:
             return
         axis = names.index(event.axis)
-        friction = friction_model(machine.axes[event.axis])
+        friction = machine.axes[event.axis].plant.friction.figures
         warm = 1.0 + amplitude * math.exp(-event.time / time_constant)
         wander = float(stages[0].plant._arrays.state["wander"][axis])  # noqa: SLF001  no port shows the truth
         there = friction.coulomb * warm * (1.0 + wander)
         found = event.estimate.friction.coulomb * event.estimate.level
-        slid = abs(event.distance) > 2.0 * friction.breakaway_travel
+        slid = abs(event.distance) > 2.0 * breakaway_travel(friction)
         rows.append([found / there - 1.0, float(slid), float(event.estimate.accepted)])
 
     with tempfile.TemporaryDirectory() as folder:

@@ -18,8 +18,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimation.friction import F64, Friction, FrictionState, follow
+from estimation.friction import F64, FrictionState, follow
 from estimation.move import MoveData
+from stagedata import FrictionFigures
 
 SMOOTH = 1.0 / 12.0
 """Of the second difference, where there is no kink."""
@@ -39,7 +40,7 @@ def kink_share(period: float, tip: float) -> float:
 def with_mean_force(
     move: MoveData,
     share: float,
-    friction: Friction,
+    friction: FrictionFigures,
     state: FrictionState | None,
     period: float,
     peak: float,

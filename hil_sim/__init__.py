@@ -20,7 +20,6 @@ if TYPE_CHECKING:
         AxisSettings,
         CascadeSettings,
         ControlSettings,
-        FrictionSettings,
         StageSettings,
     )
     from hil_sim.stage import VirtualStage
@@ -36,7 +35,6 @@ __all__ = [
     "Effect",
     "FaultPlan",
     "FaultyWorld",
-    "FrictionSettings",
     "InjectedFault",
     "LockstepBus",
     "Parameter",

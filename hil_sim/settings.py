@@ -9,6 +9,8 @@ import math
 from dataclasses import dataclass, fields
 from typing import Any, Protocol
 
+from stagedata import FrictionFigures
+
 SUBSTEPS = 5
 """Plant steps per control tick of the reference (docs/reference-stage.md)."""
 _LONGEST_COARSE_STEP = 2e-4
@@ -37,45 +39,6 @@ class PortWriter(Protocol):
 
     def apply(self, ports: Any) -> None:
         """Write the effect into the ports of its axis (`hil_sim.effects.ports.EffectPorts`)."""
-
-
-@dataclass(frozen=True, slots=True)
-class FrictionSettings:
-    """Generalized Maxwell-slip friction of the simulated plant, k_i = 1/N, nu_i = 2i/(N(N+1)).
-
-    Attributes:
-        elements: number N of Maxwell-slip elements.
-        coulomb: Fc [N].
-        static_ratio: alpha = (Fs - Fc)/Fc, > -1.
-        stribeck_velocity: vs [m/s].
-        stribeck_shape: delta, dimensionless.
-        stiffness: sigma0, initial presliding stiffness [N/m].
-        attraction: C [N/s].
-        viscous: sigma_v [N s/m].
-        wander: rms of the Gauss-Markov factor on Fc, relative.
-        correlation_time: of that factor [s].
-    """
-
-    elements: int
-    coulomb: float
-    static_ratio: float
-    stribeck_velocity: float
-    stribeck_shape: float
-    stiffness: float
-    attraction: float
-    viscous: float
-    wander: float = 0.0
-    correlation_time: float = 0.5
-
-    def __post_init__(self) -> None:
-        _require(self.elements >= 1, "elements", f"must be >= 1, is {self.elements!r}")
-        _require(self.static_ratio > -1, "static_ratio", f"must be > -1, is {self.static_ratio!r}")
-        _positive(
-            self,
-            "coulomb", "stribeck_velocity", "stribeck_shape", "stiffness", "attraction",
-            "correlation_time",
-        )  # fmt: skip
-        _not_negative(self, "viscous", "wander")
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,13 +105,15 @@ class AxisSettings:
         name: as in the machine file.
         node: CANopen node id, 1..127.
         mass: moved mass [kg].
-        friction: of the plant.
+        friction: figures and law of its friction.
         control: of the drive.
         increment: encoder increment [m].
         noise: encoder noise, rms [m].
         travel: (lowest, highest) position [m].
         velocity, acceleration, jerk: limits [m/s, m/s^2, m/s^3].
         following_error: following error window [m].
+        wander: rms of the Gauss-Markov factor on Fc, relative.
+        correlation_time: of that factor [s].
         effects: physical effects beyond the plain model.
         unit, velocity_unit, acceleration_unit: one unit of the drive's integers on the bus [m, m/s,
             m/s^2]; jerk is in acceleration units per second.
@@ -157,7 +122,7 @@ class AxisSettings:
     name: str
     node: int
     mass: float
-    friction: FrictionSettings
+    friction: FrictionFigures
     control: ControlSettings
     increment: float
     noise: float
@@ -166,6 +131,8 @@ class AxisSettings:
     acceleration: float
     jerk: float
     following_error: float
+    wander: float = 0.0
+    correlation_time: float = 0.5
     effects: tuple[PortWriter, ...] = ()
     unit: float = 1e-9
     velocity_unit: float = 1e-9
@@ -174,8 +141,12 @@ class AxisSettings:
     def __post_init__(self) -> None:
         _positive(self, "unit", "velocity_unit", "acceleration_unit")
         _require(1 <= self.node <= 127, "node", f"must be 1..127, is {self.node!r}")
-        _positive(self, "mass", "increment", "velocity", "acceleration", "jerk", "following_error")
-        _not_negative(self, "noise")
+        _positive(
+            self,
+            "mass", "increment", "velocity", "acceleration", "jerk", "following_error",
+            "correlation_time",
+        )  # fmt: skip
+        _not_negative(self, "noise", "wander")
         _require(self.travel[0] < self.travel[1], "travel", "must be [lowest, highest]")
 
 

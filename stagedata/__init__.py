@@ -1,9 +1,10 @@
-"""The data that the other packages exchange: samples, moves, recordings. No bus, no files.
+"""The data that the other packages exchange: samples, moves, recordings, friction figures.
 
 What two packages share and neither owns lives here, as frozen dataclasses in SI units. Everything
 may import this package; it imports none of the others.
 """
 
+from stagedata.friction import LAWS, MAX_ELEMENTS, FrictionFigures, LawName
 from stagedata.recording import (
     MOVE_KINDS,
     AxisSignals,
@@ -17,10 +18,14 @@ from stagedata.recording import (
 from stagedata.samples import Samples
 
 __all__ = [
+    "LAWS",
+    "MAX_ELEMENTS",
     "MOVE_KINDS",
     "AxisSignals",
     "BoolArray",
     "FloatArray",
+    "FrictionFigures",
+    "LawName",
     "Move",
     "Recording",
     "Samples",

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numba
 import numpy as np
 
+from estimation.friction import make_constants
 from estimation.online import COULOMB, LEVEL, MASS, STIFFNESS, VISCOUS, Belief
 from estimation.online.belief import KNOTS, RESIDUAL
 from estimation.online.prepare import Sampled, prepare
@@ -17,7 +18,7 @@ from peers.problem import F64, START, ZONE_AB, Problem
 
 def make(problem: Problem, p: F64) -> Callable[[int], float]:
     """Evaluate repeatedly at relative figures p; returns chi-square."""
-    axis, law = problem.settings.axis(START), START.constants
+    axis, law = problem.settings.axis(START), make_constants(START)
     mean = Belief.at_start(problem.settings.belief, START).mean
     valid, none = np.ones(len(problem.position), dtype=np.bool_), np.zeros(0, dtype=np.bool_)
     sampled = Sampled(problem.position, problem.force, valid, none, 0.0, 0.0)

@@ -19,7 +19,15 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction import REST_BAND, Figures, Friction, FrictionState, follow
+from estimation.friction import (
+    REST_BAND,
+    Figures,
+    FrictionState,
+    count_states,
+    figures_at,
+    follow,
+    make_constants,
+)
 from estimation.friction import follow_positions as follow_elements
 from estimation.move import MoveData
 from estimation.noise import quantisation
@@ -33,6 +41,7 @@ from estimation.online import (
     split,
 )
 from estimation.trajectory import Limits, plan
+from stagedata import FrictionFigures
 
 F64 = NDArray[np.float64]
 
@@ -40,7 +49,7 @@ NAMES = ("coulomb", "viscous", "stiffness", "mass")
 UNITS = ("N", "N s/m", "N/m", "kg")
 TS, SUBSTEPS = 1e-3, 4
 ENCODER, FORCE_STEP = 1e-9, 0.04
-TRUE = Friction(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+TRUE = FrictionFigures(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
 TRUE_MASS = 8.0
 MASS = 8.0 * 1.01
 START = TRUE.scaled(0.5)
@@ -138,15 +147,15 @@ class Problem:
         """What `compiled_residual` takes between p and its result."""
         rows = self.rows(free)
         return (
-            self.position, self.velocity, self.acceleration, self.force, START.at(TS),
-            START.constants, self.scale, self.spread, np.array(free), rows.start,
+            self.position, self.velocity, self.acceleration, self.force, figures_at(START, TS),
+            make_constants(START), self.scale, self.spread, np.array(free), rows.start,
             rows.stop, self.factor(rows.stop - rows.start),
         )  # fmt: skip
 
     def ready(self) -> tuple[SplitHorizonEstimator, MoveData]:
         """An estimator that knows the state before the move, and the move."""
         estimator = SplitHorizonEstimator(
-            START, self.settings, state=FrictionState.relaxed(START.states)
+            START, self.settings, state=FrictionState.relaxed(count_states(START))
         )
         estimator.at_rest(0.0, 0.0, -1.0)
         estimator.update(MoveData(np.zeros(5), np.zeros(5), np.ones(5, dtype=bool), -1.0, 0.0))

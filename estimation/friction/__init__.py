@@ -14,22 +14,32 @@ from estimation.friction.feedforward import (
 from estimation.friction.follow import REST_BAND, follow, follow_positions
 from estimation.friction.gms import element_shares
 from estimation.friction.law import F64, Figures, FrictionLaw
-from estimation.friction.model import LAWS, Friction, FrictionState
+from estimation.friction.model import (
+    LAWS,
+    FrictionState,
+    breakaway_travel,
+    count_states,
+    figures_at,
+    make_constants,
+)
 
 __all__ = [
     "F64",
     "LAWS",
     "REST_BAND",
     "Figures",
-    "Friction",
     "FrictionLaw",
     "FrictionState",
+    "breakaway_travel",
+    "count_states",
     "element_shares",
+    "figures_at",
     "follow",
     "follow_positions",
     "follow_varying",
     "friction_feedforward",
     "level_with_target",
+    "make_constants",
     "mass_feedforward",
     "remaining_feedforward",
     "state_after",

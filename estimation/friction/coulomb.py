@@ -15,8 +15,6 @@ import numpy as np
 from estimation.compiled import kernel
 from estimation.friction.law import BY_ALPHA, BY_COULOMB, BY_REST, BY_TURN, FORCE, ROWS
 
-FIGURES = ("coulomb", "viscous", "static_ratio")
-
 
 class Constants(NamedTuple):
     """What is not estimated: Stribeck velocity [m/s] and shape."""

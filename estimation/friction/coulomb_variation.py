@@ -13,15 +13,16 @@ import numpy as np
 
 from estimation.friction.follow import REST_BAND, follow, follow_positions
 from estimation.friction.law import F64
-from estimation.friction.model import Friction, FrictionState
+from estimation.friction.model import FrictionState, figures_at, make_constants
 from estimation.move import MoveData
 from estimation.trajectory import Trajectory
+from stagedata import FrictionFigures
 
 _STEPS = 5  # of the friction model per sample of a demand
 
 
 def follow_varying(
-    friction: Friction,
+    friction: FrictionFigures,
     state: FrictionState,
     variation: F64,
     position: F64,
@@ -45,15 +46,16 @@ def follow_varying(
     """
     force = np.empty(len(position))
     follow_positions(
-        friction.constants, friction.at(period), friction.coulomb * (1.0 + variation), state.forces,
-        state.slipping, state.memory, np.ascontiguousarray(position),
+        make_constants(friction), figures_at(friction, period),
+        friction.coulomb * (1.0 + variation), state.forces, state.slipping, state.memory,
+        np.ascontiguousarray(position),
         np.ascontiguousarray(velocity), substeps, band, force, np.empty((len(position), 3)),
     )  # fmt: skip
     return force
 
 
 def varying_feedforward(
-    friction: Friction,
+    friction: FrictionFigures,
     state: FrictionState,
     variation: F64,
     trajectory: Trajectory,
@@ -94,7 +96,7 @@ def varying_feedforward(
 
 
 def level_with_target(
-    friction: Friction,
+    friction: FrictionFigures,
     state: FrictionState,
     scaled: FrictionState,
     variation: F64,
@@ -125,7 +127,7 @@ def level_with_target(
 
 
 def state_after(
-    friction: Friction, state: FrictionState, variation: F64, move: MoveData, period: float
+    friction: FrictionFigures, state: FrictionState, variation: F64, move: MoveData, period: float
 ) -> FrictionState:
     """Friction state at the end of a move that begins in `state`; arguments as above."""
     follower = state.copy()

@@ -11,14 +11,15 @@ import numpy as np
 
 from estimation.friction.follow import follow
 from estimation.friction.law import F64
-from estimation.friction.model import Friction, FrictionState
+from estimation.friction.model import FrictionState
 from estimation.trajectory import Trajectory
+from stagedata import FrictionFigures
 
 _STEPS = 5  # of the friction model per sample
 
 
 def friction_feedforward(
-    friction: Friction,
+    friction: FrictionFigures,
     state: FrictionState,
     trajectory: Trajectory,
     samples: int,
@@ -50,7 +51,7 @@ def friction_feedforward(
 
 
 def remaining_feedforward(
-    friction: Friction,
+    friction: FrictionFigures,
     state: FrictionState,
     trajectory: Trajectory,
     sent: int,

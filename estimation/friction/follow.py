@@ -24,7 +24,8 @@ from estimation.friction.law import (
     step,
     stribeck_rise,
 )
-from estimation.friction.model import Friction, FrictionState
+from estimation.friction.model import FrictionState, figures_at, make_constants
+from stagedata import FrictionFigures
 
 REST_BAND = 4e-9
 """Displacement below which the axis counts as at rest: a few times the encoder noise [m]."""
@@ -99,7 +100,7 @@ def follow_positions(  # type: ignore[no-untyped-def]
 
 
 def follow(
-    friction: Friction,
+    friction: FrictionFigures,
     state: FrictionState,
     position: F64,
     velocity: F64,
@@ -126,8 +127,9 @@ def follow(
     force = np.empty(len(position))
     jacobian = np.empty((len(position), 3))
     follow_positions(
-        friction.constants, friction.at(period), np.array([friction.coulomb]), state.forces,
-        state.slipping, state.memory, np.ascontiguousarray(position),
+        make_constants(friction), figures_at(friction, period),
+        np.array([friction.coulomb]), state.forces, state.slipping, state.memory,
+        np.ascontiguousarray(position),
         np.ascontiguousarray(velocity), substeps, band, force, jacobian,
     )  # fmt: skip
     return force, jacobian

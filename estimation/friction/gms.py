@@ -36,8 +36,7 @@ from estimation.friction.law import (
     FORCE,
     ROWS,
 )
-
-FIGURES = ("coulomb", "viscous", "stiffness", "relaxation_rate", "static_ratio")
+from stagedata import MAX_ELEMENTS
 
 # The map of all elements since they all slip: share kept K; gain G [N]; derivative of G by Fc; and
 # of both by C/Fc and alpha.
@@ -53,8 +52,6 @@ class Constants(NamedTuple):
     stribeck_velocity: float
     stribeck_shape: float
 
-
-MAX_ELEMENTS = 64
 
 TRACE = np.dtype(
     [

@@ -60,12 +60,10 @@ class FrictionLaw(Protocol):
     Forces are in N, and `forces` (with `slips`: which of them slide) the n internal ones.
 
     Attributes:
-        FIGURES: which of coulomb, viscous, stiffness, relaxation_rate and static_ratio it has.
         Constants: named tuple of what is not estimated, with at least stribeck_velocity [m/s] and
             stribeck_shape. Its type is what compiled calls are dispatched on.
     """
 
-    FIGURES: tuple[str, ...]
     Constants: Any
 
     @staticmethod

@@ -24,7 +24,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction import F64, Friction
+from estimation.friction import F64, breakaway_travel
 from estimation.offline.fit import MAX_ITERATIONS, Fit, Noise, NoSolutionError, Problem
 from estimation.offline.records import Samples, joined, record
 from estimation.offline.unknowns import (
@@ -37,6 +37,7 @@ from estimation.offline.unknowns import (
     chosen,
     unknowns,
 )
+from stagedata import FrictionFigures
 
 ESTIMATED, PRIOR, BOUND = "estimated", "stays at its prior", "refused: on its bound"
 TOGETHER = "with its neighbours"
@@ -135,7 +136,7 @@ class Identification:
 
 
 def identify(
-    moves: Sequence[Samples], friction: Friction, settings: OfflineSettings
+    moves: Sequence[Samples], friction: FrictionFigures, settings: OfflineSettings
 ) -> Identification:
     """Estimate all friction figures of one axis from its moves (long: three fits in a row).
 
@@ -153,7 +154,7 @@ def identify(
         raise ValueError("no moves")
     friction = replace(friction, law="gms")
     u = unknowns(friction, settings.mass, settings.period, settings.prior)
-    travel = KNOWN_AFTER * friction.breakaway_travel
+    travel = KNOWN_AFTER * breakaway_travel(friction)
     records = [
         record(m, settings.period, settings.position_noise, settings.peak_force, travel)
         for m in joined(moves, settings.period)

@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction import F64, Friction, element_shares
+from estimation.friction import F64, element_shares
+from stagedata import FrictionFigures
 
 FIGURES = (
     "coulomb", "viscous", "stiffness", "relaxation_rate", "mass", "static_ratio",
@@ -110,7 +111,7 @@ class Unknowns:
         return result
 
 
-def unknowns(friction: Friction, mass: float, period: float, prior: Prior) -> Unknowns:
+def unknowns(friction: FrictionFigures, mass: float, period: float, prior: Prior) -> Unknowns:
     """The unknowns of an axis of which `friction` and `mass` [kg] are believed.
 
     Args:

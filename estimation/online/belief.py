@@ -20,7 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation.friction import F64, Friction
+from estimation.friction import F64
+from stagedata import FrictionFigures
 
 FIGURES = ("coulomb", "viscous", "stiffness", "relaxation_rate", "mass", "static_ratio", "lag")
 COULOMB, VISCOUS, STIFFNESS, RATE, MASS, ALPHA, LAG = range(7)
@@ -70,7 +71,7 @@ class Belief(NamedTuple):
     covariance: F64
 
     @classmethod
-    def at_start(cls, settings: BeliefSettings, friction: Friction) -> Belief:
+    def at_start(cls, settings: BeliefSettings, friction: FrictionFigures) -> Belief:
         """Before any move; `friction` is what the figures are relative to."""
         spread = np.array([*settings.start_spread, settings.wander])
         mean = np.array([1.0, 1.0, 1.0, 1.0, 1.0, friction.static_ratio, 0.0, 0.0])
@@ -84,7 +85,7 @@ class Belief(NamedTuple):
         self.covariance[figure, figure] = sigma**2 + 1e-12
 
 
-def model_at(start: Friction, mean: F64) -> Friction:
+def model_at(start: FrictionFigures, mean: F64) -> FrictionFigures:
     """The model with these figures, relative to those of `start`."""
     return replace(
         start,

@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from estimation.friction.law import F64
-from estimation.friction.model import Friction
 from estimation.online.belief import FIGURES, LEVEL, MASS, model_at
 from estimation.online.outcome import (
     ACCEPTED,
@@ -20,6 +19,7 @@ from estimation.online.outcome import (
     Outcome,
 )
 from estimation.online.prepare import MUTE, TOO_LITTLE, UNBEGUN
+from stagedata import FrictionFigures
 
 FIGURES_OF_FRICTION = FIGURES[:MASS]
 TELLING = 0.5
@@ -44,7 +44,7 @@ class Estimate:
 
     __slots__ = ("_facts", "_outcome")
 
-    def __init__(self, outcome: Outcome, facts: tuple[Friction, float, float]) -> None:
+    def __init__(self, outcome: Outcome, facts: tuple[FrictionFigures, float, float]) -> None:
         self._outcome = outcome
         self._facts = facts
 
@@ -74,7 +74,7 @@ class Estimate:
         return "the problem has no solution"
 
     @property
-    def friction(self) -> Friction:
+    def friction(self) -> FrictionFigures:
         """The model in force afterwards."""
         return model_at(self._facts[0], self._outcome.mean)
 
@@ -172,7 +172,7 @@ def sliding_shown(outcome: Outcome, telling: float = TELLING) -> tuple[float, fl
     return (value, variance * share) if value > 0.0 else None
 
 
-def spreads(relative: F64, start: Friction) -> dict[str, float]:
+def spreads(relative: F64, start: FrictionFigures) -> dict[str, float]:
     """Standard deviations of the friction figures in their units, by name."""
     return {
         name: float(relative[i]) * float(getattr(start, name))
@@ -180,7 +180,7 @@ def spreads(relative: F64, start: Friction) -> dict[str, float]:
     }
 
 
-def in_units(relative: F64, start: Friction) -> F64:
+def in_units(relative: F64, start: FrictionFigures) -> F64:
     """Covariance of the friction figures in their units, shape (4, 4)."""
     scale = np.array([float(getattr(start, name)) for name in FIGURES_OF_FRICTION])
     covariance: F64 = relative[:MASS, :MASS] * np.outer(scale, scale)

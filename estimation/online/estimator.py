@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estimation.friction.law import F64
-from estimation.friction.model import Friction, FrictionState
+from estimation.friction.model import FrictionState, breakaway_travel, count_states, make_constants
 from estimation.move import MoveData
 from estimation.online.belief import COULOMB, FIGURES, LEVEL, MASS, STIFFNESS, Belief, model_at
 from estimation.online.estimate import Estimate, in_units, sliding_shown, spreads
@@ -29,6 +29,7 @@ from estimation.online.prepare import FULL_SLIP, Sampled
 from estimation.online.settings import EstimatorSettings
 from estimation.online.trend import Trend
 from estimation.online.update import State, update_move
+from stagedata import FrictionFigures
 
 _NONE = np.zeros(0, np.bool_)
 _LEARNED = 0.05
@@ -52,7 +53,7 @@ class Preview:
         change: relative change of the sliding force that it means.
     """
 
-    friction: Friction
+    friction: FrictionFigures
     state: FrictionState
     change: float
 
@@ -77,7 +78,7 @@ class SplitHorizonEstimator:
 
     def __init__(
         self,
-        friction: Friction,
+        friction: FrictionFigures,
         settings: EstimatorSettings,
         frozen: bool = False,
         state: FrictionState | None = None,
@@ -101,11 +102,11 @@ class SplitHorizonEstimator:
         self._jump: F64 | None = None
         self._jumps = 0
         self._axis = settings.axis(friction, frozen)
-        self._law = friction.constants
+        self._law = make_constants(friction)
         self._facts = (friction, settings.mass, settings.period)
 
     @property
-    def friction(self) -> Friction:
+    def friction(self) -> FrictionFigures:
         """The model in force."""
         return model_at(self._start, self._belief.mean)
 
@@ -181,7 +182,7 @@ class SplitHorizonEstimator:
         self._moves_to_trust = 0
         self._belief.set_apart(LEVEL, 0.0, self.settings.belief.wander)
 
-    def effective(self, time: float) -> Friction:
+    def effective(self, time: float) -> FrictionFigures:
         """The model with the level expected at `time` [s]: what feedforward should use."""
         elapsed = 0.0 if self._end is None else max(time - self._end, 0.0)
         keep = math.exp(-elapsed / self.settings.belief.correlation_time)
@@ -199,7 +200,7 @@ class SplitHorizonEstimator:
         """
         self._rest = position
         if self.state is None:
-            self.state = FrictionState.relaxed(self._start.states, position)
+            self.state = FrictionState.relaxed(count_states(self._start), position)
         self.state.correct(force, self.effective(time))
         return self.state
 
@@ -214,7 +215,7 @@ class SplitHorizonEstimator:
         """
         state = self.state
         if state is None:
-            state = self.state = FrictionState.relaxed(self._start.states)
+            state = self.state = FrictionState.relaxed(count_states(self._start))
         end = move.time + (len(move.position) - 1) * self.settings.period
         outcome = self._run(move, state, self._known, True, end)
         self._end, self._rest = end, None
@@ -245,14 +246,14 @@ class SplitHorizonEstimator:
             self._moves_to_trust = 0
         elif verdict != STILL:
             self._moves_to_trust = self.settings.patience + 1
-        elif np.ptp(move.position[move.valid]) > FULL_SLIP * self.friction.breakaway_travel:
+        elif np.ptp(move.position[move.valid]) > FULL_SLIP * breakaway_travel(self.friction):
             self._moves_to_trust = max(self._moves_to_trust - 1, 0)
         return self._moves_to_trust == 0
 
     def _is_certain(self) -> bool:
         """Whether the figures in force are known well enough to follow the elements with."""
         sigma = np.sqrt(self._belief.covariance.diagonal()) / self._belief.mean.clip(1e-9)
-        stiff = "stiffness" not in self._start.figures_of_law or sigma[STIFFNESS] < CERTAIN
+        stiff = not self._start.has("stiffness") or sigma[STIFFNESS] < CERTAIN
         return bool(sigma[COULOMB] < CERTAIN and stiff)
 
     def _observe_trend(self, outcome: Outcome, time: float) -> None:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.friction import Friction
 from estimation.online.belief import (
     COULOMB,
     FIGURES,
@@ -21,6 +20,7 @@ from estimation.online.belief import (
     VISCOUS,
     BeliefSettings,
 )
+from stagedata import FrictionFigures
 
 _ZONE_A = (COULOMB, VISCOUS, MASS)
 _ZONE_B = (COULOMB, VISCOUS, STIFFNESS, RATE, MASS)
@@ -108,7 +108,7 @@ class EstimatorSettings:
     slip_spread: float = 0.0
     force_step: float | None = None
 
-    def axis(self, friction: Friction, frozen: bool = False) -> np.void:
+    def axis(self, friction: FrictionFigures, frozen: bool = False) -> np.void:
         """What the kernels take of these settings, a record of `AXIS`.
 
         Args:
@@ -152,16 +152,14 @@ class EstimatorSettings:
         made: np.void = np.array([values], AXIS)[0]
         return made
 
-    def _masks(self, friction: Friction, frozen: bool) -> NDArray[np.bool_]:
+    def _masks(self, friction: FrictionFigures, frozen: bool) -> NDArray[np.bool_]:
         """Figures to solve for in zone A, without it, and with both, shape (3, LEVEL)."""
         for name in (*self.fixed, *self.request):
             if name not in FIGURES:
                 raise ValueError(f"{name}: no such figure; there are {', '.join(FIGURES)}")
         fixed = {FIGURES.index(name) for name in self.fixed}
         fixed |= {
-            FIGURES.index(name)
-            for name in FRICTION_FIGURES
-            if frozen or name not in friction.figures_of_law
+            FIGURES.index(name) for name in FRICTION_FIGURES if frozen or not friction.has(name)
         }
         if frozen:
             fixed.add(LAG)

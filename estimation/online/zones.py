@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.compiled import kernel
-from estimation.friction import Friction
+from estimation.friction import breakaway_travel
 from estimation.kinematics import differences, find_turns
+from stagedata import FrictionFigures
 
 F64 = NDArray[np.float64]
 
@@ -29,7 +30,7 @@ REST, STICK, SLIDE = 0, 1, 2
 
 
 def split(
-    position: F64, friction: Friction, period: float, noise: float = 1e-9
+    position: F64, friction: FrictionFigures, period: float, noise: float = 1e-9
 ) -> NDArray[np.int8]:
     """Zone code of each inner sample of a point-to-point move.
 
@@ -50,7 +51,7 @@ def split(
     differences(position, valid, period, velocity, np.empty(count), np.empty(count, dtype=np.bool_))
     find_turns(position, noise, heading, share, at, sharp)
     mark_zones(
-        position, velocity, heading, friction.breakaway_travel, friction.stribeck_velocity, zone
+        position, velocity, heading, breakaway_travel(friction), friction.stribeck_velocity, zone
     )
     return zone
 

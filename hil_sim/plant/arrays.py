@@ -64,17 +64,17 @@ _STATE = np.dtype(
 def _plant_record(axis: AxisSettings) -> dict[str, float]:
     friction = axis.friction
     period = axis.control.period
-    keep = math.exp(-period / friction.correlation_time)
+    keep = math.exp(-period / axis.correlation_time)
     return {
         "stribeck_velocity": friction.stribeck_velocity,
         "stribeck_shape": friction.stribeck_shape,
         "stribeck_end": friction.stribeck_velocity
         * 36.0 ** min(1.0 / friction.stribeck_shape, 99.0),
-        "relaxation_rate": friction.attraction / friction.coulomb,
+        "relaxation_rate": friction.relaxation_rate,
         "elements": friction.elements,
         "increment": axis.increment,
         "noise": axis.noise,
-        "wander": friction.wander * math.sqrt(1.0 - keep**2),
+        "wander": axis.wander * math.sqrt(1.0 - keep**2),
         "wander_keep": keep,
     }
 

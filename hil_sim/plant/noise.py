@@ -35,7 +35,7 @@ class Noise:
             return np.zeros(self._axes)
         return np.array(
             [
-                stream[1].standard_normal() * axis.friction.wander
+                stream[1].standard_normal() * axis.wander
                 for stream, axis in zip(self._streams, settings.axes, strict=True)
             ]
         )

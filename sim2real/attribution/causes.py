@@ -208,7 +208,7 @@ def _sigma(
         return own
     if not math.isfinite(neutral):
         return math.hypot(own, _RELATIVE * abs(value))
-    wander = _WANDERS * axis.friction.wander
+    wander = _WANDERS * axis.wander
     if effect.group != "friction":  # a force shows in the mean over both directions
         slow = not any(p.role == "phase" for p in effect.parameters)
         wander *= axis.friction.coulomb if slow and parameter.unit == "N" else 0.0

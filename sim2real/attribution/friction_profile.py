@@ -55,7 +55,7 @@ def fit_friction_profile(
     """Fit a friction profile to what a model leaves; arguments as `explain_residual_force`."""
     friction = next(a for a in settings.axes if a.name == name).friction
     nodes = _nodes(name, measured)
-    rate = friction.attraction / friction.coulomb
+    rate = friction.relaxation_rate
 
     def felt(position: F64, speed: F64, step: float) -> F64:
         return np.sign(speed)[:, None] * _lagged_hats(

@@ -146,8 +146,8 @@ class Scanner:
         The innovations say nothing of it, because the filter follows. But a wander that has the
         effect's course is less likely than the effect, by the machine file's `repeatability`.
         """
-        friction = self._problem.axis.friction
-        if friction.wander <= 0.0:
+        axis = self._problem.axis
+        if axis.wander <= 0.0:
             return None
         best: tuple[float, float, tuple[float, ...]] | None = None
         for values in self._grid.nodes(effect, True):
@@ -166,13 +166,13 @@ class Scanner:
         if best is None:
             return None
         energy, size, values = best
-        apart = 2.0 * friction.correlation_time / float(self._problem.trackers[0].time[1])
+        apart = 2.0 * axis.correlation_time / float(self._problem.trackers[0].time[1])
         term = Term(effect, self._scaled(effect, values, min(size, _WIDEST)))
         signature = self._signatures([term])[0]
         if signature is None:
             return None
         column = self._beside([signature])[:, 0]
-        return Start(term, energy / (apart * friction.wander**2), column, values, True)
+        return Start(term, energy / (apart * axis.wander**2), column, values, True)
 
     def _proven(self, start: Start) -> list[Start]:
         """The start with its actual gain, if it has any."""

@@ -193,7 +193,7 @@ def off_nominal(settings: StageSettings, base: Mapping[str, Mapping[str, float]]
             replace(
                 axis,
                 mass=axis.mass * (1.0 + off["mass"]),
-                friction=replace(axis.friction, **figures),
+                friction=axis.friction.with_figures(figures),
             )
         )
     return replace(settings, axes=tuple(axes))

@@ -204,7 +204,7 @@ def build_twin(
             replace(
                 axis,
                 mass=mass,
-                friction=replace(axis.friction, **figures),
+                friction=axis.friction.with_figures(figures),
                 effects=(*axis.effects, *effects),
             )
         )

@@ -109,9 +109,8 @@ def with_base(nominal: AxisSettings, base: F64) -> AxisSettings:
     return replace(
         nominal,
         mass=nominal.mass * factor["mass"],
-        friction=replace(
-            friction,
-            **{key: getattr(friction, key) * factor[key] for key in BASE if key != "mass"},
+        friction=friction.with_figures(
+            {key: getattr(friction, key) * factor[key] for key in BASE if key != "mass"}
         ),
     )
 

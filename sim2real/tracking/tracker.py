@@ -240,11 +240,10 @@ class Tracker:
         for a, axis in enumerate(axes):
             if held := self._replay.rest_force[columns[a]]:
                 arrays.balance(a, held, axis)
-        friction = [a.friction for a in axes]
         noise = [math.hypot(o.noise, o.increment / math.sqrt(12.0)) for o in self._stage.axes]
         deviations = Deviations(
-            np.array([f.wander for f in friction]),
-            np.exp(-period / np.array([f.correlation_time for f in friction])),
+            np.array([a.wander for a in axes]),
+            np.exp(-period / np.array([a.correlation_time for a in axes])),
             np.array(noise)[list(columns)],
             np.array([force_deviation(a) for a in axes]),
         )

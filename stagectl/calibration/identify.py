@@ -11,15 +11,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimation.friction import F64, Friction, FrictionState
+from estimation.friction import F64, FrictionState, count_states
 from estimation.move import MoveData
 from estimation.noise import encoder_noise, quantisation
 from estimation.offline import Identification, OfflineSettings, Samples, identify
 from estimation.sampled_force import kink_share, with_mean_force
-from stagectl.config.host_model import friction_model, kink_delay
+from stagectl.config.host_model import kink_delay
 from stagectl.config.machine import Axis, Machine
 from stagectl.errors import UnusableInput
-from stagedata import Recording
+from stagedata import FrictionFigures, Recording
 
 REPEAT_FROM = 0.05
 """Relative change of a figure from which the mean force around a SYNC is computed again."""
@@ -54,7 +54,7 @@ def identify_axis(
         UnusableInput: a recording lacks that axis or samples, or has another SYNC period.
     """
     axis, period = machine.axes[name], machine.bus.sync_period
-    friction = friction_model(axis)
+    friction = axis.plant.friction.figures
     if elements is not None:
         friction = replace(friction, elements=elements)
     pieces: list[tuple[Samples, F64]] = []
@@ -73,7 +73,7 @@ def identify_axis(
 
 
 def identify_pieces(
-    pieces: Sequence[tuple[Samples, F64]], axis: Axis, friction: Friction, period: float
+    pieces: Sequence[tuple[Samples, F64]], axis: Axis, friction: FrictionFigures, period: float
 ) -> Identification:
     """As `identify_axis`, from samples and the force offsets sent for them [N].
 
@@ -91,7 +91,7 @@ def identify_pieces(
     return answer if again.reason is not None else again
 
 
-def _differs(friction: Friction, answer: Identification) -> bool:
+def _differs(friction: FrictionFigures, answer: Identification) -> bool:
     """Whether the figures behind the element forces differ much from the prior ones."""
     return any(
         abs(answer[name].value / float(getattr(friction, name)) - 1.0) > REPEAT_FROM
@@ -99,7 +99,7 @@ def _differs(friction: Friction, answer: Identification) -> bool:
     )
 
 
-def _with_figures(friction: Friction, answer: Identification) -> Friction:
+def _with_figures(friction: FrictionFigures, answer: Identification) -> FrictionFigures:
     """The model with the figures of an answer; its hysteresis keeps its shape."""
     return replace(
         friction,
@@ -114,7 +114,7 @@ def _with_figures(friction: Friction, answer: Identification) -> Friction:
 
 
 def around_syncs(
-    piece: Samples, sent: F64, axis: Axis, friction: Friction, period: float
+    piece: Samples, sent: F64, axis: Axis, friction: FrictionFigures, period: float
 ) -> Samples:
     """Samples with the mean force around each SYNC; see `estimation.sampled_force`.
 
@@ -126,7 +126,7 @@ def around_syncs(
         period: Ts [s].
     """
     move = MoveData(piece.position, piece.force, piece.valid, piece.time, 0.0)
-    state = FrictionState.relaxed(friction.states, float(piece.position[0]))
+    state = FrictionState.relaxed(count_states(friction), float(piece.position[0]))
     share = kink_share(period, kink_delay(axis.drive))
     commanded = np.nan_to_num(np.concatenate([sent[:1], sent[:-1]]))
     level = with_mean_force(move, share, friction, state, period, axis.drive.peak_force, commanded)

@@ -14,11 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimation.friction import FrictionState, follow
+from estimation.friction import FrictionState, breakaway_travel, count_states, follow
 from estimation.move import MoveData
 from estimation.online import SplitHorizonEstimator
 from estimation.trajectory import Limits, plan
-from stagectl.config.host_model import friction_model
 from stagectl.config.machine import Axis, Machine
 from stagectl.recipe import Excursion, Profile
 from stagectl.sequencer import AxisCompensation, Mode
@@ -104,7 +103,8 @@ def _moves(machine: Machine, rounds: int, reach: float, creep: float) -> tuple[E
     fine = _profile(machine, 0.01, 0.2, 20.0)
     slow = _profile(machine, 0.001, 0.1, 10.0)
     # Twice the breakaway travel is certainly past presliding.
-    turn = 2.0 * max(friction_model(axis).breakaway_travel for axis in machine.axes.values())
+    figures = [axis.plant.friction.figures for axis in machine.axes.values()]
+    turn = 2.0 * max(breakaway_travel(friction) for friction in figures)
     steps: list[tuple[float, str, Profile]] = []
     for _ in range(rounds):
         steps += [(reach, "other", slide), (0.0, "other", slide)]
@@ -139,11 +139,11 @@ def _gain(
     axis: Axis, period: float, excursions: Sequence[Excursion], index: int
 ) -> tuple[dict[str, Gain], float]:
     """Run the estimator on its own model's response to the moves of one axis."""
-    friction = friction_model(axis)
+    friction = axis.plant.friction.figures
     estimator = AxisCompensation(axis, friction, Mode.ESTIMATED, period).estimator
     values = {name: float(getattr(friction, name)) for name in START}
     estimator.believe({name: (value, START[name] * value) for name, value in values.items()})
-    state = FrictionState.relaxed(friction.states, 0.0)
+    state = FrictionState.relaxed(count_states(friction), 0.0)
     state.forces[:] = 0.0
     estimator.expect(friction.coulomb, START["coulomb"] * friction.coulomb)  # as at a site
     at, time = 0.0, 0.0
@@ -170,7 +170,7 @@ def _move(
     samples = math.ceil((motion.duration + REST) / period)
     moments = np.asarray(np.arange(samples) * period, np.float64)
     position, velocity, acceleration = motion.sample(moments)
-    friction = friction_model(axis)
+    friction = axis.plant.friction.figures
     rest = state.total
     state.settle_at(float(position[0]))
     force, _ = follow(friction, state, position, velocity, period)

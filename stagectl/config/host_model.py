@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from estimation.friction import Friction
 from estimation.noise import encoder_noise, quantisation
 from estimation.online import FIGURES, BeliefSettings, EstimatorSettings
 from stagectl.config.machine import Axis, Drive
@@ -18,21 +17,6 @@ SETTLED_DRIFT = (7e-4, 4e-4, 4e-4, 2e-4, 5e-5, 2e-4, 1e-4)
 def kink_delay(drive: Drive) -> float:
     """Delay from a sample to the kink of a drive's force [s], see `estimation.sampled_force`."""
     return 1.0 / (2.0 * math.pi * drive.current_bandwidth) - drive.control_period / 2.0
-
-
-def friction_model(axis: Axis) -> Friction:
-    """The estimator's friction model with the parameters of the machine file."""
-    friction = axis.plant.friction
-    return Friction(
-        elements=friction.elements,
-        coulomb=friction.coulomb,
-        viscous=friction.viscous,
-        stiffness=friction.stiffness,
-        relaxation_rate=friction.attraction / friction.coulomb,
-        static_ratio=friction.static_ratio,
-        stribeck_velocity=friction.stribeck_velocity,
-        stribeck_shape=friction.stribeck_shape,
-    )
 
 
 def estimator_settings(

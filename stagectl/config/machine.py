@@ -40,6 +40,7 @@ from stagectl.config.units import (
 )
 from stagectl.config.validation import Section, refusal
 from stagectl.config.yaml_nodes import Document, describe_value
+from stagedata import MAX_ELEMENTS, FrictionFigures, LawName
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 ObjectName = Annotated[str, StringConstraints(pattern=r"^0x[0-9A-Fa-f]{1,4}:[0-9A-Fa-f]{1,2}$")]
@@ -232,24 +233,40 @@ class Repeatability(Section):
 
 
 class Friction(Section):
-    """Generalized Maxwell-slip friction, in the symbols of docs/reference-stage.md.
+    """Friction figures with their law, in the symbols of docs/reference-stage.md.
 
     Attributes:
+        model: name of the law; which figures it has, `stagectl.config.machine_checks` sees to.
         elements: N.  coulomb: Fc [N].  static_ratio: alpha = (Fs - Fc)/Fc, > -1.
         stribeck_velocity: vs [m/s].  stribeck_shape: delta.  stiffness: sigma0 [N/m].
         attraction: C [N/s].  viscous: sigma_v [N s/m].
     """
 
-    model: Literal["gms"]
-    elements: Annotated[StrictInt, Field(ge=1, le=64)]
+    model: LawName
+    elements: Annotated[StrictInt, Field(ge=1, le=MAX_ELEMENTS)] | None = None
     coulomb: PositiveForce
     static_ratio: Annotated[Number, Field(gt=-1)]
     stribeck_velocity: PositiveVelocity
     stribeck_shape: PositiveNumber
-    stiffness: PositiveStiffness
-    attraction: PositiveForceRate
+    stiffness: PositiveStiffness | None = None
+    attraction: PositiveForceRate | None = None
     viscous: NotNegativeDamping
     repeatability: Repeatability = Repeatability()
+
+    @property
+    def figures(self) -> FrictionFigures:
+        """The figures as simulator and estimator take them."""
+        return FrictionFigures(
+            elements=self.elements or 0,
+            coulomb=self.coulomb,
+            viscous=self.viscous,
+            stiffness=self.stiffness or 0.0,
+            relaxation_rate=(self.attraction or 0.0) / self.coulomb,
+            static_ratio=self.static_ratio,
+            stribeck_velocity=self.stribeck_velocity,
+            stribeck_shape=self.stribeck_shape,
+            law=self.model,
+        )
 
 
 class Plant(Section):

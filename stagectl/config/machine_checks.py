@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Protocol
 from drivers.settings import HOST_NODE
 from stagectl.config.plausible import find_implausible
 from stagectl.config.yaml_nodes import Document
+from stagedata import LAWS
 
 if TYPE_CHECKING:
-    from stagectl.config.machine import Axis, Bus, Drive, Machine
+    from stagectl.config.machine import Axis, Bus, Drive, Friction, Machine
 
 POSITION_RANGE = 2**31
 """CiA 402 positions and velocities are INTEGER32: fewer units than this."""
@@ -57,6 +58,7 @@ def check_machine(machine: Machine, document: Document) -> list[str]:
         _check_ranges(axis, at, refuse)
         _check_homing(axis, at, refuse)
         _check_drive(axis.drive, (*at, "drive"), refuse)
+        _check_friction(axis.plant.friction, (*at, "plant", "friction"), refuse)
         sync, period = machine.bus.sync_period, axis.drive.control_period
         if period > sync or not _whole(sync / period):
             refuse(
@@ -160,6 +162,17 @@ def _check_drive(drive: Drive, at: At, refuse: Refuse) -> None:
         refuse((*at, "peak_force"), "must be at least rated_force")
     if drive.peak_force > FORCE_RANGE * drive.rated_force:
         refuse((*at, "peak_force"), f"must be at most {FORCE_RANGE} x rated_force")
+
+
+def _check_friction(friction: Friction, at: At, refuse: Refuse) -> None:
+    """The law's own figures, all of them and no others."""
+    for name, field in type(friction).model_fields.items():
+        if field.default is not None:  # required, or of every law
+            continue
+        given = getattr(friction, name) is not None
+        if given != (name in LAWS[friction.model]):
+            reason = f"the law {friction.model} has no such figure" if given else "is missing"
+            refuse((*at, name), reason)
 
 
 def _short(value: float) -> str:

@@ -38,18 +38,7 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
                 name=name,
                 node=axis.node,
                 mass=axis.plant.mass,
-                friction=settings.FrictionSettings(
-                    elements=friction.elements,
-                    coulomb=friction.coulomb,
-                    static_ratio=friction.static_ratio,
-                    stribeck_velocity=friction.stribeck_velocity,
-                    stribeck_shape=friction.stribeck_shape,
-                    stiffness=friction.stiffness,
-                    attraction=friction.attraction,
-                    viscous=friction.viscous,
-                    wander=friction.repeatability.coulomb,
-                    correlation_time=friction.repeatability.correlation_time,
-                ),
+                friction=friction.figures,
                 control=_control(drive),
                 increment=axis.encoder.increment,
                 noise=axis.encoder.noise,
@@ -58,6 +47,8 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
                 acceleration=axis.limits.acceleration,
                 jerk=axis.limits.jerk,
                 following_error=axis.limits.following_error,
+                wander=friction.repeatability.coulomb,
+                correlation_time=friction.repeatability.correlation_time,
                 unit=drive.position_unit,
                 velocity_unit=drive.velocity_unit or drive.position_unit,
                 acceleration_unit=drive.acceleration_unit,
@@ -81,7 +72,7 @@ def _check_steps(machine: Machine, substeps: int) -> None:
         mass, step = axis.plant.mass, axis.drive.control_period / substeps
         for key, value, unit, gain in (
             ("viscous", axis.plant.friction.viscous, "N s/m", step / mass),
-            ("stiffness", axis.plant.friction.stiffness, "N/m", step**2 / mass),
+            ("stiffness", axis.plant.friction.figures.stiffness, "N/m", step**2 / mass),
         ):
             if value * gain > _STABLE:
                 reason = (

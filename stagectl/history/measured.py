@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
-from estimation.friction import Friction
+from stagedata import FrictionFigures
 
 PRESLIDING_ERROR = 0.006
 """Relative error, besides its sigma, of the level of a move that hardly slid (measured)."""
@@ -33,7 +33,7 @@ class LevelEstimate(Protocol):
         """Whether the model adopted it."""
 
     @property
-    def friction(self) -> Friction:
+    def friction(self) -> FrictionFigures:
         """The model afterwards."""
 
     @property

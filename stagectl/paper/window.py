@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from estimation.friction import Friction, FrictionState, element_shares, follow
+from estimation.friction import FrictionState, element_shares, follow
 from stagectl.paper import published
 from stagectl.paper.published import PARAMETERS
 from stagectl.paper.signals import Move
+from stagedata import FrictionFigures
 
 F64 = NDArray[np.float64]
 Window = tuple[int, int]
@@ -177,7 +178,7 @@ class Problem:
     def _model(self, value: F64) -> tuple[F64, F64, float]:
         """Element forces [N] at every sample of the window, derivatives, and the start's total."""
         coulomb, attraction, viscous, stiffness = (float(v) for v in value[:TOTAL])
-        friction = Friction(
+        friction = FrictionFigures(
             elements=published.MODEL_ELEMENTS,
             coulomb=coulomb,
             viscous=viscous,

@@ -21,8 +21,8 @@ import numpy as np
 
 from estimation.friction import (
     F64,
-    Friction,
     FrictionState,
+    count_states,
     friction_feedforward,
     level_with_target,
     mass_feedforward,
@@ -34,8 +34,9 @@ from estimation.move import MoveData
 from estimation.online import Estimate, SplitHorizonEstimator
 from estimation.sampled_force import kink_share, with_mean_force
 from estimation.trajectory import Limits, Trajectory, plan
-from stagectl.config.host_model import estimator_settings, friction_model, kink_delay
+from stagectl.config.host_model import estimator_settings, kink_delay
 from stagectl.config.machine import Axis, Machine
+from stagedata import FrictionFigures
 
 TAKE_OVER = 0.1
 """Moves from this duration on take over what the integrator holds, and may be revised [s]."""
@@ -90,7 +91,7 @@ class AxisCompensation:
     def __init__(
         self,
         axis: Axis,
-        friction: Friction,
+        friction: FrictionFigures,
         mode: Mode,
         period: float,
         drift: Mapping[str, float] | None = None,
@@ -249,7 +250,9 @@ class AxisCompensation:
         """
         state = self.estimator.state
         self._departure = (
-            FrictionState.relaxed(self.estimator.friction.states) if state is None else state.copy()
+            FrictionState.relaxed(count_states(self.estimator.friction))
+            if state is None
+            else state.copy()
         )
         self.estimator.expect(coulomb, sigma, level)
 
@@ -329,7 +332,7 @@ def make_compensation(
     made = tuple(
         AxisCompensation(
             axis,
-            friction_model(source.axes[name]).scaled(scale),
+            source.axes[name].plant.friction.figures.scaled(scale),
             mode,
             machine.bus.sync_period,
             None if drift is None else drift.get(name, {}),
@@ -346,7 +349,7 @@ def make_compensation(
 
 def _compile_kernels(axis: Axis, period: float) -> None:
     """Run the compiled kernels once on a throw-away axis, before anything moves."""
-    compensation = AxisCompensation(axis, friction_model(axis), Mode.ESTIMATED, period)
+    compensation = AxisCompensation(axis, axis.plant.friction.figures, Mode.ESTIMATED, period)
     limits = axis.limits
     motion = plan(
         0.0, 1e-3, Limits(limits.velocity / 10, limits.acceleration / 10, limits.jerk / 10)

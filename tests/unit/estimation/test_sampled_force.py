@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimation.friction import Friction, FrictionState, follow
+from estimation.friction import FrictionState, follow
 from estimation.move import MoveData
 from estimation.sampled_force import kink_share, with_mean_force
+from stagedata import FrictionFigures
 
 TS, MASS, FINE = 1e-3, 8.0, 200
-FREE = Friction(4, 1e-9, 0.0, 1e-9, 100.0, 0.4, 2e-3, 1.0)
+FREE = FrictionFigures(4, 1e-9, 0.0, 1e-9, 100.0, 0.4, 2e-3, 1.0)
 
 
 def sampled(force_at):
@@ -41,7 +42,7 @@ def test_an_interpolated_force_is_level_with_the_acceleration(tip):
 
 
 def test_friction_is_taken_for_smooth():
-    model = Friction(4, 6.0, 0.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+    model = FrictionFigures(4, 6.0, 0.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
     time = TS * np.arange(60)
     position = 2e-6 * (1.0 - np.cos(2.0 * np.pi * time / 0.03))  # a spring, hardly slipping
     path = np.gradient(position, TS)

@@ -13,10 +13,11 @@ import pytest
 from hil_sim.bus.lockstep import World
 from hil_sim.effects import AppliedEffect, Effect
 from hil_sim.effects.library import own_effects
-from hil_sim.settings import AxisSettings, ControlSettings, FrictionSettings, StageSettings
+from hil_sim.settings import AxisSettings, ControlSettings, StageSettings
 from hil_sim.stage import VirtualStage
 from stagectl.config import load_machine
 from stagectl.config import stage_settings as settings_of
+from stagedata import FrictionFigures
 
 MS = 1_000_000
 
@@ -26,7 +27,7 @@ def axis(name: str, node: int) -> AxisSettings:
         name=name,
         node=node,
         mass=8.0,
-        friction=FrictionSettings(10, 6.0, 0.4, 2e-3, 1.0, 6e5, 600.0, 20.0, 0.01, 0.5),
+        friction=FrictionFigures(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0),
         control=ControlSettings(341e3, 16.07e6, 2714.0, 8.842e-4, 1500.0, 40.0, 120.0, 1e-4),
         increment=1e-9,
         noise=1e-9,
@@ -35,6 +36,7 @@ def axis(name: str, node: int) -> AxisSettings:
         acceleration=10.0,
         jerk=2000.0,
         following_error=1e-3,
+        wander=0.01,
     )
 
 

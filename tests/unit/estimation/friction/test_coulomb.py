@@ -5,32 +5,33 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimation.friction import Friction, FrictionState, follow
+from estimation.friction import FrictionState, count_states, follow
 from estimation.move import MoveData
 from estimation.noise import quantisation
 from estimation.online import EstimatorSettings, SplitHorizonEstimator
 from estimation.trajectory import Limits, plan
+from stagedata import FrictionFigures
 
 TS, MASS, STEP = 1e-3, 8.0, 0.04
-GMS = Friction(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
-COULOMB = replace(GMS, law="coulomb")
+GMS = FrictionFigures(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+COULOMB = replace(GMS, law="coulomb", elements=0, stiffness=0.0, relaxation_rate=0.0)
 SETTINGS = EstimatorSettings(MASS, TS, 1e-9, quantisation(STEP))
 
 
-def move(truth: Friction, seed: int, start: float = 0.0) -> MoveData:
+def move(truth: FrictionFigures, seed: int, start: float = 0.0) -> MoveData:
     """25 mm of a stage with this friction, from no friction force at rest."""
     rng = np.random.default_rng(seed)
     motion = plan(0.0, 25e-3, Limits(0.5, 3.0, 200.0))
     x = start + motion.sample((np.arange(-5, 250) + rng.uniform()) * TS)[0]
     v, a = (x[2:] - x[:-2]) / (2 * TS), np.diff(x, 2) / TS**2
-    state = FrictionState.relaxed(truth.states, float(x[0]))
+    state = FrictionState.relaxed(count_states(truth), float(x[0]))
     inner = follow(truth, state, x[1:-1], v, TS, band=0.0)[0] + truth.viscous * v + MASS * a
     force = np.round(np.concatenate([inner[:1], inner, inner[-1:]]) / STEP) * STEP
     x = x + rng.normal(0.0, 1e-9, len(x))
     return MoveData(x, force, np.ones(len(x), bool), 1.0 + seed, float(force[:4].mean()))
 
 
-def learn(truth: Friction, moves: int = 3) -> SplitHorizonEstimator:
+def learn(truth: FrictionFigures, moves: int = 3) -> SplitHorizonEstimator:
     estimator = SplitHorizonEstimator(COULOMB.scaled(0.5), SETTINGS)
     for seed in range(moves):
         data = move(truth, seed)

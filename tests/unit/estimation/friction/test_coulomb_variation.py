@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimation.friction import Friction, FrictionState, follow
+from estimation.friction import FrictionState, follow
 from estimation.friction.coulomb_variation import (
     follow_varying,
     level_with_target,
@@ -13,8 +13,9 @@ from estimation.friction.coulomb_variation import (
 from estimation.friction.feedforward import friction_feedforward
 from estimation.move import MoveData
 from estimation.trajectory import Limits, plan
+from stagedata import FrictionFigures
 
-FRICTION = Friction(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+FRICTION = FrictionFigures(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
 TS = 1e-3
 MOTION = plan(0.0, 0.025, Limits(0.5, 3.0, 200.0))
 SAMPLES = round(MOTION.duration / TS) + 30

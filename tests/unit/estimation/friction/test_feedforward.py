@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimation.friction import Friction, FrictionState, follow
+from estimation.friction import FrictionState, follow
 from estimation.friction.feedforward import (
     friction_feedforward,
     mass_feedforward,
@@ -12,9 +12,10 @@ from estimation.friction.feedforward import (
 from estimation.trajectory import Limits, plan
 from hil_sim.plant import simulate
 from stagectl.config import load_machine, stage_settings
+from stagedata import FrictionFigures
 
 TS = 1e-3
-TRUE = Friction(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+TRUE = FrictionFigures(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
 MOVE = plan(0.0, 25e-3, Limits(0.5, 3.0, 200.0))
 
 
@@ -41,7 +42,7 @@ def test_it_removes_the_following_error_in_closed_loop(sign):
 
     stage = stage_settings(load_machine())
     x = stage.axes[0]
-    quiet = replace(stage, axes=(replace(x, noise=0.0, friction=replace(x.friction, wander=0.0)),))
+    quiet = replace(stage, axes=(replace(x, noise=0.0, wander=0.0),))
     motion = plan(0.0, sign * 25e-3, Limits(0.5, 3.0, 200.0))
     rows = 400
     demand = np.concatenate([[0.0], motion.sample(np.arange(1, rows) * TS)[0]])

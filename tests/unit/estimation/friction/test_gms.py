@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimation.friction import Friction, FrictionState, element_shares, follow
+from estimation.friction import FrictionState, breakaway_travel, element_shares, follow
+from stagedata import FrictionFigures
 
-ONE = Friction(1, 2.0, 0.0, 1e5, 100.0, 0.0, 2e-3, 1.0)
-TEN = Friction(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+ONE = FrictionFigures(1, 2.0, 0.0, 1e5, 100.0, 0.0, 2e-3, 1.0)
+TEN = FrictionFigures(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
 TS = 1e-3
 
 
@@ -99,7 +100,7 @@ def test_the_model_is_homogeneous():
 
 
 def test_breakaway_travel_is_where_all_slip():
-    travel = TEN.breakaway_travel
+    travel = breakaway_travel(TEN)
     state = FrictionState.relaxed(10)
     # Slow: the Stribeck curve is at its static value.
     x = np.linspace(0.0, 1.02 * travel, 200)

@@ -5,20 +5,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimation.friction import LAWS, Friction, FrictionState, follow
+from estimation.friction import LAWS, FrictionState, count_states, follow, make_constants
 from estimation.online import EstimatorSettings
 from estimation.online.belief import ALPHA, COULOMB, KNOTS, LEVEL, MASS, RESIDUAL, VISCOUS
 from estimation.online.prepare import Sampled, prepare
 from estimation.online.residual import AtRest, fill_rows, follow_move, make_rows
 from estimation.trajectory import Limits, plan
+from stagedata import FrictionFigures
 
 TS = 1e-3
-GMS = Friction(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+GMS = FrictionFigures(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+
+
+def with_law(law: str) -> FrictionFigures:
+    """The figures of `GMS` that the law has."""
+    if law == "gms":
+        return GMS
+    return replace(GMS, law=law, elements=0, stiffness=0.0, relaxation_rate=0.0)
 
 
 @pytest.fixture(params=list(LAWS))
-def friction(request) -> Friction:
-    return replace(GMS, law=request.param)
+def friction(request) -> FrictionFigures:
+    return with_law(request.param)
 
 
 def there_and_back() -> np.ndarray:
@@ -32,10 +40,10 @@ def there_and_back() -> np.ndarray:
 class Pass:
     """One pass of a law over a move at rest before with 0.5 N."""
 
-    def __init__(self, friction: Friction, position: np.ndarray) -> None:
+    def __init__(self, friction: FrictionFigures, position: np.ndarray) -> None:
         self.axis = EstimatorSettings(8.0, TS, 1e-9, 0.0115).axis(friction)
-        self.law = friction.constants
-        self.rest = AtRest(np.zeros(friction.states), friction.coulomb, 0.5)
+        self.law = make_constants(friction)
+        self.rest = AtRest(np.zeros(count_states(friction)), friction.coulomb, 0.5)
         self.p = np.zeros(KNOTS)
         self.p[:LEVEL] = [1.0, 1.0, 1.0, 1.0, 1.0, friction.static_ratio, 0.0]
         valid, none = np.ones(len(position), bool), np.zeros(0, bool)
@@ -74,7 +82,7 @@ def test_both_directions_are_mirror_images(friction):
 
 def test_the_state_at_the_end_is_that_of_the_last_sample(friction):
     made = Pass(friction, there_and_back())
-    forces, slips = np.zeros(friction.states), np.zeros(friction.states, bool)
+    forces, slips = np.zeros(count_states(friction)), np.zeros(count_states(friction), bool)
     follow_move(made.p, made.axis, made.law, made.samples, made.rest, forces, slips)
     p = made.p.copy()
     p[[VISCOUS, MASS]] = 0.0
@@ -84,13 +92,13 @@ def test_the_state_at_the_end_is_that_of_the_last_sample(friction):
 
 @pytest.mark.parametrize("total", [-7.0, 0.0, 1.7])
 def test_at_rest_the_state_adds_up_to_what_was_measured(friction, total):
-    state = FrictionState.relaxed(friction.states)
+    state = FrictionState.relaxed(count_states(friction))
     state.correct(total, friction)
     assert state.total == pytest.approx(total)
 
 
 def test_at_rest_no_more_than_the_static_force_is_taken(friction):
-    state = FrictionState.relaxed(friction.states)
+    state = FrictionState.relaxed(count_states(friction))
     state.correct(100.0, friction)
     assert state.total == pytest.approx(6.0 * 1.4)
 
@@ -98,7 +106,7 @@ def test_at_rest_no_more_than_the_static_force_is_taken(friction):
 def test_far_above_the_stribeck_velocity_all_laws_have_the_coulomb_force(friction):
     speed = 0.1
     position = np.arange(1, 200) * TS * speed
-    state = FrictionState.relaxed(friction.states)
+    state = FrictionState.relaxed(count_states(friction))
     force, jacobian = follow(friction, state, position, np.full(199, speed), TS)
     assert force[-1] == pytest.approx(6.0, rel=1e-6)
     assert jacobian[-1, 0] == pytest.approx(1.0, rel=1e-6)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimation.friction import Friction
 from estimation.noise import encoder_noise, quantisation
 from estimation.offline.identify import BOUND, ESTIMATED, PRIOR, OfflineSettings, identify
 from estimation.offline.records import Samples, joined
@@ -13,10 +12,11 @@ from estimation.trajectory import Limits, plan
 from hil_sim.effects.library import own_effects
 from hil_sim.plant import simulate, slip_step, stribeck
 from stagectl.config import load_machine, stage_settings
+from stagedata import FrictionFigures
 
 TS, MASS = 1e-3, 8.0
 MACRO, MICRO = Limits(0.5, 3.0, 200.0), Limits(0.01, 0.2, 20.0)
-BELIEVED = Friction(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+BELIEVED = FrictionFigures(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
 SETTINGS = OfflineSettings(
     mass=MASS, period=TS, position_noise=encoder_noise(1e-9, 1e-9), force_noise=quantisation(0.04)
 )
@@ -26,7 +26,7 @@ def drive(macro=6, micro=2, seed=1, effects=(), **friction) -> Samples:
     """Closed loop, axis x with 16 elements: macro-moves, each with micro-moves behind it."""
     stage = stage_settings(load_machine())
     x = stage.axes[0]
-    truth = replace(x.friction, elements=16, **friction)
+    truth = x.friction.with_figures({"elements": 16, **friction})
     stage = replace(stage, axes=(replace(x, friction=truth, effects=effects),))
     rng = np.random.default_rng(seed)
     at, demand, offset = 0.0, [np.zeros(60)], [np.zeros(60)]

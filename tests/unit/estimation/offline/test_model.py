@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from estimation.friction import Friction, FrictionState, element_shares, follow
+from estimation.friction import FrictionState, element_shares, follow
 from estimation.offline.model import KNOTS, lead
+from stagedata import FrictionFigures
 
 TS, COUNT, SPACING = 1e-3, 4, 0.05
 THETA = np.array([6.0, 6e5, 100.0, 0.4, 2e-3, 1.2, 0.06])
@@ -66,7 +67,7 @@ def test_every_derivative_is_that_of_the_force(sign):
 def test_it_is_the_estimators_model_where_that_is_enough():
     shares = element_shares(10)
     x = motion()
-    friction = Friction(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+    friction = FrictionFigures(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
     known, _ = follow(friction, FrictionState.relaxed(10), x, np.gradient(x, TS), TS)
     theta = np.array([6.0, 6e5, 100.0, 0.4, 2e-3, 1.0, 0.0])
     force, _ = run(theta, np.full(10, 0.1), shares, np.zeros(6), x=x)

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from estimation.friction import Friction
 from estimation.online import LEVEL, MASS, Belief, EstimatorSettings
 from estimation.online.arrival_cost import age, joint_prior, knots_of, take_over, wander_on
 from estimation.online.belief import COULOMB, KNOTS, VISCOUS
+from stagedata import FrictionFigures
 
-START = Friction(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+START = FrictionFigures(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
 SETTINGS = EstimatorSettings(8.0, 1e-3, 1e-9, 0.0115)
 AXIS = SETTINGS.axis(START)
 

@@ -3,17 +3,18 @@
 import numpy as np
 import pytest
 
-from estimation.friction import Friction, FrictionState, follow
+from estimation.friction import FrictionState, breakaway_travel, follow
 from estimation.move import MoveData
 from estimation.noise import quantisation
 from estimation.online.belief import BeliefSettings
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
 from estimation.online.zones import SLIDE, split
 from estimation.trajectory import Limits, plan
+from stagedata import FrictionFigures
 
 TS, STEP = 1e-3, 0.05
 PRIOR, PRIOR_SIGMA = 900.0, 100.0
-TRUE = Friction(4, 2.0, 1.0, 1000.0, 2.0, 0.5, 1e-3, 1.0)
+TRUE = FrictionFigures(4, 2.0, 1.0, 1000.0, 2.0, 0.5, 1e-3, 1.0)
 SPREAD = (0.3, 0.5, PRIOR_SIGMA / PRIOR, 0.2, 0.05, 0.3, 0.5)
 SETTINGS = EstimatorSettings(
     1.0, TS, 1e-9, quantisation(STEP), model_error=0.0,
@@ -40,7 +41,7 @@ def move(seed: int, start: float) -> MoveData:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_what_a_first_move_does_not_tell_stays_at_its_prior(seed):
-    prior = Friction(4, 2.0, 1.0, PRIOR, 2.0, 0.5, 1e-3, 1.0)
+    prior = FrictionFigures(4, 2.0, 1.0, PRIOR, 2.0, 0.5, 1e-3, 1.0)
     estimator = SplitHorizonEstimator(prior, SETTINGS)
     estimator.at_rest(0.0, 0.0, 0.0)
     first = estimator.update(move(seed, 0.0))
@@ -55,4 +56,4 @@ def test_zone_a_of_a_soft_contact_begins_behind_the_breakaway():
     data = move(0, 0.0)
     slide = np.flatnonzero(split(data.position, TRUE, TS) == SLIDE)
     assert len(slide) > 80
-    assert data.position[slide[0]] > TRUE.breakaway_travel
+    assert data.position[slide[0]] > breakaway_travel(TRUE)

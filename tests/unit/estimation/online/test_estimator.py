@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from estimation.friction import Friction
 from estimation.move import MoveData
 from estimation.noise import encoder_noise, quantisation
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
@@ -14,10 +13,11 @@ from estimation.trajectory import Limits, plan
 from hil_sim.plant.simulate import simulate
 from hil_sim.settings import StageSettings
 from stagectl.config import load_machine, stage_settings
+from stagedata import FrictionFigures
 
 TS = 1e-3
 MACRO, MICRO = Limits(0.5, 3.0, 200.0), Limits(0.01, 0.2, 20.0)
-TRUE = Friction(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+TRUE = FrictionFigures(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
 SETTINGS = EstimatorSettings(
     mass=8.0,
     period=TS,
@@ -49,7 +49,7 @@ class Drive:
 def only_x(wander: float = 0.01) -> StageSettings:
     stage = stage_settings(load_machine())
     x = stage.axes[0]
-    return replace(stage, axes=(replace(x, friction=replace(x.friction, wander=wander)),))
+    return replace(stage, axes=(replace(x, wander=wander),))
 
 
 def drive(moves, stage=None, seed=1, mass=8.0) -> Drive:
@@ -264,7 +264,7 @@ class TestRefusals:
         estimator = self.settled(data)
         rougher = only_x()
         axis = rougher.axes[0]
-        friction = replace(axis.friction, coulomb=9.0, attraction=900.0)
+        friction = replace(axis.friction, coulomb=9.0)
         rougher = replace(rougher, axes=(replace(axis, friction=friction),))
         changed = drive(SEQUENCE, rougher)
         verdicts = [estimator.update(changed.move(n)).accepted for n in range(8)]

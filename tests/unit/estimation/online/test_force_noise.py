@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from estimation.friction import Friction, FrictionState, follow
+from estimation.friction import FrictionState, follow
 from estimation.move import MoveData
 from estimation.online.belief import BeliefSettings
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
+from stagedata import FrictionFigures
 
 TS, ENCODER, MASS, REST = 1e-3, 1e-9, 8.0, 5
-TRUE = Friction(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+TRUE = FrictionFigures(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
 SPRING = TRUE.stiffness * ENCODER
 """What the encoder's noise does to a spring [N]."""
 

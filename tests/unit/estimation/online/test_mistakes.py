@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimation.friction import Friction, FrictionState, follow
+from estimation.friction import FrictionState, follow
 from estimation.friction.feedforward import friction_feedforward
 from estimation.move import MoveData
 from estimation.noise import quantisation
@@ -27,9 +27,10 @@ from estimation.online.belief import BeliefSettings
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
 from estimation.online.zones import SLIDE, split
 from estimation.trajectory import Limits, plan
+from stagedata import FrictionFigures
 
 TS, MASS, FINE = 1e-3, 8.0, 20
-TRUE = Friction(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+TRUE = FrictionFigures(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
 MACRO, MICRO = Limits(0.5, 3.0, 60.0), Limits(0.01, 0.2, 20.0)
 SETTINGS = EstimatorSettings(
     mass=MASS, period=TS, position_noise=1e-9, force_noise=quantisation(0.04),

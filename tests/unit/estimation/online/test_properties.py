@@ -7,13 +7,14 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solveh_banded
 
-from estimation.friction import Friction, FrictionState, element_shares, follow
+from estimation.friction import FrictionState, element_shares, follow
 from estimation.move import MoveData
 from estimation.offline.model import KNOTS, lead
 from estimation.online.belief import BeliefSettings
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
 from estimation.online.zones import REST, split
 from estimation.trajectory import Limits, plan
+from stagedata import FrictionFigures
 
 TS, MASS = 1e-3, 8.0
 SETTINGS = EstimatorSettings(
@@ -22,7 +23,7 @@ SETTINGS = EstimatorSettings(
 )  # fmt: skip
 
 frictions = st.builds(
-    Friction,
+    FrictionFigures,
     elements=st.integers(1, 12),
     coulomb=st.floats(1.0, 30.0),
     viscous=st.floats(0.0, 60.0),
@@ -37,7 +38,7 @@ targets = st.sampled_from([2e-6, 60e-6, 3e-3, 20e-3])
 signs = st.sampled_from([1.0, -1.0])
 
 
-def move(friction: Friction, target: float, seed: int) -> MoveData:
+def move(friction: FrictionFigures, target: float, seed: int) -> MoveData:
     """Positions and forces of the model on its own samples, noisy, out of relaxed rest."""
     limits = Limits(0.5, 3.0, 100.0) if abs(target) > 1e-3 else Limits(0.01, 0.2, 20.0)
     motion = plan(0.0, target, limits)
@@ -49,7 +50,7 @@ def move(friction: Friction, target: float, seed: int) -> MoveData:
     return MoveData(position, force, np.ones(len(clean), dtype=bool), 1.0, 0.0)
 
 
-def predicted(friction: Friction, mass: float, position):
+def predicted(friction: FrictionFigures, mass: float, position):
     """Model force at every sample; ends repeated."""
     velocity = (position[2:] - position[:-2]) / (2 * TS)
     acceleration = np.diff(position, 2) / TS**2
@@ -59,7 +60,7 @@ def predicted(friction: Friction, mass: float, position):
     return np.concatenate([inner[:1], inner, inner[-1:]])
 
 
-def knowing(friction: Friction) -> SplitHorizonEstimator:
+def knowing(friction: FrictionFigures) -> SplitHorizonEstimator:
     rest = FrictionState.relaxed(friction.elements)
     estimator = SplitHorizonEstimator(friction, SETTINGS, state=rest)
     estimator.at_rest(0.0, 0.0, 0.0)
@@ -67,7 +68,7 @@ def knowing(friction: Friction) -> SplitHorizonEstimator:
     return estimator
 
 
-def cost(data: MoveData, model: Friction, mass: float, start: Friction) -> float:
+def cost(data: MoveData, model: FrictionFigures, mass: float, start: FrictionFigures) -> float:
     """Chi-square of the move under the residual's covariance (scipy's), and the arrival cost."""
     moving = np.flatnonzero(split(data.position, start, TS) != REST)
     residual = (predicted(model, mass, data.position) - data.force)[1:-1][moving]
@@ -86,7 +87,7 @@ def cost(data: MoveData, model: Friction, mass: float, start: Friction) -> float
 
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(truth=frictions, scale=scales, target=targets, sign=signs, seed=st.integers(0, 99))
-@example(Friction(1, 1.0, 0.0, 3e6, 2e3, -0.3, 1e-2, 2.0), 2.5, 20e-3, -1.0, 0)
+@example(FrictionFigures(1, 1.0, 0.0, 3e6, 2e3, -0.3, 1e-2, 2.0), 2.5, 20e-3, -1.0, 0)
 def test_the_answer_is_finite_bounded_and_no_worse_than_the_start(truth, scale, target, sign, seed):
     start = truth.scaled(scale)
     data, estimator = move(truth, sign * target, seed), knowing(start)

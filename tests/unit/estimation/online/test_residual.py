@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimation.friction import Friction, FrictionState, follow
+from estimation.friction import FrictionState, follow, make_constants
 from estimation.online.belief import (
     ALPHA,
     COULOMB,
@@ -22,9 +22,10 @@ from estimation.online.prepare import Sampled, prepare
 from estimation.online.residual import AtRest, fill_rows, make_rows
 from estimation.online.settings import EstimatorSettings
 from estimation.trajectory import Limits, plan
+from stagedata import FrictionFigures
 
 TS, MASS, NOISE = 1e-3, 8.0, 1e-9
-TRUE = Friction(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+TRUE = FrictionFigures(4, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
 AXIS = EstimatorSettings(MASS, TS, NOISE, 0.0115).axis(TRUE)
 
 
@@ -47,13 +48,13 @@ class Problem:
         )
         mean = np.zeros(LEVEL + 1)
         mean[:LEVEL] = at_truth()[:LEVEL]
-        self.samples = prepare(sampled, AXIS, TRUE.constants, 6.0, mean, True, True).samples
+        self.samples = prepare(sampled, AXIS, make_constants(TRUE), 6.0, mean, True, True).samples
         self.spring = None
 
     def columns(self, p, knots=0):
         rows = make_rows(knots, len(self.samples.velocity))
         rest = AtRest(np.zeros(4), 6.0, 0.0)
-        fill_rows(p, AXIS, TRUE.constants, self.samples, rest, 0, True, rows)
+        fill_rows(p, AXIS, make_constants(TRUE), self.samples, rest, 0, True, rows)
         self.spring = rows.spring
         return rows.columns
 

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from estimation.friction import Friction, FrictionState, follow
+from estimation.friction import FrictionState, follow
 from estimation.move import MoveData
 from estimation.noise import quantisation
 from estimation.online.belief import BeliefSettings
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
 from estimation.online.shared_rounding import share_rounding
 from estimation.trajectory import Limits, plan
+from stagedata import FrictionFigures
 
 TS, STEP, MASS, COUNT = 1e-3, 0.04, 8.0, 200
 TIME = np.arange(COUNT + 2)
@@ -78,7 +79,9 @@ def test_sigma_at_constant_speed_covers_a_force_in_steps(step):
     scores = []
     for seed in range(30):
         rng = np.random.default_rng(seed)
-        true = Friction(4, 6.0 * rng.uniform(0.8, 1.2), 20.0 * rng.uniform(0.8, 1.2), *OTHERS)
+        true = FrictionFigures(
+            4, 6.0 * rng.uniform(0.8, 1.2), 20.0 * rng.uniform(0.8, 1.2), *OTHERS
+        )
         motion = plan(0.0, 15e-3 * rng.uniform(0.9, 1.1), Limits(0.1, 2.0, 130.0))
         x = motion.sample((np.arange(-5, int(motion.duration / TS) + 70) + rng.uniform()) * TS)[0]
         v, a = (x[2:] - x[:-2]) / (2 * TS), np.diff(x, 2) / TS**2
@@ -88,7 +91,7 @@ def test_sigma_at_constant_speed_covers_a_force_in_steps(step):
         shift = rng.uniform(0.0, step)
         force = np.round((force + shift) / step) * step - shift
         estimator = SplitHorizonEstimator(
-            Friction(4, 3.0, 10.0, *OTHERS), settings, state=FrictionState.relaxed(4)
+            FrictionFigures(4, 3.0, 10.0, *OTHERS), settings, state=FrictionState.relaxed(4)
         )
         estimate = estimator.update(
             MoveData(

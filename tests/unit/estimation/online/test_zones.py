@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from estimation.friction import Friction
+from estimation.friction import breakaway_travel
 from estimation.online.zones import REST, SLIDE, STICK, split
 from estimation.trajectory import Limits, plan
+from stagedata import FrictionFigures
 
 TS = 1e-3
-TRUE = Friction(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
+TRUE = FrictionFigures(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
 
 
 def move(target, limits=(0.5, 3.0, 200.0), rest=60, noise=1e-9):
@@ -24,7 +25,7 @@ def test_zone_a_is_inside_the_slide_in_both_directions():
         slide = np.flatnonzero(zone == SLIDE)
         assert len(slide) > 120
         assert (np.diff(slide) == 1).all()
-        assert abs(x[slide[0] + 1]) > 2 * TRUE.breakaway_travel
+        assert abs(x[slide[0] + 1]) > 2 * breakaway_travel(TRUE)
         assert (zone[: slide[0]] != SLIDE).all()
         assert (zone[-30:] == REST).all()
 

@@ -11,7 +11,7 @@ def test_coulomb_level_is_fc_and_c_together(nominal, with_effects, effects):
     rng = np.random.default_rng(5)
     demand = np.cumsum(rng.normal(0.0, 3e-6, (400, 2)), axis=0)
     x, y = nominal.axes
-    scaled = replace(x.friction, coulomb=1.2 * 6.0, attraction=1.2 * x.friction.attraction)
+    scaled = replace(x.friction, coulomb=1.2 * 6.0)
     told = replace(nominal, axes=(replace(x, friction=scaled), y))
     stage = with_effects(nominal, effects["coulomb_level"].at(ratio=1.2))
     zero = np.zeros_like(demand)

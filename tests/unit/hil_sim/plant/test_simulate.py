@@ -20,8 +20,8 @@ DATA = Path(__file__).parents[3] / "data"
 def frictionless(nominal: StageSettings) -> StageSettings:
     axes = []
     for axis in nominal.axes:
-        friction = replace(axis.friction, coulomb=1e-9, viscous=0.0, stiffness=1e-3, wander=0.0)
-        axes.append(replace(axis, friction=friction, noise=0.0))
+        friction = replace(axis.friction, coulomb=1e-9, viscous=0.0, stiffness=1e-3)
+        axes.append(replace(axis, friction=friction, noise=0.0, wander=0.0))
     return replace(nominal, axes=tuple(axes))
 
 

@@ -43,10 +43,7 @@ def laps(stage, seed, laps=6):
 
 
 def wandering(stage, factor):
-    axes = tuple(
-        replace(a, friction=replace(a.friction, wander=factor * a.friction.wander))
-        for a in stage.axes
-    )
+    axes = tuple(replace(a, wander=factor * a.wander) for a in stage.axes)
     return replace(stage, axes=axes)
 
 

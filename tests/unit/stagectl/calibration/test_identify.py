@@ -16,7 +16,6 @@ from hil_sim.settings import SUBSTEPS
 from stagectl.calibration import identify_axis, identify_pieces
 from stagectl.cli.identify import command
 from stagectl.config import stage_settings
-from stagectl.config.host_model import friction_model
 from stagectl.config.machine_file import load_machine
 from stagectl.errors import UnusableInput
 from stagectl.recipe import load_recipe
@@ -127,7 +126,7 @@ def test_mass_and_lag_are_found_within_their_sigma():
     truth = replace(
         axis,
         mass=1.07 * axis.mass,
-        friction=replace(axis.friction, coulomb=7.5, attraction=750.0, stiffness=4.5e5),
+        friction=replace(axis.friction, coulomb=7.5, stiffness=4.5e5),
     )
     generator = np.random.default_rng(5)
     demand, offset, at = [np.zeros(100)], [np.zeros(100)], 0.0
@@ -144,7 +143,7 @@ def test_mass_and_lag_are_found_within_their_sigma():
     valid = np.ones(len(sent), dtype=np.bool_)
     samples = Samples(response.position[:, 0], response.force[:, 0], valid, 0.0, sent)
     believed = machine.axes["x"]
-    answer = identify_pieces([(samples, force)], believed, friction_model(believed), 1e-3)
+    answer = identify_pieces([(samples, force)], believed, believed.plant.friction.figures, 1e-3)
     tick, loop = 1e-4, 0.5 / (np.pi * 1500.0)
     late = tick / (1.0 - np.exp(-tick / loop)) - tick / 2.0 - loop + tick / SUBSTEPS
     mass, lag = answer["mass"], answer["lag"]

@@ -11,14 +11,13 @@ from stagectl.config import load_machine
 from stagectl.config.host_model import (
     SETTLED_DRIFT,
     estimator_settings,
-    friction_model,
     kink_delay,
 )
 
 
-def test_the_friction_model_has_the_parameters_of_the_file() -> None:
+def test_the_friction_figures_are_those_of_the_file() -> None:
     friction = load_machine().axes["y"].plant.friction
-    model = friction_model(load_machine().axes["y"])
+    model = friction.figures
     assert (model.elements, model.coulomb, model.viscous) == (10, 9.0, 30.0)
     assert model.relaxation_rate * model.coulomb == pytest.approx(friction.attraction)
 

@@ -16,13 +16,14 @@ def test_stage_settings_hold_the_figures_exactly() -> None:
     assert (stage.sync_period, stage.control_period, stage.ticks) == (1e-3, 1e-4, 10)
     for settings, axis in zip(stage.axes, machine.axes.values(), strict=True):
         friction, given = settings.friction, axis.plant.friction
+        assert friction.law == given.model
         for name in (
             "elements", "coulomb", "static_ratio", "stribeck_velocity", "stribeck_shape",
             "stiffness", "attraction", "viscous",
         ):  # fmt: skip
             assert getattr(friction, name) == getattr(given, name)
-        assert friction.wander == given.repeatability.coulomb
-        assert friction.correlation_time == given.repeatability.correlation_time
+        assert settings.wander == given.repeatability.coulomb
+        assert settings.correlation_time == given.repeatability.correlation_time
         for name in ("kp", "ki", "kd", "derivative_time"):
             assert getattr(settings.control, name) == getattr(axis.drive.pid, name)
         for name in ("current_bandwidth", "rated_force", "peak_force"):

@@ -65,7 +65,7 @@ GOOD = load_machine().text
         (
             "model: gms",
             "model: ^lugre",
-            "axes.x.plant.friction.model: must be 'gms', is 'lugre'",
+            "axes.x.plant.friction.model: must be 'gms' or 'coulomb', is 'lugre'",
         ),
         (
             "elements: 10",

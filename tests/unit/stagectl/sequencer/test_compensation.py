@@ -6,7 +6,6 @@ import pytest
 from estimation.move import MoveData
 from estimation.trajectory import Limits, plan
 from stagectl.config import load_machine, parse_machine
-from stagectl.config.host_model import friction_model
 from stagectl.sequencer import Mode, make_compensation
 
 TS = 1e-3
@@ -50,7 +49,7 @@ def test_scale_applies_to_the_machine_file_and_not_to_the_truth():
     truth = parse_machine(text, "truth")
     oracle, _ = make_compensation(machine, Mode.ORACLE, 1.0, truth)
     assert oracle.estimator.friction.coulomb == 7.5
-    assert friction_model(truth.axes["x"]).attraction == pytest.approx(600.0)
+    assert truth.axes["x"].plant.friction.figures.attraction == pytest.approx(600.0)
 
 
 def test_only_mode_estimated_reports_estimates():
