@@ -35,5 +35,7 @@ class PreslidingStiffness(Effect):
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
-        """See `Effect.apply`."""
+        """See `Effect.apply`; a friction law without presliding is a ValueError."""
+        if not (friction := ports.axis.friction).has("stiffness"):
+            raise ValueError(f"the friction law {friction.law} has no presliding stiffness")
         ports.stiffness *= parameters["ratio"]

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.plant.control import CONTROL_DTYPE, CONTROL_STATE_DTYPE, HELD_AT_POSITION
-from hil_sim.plant.friction import element_shares
+from hil_sim.plant.friction import NUMBERS, rest_forces
+from hil_sim.plant.gms import element_shares
 from hil_sim.plant.port_arrays import (
     PORT_FIELDS,
     PORT_STATE_FIELDS,
@@ -34,6 +35,7 @@ _PLANT = np.dtype(
         ("stribeck_end", "f8"),
         ("element_stiffness", "f8"),
         ("relaxation_rate", "f8"),
+        ("law", "i8"),
         ("elements", "i8"),
         ("first_element", "i8"),
         ("increment", "f8"),
@@ -71,6 +73,7 @@ def _plant_record(axis: AxisSettings) -> dict[str, float]:
         "stribeck_end": friction.stribeck_velocity
         * 36.0 ** min(1.0 / friction.stribeck_shape, 99.0),
         "relaxation_rate": friction.relaxation_rate,
+        "law": NUMBERS[friction.law],
         "elements": friction.elements,
         "increment": axis.increment,
         "noise": axis.noise,
@@ -108,7 +111,8 @@ class Arrays:
         fine: plant steps that a coarse one stands for, at least 5; of all axes or of each.
 
     Raises:
-        ValueError: effects that cannot be, naming axis and effect; substeps of 2..4.
+        ValueError: effects that cannot be, naming axis and effect; substeps of 2..4, or 1 with
+            another friction law than gms.
     """
 
     def __init__(
@@ -123,6 +127,12 @@ class Arrays:
         if substeps != 1 and substeps < SUBSTEPS:
             raise ValueError(f"substeps must be 1 or at least {SUBSTEPS}, is {substeps}")
         axes = settings.axes
+        for axis in axes:
+            if substeps < SUBSTEPS and axis.friction.law != "gms":
+                raise ValueError(
+                    f"axis {axis.name}: the friction law {axis.friction.law} needs at least "
+                    f"{SUBSTEPS} plant steps per control tick"
+                )
         self.ports = build_ports(settings, duration, substeps)
         for a, ports in enumerate(() if level is None else self.ports):
             ports.scale_time_coulomb(np.append(level[:, a], level[-1, a]))  # type: ignore[index]
@@ -166,23 +176,13 @@ class Arrays:
             force: of the motor as measured [N]; less where friction cannot hold it.
             axis: settings of the axis.
         """
-        friction = axis.friction
         ports, record = self.ports[a], self.plant[a]
-        limits = self.shares[self._elements(a)] * float(record["coulomb"])
-        limits = limits * (1.0 + ports.static_ratio)
         pull = ports.standing_force(float(self.state[a]["position"]))
         asked = ports.force_constant * force - pull
-        elements = np.zeros(friction.elements)
-        for _ in range(friction.elements):
-            free = np.abs(elements) < limits
-            missing = asked - float(elements.sum())
-            if abs(missing) < 1e-12 or not free.any():
-                break
-            elements[free] += missing / free.sum()
-            np.clip(elements, -limits, limits, out=elements)
-        held = float(elements.sum())
+        static = float(record["coulomb"]) * (1.0 + ports.static_ratio)
+        forces, held = rest_forces(axis.friction, static, asked)
         motor = (held + pull) / ports.force_constant
-        self.forces[self._elements(a)] = elements
+        self.forces[self._elements(a)] = forces
         self.state[a]["friction"] = held
         self.state[a]["motor_force"] = motor
         self.loop[a]["integral"] = motor - self.loop[a]["offset"]

@@ -10,6 +10,7 @@ from the step's start to its end:
 
 with c = (n - 1)/(2n). Springs of oscillators take the whole change of velocity at once, which
 conserves their energy.
+The small change of friction is that of `gms.py`: there is no coarse step for other laws.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ from hil_sim.plant.disturbances import (
     swing,
 )
 from hil_sim.plant.encoder import read_encoder
-from hil_sim.plant.friction import slip_step, stribeck
+from hil_sim.plant.gms import slip_step
+from hil_sim.plant.stribeck import stribeck
 
 
 @numba.njit(cache=True, error_model="numpy")

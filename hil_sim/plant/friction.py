@@ -1,82 +1,37 @@
-"""The friction of the simulated plant: generalized Maxwell-slip, in steps of a few microseconds.
+"""The friction laws of the simulated plant by name, each in a module of its own.
 
-Truth of the simulator; the estimator has a model of its own and never sees this one.
-Equations: docs/reference-stage.md, "The plant".
-
-Element i sticks:  dF_i/dt = k_i sigma0 v, until F_i reaches nu_i s(v) Fc in the direction of v.
-Element i slips, until v goes through zero:  F_i <- F_inf + (F_i - F_inf) exp(-C dt/(s(v) Fc)),
-F_inf = sgn(v) nu_i s(v) Fc.  Viscous friction is the plant's business.
+They are the simulator's truth; the estimator has laws of its own (`estimation.friction`) and never
+sees these. In a step (`hil_sim.plant.mechanics.advance`) a law acts where the force that holds an
+axis at rest follows from where it would go (`coulomb.hold`), or after the displacement, for the
+step to come (`gms.slip_step`). A new law is a module, its number here, and its line there.
 """
 
 from __future__ import annotations
 
-import math
+from collections.abc import Mapping
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.plant.gms import balance
+from stagedata import FrictionFigures, LawName
+
 F64 = NDArray[np.float64]
 
-
-def element_shares(count: int) -> F64:
-    """Share nu_i = 2i/(N(N+1)) of each element in the Coulomb force, i = 1..N; they add to 1."""
-    return 2.0 * np.arange(1, count + 1) / (count * (count + 1))
-
-
-@numba.njit(cache=True, inline="always", error_model="numpy")
-def stribeck(velocity: float, static_ratio: float, stribeck_velocity: float, shape: float) -> float:
-    """s(v) = 1 + alpha exp(-|v/vs|^delta): the Stribeck curve over the Coulomb level."""
-    ratio = abs(velocity) / stribeck_velocity
-    if shape != 1.0:
-        ratio = ratio**shape
-    return 1.0 + static_ratio * math.exp(-ratio)
+GMS, COULOMB = range(2)
+NUMBERS: Mapping[LawName, int] = {"gms": GMS, "coulomb": COULOMB}
+"""How kernels know the laws."""
 
 
-@numba.njit(cache=True, inline="always", error_model="numpy")
-def slip_step(
-    forces: F64,
-    slipping: NDArray[np.bool_],
-    shares: F64,
-    count: int,
-    direction: float,
-    displacement: float,
-    element_stiffness: float,
-    level: float,
-    decay: float,
-    first: int = 0,
-) -> float:
-    """Advance all elements by one step of constant velocity; return their total force.
+def rest_forces(friction: FrictionFigures, static: float, force: float) -> tuple[F64, float]:
+    """Internal forces at rest and their sum, where friction holds `force` as far as it can.
 
     Args:
-        forces: F_i [N], shape (>= count,), changed in place.
-        slipping: slip flags, same shape, changed in place.
-        shares: nu_i, same shape.
-        count: elements in use.
-        direction: sign of the velocity, +1 or -1.
-        displacement: of this step [m].
-        element_stiffness: k_i sigma0 [N/m], the same for all elements.
-        level: s(v) Fc [N], what may scale Fc included.
-        decay: exp(-C dt/(s(v) Fc)) of this step.
-        first: number of the first element, where several axes share the arrays. (A slice for each
-            axis would count references at every step, which takes longer than the step.)
+        friction: of the axis.
+        static: Fs, effects included [N].
+        force: on the axis without friction [N].
     """
-    total = 0.0
-    begin = np.uint64(first)  # an index without sign is not checked for counting from the end
-    for i in range(begin, begin + np.uint64(count)):
-        limit = shares[i] * level
-        force = forces[i]
-        if not slipping[i]:
-            stretched = force + element_stiffness * displacement
-            if stretched * direction >= limit:
-                slipping[i] = True
-                # A limit that fell below the force at higher speed is approached, not jumped to.
-                force = direction * max(limit, force * direction)
-            else:
-                force = stretched
-        if slipping[i]:
-            goal = direction * limit
-            force = goal + (force - goal) * decay
-        forces[i] = force
-        total += force
-    return total
+    if friction.law == "gms":
+        forces = balance(friction.elements, static, force)
+        return forces, float(forces.sum())
+    return np.zeros(0), min(max(force, -static), static)

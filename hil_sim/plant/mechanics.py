@@ -19,6 +19,7 @@ import numba
 
 from hil_sim.plant.coarse import advance_coarsely
 from hil_sim.plant.control import advance_demand, position_loop
+from hil_sim.plant.coulomb import hold
 from hil_sim.plant.disturbances import (
     coulomb_factor,
     delayed,
@@ -29,7 +30,9 @@ from hil_sim.plant.disturbances import (
     swing,
 )
 from hil_sim.plant.encoder import read_encoder
-from hil_sim.plant.friction import slip_step, stribeck
+from hil_sim.plant.friction import COULOMB, GMS
+from hil_sim.plant.gms import slip_step
+from hil_sim.plant.stribeck import stribeck
 from hil_sim.settings import SUBSTEPS
 
 
@@ -149,6 +152,8 @@ def advance(  # type: ignore[no-untyped-def]
                     v = s.velocity + dt / p.mass * (
                         s.motor_force - s.friction - p.viscous * s.velocity
                     )
+                if p.law == COULOMB:
+                    v = hold(p, s, v, dt)
                 dx = v * dt
                 s.velocity = v
                 s.position += dx
@@ -157,7 +162,7 @@ def advance(  # type: ignore[no-untyped-def]
                     swing(p, s, arena, dt)
                     drag(p, arena, dx)
                     level *= coulomb_factor(p, s, v)
-                if v != 0.0:
+                if p.law == GMS and v != 0.0:
                     direction = math.copysign(1.0, v)
                     if direction != s.direction:
                         s.direction = direction

@@ -187,7 +187,7 @@ def _write_values(record: np.void, ports: EffectPorts, period: float, substeps: 
     friction = ports.axis.friction
     record["mass"] = ports.mass
     record["viscous"] = ports.viscous
-    record["element_stiffness"] = ports.stiffness / friction.elements
+    record["element_stiffness"] = ports.stiffness / max(friction.elements, 1)
     record["static_ratio"] = ports.static_ratio
     record["coulomb"] = friction.coulomb * ports.coulomb
     record["current_gain"] = 1.0 - math.exp(-_decay(ports, period, substeps))

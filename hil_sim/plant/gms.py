@@ -1,0 +1,93 @@
+"""Generalized Maxwell-slip friction of the simulated plant, in steps of a few microseconds.
+
+Equations: docs/reference-stage.md, "The plant".
+
+Element i sticks:  dF_i/dt = k_i sigma0 v, until F_i reaches nu_i s(v) Fc in the direction of v.
+Element i slips, until v goes through zero:  F_i <- F_inf + (F_i - F_inf) exp(-C dt/(s(v) Fc)),
+F_inf = sgn(v) nu_i s(v) Fc.  Viscous friction is the plant's business.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+
+
+def element_shares(count: int) -> F64:
+    """Share nu_i = 2i/(N(N+1)) of each element in the Coulomb force, i = 1..N; they add to 1."""
+    return 2.0 * np.arange(1, count + 1) / (count * (count + 1))
+
+
+def balance(elements: int, static: float, force: float) -> F64:
+    """Forces of elements at rest that add up to `force`, as far as they can hold it.
+
+    Args:
+        elements: how many, N.
+        static: Fs [N].
+        force: to be held [N], in equal parts where the limits allow.
+
+    Returns:
+        F_i [N], shape (N,).
+    """
+    limits = element_shares(elements) * static
+    forces = np.zeros(elements)
+    for _ in range(elements):
+        free = np.abs(forces) < limits
+        missing = force - float(forces.sum())
+        if abs(missing) < 1e-12 or not free.any():
+            break
+        forces[free] += missing / free.sum()
+        np.clip(forces, -limits, limits, out=forces)
+    return forces
+
+
+@numba.njit(cache=True, inline="always", error_model="numpy")
+def slip_step(
+    forces: F64,
+    slipping: NDArray[np.bool_],
+    shares: F64,
+    count: int,
+    direction: float,
+    displacement: float,
+    element_stiffness: float,
+    level: float,
+    decay: float,
+    first: int = 0,
+) -> float:
+    """Advance all elements by one step of constant velocity; return their total force.
+
+    Args:
+        forces: F_i [N], shape (>= count,), changed in place.
+        slipping: slip flags, same shape, changed in place.
+        shares: nu_i, same shape.
+        count: elements in use.
+        direction: sign of the velocity, +1 or -1.
+        displacement: of this step [m].
+        element_stiffness: k_i sigma0 [N/m], the same for all elements.
+        level: s(v) Fc [N], what may scale Fc included.
+        decay: exp(-C dt/(s(v) Fc)) of this step.
+        first: number of the first element, where several axes share the arrays. (A slice for each
+            axis would count references at every step, which takes longer than the step.)
+    """
+    total = 0.0
+    begin = np.uint64(first)  # an index without sign is not checked for counting from the end
+    for i in range(begin, begin + np.uint64(count)):
+        limit = shares[i] * level
+        force = forces[i]
+        if not slipping[i]:
+            stretched = force + element_stiffness * displacement
+            if stretched * direction >= limit:
+                slipping[i] = True
+                # A limit that fell below the force at higher speed is approached, not jumped to.
+                force = direction * max(limit, force * direction)
+            else:
+                force = stretched
+        if slipping[i]:
+            goal = direction * limit
+            force = goal + (force - goal) * decay
+        forces[i] = force
+        total += force
+    return total

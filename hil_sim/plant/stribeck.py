@@ -1,0 +1,16 @@
+"""The Stribeck curve, which all friction laws of the simulated plant share."""
+
+from __future__ import annotations
+
+import math
+
+import numba
+
+
+@numba.njit(cache=True, inline="always", error_model="numpy")
+def stribeck(velocity: float, static_ratio: float, stribeck_velocity: float, shape: float) -> float:
+    """s(v) = 1 + alpha exp(-|v/vs|^delta): the Stribeck curve over the Coulomb level."""
+    ratio = abs(velocity) / stribeck_velocity
+    if shape != 1.0:
+        ratio = ratio**shape
+    return 1.0 + static_ratio * math.exp(-ratio)
