@@ -16,7 +16,7 @@ def test_the_counter_starts_at_zero_wherever_the_axis_stands(host, plant):
     assert host.read_object(1, 0x6064, 0, "i") == 0
 
 
-def test_sync_cob_id_with_the_bit_that_says_nothing(host):
+def test_bit_31_of_the_sync_cob_id_has_no_meaning(host):
     host.write(1, 0x1005, 0, "I", 0x80000080)
     assert host.read_object(1, 0x1005, 0, "I") == 0x80000080
     host.nmt(1)
@@ -63,7 +63,7 @@ def test_two_runs_give_the_same_frames(stage_settings):
 
 
 @pytest.mark.parametrize("code", [0, -1, 0x10000])
-def test_what_is_no_error_code(stage, host, code):
+def test_an_invalid_error_code_is_refused(stage, host, code):
     with pytest.raises(ValueError, match="error code"):
         stage.drives[0].inject_fault(code)
 

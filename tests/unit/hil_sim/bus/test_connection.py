@@ -23,11 +23,11 @@ class Rig:
         self.channel = f"away-{next(_names)}"
         self.there = True
         self.now_ns = 0
-        self.told: list[str] = []
+        self.notices: list[str] = []
         self.opened = [self.open()]
         self.other = self.open()
         self.connection = Connection(
-            self.opened[0], self.reopen, self.told.append, lambda: self.now_ns
+            self.opened[0], self.reopen, self.notices.append, lambda: self.now_ns
         )
 
     def open(self) -> can.BusABC:
@@ -61,23 +61,23 @@ def test_frames_both_ways(rig):
     assert bytes(rig.other.recv(0).data) == b"\1\2"
     rig.other.send(FRAME)
     assert rig.hears() == b"\1\2"
-    assert rig.told == []
+    assert rig.notices == []
 
 
-def test_a_bus_that_goes_is_said_once_and_used_again_when_it_is_back(rig):
+def test_a_lost_bus_is_reported_once_and_used_again_when_it_returns(rig):
     for outage in (1, 2):
         rig.remove()
         for _ in range(20):
             rig.now_ns += RETRY_NS // 3
             assert rig.hears() is None
             assert not rig.connection.send(FRAME)
-        assert len(rig.told) == 2 * outage - 1
-        assert rig.told[-1].endswith("the drives wait for it")
+        assert len(rig.notices) == 2 * outage - 1
+        assert rig.notices[-1].endswith("the drives wait for it")
         rig.there = True
-        while len(rig.told) < 2 * outage:
+        while len(rig.notices) < 2 * outage:
             rig.now_ns += RETRY_NS // 3
             rig.hears()
-        assert rig.told[-1] == "is back"
+        assert rig.notices[-1] == "is back"
         assert rig.connection.send(FRAME)
         rig.other.send(FRAME)
         assert rig.hears() == b"\1\2"
@@ -96,13 +96,13 @@ class StrayOnce(VirtualBus):
         return super().recv(timeout)
 
 
-def test_one_thing_that_is_no_frame_is_passed_over(rig):
+def test_a_single_malformed_datagram_is_ignored(rig):
     bus = StrayOnce(rig.channel)
-    connection = Connection(bus, rig.reopen, rig.told.append, lambda: rig.now_ns)
+    connection = Connection(bus, rig.reopen, rig.notices.append, lambda: rig.now_ns)
     rig.other.send(FRAME)
     assert connection.recv(0) is None
     assert connection.recv(0) is not None
-    assert rig.told == []
+    assert rig.notices == []
     connection.close()
 
 
@@ -113,14 +113,14 @@ def test_bus_off_ends_with_a_restart_or_a_frame(rig, sign):
     for _ in range(10):
         rig.now_ns += RETRY_NS
         rig.connection.recv(0)
-    assert rig.told == ["bus-off; the drives wait for it"]
+    assert rig.notices == ["bus-off; the drives wait for it"]
     assert len(rig.opened) == 1  # the socket has not failed
     rig.other.send(sign)
     rig.connection.recv(0)
-    assert rig.told[1:] == ["is back"]
+    assert rig.notices[1:] == ["is back"]
 
 
-def test_without_a_way_to_open_it_again_a_failure_is_an_error(rig):
+def test_a_failure_without_reopen_is_an_error(rig):
     bus = rig.open()
     connection = Connection(bus)
     bus.shutdown()

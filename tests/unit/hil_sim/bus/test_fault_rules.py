@@ -81,7 +81,7 @@ def test_duplicates_come_at_once(bench):
     assert len({(x.time_ns, x.data) for x in got[1][0]}) == 1
 
 
-def test_a_delayed_frame_comes_later_by_what_was_drawn(bench):
+def test_a_delayed_frame_is_late_by_the_time_drawn(bench):
     b = bench(f.Delay(TPDO_X, 1e-4, 3e-4), seed=4)
     b.enable()
     late = []
@@ -106,7 +106,7 @@ def test_jitter_of_the_sync_reaches_all_drives_alike(bench):
     assert times == {sent + 200_000}
 
 
-def test_a_reordered_frame_comes_after_the_next(bench):
+def test_a_reordered_frame_arrives_after_the_next(bench):
     b = bench(f.Reorder(replace(TPDO_X, nth=frozenset({2}))))
     b.enable()
     order = []
@@ -118,7 +118,7 @@ def test_a_reordered_frame_comes_after_the_next(bench):
     assert order == [[0x181, 0x182], [0x182, 0x181], [0x181, 0x182]]
 
 
-def test_a_reordered_frame_that_nothing_follows_comes_after_hold(bench):
+def test_a_reordered_frame_with_no_successor_arrives_after_hold(bench):
     b = bench(f.Reorder(f.Frames(frozenset({0x182}), "drives", nth=frozenset({1})), hold=5e-4))
     b.enable()
     sent = b.world.now_ns
@@ -148,7 +148,7 @@ def test_a_setpoint_of_the_wrong_length_is_refused_by_the_drive(bench):
     assert b.stage.drives[0].motion.state is State.ENABLED
 
 
-def test_a_frozen_tpdo_repeats_what_was_before(bench):
+def test_a_frozen_tpdo_repeats_earlier_data(bench):
     b = bench(f.Freeze(replace(TPDO_X, after=1.0)))
     b.enable()
     start = b.host.read_object(1, 0x6064, 0, "i")

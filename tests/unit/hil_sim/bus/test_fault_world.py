@@ -97,7 +97,7 @@ def test_drive_faults_at_a_time(bench, error):
     assert [x.data[:2] for x in b.host.take(0x081)] == [struct.pack("<H", code)]
 
 
-def test_a_cause_that_stays_refuses_resets_and_outlives_a_reboot(bench):
+def test_a_lasting_fault_refuses_resets_and_outlives_a_reboot(bench):
     b = bench(f.DriveFault(1, 0x3220, at=0.5, until=0.8), f.Reboot(1, 0.7))
     b.enable()
     b.host.wait(520 - b.world.now_ns / MS)
@@ -156,7 +156,7 @@ def test_without_a_fault_that_strikes_all_is_as_without_faults(
     assert trace(plain) == trace(faulty)
 
 
-def test_a_node_that_is_not_there_is_refused(stage_settings, plant):
+def test_a_fault_of_an_unknown_node_is_refused(stage_settings, plant):
     world = FaultyWorld(next(_names), f.FaultPlan((f.Reboot(9, 1.0),)))
     with pytest.raises(ValueError, match="no node 9"):
         world.power_on(VirtualStage(stage_settings, seed=1, plant=plant))

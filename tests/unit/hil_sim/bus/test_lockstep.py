@@ -34,7 +34,7 @@ def test_only_waiting_moves_time(bus):
     assert bus.clock.now_ns() == 3600 * 10**9
 
 
-def test_a_frame_on_the_way_ends_the_wait_at_its_time(bus):
+def test_a_frame_ends_the_wait_at_its_time(bus):
     bus.world.at(7_000_000, lambda: bus.world.emit(0x700, b"\x05"))
     message = bus.recv(1.0)
     assert message.timestamp == pytest.approx(7e-3)

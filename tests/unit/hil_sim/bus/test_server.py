@@ -128,13 +128,13 @@ def test_frames_that_are_not_for_drives(bus, segment):
 
 
 class NetworkDown(ScriptedBus):
-    """As SocketCAN: told once that the interface is down, then silent; what is sent is refused."""
+    """As SocketCAN: reports once that the interface is down, then nothing; sending is refused."""
 
-    down = told = False
+    down = reported = False
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        if self.down and not self.told:
-            self.told = True
+        if self.down and not self.reported:
+            self.reported = True
             self.refuse()
         return super().recv(timeout)
 
@@ -155,7 +155,7 @@ def test_drives_whose_bus_is_down_for_two_seconds_stop_by_themselves(stage_setti
     with NetworkDown() as bus:
 
         def reopen() -> can.BusABC:
-            bus.told = False  # a new socket
+            bus.reported = False  # a new socket
             return bus
 
         segment = RealTimeSegment(bus, clock=lambda: bus.now_ns, reopen=reopen, notify=said.append)

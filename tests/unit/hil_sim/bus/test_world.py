@@ -36,7 +36,7 @@ def test_nodes_hear_only_data_frames_with_short_ids(name, bus):
     assert heard == [b"\x07"]
 
 
-def test_a_new_world_takes_the_name_over(name):
+def test_a_new_world_replaces_one_of_the_same_name(name):
     old = World(name)
     new = World(name)
     assert World.get(name) is new is not old

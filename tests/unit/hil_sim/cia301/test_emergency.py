@@ -20,7 +20,7 @@ def test_error_history_keeps_the_newest_eight(host, plant):
     assert host.read_object(1, 0x1003, 0, "B") == 0
 
 
-def test_fault_stays_when_the_heartbeat_comes_back(host):
+def test_a_fault_remains_when_the_heartbeat_returns(host):
     host.write(1, 0x1016, 1, "I", 127 << 16 | 10)
     host.enable(8)
     host.send(0x77F, b"\x05")

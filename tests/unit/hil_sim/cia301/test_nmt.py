@@ -21,7 +21,7 @@ def test_boot_up_then_identity(host):
 
 
 @pytest.mark.parametrize("node", [0, 128, 255])
-def test_heartbeat_consumers_that_are_not_used(host, node):
+def test_unused_heartbeat_consumers_do_nothing(host, node):
     host.write(1, 0x1016, 1, "I", node << 16 | 10)
     host.write(1, 0x1016, 2, "I", node << 16 | 10)
     assert host.read_object(1, 0x1016, 2, "I") == node << 16 | 10

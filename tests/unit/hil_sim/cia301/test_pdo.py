@@ -188,7 +188,7 @@ def enabled(host):
 
 
 @pytest.mark.parametrize("target_first", [False, True])
-def test_a_set_point_goes_to_the_target_of_its_own_sync(enabled, target_first):
+def test_a_setpoint_uses_the_target_of_its_own_sync(enabled, target_first):
     """Controlword in RPDO 1, target in RPDO 2, as a CiA 402 master maps them."""
     enabled.write(1, 0x6060, 0, "b", 1)
     for target in (1_000_000, -500_000, 300_000):
@@ -276,7 +276,7 @@ def test_wrong_length_is_announced_once(host):
     assert host.read_object(1, 0x607A, 0, "i") == 9
 
 
-def test_rpdo_cannot_bring_in_what_sdo_may_not(host):
+def test_an_rpdo_cannot_store_what_sdo_refuses(host):
     remap(host, 0x1601, 0x1401, [0x60600008], 0x301)
     host.nmt(1)
     host.send(0x301, struct.pack("<b", 7))

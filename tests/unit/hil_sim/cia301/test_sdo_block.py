@@ -8,7 +8,7 @@ from binascii import crc_hqx
 import pytest
 
 
-def test_a_small_object_is_uploaded_in_the_ordinary_way_where_the_client_says_so(host):
+def test_a_small_object_is_uploaded_expedited_below_the_switch_threshold(host):
     answer = host.request(1, struct.pack("<BHBBB2x", 0xA4, 0x1000, 0, 127, 8))
     assert answer[0] & 0xE0 == 0x40
     assert struct.unpack_from("<I", answer, 4) == (0x00020192,)
@@ -83,7 +83,7 @@ def test_block_download(host):
     assert host.read_object(1, 0x607C, 0, "i") == -77
 
 
-def test_block_download_asks_again_for_what_was_lost(host):
+def test_block_download_requests_lost_segments_again(host):
     # more than the object holds: every segment arrives, the length is what is refused
     value = bytes(50)
     assert host.refusal(lambda: block_download(host, value, lost=(2, 5))) == 0x06070012

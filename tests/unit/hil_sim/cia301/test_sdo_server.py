@@ -78,7 +78,7 @@ def test_toggle_bit_is_checked(host):
 
 
 @pytest.mark.parametrize("command", [0x60, 0x00, 0xA1, 0xA2, 0xA3, 0xC1])
-def test_what_belongs_to_no_transfer_is_refused(host, command):
+def test_a_segment_outside_a_transfer_is_refused(host, command):
     assert host.refusal(lambda: host.request(1, bytes((command,)).ljust(8, b"\0"))) == 0x05040001
 
 

@@ -11,7 +11,7 @@ def set_by_drive(host) -> bool:
     return bool(host.read_object(*OUTPUTS) & 1)
 
 
-def test_it_is_set_without_force_and_released_under_it(host, stage):
+def test_the_brake_is_applied_without_force_and_released_under_it(host, stage):
     assert set_by_drive(host)
     host.enable(8)
     assert not set_by_drive(host)
@@ -22,7 +22,7 @@ def test_it_is_set_without_force_and_released_under_it(host, stage):
     assert set_by_drive(host)
 
 
-def test_a_fault_sets_it_when_the_force_goes_not_before(host, stage, plant):
+def test_a_fault_applies_the_brake_only_when_the_force_goes_off(host, stage, plant):
     host.write(1, 0x6085, 0, "I", 1_000_000)
     host.write(1, 0x60FF, 0, "i", 50_000_000)
     host.enable(3)
@@ -36,7 +36,7 @@ def test_a_fault_sets_it_when_the_force_goes_not_before(host, stage, plant):
     assert set_by_drive(host)
 
 
-def test_a_host_releases_it_by_hand_until_the_axis_is_enabled(host):
+def test_the_host_releases_the_brake_until_the_axis_is_enabled(host):
     host.write(*MASK, 1)
     host.write(*OUTPUTS, 0)
     assert not set_by_drive(host)
@@ -49,7 +49,7 @@ def test_a_host_releases_it_by_hand_until_the_axis_is_enabled(host):
     assert set_by_drive(host)
 
 
-def test_nobody_sets_it_under_power(host):
+def test_the_brake_cannot_be_applied_under_power(host):
     host.enable(8)
     host.write(*MASK, 1)
     with pytest.raises(Exception, match="0x08000022"):

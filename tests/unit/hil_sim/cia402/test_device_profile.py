@@ -99,7 +99,7 @@ def test_lost_heartbeat_of_the_host(host, option, state):
     ("option", "state", "emcys"),
     [(0, 0x27, [0x8250]), (1, 0x08, [0x8250]), (2, 0x40, [0x8250]), (3, 0x40, [0x8250])],
 )
-def test_setpoints_that_stay_away(host, option, state, emcys):
+def test_missing_setpoints_cause_the_reaction_of_0x6007(host, option, state, emcys):
     """RPDO event timer (0x1400:05), with the reaction of 0x6007; another RPDO does not count."""
     host.nmt(1)
     host.write(1, 0x6007, 0, "h", option)
@@ -146,7 +146,7 @@ def test_disable_operation_stops_by_a_ramp_first(streaming, plant):
     ("code", "register"),
     [(ENCODER_LOST, 0x21), (OVER_CURRENT, 0x03), (UNDER_VOLTAGE, 0x05)],
 )
-def test_what_leaves_nothing_to_brake_with_takes_the_force_off(host, stage, plant, code, register):
+def test_faults_without_control_take_the_force_off_at_once(host, stage, plant, code, register):
     host.enable(8)
     stage.drives[0].inject_fault(code)
     assert host.emergencies() == [(code, register)]
@@ -161,7 +161,7 @@ def test_what_leaves_nothing_to_brake_with_takes_the_force_off(host, stage, plan
     host.enable(8)
 
 
-def test_others_are_braked_by_the_fault_reaction(host, stage, plant):
+def test_other_faults_brake_by_0x605e(host, stage, plant):
     host.write(1, 0x6084, 0, "I", 1_000_000)
     host.write(1, 0x60FF, 0, "i", 50_000_000)
     host.enable(3)
@@ -174,7 +174,7 @@ def test_others_are_braked_by_the_fault_reaction(host, stage, plant):
     assert not plant.powered[0]
 
 
-def test_a_fault_when_disabled_is_a_fault_too(host, stage):
+def test_a_fault_also_occurs_while_disabled(host, stage):
     stage.drives[0].inject_fault(ENCODER_LOST)
     assert host.statusword() & 0x4F == FAULT
     stage.drives[0].inject_fault(OVER_CURRENT)  # one at a time
@@ -182,7 +182,7 @@ def test_a_fault_when_disabled_is_a_fault_too(host, stage):
     assert host.statusword(2) & 0x4F == DISABLED
 
 
-def test_a_lasting_cause_refuses_the_reset(host, stage):
+def test_a_lasting_fault_refuses_the_reset(host, stage):
     drive = stage.drives[0]
     assert host.statusword() & 0x10
     drive.inject_fault(UNDER_VOLTAGE, lasting=True)
@@ -210,7 +210,7 @@ def test_safe_torque_off_takes_the_force_and_keeps_it(host, stage, plant):
     assert plant.powered[0]
 
 
-def test_safe_torque_off_goes_before_what_would_brake(host, stage, plant):
+def test_safe_torque_off_interrupts_a_fault_reaction(host, stage, plant):
     host.write(1, 0x6084, 0, "I", 1_000_000)
     host.write(1, 0x60FF, 0, "i", 50_000_000)
     host.enable(3)

@@ -46,7 +46,7 @@ def test_finds_the_index_from_either_side(homing, plant, method, start):
     assert host.control(0x0F) & BITS == DONE
 
 
-def test_search_goes_the_way_the_method_says_and_turns_beyond_the_range(homing, plant):
+def test_search_starts_as_the_method_says_and_reverses_beyond_the_range(homing, plant):
     homing.write(1, 0x6098, 0, "b", 34)  # positive, but the mark is on the negative side
     plant.commands.clear()
     run(homing)
@@ -70,7 +70,7 @@ def test_present_position_as_home(homing, plant, method):
     assert plant.actual[0] == 2.5e-3
 
 
-def test_method_that_it_does_not_know(homing, plant):
+def test_an_unknown_method_is_an_error(homing, plant):
     homing.write(1, 0x6098, 0, "b", 17)
     seen = run(homing)
     assert seen[-1] & 0x2000

@@ -27,7 +27,7 @@ def setpoint(host, target, bits=0):
     return bool(taken)
 
 
-def test_moves_and_says_when_it_is_there(pp, plant):
+def test_moves_and_reports_target_reached(pp, plant):
     pp.wait(20)
     assert pp.statusword() & REACHED
     assert setpoint(pp, 1_000_000)
@@ -174,7 +174,7 @@ def test_halt_stops_with_bit_10_and_goes_on(pp):
     assert pp.read_object(1, 0x6064, 0, "i") == 3_000_000
 
 
-def test_blocked_axis_is_never_there(pp, plant):
+def test_a_blocked_axis_never_reports_target_reached(pp, plant):
     plant.blocked[0] = True
     setpoint(pp, 100_000)
     pp.wait(300)

@@ -230,5 +230,5 @@ def test_every_effect_at_once(case, substeps, position_bound, force_bound):
     assert (off < force_bound).all(), off
 
 
-def test_the_list_above_is_complete(effects):
+def test_every_searched_effect_takes_part(effects):
     assert {name for name, effect in effects.items() if effect.searched} == set(VALUES)

@@ -81,7 +81,7 @@ def test_keys_units_and_ranges_are_those_of_the_format(effects):
     assert table_under("Keys") == ours
 
 
-def test_every_effect_says_what_it_is(effects, nominal):
+def test_every_effect_describes_itself_within_its_limits(effects, nominal):
     for name, effect in effects.items():
         assert effect.name == name
         for text in (effect.origin(), effect.remedy, effect.enters):

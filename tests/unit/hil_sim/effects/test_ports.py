@@ -119,7 +119,7 @@ def test_an_effect_that_does_nothing_changes_nothing(nominal, with_effects, effe
     assert one.force.tobytes() == other.force.tobytes()
 
 
-def test_what_does_not_fit_is_refused(nominal, with_effects, effects):
+def test_mismatched_shapes_and_impossible_effects_are_refused(nominal, with_effects, effects):
     zero = np.zeros((5, 2))
     stage = with_effects(
         nominal, *[effects["resonance"].at(frequency=90, damping=0.02, mass_ratio=0.6)] * 2
@@ -143,9 +143,7 @@ def test_what_does_not_fit_is_refused(nominal, with_effects, effects):
 
 @both_steps
 @pytest.mark.parametrize("scale", [0.1, 10.0])
-def test_far_beyond_the_usual_it_stays_finite_or_is_refused(
-    nominal, with_effects, effects, substeps, scale
-):
+def test_extreme_values_are_simulated_or_refused(nominal, with_effects, effects, substeps, scale):
     demand = 30.0 * smooth_demand(9, 300)
     for effect in (e for e in effects.values() if e.searched):
         for axis_range in (0, -1):
@@ -169,7 +167,7 @@ def test_far_beyond_the_usual_it_stays_finite_or_is_refused(
         ("cable_hysteresis", {"force": 1.0, "stiffness": 1e12}, "are too stiff"),
     ],
 )
-def test_what_the_steps_cannot_follow_is_refused(
+def test_dynamics_too_fast_for_the_steps_are_refused(
     nominal, with_effects, effects, substeps, name, values, reason
 ):
     stage = with_effects(nominal, effects[name].at(**values))
