@@ -56,7 +56,7 @@ def main() -> None:
             names = " and ".join(drawn.effect for drawn in there)
             found[" and ".join(kinds) or "neither"].append((*shares, names))
     print(f"{options.trials} stages, seed {options.seed}: predicted share, and whose\n")
-    print("| there is | axes | friction over position | hysteresis |")
+    print("| the stage has | axes | friction over position | hysteresis |")
     print("| --- | --- | --- | --- |")
     for kind, shares in sorted(found.items()):
         spans = []
