@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.bus_access import Bench, bus_options, interruptible
+from stagectl.cli.bus_access import Bench, bench_options, interruptible
 from stagectl.cli.options import NumberRange
 
 if TYPE_CHECKING:
@@ -47,21 +46,17 @@ class Quantity(click.ParamType[float]):
 
 
 @click.command
-@bus_options
+@bench_options
 @click.option("--hold", "duration", type=NumberRange(0, 3600),
               help="Disable again after this time [s].  [default: at Ctrl-C]")  # fmt: skip
 @click.option("--reset", is_flag=True, help="Acknowledge drive faults first.")
-def enable(
-    machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int,
-    duration: float | None, reset: bool,
-) -> None:  # fmt: skip
+def enable(bench: Bench, duration: float | None, reset: bool) -> None:
     """Enable all axes and hold them where they are, then disable them.
 
     The position loops stay closed for as long as this command runs. If it is killed, the drives
     miss its heartbeat and quick-stop by themselves.
     """
-    bench = Bench(machine, bus, simulate, seed)
-    if simulate and duration is None:
+    if bench.simulated and duration is None:
         duration = 1.0
     with bench.stage() as stage, interruptible() as stopped:
         _boot(stage, reset)
@@ -77,16 +72,13 @@ def enable(
 
 
 @click.command
-@bus_options
+@bench_options
 @click.option("--reset", is_flag=True, help="Acknowledge drive faults first.")
-def home(
-    machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int, reset: bool
-) -> None:
+def home(bench: Bench, reset: bool) -> None:
     """Home all axes by the methods in the machine file, then disable them.
 
     The drives keep their zero until they are switched off.
     """
-    bench = Bench(machine, bus, simulate, seed)
     with bench.stage() as stage, interruptible():
         _boot(stage, reset)
         stage.home(force=True)
@@ -97,16 +89,15 @@ def home(
 @click.command(context_settings=_NEGATIVE)
 @click.argument("axis")
 @click.argument("distance", type=Quantity("LENGTH"))
-@bus_options
+@bench_options
 @click.option(
     "--velocity", type=Quantity("VELOCITY"), help="Velocity of the move.  [default: 10 mm/s]"
 )
 @click.option("--here", is_flag=True, help="Do not home first; rely on the drive's present zero.")
 @click.option("--reset", is_flag=True, help="Acknowledge drive faults first.")
 def jog(
-    axis: str, distance: float, machine: Path | None, bus: tuple[str, str] | None, simulate: bool,
-    seed: int, velocity: float | None, here: bool, reset: bool,
-) -> None:  # fmt: skip
+    bench: Bench, axis: str, distance: float, velocity: float | None, here: bool, reset: bool
+) -> None:
     """Move AXIS by DISTANCE (in metres, or with a unit: 2mm, -50um) in profile position mode.
 
     \b
@@ -117,7 +108,6 @@ def jog(
     there. After `stagectl home`, use --here to start where the axis is. Velocity and target are
     checked against the machine file before the axis moves.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
-    bench = Bench(machine, bus, simulate, seed)
     chosen = _axis(bench.axes, axis)
     speed, acceleration = _profile(chosen, velocity)
     _check_distance(chosen, distance, here)

@@ -10,8 +10,9 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -23,14 +24,20 @@ if TYPE_CHECKING:
     from drivers.stage import Stage
     from stagectl.config import Machine
 
-F = TypeVar("F", bound=Callable[..., Any])
-
 _BOOT = 0.1
 """Time for the virtual drives' boot-up messages, which come 20 ms after power-on [s]."""
 
 
-def bus_options(command: F) -> F:
-    """`--machine`, `--bus`, `--simulate`, `--seed`."""
+def bench_options(command: Callable[..., None]) -> Callable[..., None]:
+    """`--machine`, `--bus`, `--simulate` and `--seed`; the command takes a `Bench` instead."""
+
+    @wraps(command)
+    def with_bench(
+        machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int, **others: Any
+    ) -> None:
+        command(Bench(machine, bus, simulate, seed), **others)
+
+    decorated: Callable[..., None] = with_bench
     for option in (
         click.option("--seed", type=click.IntRange(0), default=1, show_default=True,
                      help="Seed of the virtual stage's noise and start position."),
@@ -40,8 +47,8 @@ def bus_options(command: F) -> F:
         click.option("--machine", type=FILE,
                      help="Machine file of the stage.  [default: wafer-xy]"),
     ):  # fmt: skip
-        command = option(command)
-    return command
+        decorated = option(decorated)
+    return decorated
 
 
 class Bench:
@@ -73,7 +80,7 @@ class Bench:
         self.bus, self.axes = driver_settings(self.machine)
         if bus is not None:
             self.bus = replace(self.bus, interface=bus[0], channel=bus[1])
-        self._simulate, self._seed = simulate, seed
+        self.simulated, self._seed = simulate, seed
 
     @contextmanager
     def on_bus(self) -> Iterator[BusSettings]:
@@ -86,7 +93,7 @@ class Bench:
         from stagectl.errors import RunFault
 
         try:
-            if not self._simulate:
+            if not self.simulated:
                 yield self.bus
                 return
             from hil_sim.bus import World

@@ -62,8 +62,7 @@ def command(
         bitrate or stage.bus.bitrate,
         int(sync_counter),
     )
-    if json_out is not None:
-        write_json(_figures(budget), json_out)
+    write_json(_figures(budget), json_out)
     if not is_json_on_stdout(json_out):
         from rich.console import Console
 

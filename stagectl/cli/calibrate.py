@@ -95,8 +95,7 @@ def command(
         selected = _select_sites(calibration, request, due, quiet)
         if not selected:
             click.echo("no site is due", err=quiet)
-            if json_out is not None:
-                write_json(_as_dict(request, None, [], calibration.sequence), json_out)
+            write_json(_as_dict(request, None, [], calibration.sequence), json_out)
             return
         recipe = calibration.at(selected)
     if dry_run:
@@ -200,8 +199,7 @@ def _measure(
             f"'stagectl calibrate ... --resume {request.folder}' continues",
             markup=False, soft_wrap=True,
         )  # fmt: skip
-    if json_out is not None:
-        write_json(_as_dict(request, number, found, calibration.sequence), json_out)
+    write_json(_as_dict(request, number, found, calibration.sequence), json_out)
     return failed
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.bus_access import Bench, bus_options, interruptible
+from stagectl.cli.bus_access import Bench, bench_options, interruptible
 from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @click.command
 @click.argument("node", type=click.IntRange(1, 126))
-@bus_options
+@bench_options
 @click.option("--power/--no-power", default=True, show_default=True,
               help="Include checks that enable the drive.")  # fmt: skip
 @click.option("--homing", is_flag=True,
@@ -24,9 +24,8 @@ if TYPE_CHECKING:
 @click.option("--failures", is_flag=True, help="List only checks that did not pass.")
 @JSON_OUT
 def command(
-    node: int, machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int,
-    power: bool, homing: bool, failures: bool, json_out: Path | None,
-) -> None:  # fmt: skip
+    bench: Bench, node: int, power: bool, homing: bool, failures: bool, json_out: Path | None
+) -> None:
     """Test the drive with node id NODE, of any make, against CiA 301 and CiA 402; needs no EDS.
 
     The axis is enabled in place, with its actual position as the setpoint; keep clear of it all
@@ -37,13 +36,11 @@ def command(
     from drivers.canopen import LISTENING
     from stagectl.errors import StagectlError
 
-    bench = Bench(machine, bus, simulate, seed)
     with bench.observer() as network, interruptible():
         network.listen(LISTENING)  # refuses a bus on which a host is active
         findings = run(network, node, power=power, homing=homing)
         label = network.label
-    if json_out is not None:
-        write_json([_entry(f) for f in findings], json_out)
+    write_json([_entry(f) for f in findings], json_out)
     if not is_json_on_stdout(json_out):
         from rich.console import Console
 

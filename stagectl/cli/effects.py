@@ -38,8 +38,7 @@ def command(names: tuple[str, ...], json_out: Path | None, markdown: bool) -> No
         if name not in known:
             raise UnusableInput(f"unknown effect '{name}'{suggest(name, list(known))}")
     chosen = [known[name] for name in names] if names else list(known.values())
-    if json_out is not None:
-        write_json([_as_dict(effect) for effect in chosen], json_out)
+    write_json([_as_dict(effect) for effect in chosen], json_out)
     if is_json_on_stdout(json_out):
         return
     if markdown:

@@ -104,8 +104,7 @@ def diagnose(
         except ValueError as error:
             raise UnusableInput(str(error)) from error
     report = found.report
-    if json_out is not None:
-        write_json(report.to_json(), json_out)
+    write_json(report.to_json(), json_out)
     if html_out is not None:
         from stagectl.report import write_gap_page
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +18,23 @@ DEFAULT_FILES = ("runs/stage.db", "stage.db")
 """Where a history is looked for."""
 
 
-def history_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """`--history`, `--stage`, `--simulated/--real`."""
+OpenHistory = Callable[..., AbstractContextManager[tuple["History", "StageKey"]]]
+"""Opens the selected history, for writing with `write=True`; see `_open_history`."""
+
+
+def history_options(command: Callable[..., None]) -> Callable[..., None]:
+    """`--history`, `--stage`, `--simulated/--real`; the command takes an `OpenHistory` instead."""
+
+    @wraps(command)
+    def with_history(
+        history: str | None, stage_name: str | None, simulated: bool | None, **others: Any
+    ) -> None:
+        def open_history(write: bool = False) -> AbstractContextManager[tuple[History, StageKey]]:
+            return _open_history(history, stage_name, simulated, write)
+
+        command(open_history, **others)
+
+    decorated: Callable[..., None] = with_history
     for option in (
         click.option(
             "--simulated/--real",
@@ -33,13 +49,13 @@ def history_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help=f"Friction history to read.  [default: {' or '.join(DEFAULT_FILES)}]",
         ),
     ):
-        command = option(command)
-    return command
+        decorated = option(decorated)
+    return decorated
 
 
 @contextmanager
-def open_stage_history(
-    where: str | None, stage_name: str | None, simulated: bool | None, write: bool = False
+def _open_history(
+    where: str | None, stage_name: str | None, simulated: bool | None, write: bool
 ) -> Iterator[tuple[History, StageKey]]:
     """The history, and the one stage in it that the options select; closed at the end.
 

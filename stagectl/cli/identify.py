@@ -70,8 +70,7 @@ def command(
     for name in only or tuple(model.axes):
         with console.status(f"axis {name}"):
             found[name] = identify_axis(read, model, name, elements)
-    if json_out is not None:
-        write_json(_report(found, recordings, model.name), json_out)
+    write_json(_report(found, recordings, model.name), json_out)
     if not is_json_on_stdout(json_out):
         for name, answer in found.items():
             click.echo("\n".join(_lines(name, answer, shape)))

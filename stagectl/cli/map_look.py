@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from stagectl.cli.console import console_for
-from stagectl.cli.history_access import history_options, open_stage_history, select_version
+from stagectl.cli.history_access import OpenHistory, history_options, select_version
 from stagectl.cli.options import JSON_OUT, OUTPUT, NumberRange, is_json_on_stdout, write_json
 
 
@@ -18,8 +18,8 @@ from stagectl.cli.options import JSON_OUT, OUTPUT, NumberRange, is_json_on_stdou
 @click.option("--at", nargs=2, type=float, metavar="X Y", help="Also print the map's value at [m].")
 @JSON_OUT
 def show(
-    number: int | None, history: str | None, stage_name: str | None, simulated: bool | None,
-    html: Path | None, at: tuple[float, float] | None, json_out: Path | None,
+    open_history: OpenHistory, number: int | None, html: Path | None,
+    at: tuple[float, float] | None, json_out: Path | None,
 ) -> None:  # fmt: skip
     """Print the friction parameters and sites of version NUMBER.
 
@@ -32,7 +32,7 @@ def show(
     if at is not None and not all(map(isfinite, at)):
         raise click.BadParameter("must be two finite numbers, in m", param_hint="--at")
 
-    with open_stage_history(history, stage_name, simulated) as (opened, stage):
+    with open_history() as (opened, stage):
         version = select_version(opened, stage, number)
         console = console_for(json_out)
         console.print(summary(version), crop=False)
@@ -42,24 +42,20 @@ def show(
             older = [v for v in map_versions(opened, stage) if v.number < version.number]
             write_map_report(html, opened, stage, version, older[-1] if older else None)
             click.echo(f"written: {html}", err=is_json_on_stdout(json_out))
-        if json_out is not None:
-            write_json(version_as_json(version, at), json_out)
+        write_json(version_as_json(version, at), json_out)
 
 
 @click.command("history")
 @history_options
 @JSON_OUT
-def list_versions(
-    history: str | None, stage_name: str | None, simulated: bool | None, json_out: Path | None
-) -> None:
+def list_versions(open_history: OpenHistory, json_out: Path | None) -> None:
     """List all versions, and when each was in use."""
     from stagectl.maps import map_versions, versions_as_json, versions_table
 
-    with open_stage_history(history, stage_name, simulated) as (opened, stage):
+    with open_history() as (opened, stage):
         versions, used = map_versions(opened, stage), opened.activations(stage)
     console_for(json_out).print(versions_table(stage, versions, used), crop=False)
-    if json_out is not None:
-        write_json(versions_as_json(stage, versions, used), json_out)
+    write_json(versions_as_json(stage, versions, used), json_out)
 
 
 @click.command("compare")
@@ -67,21 +63,17 @@ def list_versions(
 @click.argument("new", type=int)
 @history_options
 @JSON_OUT
-def compare(
-    old: int, new: int, history: str | None, stage_name: str | None, simulated: bool | None,
-    json_out: Path | None,
-) -> None:  # fmt: skip
+def compare(open_history: OpenHistory, old: int, new: int, json_out: Path | None) -> None:
     """Show what changed from version OLD to version NEW, site by site."""
     from stagectl.maps import changes_as_json, changes_table
     from stagectl.maps import compare as compare_maps
 
-    with open_stage_history(history, stage_name, simulated) as (opened, stage):
+    with open_history() as (opened, stage):
         first = select_version(opened, stage, old)
         second = select_version(opened, stage, new)
     changes = compare_maps(first.map, second.map)
     console_for(json_out).print(changes_table(old, new, changes), crop=False)
-    if json_out is not None:
-        write_json(changes_as_json(stage, old, new, changes), json_out)
+    write_json(changes_as_json(stage, old, new, changes), json_out)
 
 
 @click.command("export")
@@ -99,13 +91,12 @@ def compare(
               help="Grid spacing [m].")  # fmt: skip
 @history_options
 def export(
-    out: Path, number: int | None, what: str, step: float, history: str | None,
-    stage_name: str | None, simulated: bool | None,
-) -> None:  # fmt: skip
+    open_history: OpenHistory, out: Path, number: int | None, what: str, step: float
+) -> None:
     """Write a table to OUT: .csv, or .parquet (needs pyarrow)."""
     from stagectl.maps import export as tables
 
-    with open_stage_history(history, stage_name, simulated) as (opened, stage):
+    with open_history() as (opened, stage):
         if what == "estimates":
             table = tables.trend_table(opened, stage)
         elif what == "refused":

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.history_access import history_options, open_stage_history, select_version
+from stagectl.cli.history_access import OpenHistory, history_options, select_version
 from stagectl.cli.options import FILE, JSON_OUT, NumberRange, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
@@ -38,16 +38,15 @@ def _check_options(command: Callable[..., Any]) -> Callable[..., Any]:
 @click.option("--since", type=click.DateTime(), help="Ignore estimates before this date, UTC.")
 @click.option("--comment", default="", help="Stored with the map.")
 def build(
-    history: str | None, stage_name: str | None, simulated: bool | None, date: datetime | None,
-    since: datetime | None, comment: str,
-) -> None:  # fmt: skip
+    open_history: OpenHistory, date: datetime | None, since: datetime | None, comment: str
+) -> None:
     """Build a new version from the estimates in the history. Runs use it once it is activated."""
     from stagectl.maps import build_map, to_json
 
     def timestamp(value: datetime | None, default: float) -> float:
         return default if value is None else value.replace(tzinfo=UTC).timestamp()
 
-    with open_stage_history(history, stage_name, simulated, write=True) as (opened, stage):
+    with open_history(write=True) as (opened, stage):
         until, first = timestamp(date, float("inf")), timestamp(since, float("-inf"))
         built = build_map(opened, stage, until, first)
         number = opened.save_map(stage, datetime.now(UTC).timestamp(), comment, to_json(built))
@@ -64,14 +63,14 @@ def build(
 @click.option("--check", is_flag=True, help="Only report whether it could be activated.")
 @JSON_OUT
 def activate(
-    number: int | None, history: str | None, stage_name: str | None, simulated: bool | None,
-    machine: Path | None, check: bool, max_age: float, json_out: Path | None,
+    open_history: OpenHistory, number: int | None, machine: Path | None, check: bool,
+    max_age: float, json_out: Path | None,
 ) -> None:  # fmt: skip
     """Put version NUMBER [the latest] into use: further runs with this history use it.
 
     Refused if the map does not fit the machine file or is too old.
     """
-    with open_stage_history(history, stage_name, simulated, write=not check) as (opened, stage):
+    with open_history(write=not check) as (opened, stage):
         version = select_version(opened, stage, number, latest=True)
         reason = None if check else "activated"
         _activate(opened, stage, version, machine, max_age, reason, json_out)
@@ -82,11 +81,10 @@ def activate(
 @_check_options
 @JSON_OUT
 def rollback(
-    history: str | None, stage_name: str | None, simulated: bool | None, machine: Path | None,
-    max_age: float, json_out: Path | None,
-) -> None:  # fmt: skip
+    open_history: OpenHistory, machine: Path | None, max_age: float, json_out: Path | None
+) -> None:
     """Return to the version that was in use before the current one, or to none."""
-    with open_stage_history(history, stage_name, simulated, write=True) as (opened, stage):
+    with open_history(write=True) as (opened, stage):
         number = _previous_version(opened, stage)
         if number is not None:
             version = select_version(opened, stage, number)
@@ -96,8 +94,7 @@ def rollback(
 
         opened.activate(stage, None, datetime.now(UTC).timestamp(), "rolled back")
         click.echo(f"{stage}: no map in use", err=is_json_on_stdout(json_out))
-        if json_out is not None:
-            write_json(activation_as_json(stage, None, [], "rolled back"), json_out)
+        write_json(activation_as_json(stage, None, [], "rolled back"), json_out)
 
 
 def _previous_version(history: History, stage: StageKey) -> int | None:
@@ -131,10 +128,9 @@ def _activate(
     grave = [problem.text for problem in found if problem.grave]
     if grave and machine is None and stage.machine != model.name:
         grave.append(f"name the machine file of {stage.machine} with --machine")
-    if json_out is not None:
-        write_json(
-            activation_as_json(stage, version.number, found, None if grave else reason), json_out
-        )
+    write_json(
+        activation_as_json(stage, version.number, found, None if grave else reason), json_out
+    )
     if grave:
         raise UnusableInput(
             f"{history.name}: map {version.number} cannot be activated: {'; '.join(grave)}"

@@ -92,8 +92,10 @@ class BusType(click.ParamType[tuple[str, str]]):
         return interface, channel
 
 
-def write_json(values: Any, path: Path) -> None:
-    """Write JSON to a file, or to standard output if the path is `-`."""
+def write_json(values: Any, path: Path | None) -> None:
+    """Write JSON to a file, to standard output if the path is `-`, or nowhere if it is None."""
+    if path is None:
+        return
     text = json.dumps(values, indent=1, allow_nan=False) + "\n"
     if is_json_on_stdout(path):
         click.echo(text, nl=False)

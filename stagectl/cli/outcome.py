@@ -126,9 +126,9 @@ def _model(result: RunResult, axis: str, move: int) -> str:
     """The friction model behind the force offsets of a move."""
     mode: str = result.summary["compensation"]
     if mode != "estimated":
-        return {"none": "no model", "model": "machine file", "oracle": "truth"}[mode]
+        return {"none": "none", "model": "file", "oracle": "true"}[mode]
     first = result.first_update.get(axis)
-    return "updated" if first is not None and move >= first else "before update"
+    return "updated" if first is not None and move >= first else "initial"
 
 
 def _move_numbers(result: RunResult) -> list[int]:

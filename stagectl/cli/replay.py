@@ -40,8 +40,7 @@ def command(run: Path, json_out: Path | None) -> None:
                 status.update(f"{event.kind}-move{where}")
 
         result = replay(run, Listener(event=show))
-    if json_out is not None:
-        write_json(_as_dict(result), json_out)
+    write_json(_as_dict(result), json_out)
     if not is_json_on_stdout(json_out):
         for line in _lines(result, run):
             click.echo(line)

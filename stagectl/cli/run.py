@@ -13,7 +13,6 @@ from stagectl.cli.motion import load_machines, stage_options, stop_on_signal
 from stagectl.cli.options import FILE, JSON_OUT, NumberRange, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
-    from hil_sim.bus import FaultPlan
     from stagectl.config import Machine
     from stagectl.recipe import Recipe
     from stagectl.run import RunRequest
@@ -126,6 +125,7 @@ def command(
     Ctrl-C brings the stage to a controlled stop and keeps what was recorded; pressing it again
     does not speed that up. Exit code 0 completed, 2 unusable input, 3 fault, 130 stopped.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
+    from stagectl.config.fault_plan import load_faults
     from stagectl.recipe import load_recipe
 
     if faults is not None and simulate is None:
@@ -136,7 +136,7 @@ def command(
         )
     believed, truth = load_machines(machine, simulate, bus, moves=not dry_run)
     loaded = load_recipe(recipe, believed)
-    plan = None if faults is None else _load_faults(faults, believed, seed)
+    plan = None if faults is None else load_faults(faults, believed, seed)
     if dry_run:
         if resume is not None:
             raise click.UsageError(
@@ -201,18 +201,11 @@ def _with_due_sites(request: RunRequest, path: Path, budget: float | None) -> Ru
     return replace(request, recipe=recipe)
 
 
-def _load_faults(path: Path, machine: Machine, seed: int) -> FaultPlan:
-    from stagectl.config.fault_plan import load_faults
-
-    return load_faults(path, machine, seed)
-
-
 def _dry_run(recipe: Recipe, machine: Machine, json_out: Path | None) -> None:
     from stagectl.recipe import dry_run
 
     outcome = dry_run(recipe, machine)
-    if json_out is not None:
-        write_json(outcome.as_dict(), json_out)
+    write_json(outcome.as_dict(), json_out)
     if not is_json_on_stdout(json_out):
         console_for(json_out).print(outcome.render())
 
@@ -225,8 +218,7 @@ def _run(request: RunRequest, json_out: Path | None) -> None:
     console = console_for(json_out)
     with RunProgress(console, request.recipe, tuple(request.machine.axes)) as progress:
         result = execute(request, Listener(progress.phase, progress.event, stop_on_signal))
-    if json_out is not None:
-        write_json(result.summary, json_out)
+    write_json(result.summary, json_out)
     console.print(render_outcome(result, request.folder), crop=False)
     if result.error is not None:
         raise result.error

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.bus_access import Bench, bus_options
+from stagectl.cli.bus_access import Bench, bench_options
 from stagectl.cli.options import JSON_OUT, NumberRange, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
@@ -15,15 +16,12 @@ if TYPE_CHECKING:
 
 
 @click.command
-@bus_options
+@bench_options
 @click.option("--passive", is_flag=True, help="Only listen; send nothing.")
 @click.option("--listen", type=NumberRange(0.01, 60), default=0.25, show_default=True,
               help="Wait this long for heartbeats and answers [s].")  # fmt: skip
 @JSON_OUT
-def command(
-    machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int,
-    passive: bool, listen: float, json_out: Path | None,
-) -> None:  # fmt: skip
+def command(bench: Bench, passive: bool, listen: float, json_out: Path | None) -> None:
     """List the nodes on the bus with identity, NMT state and, for drives, CiA 402 state.
 
     Nodes are found by boot-up message, by heartbeat, and by an SDO read of the device type
@@ -31,13 +29,11 @@ def command(
     """
     from drivers.bench import scan
 
-    bench = Bench(machine, bus, simulate, seed)
     with bench.observer() as network:
         found = scan(network, ask=not passive, listen=listen)
         label, host = network.label, network.other_host.found
     axes = {axis.node: axis.name for axis in bench.axes}
-    if json_out is not None:
-        write_json([_entry(node, axes) for node in found], json_out)
+    write_json([_entry(node, axes) for node in found], json_out)
     if is_json_on_stdout(json_out):
         return
     from rich.console import Console
@@ -54,12 +50,8 @@ def command(
 
 def _entry(node: Found, axes: dict[int, str]) -> dict[str, Any]:
     return {
-        "node": node.node, "axis": axes.get(node.node), "heard": node.heard, "nmt": node.nmt,
-        "device_type": node.device_type, "profile": node.profile, "vendor": node.vendor,
-        "product": node.product, "revision": node.revision, "serial": node.serial,
-        "name": node.name, "statusword": node.statusword, "state": node.state,
-        "error_register": node.error_register, "error_code": node.error_code,
-        "doubled": node.doubled,
+        "node": node.node, "axis": axes.get(node.node), **asdict(node),
+        "profile": node.profile, "state": node.state,
     }  # fmt: skip
 
 

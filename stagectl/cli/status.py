@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.bus_access import Bench, bus_options
+from stagectl.cli.bus_access import Bench, bench_options
 from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
@@ -17,12 +17,9 @@ _LISTEN = 0.25  # two heartbeats [s]
 
 
 @click.command
-@bus_options
+@bench_options
 @JSON_OUT
-def command(
-    machine: Path | None, bus: tuple[str, str] | None, simulate: bool, seed: int,
-    json_out: Path | None,
-) -> None:  # fmt: skip
+def command(bench: Bench, json_out: Path | None) -> None:
     """Read state, mode, position, force and errors of all axes; nothing is changed.
 
     Positions count from the drive's zero, which is the stage's zero only after homing. Can be used
@@ -31,15 +28,13 @@ def command(
     from drivers.bench import status_of
     from drivers.drive import Axis
 
-    bench = Bench(machine, bus, simulate, seed)
     with bench.observer() as network:
         axes = [Axis(network, settings) for settings in bench.axes]
         network.pump(_LISTEN)
         statuses = [status_of(axis) for axis in axes]
         for axis in axes:
             axis.node.detach()
-    if json_out is not None:
-        write_json({s.axis: _entry(s) for s in statuses}, json_out)
+    write_json({s.axis: _entry(s) for s in statuses}, json_out)
     if is_json_on_stdout(json_out):
         return
     from rich.console import Console

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -62,28 +62,7 @@ class DryRun:
 
     def as_dict(self) -> dict[str, object]:
         """The result for `--json`, in SI units."""
-        return {
-            "format": "stagectl-dry-run",
-            "version": 1,
-            "recipe": self.recipe,
-            "machine": self.machine,
-            "sites": self.sites,
-            "moves": dict(self.moves),
-            "path_length": self.path_length,
-            "duration": self.duration,
-            "limits": [
-                {
-                    "axis": use.axis,
-                    "quantity": use.quantity,
-                    "used": use.used,
-                    "limit": use.limit,
-                    "unit": use.unit,
-                }
-                for use in self.limits
-            ],
-            "positions": [list(position) for position in self.positions],
-            "notes": list(self.notes),
-        }
+        return {"format": "stagectl-dry-run", "version": 1, **asdict(self)}
 
     def render(self) -> RenderableType:
         """The result for a terminal."""

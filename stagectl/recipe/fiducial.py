@@ -53,15 +53,6 @@ class Simulated:
 
 
 @dataclass(frozen=True, slots=True)
-class Absent:
-    """No marks."""
-
-    def find(self, site: int, position: Pair) -> Pair | None:
-        """Always None."""
-        return None
-
-
-@dataclass(frozen=True, slots=True)
 class Offsets:
     """Known offsets [m] by site."""
 
@@ -121,7 +112,7 @@ def make_fiducial(source: FiducialSource, file: str = "") -> Fiducial:
         case PluginMark():
             return _plugin(source.name, f"{file}: " if file else "")
         case NoMark():
-            return Absent()
+            return Offsets({})
 
 
 def _plugin(name: str, where: str) -> Plugin:

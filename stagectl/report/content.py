@@ -19,6 +19,8 @@ _OUTCOMES = {
     "aborted": ("warning", "Aborted"),
     "fault": ("bad", "Ended with a fault"),
 }
+DASH = "\N{EN DASH}"
+"""For a value that is unknown."""
 _MAX_LISTED = 6  # names listed in a notice before "and n more"
 _INFORMATIVE = 1.02
 """Gain (sigma before over sigma after) from which a move was informative about a parameter."""
@@ -62,15 +64,6 @@ class Notice:
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Refusal:
-    """A refused estimate; `site` is None in a list of moves."""
-
-    site: int | None
-    axis: str
-    reason: str
-
-
 def format_date(started: str) -> str:
     """An ISO 8601 date to the second; any other text unchanged."""
     try:
@@ -81,13 +74,13 @@ def format_date(started: str) -> str:
 
 def format_micrometres(value: float | None) -> str:
     """A length [m] in µm with three significant digits."""
-    return "–" if value is None or not math.isfinite(value) else _digits(value * 1e6)  # noqa: RUF001
+    return DASH if value is None or not math.isfinite(value) else _digits(value * 1e6)
 
 
 def format_milliseconds(value: float | None) -> str:
     """A time [s] in ms."""
     if value is None or not math.isfinite(value):
-        return "–"  # noqa: RUF001
+        return DASH
     return f"{value * 1e3:.1f}".removesuffix(".0")
 
 
@@ -217,13 +210,9 @@ def result_rows(summary: Summary, axes: Sequence[str]) -> list[Row]:
     return table
 
 
-def refused_estimates(summary: Summary) -> list[Refusal]:
-    """The refused estimates, in order."""
-    return [
-        Refusal(entry["site"] or None, entry["axis"], entry["reason"] or "no reason given")
-        for entry in summary["friction"]
-        if not entry["accepted"]
-    ]
+def refused_estimates(summary: Summary) -> list[Mapping[str, Any]]:
+    """The entries of refused estimates, in order."""
+    return [entry for entry in summary["friction"] if not entry["accepted"]]
 
 
 def latest_friction(summary: Summary, axes: Sequence[str]) -> list[tuple[str, str, str, str, str]]:
@@ -278,7 +267,7 @@ def _statistics(values: Sequence[float]) -> tuple[str, str, str]:
 
 
 def _number(value: float | None) -> str:
-    return "–" if value is None else _digits(value)  # noqa: RUF001
+    return DASH if value is None else _digits(value)
 
 
 def _digits(value: float) -> str:

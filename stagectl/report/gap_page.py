@@ -16,7 +16,7 @@ from sim2real.diagnosis import Examination
 from sim2real.gap import Signals, combined_gap
 from sim2real.report import GapReport
 from stagectl.report import gap_traces
-from stagectl.report.content import Notice
+from stagectl.report.content import DASH, Notice
 from stagectl.report.gap_charts import legend, matrix
 from stagectl.report.render import render_template
 from stagectl.store import write_atomically
@@ -167,7 +167,7 @@ def _figures(report: GapReport) -> list[tuple[str, str]]:
         figures.append((f"{100 * report.gap_closed:.0f} %", "of the gap closed, on held-out moves"))
         if report.gap_closed_interval is not None:
             low, high = (100 * end for end in report.gap_closed_interval)
-            figures.append((f"{low:.0f}–{high:.0f} %", "its confidence interval"))  # noqa: RUF001
+            figures.append((f"{low:.0f}{DASH}{high:.0f} %", "its confidence interval"))
     if report.causes:
         probable = report.causes[0]
         figures.append(
@@ -186,7 +186,7 @@ def _gap_rows(report: GapReport) -> list[GapRow]:
             scale, unit = gap_traces.SCALES[signal]
 
             def shown(value: float | None, scale: float = scale, unit: str = unit) -> str:
-                return "–" if value is None else f"{_digits(value * scale)} {unit}"  # noqa: RUF001
+                return DASH if value is None else f"{_digits(value * scale)} {unit}"
 
             floor = figures.floor
             rows.append(
@@ -246,7 +246,7 @@ def _sentence(text: str) -> str:
 def _digits(value: float) -> str:
     """Three significant digits, without an exponent unless the text would be long."""
     if value == 0 or not math.isfinite(value):
-        return "0" if value == 0 else "–"  # noqa: RUF001
+        return "0" if value == 0 else DASH
     if 1e-3 <= abs(value) < 1e5:
         decimals = max(0, 2 - math.floor(math.log10(abs(value))))
         return f"{value:.{decimals}f}"
@@ -256,7 +256,7 @@ def _digits(value: float) -> str:
 def _with_sigma(value: float, sigma: float) -> tuple[str, str]:
     """Value and sigma, both rounded to two digits of sigma."""
     if not (math.isfinite(sigma) and sigma > 0):
-        return _digits(value), "–"  # noqa: RUF001
+        return _digits(value), DASH
     decimals = 1 - math.floor(math.log10(sigma))
     if 0 <= decimals <= 7:
         return f"{value:.{decimals}f}", f"{sigma:.{decimals}f}"
