@@ -6,7 +6,7 @@ import click
 from click.testing import CliRunner
 
 from stagectl.cli.motion import load_machines, stage_options
-from stagectl.config.machine_file import load_machine
+from stagectl.config import load_machine
 
 
 def test_simulate_without_a_file_simulates_the_hosts_machine(tmp_path: Path):

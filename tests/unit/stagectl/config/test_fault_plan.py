@@ -8,10 +8,9 @@ from typing import get_args
 import pytest
 
 from hil_sim.bus import faults as f
-from stagectl.config import faults
+from stagectl.config import faults, load_machine
 from stagectl.config.fault_plan import load_faults, parse_faults
 from stagectl.config.faults import FRAME_NAMES
-from stagectl.config.machine_file import load_machine
 from stagectl.config.validation import Section
 from stagectl.errors import ConfigError
 

@@ -2,8 +2,7 @@
 
 import pytest
 
-from stagectl.config import load_machine, stage_settings
-from stagectl.config.machine_file import parse_machine
+from stagectl.config import load_machine, parse_machine, stage_settings
 from stagectl.config.twin import render_twin
 from stagectl.errors import ConfigError, StagectlError
 
