@@ -21,4 +21,4 @@ from stagectl.run.retries import is_recoverable
     ],
 )
 def test_the_error_code_decides(code, recoverable):
-    assert is_recoverable(AxisFault("x", "fault", code)) is recoverable
+    assert is_recoverable(AxisFault("fault", axis="x", code=code)) is recoverable
