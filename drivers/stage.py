@@ -81,7 +81,7 @@ class Stage:
         self._network = Network(bus_object, str(bus), tap)
         self.axes = tuple(Axis(self._network, axis) for axis in axes)
         self._cycle = cycle = Cycle(self._network, self.axes, bus)
-        self._power = power = Power(cycle, bus.sync_period)
+        self._power = power = Power(cycle)
         self._real_time = real_time = RealTime(bus.realtime)
         self._stopping = stopping = SafeStop(cycle, power)
         self._homing = Homing(cycle, power, stopping)

@@ -78,7 +78,7 @@ class Channel:
         self.seen = self.valid = self.ambiguous = self._was_asked = False
         self.controlword = self.offset = 0
         self.sent_controlwords.clear()
-        self.doubled = self._outstanding = 0
+        self.extra = self.doubled = self._outstanding = 0
 
     # -- TPDOs, from one SYNC to the next -----------------------------------------------------
 

@@ -106,6 +106,18 @@ class Cycle:
         """As `exchange`, whatever the nodes report: for stopping."""
         self.sync.run([(channel, channel.pack()) for channel in self.channels])
 
+    def cycles(self, timeout: float, checked: bool = True) -> Iterator[None]:
+        """Runs cycles until `timeout` [s] has passed, one per step of a loop over them.
+
+        Each sends the commands that the loop's body has set for the channels. Raises as `exchange`;
+        with `checked` False as `exchange_unchecked`.
+        """
+        self.resume()
+        exchange = self.exchange if checked else self.exchange_unchecked
+        for _ in range(max(1, round(timeout / self.period))):
+            exchange()
+            yield
+
     def reset(self) -> None:
         """Discards what was received: the axes are about to be configured again."""
         for channel in self.channels:

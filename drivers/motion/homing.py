@@ -15,7 +15,7 @@ from drivers.canopen import error_text
 from drivers.cyclic import Channel, Cycle
 from drivers.drive import Command, Control, Mode, State, Status
 from drivers.errors import HomingError
-from drivers.motion.power import HOLDING_TIMEOUT, Cycles, Power, state_of
+from drivers.motion.power import HOLDING_TIMEOUT, Power, state_of
 from drivers.motion.safe_stop import SafeStop
 from drivers.settings import AxisSettings
 
@@ -103,7 +103,7 @@ def home(cycle: Cycle, channels: Sequence[Channel]) -> None:
     last_moved = {c: (c.position, 0.0) for c in channels}
     for channel in channels:
         channel.controlword = int(Command.ENABLE_OPERATION | Control.START_HOMING)
-    for count, _ in enumerate(Cycles(cycle, max(limits.values()) + 1)):
+    for count, _ in enumerate(cycle.cycles(max(limits.values()) + 1)):
         elapsed = count * cycle.period
         for channel in channels:
             if progress[channel] is Progress.DONE or not channel.valid:

@@ -7,7 +7,7 @@ that enabling causes no motion.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 from drivers import objects as od
 from drivers.cyclic import Channel, Cycle
@@ -70,11 +70,11 @@ class Power:
         unconfirmed: axes commanded towards power that have not been seen without it since.
     """
 
-    def __init__(self, cycle: Cycle, period: float) -> None:
+    def __init__(self, cycle: Cycle) -> None:
         self.mode: Mode | None = None
         self.unconfirmed: set[str] = set()
         self._cycle = cycle
-        self._period = period
+        self._period = cycle.period
 
     @property
     def channels(self) -> Sequence[Channel]:
@@ -159,7 +159,7 @@ class Power:
     def wait_for_rest(self, timeout: float) -> None:
         """Waits until all axes are at rest, at most `timeout` [s]."""
         recent: deque[tuple[int, ...]] = deque(maxlen=REST_SYNCS)
-        for _ in self._cycles(timeout, checked=False):
+        for _ in self._cycle.cycles(timeout, checked=False):
             recent.append(tuple(c.position for c in self.channels))
             if len(recent) == REST_SYNCS and not self._moved(recent):
                 return
@@ -183,7 +183,7 @@ class Power:
         self.unconfirmed.update(c.axis.name for c in chosen)
         late = chosen[0]
         longest = max(TIMEOUT, *(c.axis.settings.enable_timeout for c in chosen))
-        for count, _ in enumerate(self._cycles(longest), 1):
+        for count, _ in enumerate(self._cycle.cycles(longest), 1):
             waiting = [c for c in chosen if not self._step_towards(target, c)]
             if not waiting:
                 return
@@ -221,7 +221,7 @@ class Power:
             AxisFault: a fault persists, or an axis sends no process data.
         """
         self._cycle.clear_alarms()
-        for _ in self._cycles(TIMEOUT, checked=False):
+        for _ in self._cycle.cycles(TIMEOUT, checked=False):
             waiting = False
             for channel in self.channels:
                 if not channel.seen:
@@ -275,7 +275,8 @@ class Power:
             channel.controlword, channel.offset = int(Command.QUICK_STOP), 0
         last: tuple[int, ...] = ()
         given_up = round(SILENCE_TIMEOUT / self._period)
-        for count, _ in enumerate(self._cycles(max(timeout, SILENCE_TIMEOUT), checked=False), 1):
+        longest = max(timeout, SILENCE_TIMEOUT)
+        for count, _ in enumerate(self._cycle.cycles(longest, checked=False), 1):
             positions = tuple(c.position for c in self.channels)
             still, last = positions == last, positions
             states = [state_of(c) for c in self.channels if c.valid]
@@ -320,7 +321,7 @@ class Power:
         for channel in self.channels:
             channel.controlword |= int(Control.HALT)
             channel.offset = 0
-        for _ in self._cycles(timeout):
+        for _ in self._cycle.cycles(timeout):
             recent.append(tuple(c.position for c in self.channels))
             for channel in self.channels:
                 if channel.valid and state_of(channel) is not State.OPERATION_ENABLED:
@@ -344,7 +345,7 @@ class Power:
         for channel in self.channels:
             channel.controlword, channel.offset = int(Command.DISABLE_VOLTAGE), 0
         off = (State.SWITCH_ON_DISABLED, State.FAULT, State.NOT_READY_TO_SWITCH_ON)
-        for _ in self._cycles(TIMEOUT, checked=False):
+        for _ in self._cycle.cycles(TIMEOUT, checked=False):
             if all(state_of(c) in off if c.valid else c.missed > 1 for c in self.channels):
                 break
         doubtful = [c for c in self.channels if not (c.valid and state_of(c) in off)]
@@ -382,27 +383,3 @@ class Power:
             return None
         finally:
             self._cycle.resume()
-
-    def _cycles(self, timeout: float, checked: bool = True) -> Cycles:
-        return Cycles(self._cycle, timeout, checked)
-
-
-class Cycles:
-    """Iterates over SYNC cycles until `timeout` [s] has passed; with `checked`, alarms are raised.
-
-    Each step is one cycle with the commands that the loop's body has set for the channels.
-    """
-
-    def __init__(self, cycle: Cycle, timeout: float, checked: bool = True) -> None:
-        self._exchange: Callable[[], None] = cycle.exchange if checked else cycle.exchange_unchecked
-        self._left = max(1, round(timeout / cycle.period))
-        cycle.resume()
-
-    def __iter__(self) -> Cycles:
-        return self
-
-    def __next__(self) -> None:
-        if self._left == 0:
-            raise StopIteration
-        self._left -= 1
-        self._exchange()

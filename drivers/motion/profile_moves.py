@@ -13,7 +13,7 @@ from drivers.cyclic import Channel, Cycle
 from drivers.drive import Control, Status
 from drivers.errors import AxisFault, ConfigurationError, NodeError
 from drivers.motion.limits import checked_profile
-from drivers.motion.power import HOLDING_TIMEOUT, Cycles, Power
+from drivers.motion.power import HOLDING_TIMEOUT, Power
 from drivers.motion.setpoint_handshake import (
     HANDSHAKE_TIMEOUT,
     NEAR,
@@ -153,7 +153,7 @@ class ProfileMoves:
         Raises:
             AxisFault: an axis faults meanwhile.
         """
-        for _ in Cycles(self._cycle, duration):
+        for _ in self._cycle.cycles(duration):
             self._check_enabled()
 
     def wait(self) -> None:
@@ -168,7 +168,7 @@ class ProfileMoves:
         timeout = max((w.seconds for w in courses), default=0.0)
         if not courses:
             return
-        for _ in Cycles(self._cycle, timeout):
+        for _ in self._cycle.cycles(timeout):
             self._check_enabled()
             if all(w.is_done for w in courses):
                 for course in courses:

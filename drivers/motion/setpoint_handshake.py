@@ -13,7 +13,7 @@ from drivers.cyclic import Channel, Cycle
 from drivers.drive import Command, Control, State, Status
 from drivers.errors import AxisFault
 from drivers.motion.limits import Setpoint
-from drivers.motion.power import Cycles, fault, state_of
+from drivers.motion.power import fault, state_of
 
 HANDSHAKE_TIMEOUT = 0.5
 NEAR = 5e-6
@@ -107,7 +107,7 @@ def check_enabled(channel: Channel) -> None:
 
 def _samples(cycle: Cycle, channel: Channel, timeout: float) -> Iterator[None]:
     """Cycles in which the channel has a sample, its axis being enabled."""
-    for _ in Cycles(cycle, timeout):
+    for _ in cycle.cycles(timeout):
         if channel.valid:
             check_enabled(channel)
             yield

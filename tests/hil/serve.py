@@ -2,7 +2,7 @@
 
     python serve.py INTERFACE CHANNEL SYNC_PERIOD START_X START_Y [PRIORITY]
 
-Says "ready" on stdout when the drives are about to be switched on; ends with its stdin.
+Prints "ready" when the drives are about to be switched on; ends with its stdin.
 """
 
 from __future__ import annotations

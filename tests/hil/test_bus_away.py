@@ -1,6 +1,6 @@
 """`stagectl sim` on a SocketCAN interface that goes down, is removed, and comes back.
 
-The master is bare frames on python-can; the interface is the test's own, so making it takes root.
+The master sends bare frames by python-can. The test creates the interface, which takes root.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import pytest
 
 INTERFACE = "stagevcan"
 DEADLINE = 30.0
-"""For what takes a moment [s]; says nothing of how fast it is."""
+"""Ends a wait that would never end [s]; no statement on speed."""
 
 on_a_vcan = [
     pytest.param(
@@ -96,7 +96,7 @@ class Master:
 @pytest.mark.real_time(judged=False)
 @pytest.mark.usefixtures("interface")
 @pytest.mark.parametrize("bus", on_a_vcan)
-def test_the_interface_goes_down_and_away_and_the_drives_wait_for_it(bus: str) -> None:
+def test_the_drives_wait_for_an_interface_that_goes_down_or_is_removed(bus: str) -> None:
     root = str(Path(__file__).parents[2])
     path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
     with subprocess.Popen(

@@ -1,4 +1,4 @@
-"""What is written into a drive at boot: windows, option codes, a DCF; and read back."""
+"""Configuration at boot, written and read back: windows, option codes, a DCF."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_windows_and_option_codes_of_the_machine_file(stage_machine: Machine) ->
 @pytest.mark.parametrize(
     "options", [{"quick_stop": 4}, {"abort_connection": 0}, {"halt": 0}, {"fault_reaction": 9}]
 )
-def test_option_codes_that_are_not_to_be_had(options: dict[str, int]) -> None:
+def test_impossible_option_codes_are_refused(options: dict[str, int]) -> None:
     with pytest.raises(ConfigurationError, match=f"option code {next(iter(options))}: must be one"):
         OptionCodes(**options)
 
@@ -78,7 +78,7 @@ def dcf(settings: AxisSettings, folder: Path, **values: int) -> Path:
     return path
 
 
-def test_a_dcf_is_written_and_what_is_ours_stays_ours(
+def test_a_dcf_is_written_except_for_objects_of_the_driver(
     stage_machine: Machine, tmp_path: Path
 ) -> None:
     _, axes = driver_settings(stage_machine)
@@ -92,9 +92,7 @@ def test_a_dcf_is_written_and_what_is_ours_stays_ours(
         assert held(stage, 0x607A) == 0
 
 
-def test_all_differences_from_a_dcf_are_told_at_once(
-    stage_machine: Machine, tmp_path: Path
-) -> None:
+def test_all_differences_from_a_dcf_are_one_error(stage_machine: Machine, tmp_path: Path) -> None:
     _, axes = driver_settings(stage_machine)
     path = dcf(axes[0], tmp_path, x6081=123456, x6083=1000, x6084=2000)
     stage, drives, _ = open_stage(stage_machine, eds=path)
@@ -112,7 +110,7 @@ def test_all_differences_from_a_dcf_are_told_at_once(
     assert "0x6083" not in text
 
 
-def test_a_drive_that_produces_sync_or_listens_elsewhere_is_set_right(
+def test_a_drive_that_produces_sync_or_consumes_another_id_is_corrected(
     stage_machine: Machine,
 ) -> None:
     stage, drives, world = open_stage(stage_machine)
@@ -131,7 +129,9 @@ def test_a_drive_that_produces_sync_or_listens_elsewhere_is_set_right(
         (1_500_000_000, r"0x8130.*the host had just stalled for 1\.5 s"),
     ],
 )
-def test_a_fault_after_late_syncs_says_so(stage_machine: Machine, pause_ns: int, said: str) -> None:
+def test_a_fault_after_late_syncs_names_the_stall(
+    stage_machine: Machine, pause_ns: int, said: str
+) -> None:
     """At 0.5 m/s a demand that stands still for 12 ms is a following error by itself."""
     stage, _, world = open_stage(stage_machine)
     with stage:

@@ -1,4 +1,4 @@
-"""The CiA 402 probe: our virtual drive passes all of it, and each deviation is found and named."""
+"""Conformance checks: the virtual drive passes them, and each deviation is found and named."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def failures(findings: list[Finding]) -> set[str]:
     return {f.name for f in findings if f.verdict is not Verdict.PASS}
 
 
-def test_the_virtual_drive_passes_everything(machine: Machine) -> None:
+def test_the_virtual_drive_passes_all_checks(machine: Machine) -> None:
     told: list[Finding] = []
     with network(machine) as (bus, stage):
         before = [dict(d.dictionary.values) for d in stage.drives]
@@ -96,7 +96,7 @@ def test_the_axis_is_not_moved(machine: Machine) -> None:
     assert max(abs(x - before) for x in seen) < 2_000  # nm: it rings on its friction when enabled
 
 
-def test_without_power_no_force(machine: Machine) -> None:
+def test_without_power_the_axis_is_not_enabled(machine: Machine) -> None:
     seen: set[int] = set()
 
     def alter(can_id: int, data: bytes) -> bytes:
@@ -228,7 +228,7 @@ def is_as_it_is(stage: VirtualStage) -> None:
 
 
 @pytest.mark.parametrize("kind", [is_as_it_is, forgets_entries, wants_entries_in_order])
-def test_process_data_are_put_back_as_they_were_found(
+def test_process_data_are_restored_as_they_were_found(
     machine: Machine, kind: Callable[[VirtualStage], None]
 ) -> None:
     with network(machine) as (bus, stage):
@@ -239,7 +239,7 @@ def test_process_data_are_put_back_as_they_were_found(
         assert process_data(stage) == before
 
 
-def test_process_data_are_put_back_when_it_is_interrupted(machine: Machine) -> None:
+def test_process_data_are_restored_after_an_interruption(machine: Machine) -> None:
     def interrupt(found: Finding) -> None:
         if found.name.startswith("type 3"):
             raise KeyboardInterrupt
@@ -251,7 +251,7 @@ def test_process_data_are_put_back_when_it_is_interrupted(machine: Machine) -> N
         assert process_data(stage) == before
 
 
-def test_what_the_drive_does_not_take_back_is_told(machine: Machine) -> None:
+def test_values_that_the_drive_does_not_accept_back_are_reported(machine: Machine) -> None:
     with network(machine) as (bus, stage):
         set_up(bus, stage)
         dictionary = stage.drives[0].dictionary
@@ -270,7 +270,7 @@ def test_what_the_drive_does_not_take_back_is_told(machine: Machine) -> None:
     assert "606C0020 60410010 60610008 mapped" in found.detail
 
 
-def test_a_silent_heartbeat_and_a_missing_emergency(machine: Machine) -> None:
+def test_missing_heartbeats_and_emergencies_are_found(machine: Machine) -> None:
     with network(machine, lambda i, d: None if i in (0x701, 0x081) else d) as (bus, _):
         findings = run(bus, 1)
     failed = failures(findings)
@@ -279,7 +279,7 @@ def test_a_silent_heartbeat_and_a_missing_emergency(machine: Machine) -> None:
     assert "the rising edge of bit 7 does (transition 15)" not in failed
 
 
-def test_a_synchronous_rpdo_that_acts_on_arrival(machine: Machine) -> None:
+def test_a_synchronous_rpdo_that_takes_effect_on_arrival_is_found(machine: Machine) -> None:
     with network(machine) as (bus, stage):
         world = world_of(bus)
 
@@ -291,12 +291,12 @@ def test_a_synchronous_rpdo_that_acts_on_arrival(machine: Machine) -> None:
     assert failures(findings) == {"a synchronous RPDO waits for the SYNC"}
 
 
-def test_nobody_there_is_one_error(machine: Machine) -> None:
+def test_a_missing_node_is_one_error(machine: Machine) -> None:
     with network(machine) as (bus, _), pytest.raises(NodeError, match="node 9 does not answer"):
         run(bus, 9)
 
 
-def test_scan_hears_and_asks(machine: Machine) -> None:
+def test_scan_listens_and_asks(machine: Machine) -> None:
     with network(machine) as (bus, stage):
         for drive in stage.drives:
             drive.dictionary.set_data(0x1017, 0, b"\x64\x00")
@@ -308,7 +308,7 @@ def test_scan_hears_and_asks(machine: Machine) -> None:
         assert scan(bus)[0].error_code == 0x7305
 
 
-def test_scan_sees_two_devices_on_one_id(machine: Machine) -> None:
+def test_scan_finds_two_devices_with_one_id(machine: Machine) -> None:
     with network(machine) as (bus, _):
         twin = stage_settings(machine)
         VirtualStage(twin, seed=2).attach(world_of(bus))

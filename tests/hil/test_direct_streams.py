@@ -1,4 +1,4 @@
-"""csv and cst from the host, against the virtual drives in virtual time."""
+"""Streams in csv and cst, with the virtual drives in virtual time."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def bell(peak: tuple[float, float], rows: int) -> np.ndarray:
     return shape[:, None] * np.array(peak)
 
 
-def test_velocities_add_up_to_the_way(stage: Stage) -> None:
+def test_velocities_add_up_to_the_distance(stage: Stage) -> None:
     start = np.array(stage.positions)
     velocity = np.vstack(
         [bell((0.1, -0.05), 400), np.zeros((300, 2))]
@@ -91,7 +91,7 @@ def test_forces_move_the_masses(stage: Stage) -> None:
     stage.stream(np.tile(stage.targets, (5, 1)), np.zeros((5, 2)))
 
 
-def test_a_stream_that_is_ended_early_comes_to_rest(stage: Stage) -> None:
+def test_a_stream_ended_early_comes_to_rest(stage: Stage) -> None:
     velocity = np.full((300, 2), 0.1)
     velocity[:50] = np.linspace(0.01, 0.1, 50)[:, None]
     velocity[-50:] = np.linspace(0.1, 0.0, 50)[:, None]
@@ -152,7 +152,7 @@ def test_forces_outside_the_limits_reach_no_drive(
     assert len(seen) == before
 
 
-def test_each_stream_of_velocities_begins_at_rest(stage: Stage, seen: list[int]) -> None:
+def test_each_stream_of_velocities_is_checked_from_rest(stage: Stage, seen: list[int]) -> None:
     """Also the second one in csv, and whatever the first one ended with."""
     stage.stream_velocity(velocities(0.01, 0.02, 0.01, 0.0))
     before = len(seen)
@@ -162,7 +162,7 @@ def test_each_stream_of_velocities_begins_at_rest(stage: Stage, seen: list[int])
     stage.stream_velocity(velocities(0.01, 0.02, 0.01, 0.0))
 
 
-def test_positions_begin_where_the_stage_was_sent_last(stage: Stage, seen: list[int]) -> None:
+def test_positions_are_checked_from_the_target_sent_last(stage: Stage, seen: list[int]) -> None:
     """1 mm a SYNC at most, from the last target and not from 0; also back from csv."""
     ramp = np.linspace(0.0, 0.004, 41)[1:, None] * (1.0, -1.0)
     stage.stream(np.array(stage.targets) + ramp, np.zeros_like(ramp))
@@ -194,7 +194,7 @@ def test_forces_that_make_an_axis_too_fast_end_the_stream(stage: Stage) -> None:
     assert abs(stage.positions[0]) < 0.15
 
 
-def test_csp_asks_for_csp(stage: Stage) -> None:
+def test_a_csp_stream_requires_csp(stage: Stage) -> None:
     stage.stream_velocity(np.zeros((3, 2)))
     with pytest.raises(AxisFault, match="not in csp: enable it first"):
         stage.stream(np.zeros((2, 2)), np.zeros((2, 2)))

@@ -1,4 +1,4 @@
-"""Drives as they are sold: values fixed, rounded or clamped, units from a DCF, slow to enable."""
+"""Drives that fix, round or clamp values, get their units from a DCF, or are slow to enable."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def make(drive: Drive, index: int, keeps: Keeps, sub: int = 0) -> None:
     drive.dictionary.on_write[k] = keep
 
 
-def test_what_is_fixed_at_the_value_asked_for_is_not_written(stage_machine: Machine) -> None:
+def test_an_object_fixed_at_the_requested_value_is_not_written(stage_machine: Machine) -> None:
     stage, drive, _, _ = switched_on(stage_machine)
     for index, value in ((0x605E, 2), (0x605A, 2), (0x6007, 3), (0x607C, 0), (0x6072, 3000)):
         fix(drive, index, value)
@@ -83,7 +83,7 @@ def test_what_is_fixed_at_the_value_asked_for_is_not_written(stage_machine: Mach
         (0x605E, -1, "fault reaction option code is -1, not 2: on a fault the reaction is"),
     ],
 )  # fmt: skip
-def test_an_option_code_of_the_drives_own_is_said(
+def test_a_fixed_option_code_is_reported(
     stage_machine: Machine, index: int, value: int, said: str, code: int
 ) -> None:
     stage, drive, _, _ = switched_on(stage_machine)
@@ -110,7 +110,7 @@ def test_an_option_code_of_the_drives_own_is_said(
         (0x607D, 2, lambda v: v + 100, "max position limit is 0.1500001 m, not 0.15 m: "),
     ],
 )
-def test_what_a_drive_rounds_is_taken_and_said(
+def test_rounded_values_are_accepted_and_reported(
     stage_machine: Machine, index: int, sub: int, keeps: Keeps, said: str
 ) -> None:
     stage, drive, _, _ = switched_on(stage_machine)
@@ -122,7 +122,7 @@ def test_what_a_drive_rounds_is_taken_and_said(
         assert limitation.endswith(f"{said}the drive rounds it")
 
 
-def test_the_host_goes_by_what_a_drive_has_clamped(stage_machine: Machine) -> None:
+def test_the_host_uses_values_that_the_drive_has_clamped(stage_machine: Machine) -> None:
     stage, drive, _, _ = switched_on(stage_machine)
     fix(drive, 0x6072, 500, TOO_HIGH)
     make(drive, 0x6065, lambda v: min(v, 200_000))
@@ -173,7 +173,7 @@ def test_the_host_goes_by_what_a_drive_has_clamped(stage_machine: Machine) -> No
         (0x6098, 0, lambda v: 35, "wrote 37, the drive holds 35"),
     ],
 )
-def test_what_is_not_on_the_safe_side_is_refused(
+def test_values_not_on_the_safe_side_are_refused(
     stage_machine: Machine, index: int, sub: int, keeps: Keeps, error: str
 ) -> None:
     stage, drive, _, _ = switched_on(stage_machine)
@@ -186,14 +186,14 @@ def test_what_is_not_on_the_safe_side_is_refused(
     assert error in str(e.value)
 
 
-def test_a_refused_write_tells_what_the_drive_holds(stage_machine: Machine) -> None:
+def test_a_refused_write_names_the_value_held(stage_machine: Machine) -> None:
     stage, drive, _, _ = switched_on(stage_machine)
     fix(drive, 0x6085, 5_000_000)
     with stage, pytest.raises(NodeError, match=r"0x6085:00 .*write of 10000000 refused.*5000000$"):
         stage.boot()
 
 
-def test_moves_of_its_own_take_as_long_as_the_drive_needs(stage_machine: Machine) -> None:
+def test_profile_moves_may_take_as_long_as_the_drive_needs(stage_machine: Machine) -> None:
     stage, drive, world, _ = switched_on(stage_machine)
     make(drive, 0x6081, lambda v: min(v, 1_000_000))
     make(drive, 0x6083, lambda v: v // 1000 * 1000)
@@ -218,7 +218,7 @@ def test_moves_of_its_own_take_as_long_as_the_drive_needs(stage_machine: Machine
         assert "not 0.05 m/s" in velocity
 
 
-def test_units_that_a_dcf_sets_are_those_that_count(stage_machine: Machine, tmp_path: Path) -> None:
+def test_units_set_by_a_dcf_are_the_ones_checked(stage_machine: Machine, tmp_path: Path) -> None:
     _, axes = driver_settings(stage_machine)
     k = key(0x608F, 1)
     path = dcf(axes[0], tmp_path, x608Fsub1=32_000_000)
@@ -239,7 +239,7 @@ def test_units_that_a_dcf_sets_are_those_that_count(stage_machine: Machine, tmp_
                     stage.boot()
 
 
-def test_a_dcf_may_be_fixed_or_rounded(stage_machine: Machine, tmp_path: Path) -> None:
+def test_values_of_a_dcf_may_be_fixed_or_rounded(stage_machine: Machine, tmp_path: Path) -> None:
     _, axes = driver_settings(stage_machine)
     path = dcf(axes[0], tmp_path, x605E=2, x6083=1_000_100, x6086=-1)
     stage, drive, _, _ = switched_on(stage_machine, eds=path)
@@ -272,7 +272,7 @@ class PhaseFinding:
         self._act(word)
 
 
-def test_phase_finding_takes_the_time_that_the_machine_file_gives_it(
+def test_phase_finding_may_take_the_enable_timeout(
     stage_machine: Machine,
 ) -> None:
     text = stage_machine.text.replace(
@@ -291,7 +291,7 @@ def test_phase_finding_takes_the_time_that_the_machine_file_gives_it(
 
 
 @pytest.mark.parametrize("slow", [0, 1])
-def test_each_axis_has_its_own_time_to_enable(stage_machine: Machine, slow: int) -> None:
+def test_each_axis_has_its_own_enable_timeout(stage_machine: Machine, slow: int) -> None:
     """The other axis waits, enabled, and is stopped with the one that is late."""
     stage, _, world, drives = switched_on(stage_machine, enable_timeout=6.0)
     PhaseFinding(drives.drives[slow], world, 9.0)
@@ -307,7 +307,7 @@ def test_each_axis_has_its_own_time_to_enable(stage_machine: Machine, slow: int)
         assert not any(d.motion.state is State.ENABLED for d in drives.drives)
 
 
-def test_a_drive_that_boots_slowly_has_the_time_that_it_needs(stage_machine: Machine) -> None:
+def test_a_drive_may_take_its_boot_timeout(stage_machine: Machine) -> None:
     for timeout, enough in ((2.0, False), (4.0, True)):
         slow = f.Delay(f.Frames(frozenset({0x701}), after=0.03, at_most=1), 3.0, 3.0)
         world = FaultyWorld(f"slow-{timeout:g}", f.FaultPlan((slow,)))
@@ -325,7 +325,7 @@ def test_a_drive_that_boots_slowly_has_the_time_that_it_needs(stage_machine: Mac
                     stage.boot()
 
 
-def test_another_major_revision_is_taken_where_it_is_wanted(stage_machine: Machine) -> None:
+def test_another_major_revision_is_accepted_where_required(stage_machine: Machine) -> None:
     for revision, found in ((None, False), (7, True), (6, False)):
         stage, drive, _, _ = switched_on(stage_machine, revision=revision)
         drive.dictionary.live[key(0x1018, 3)] = lambda: 7 << 16 | 3
@@ -338,7 +338,7 @@ def test_another_major_revision_is_taken_where_it_is_wanted(stage_machine: Machi
                     stage.boot()
 
 
-def test_no_name_of_a_type_in_what_is_said(stage_machine: Machine) -> None:
+def test_messages_contain_no_type_names(stage_machine: Machine) -> None:
     stage, drive, _, _ = switched_on(stage_machine)
     with stage:
         stage.boot()

@@ -1,7 +1,7 @@
-"""The host dies in the middle of a move: the drives stop when they miss its heartbeat.
+"""The host is killed during a move: the drives stop when they miss its heartbeat.
 
-`stagectl sim` and `stagectl run` as two processes, as users start them; an onlooker on the same bus
-takes the times. What was recorded until then is in the journal.
+`stagectl sim` and `stagectl run` as two processes, as users start them; an observer on the same bus
+records the times. The journal holds all samples until then.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""SYNC by the kernel's broadcast manager: it goes on without the host, carries a counter, ends.
+"""SYNC by the kernel's broadcast manager: independent of the host, with a counter, ended with it.
 
 Runs where STAGECTL_HIL_SOCKETCAN names an interface (tests/system/test_vcan.py).
 """
@@ -42,7 +42,7 @@ def syncs(other: can.BusABC, count: int) -> list[can.Message]:
     return seen
 
 
-def test_it_goes_on_while_the_host_computes_and_ends_with_the_session(
+def test_the_kernels_sync_goes_on_while_the_host_computes_and_ends_with_the_session(
     rig: Any, travel_to: Any
 ) -> None:
     rig = dataclasses.replace(

@@ -1,4 +1,4 @@
-"""The cycle ledger and what it stops, in virtual time: doubled, missed and late."""
+"""Doubled, missed and late frames: counted in the cycle ledger, and when they stop the stage."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_a_doubled_tpdo_counts_for_its_sync_and_changes_nothing(stage_machine: M
     assert samples.extra[row, 1] == 2
 
 
-def test_a_late_tpdo_is_missed_and_told(stage_machine: Machine) -> None:
+def test_a_late_tpdo_is_counted_as_missed(stage_machine: Machine) -> None:
     with enabled(stage_machine, f.Delay(tpdos(10), least=0.7e-3, most=0.7e-3)) as stage:
         samples = stage.hold(0.05)
     (row,) = np.flatnonzero(~samples.valid[:, 1])
@@ -95,7 +95,7 @@ def test_too_many_late_cycles_in_a_row_stop_the_stage(stage_machine: Machine) ->
         assert not stage.enabled
 
 
-def test_the_kernels_sync_where_there_is_none(stage_machine: Machine) -> None:
+def test_sync_by_the_kernel_is_refused_where_it_cannot_be(stage_machine: Machine) -> None:
     with (
         pytest.raises(ConfigurationError, match=r"sync_source: kernel, but bus .*not SocketCAN"),
         enabled(stage_machine, sync_source="kernel"),
@@ -117,7 +117,7 @@ def there_and_back(stage: Stage) -> tuple[np.ndarray, np.ndarray]:
     return tuple(s.position[1:] - s.position_demand[:-1] for s in (out, back))  # type: ignore[return-value]
 
 
-def test_a_sync_window_is_set_and_no_set_point_is_dropped(stage_machine: Machine) -> None:
+def test_with_a_sync_window_no_setpoint_is_dropped(stage_machine: Machine) -> None:
     """After a pause the last SYNC's window is over: the drives would drop the first set-points."""
     with enabled(stage_machine) as stage:
         expected = there_and_back(stage)

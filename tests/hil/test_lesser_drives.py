@@ -1,4 +1,4 @@
-"""Drives that lack what CiA 402 leaves optional: the driver goes on and says what is missing."""
+"""Drives without optional features of CiA 402: they are driven, and limitations are reported."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_a_complete_drive_has_no_limitations() -> None:
         assert stage.limitations == ()
 
 
-def test_without_torque_offset_the_axis_streams_and_no_offset_is_claimed() -> None:
+def test_without_torque_offset_the_axis_streams_and_records_no_offset() -> None:
     with stage_without(0x60B2) as (stage, _):
         assert stage.limitations == (
             "axis x: 0x60B2:00 torque offset is not offered: force offsets are not sent",
@@ -98,7 +98,7 @@ def test_without_factor_group_the_increment_is_trusted() -> None:
         assert len(stage.hold(0.01)) == 10
 
 
-def test_without_option_codes_and_windows_it_says_what_follows() -> None:
+def test_without_option_codes_and_windows_the_consequence_is_reported() -> None:
     with stage_without(0x6007, 0x605A, 0x605B, 0x605C, 0x605D, 0x605E, 0x6065) as (stage, _):
         assert any("without its host the reaction is manufacturer" in x for x in stage.limitations)
         assert any("does not monitor the following error" in x for x in stage.limitations)
@@ -118,7 +118,7 @@ class NoAcknowledge:
         return data
 
 
-def test_pp_without_bit_12_arrives_and_says_so() -> None:
+def test_pp_without_bit_12_arrives_and_is_reported() -> None:
     alter = NoAcknowledge()
     with stage_without(alter=alter) as (stage, _):
         alter.active = True

@@ -1,4 +1,4 @@
-"""The drive's own profile: relative, queued, changed under way; an old bit 10 is not believed."""
+"""Moves by the drive's own profile: relative, queued, changed on the way, halted."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def handed_over(frames: list[Frame]) -> list[tuple[int, int, int]]:
     return edges
 
 
-def test_relative_to_where_the_axis_is(stage: Stage, frames: list[Frame]) -> None:
+def test_relative_to_the_actual_position(stage: Stage, frames: list[Frame]) -> None:
     start = stage.targets[0]
     stage.move_to("x", 1e-3, velocity=0.05, acceleration=1.0, relative=True)
     assert stage.targets[0] - start == pytest.approx(1e-3, abs=2e-6)
@@ -64,7 +64,7 @@ def test_relative_to_where_the_axis_is(stage: Stage, frames: list[Frame]) -> Non
 
 
 @pytest.mark.parametrize("relative", [False, True])
-def test_set_points_queue_in_the_drive(stage: Stage, frames: list[Frame], relative: bool) -> None:
+def test_setpoints_queue_in_the_drive(stage: Stage, frames: list[Frame], relative: bool) -> None:
     start = stage.targets[0]
     way = [2e-3, -1e-3, 3e-3]
     path = way if relative else [start + sum(way[: n + 1]) for n in range(3)]
@@ -121,7 +121,7 @@ class OldBit10:
         return getattr(self._world, name)
 
 
-def test_the_bit_10_of_the_target_before_is_not_believed(stage_machine: Machine) -> None:
+def test_bit_10_of_the_previous_target_is_ignored(stage_machine: Machine) -> None:
     bus, axes = driver_settings(stage_machine)
     world = World(f"profile-{next(_names)}")
     node = OldBit10(world, 30)
@@ -147,9 +147,7 @@ def track(frames: list[Frame]) -> list[float]:
 SLOW = {"velocity": 0.02, "acceleration": 1.0}
 
 
-def test_a_new_target_counts_at_once_in_the_middle_of_a_move(
-    stage: Stage, frames: list[Frame]
-) -> None:
+def test_a_new_target_takes_effect_at_once_during_a_move(stage: Stage, frames: list[Frame]) -> None:
     start = stage.targets[0]
     with stage.profile_moves(**SLOW) as moves:
         moves.to("x", start + 5e-3)
@@ -168,7 +166,7 @@ def test_a_new_target_counts_at_once_in_the_middle_of_a_move(
 
 
 @pytest.mark.parametrize("relative", [False, True])
-def test_a_target_that_waits_is_given_up_for_one_at_once(
+def test_a_queued_target_is_replaced_by_one_at_once(
     stage: Stage, frames: list[Frame], relative: bool
 ) -> None:
     start = stage.targets[0]
@@ -226,7 +224,7 @@ def test_halt_keeps_the_targets_and_both_axes_go_on(stage: Stage) -> None:
         assert stage.positions == pytest.approx((x + 3e-3, y - 1e-3), abs=2e-6)
 
 
-def test_the_end_of_a_halted_move_is_where_the_axis_stands(stage: Stage) -> None:
+def test_a_halted_move_ends_where_the_axis_stands(stage: Stage) -> None:
     x = stage.targets[0]
     with stage.profile_moves(**SLOW) as moves:
         moves.to("x", 3e-3, relative=True)
@@ -249,7 +247,7 @@ def test_limits_and_names_are_checked_while_moving(stage: Stage) -> None:
     assert stage.positions[0] == pytest.approx(0.0, abs=2e-6)
 
 
-def test_whatever_is_raised_meanwhile_stops_the_axes(stage: Stage) -> None:
+def test_an_exception_inside_the_block_stops_the_axes(stage: Stage) -> None:
     start = stage.targets[0]
 
     def interrupted() -> None:

@@ -75,7 +75,7 @@ def test_sync_with_a_counter(machine: Machine, world: tuple[World, VirtualStage]
         assert stage.hold(0.01).valid.all()
 
 
-def test_a_counter_that_a_drive_cannot_take(
+def test_a_counter_that_a_drive_does_not_support_is_refused(
     machine: Machine, world: tuple[World, VirtualStage]
 ) -> None:
     bus, axes = driver_settings(machine)
@@ -89,6 +89,6 @@ def test_a_counter_that_a_drive_cannot_take(
 
 
 @pytest.mark.parametrize("counter", [1, -1, 241])
-def test_counters_that_do_not_exist(counter: int) -> None:
+def test_impossible_counters_are_refused(counter: int) -> None:
     with pytest.raises(ConfigurationError, match="sync_counter"):
         BusSettings("virtual", "x", sync_counter=counter)

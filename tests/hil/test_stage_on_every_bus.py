@@ -1,4 +1,4 @@
-"""What the driver promises, against the virtual drives, on every bus."""
+"""The driver with the virtual drives, on every bus."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_the_force_offset_reaches_the_motor_in_newtons(stage: Stage, rig: Any, h
         np.testing.assert_allclose(samples.force_offset[0], force)
 
 
-def test_sent_setpoints_outside_the_limits_reach_no_drive(rig: Any, hold: Any) -> None:
+def test_setpoints_outside_the_limits_reach_no_drive(rig: Any, hold: Any) -> None:
     seen: list[int] = []
     with rig.open(tap=lambda t, can_id, data: seen.append(can_id)) as stage:
         stage.boot()
@@ -125,7 +125,7 @@ def test_sent_setpoints_outside_the_limits_reach_no_drive(rig: Any, hold: Any) -
         assert len(seen) == before
 
 
-def test_quick_stop_in_motion_stops_and_takes_power_off(
+def test_quick_stop_in_motion_stops_and_switches_power_off(
     stage: Stage, rig: Any, travel_to: Any
 ) -> None:
     position, offset = travel_to(stage, (0.03, 0.02), 0.4, rig.period)
@@ -205,7 +205,7 @@ def test_the_drives_stop_by_themselves_when_the_host_falls_silent(
     assert stage.enabled
 
 
-def test_idle_keeps_the_drives_content(stage: Stage, rig: Any, hold: Any) -> None:
+def test_idle_keeps_the_host_heartbeat_going(stage: Stage, rig: Any, hold: Any) -> None:
     stage.idle(0.8)
     assert len(stage.stream(*hold(stage, 10))) == 10
 

@@ -1,4 +1,4 @@
-"""How the driver stops a stage that it reaches in part only: virtual time, faults on the bus."""
+"""Stopping a stage that is only partly reached: faults on the bus, in virtual time."""
 
 import dataclasses
 import itertools
@@ -141,7 +141,7 @@ def test_a_drive_that_answers_nothing_is_not_confirmed_off(bench):
     assert b.enabled == []
 
 
-def test_a_drive_that_hears_us_but_not_what_we_say_misses_us(bench):
+def test_a_drive_that_hears_only_the_heartbeat_is_made_to_miss_it(bench):
     b = bench(f.Freeze(f.Frames(frozenset({0x202, 0x602}), "host", after=1.0)))
     b.hold(100)
     b.stage.safe_stop()
@@ -163,7 +163,7 @@ def test_safe_torque_off_stops_both_and_is_named(bench):
     assert "interlock" not in status_of(b.stage.axes[1]).words
 
 
-def test_drives_that_all_fall_silent_are_told_to_stop_and_not_waited_for_long(bench):
+def test_drives_that_all_fall_silent_are_stopped_without_a_long_wait(bench):
     stage = bench(*(f.BusOff(at=1.0, duration=600.0, node=n) for n in (1, 2)))
     told = []
     stage.world.subscribe(0x601, lambda data: told.append(bytes(data)))
@@ -204,7 +204,7 @@ class Adapter:
         ValueError("file descriptor cannot be a negative integer (-1)"),
     ],
 )
-def test_an_adapter_that_is_pulled_out_is_one_line_and_the_drives_stop(stage_machine, problem):
+def test_a_removed_adapter_is_one_line_and_the_drives_stop(stage_machine, problem):
     bus, axes = driver_settings(stage_machine)
     world = World(next(_names))
     drives = VirtualStage(stage_settings(stage_machine), seed=1, start=(-5e-4, -4e-4))

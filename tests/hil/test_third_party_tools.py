@@ -1,4 +1,4 @@
-"""Masters and tools of others with our virtual drives: nothing of the host's side is ours here.
+"""Third-party masters and tools with our virtual drives; the host's side is not ours.
 
 The master is canopen's CiA 402 profile, which knows the drive from its EDS; the checker and the
 generator of configurations are Lely's dcf-tools.
@@ -190,13 +190,13 @@ def lely(tool, *arguments, cwd=None):
 
 @lelys
 @pytest.mark.parametrize("node", ["1", "127"])
-def test_lelys_checker_has_nothing_to_say_against_the_eds(node):
+def test_lelys_checker_accepts_the_eds(node):
     checked = lely("dcfchk", "-n", node, EDS_PATH)
     assert (checked.returncode, checked.stdout + checked.stderr) == (0, "")
 
 
 @lelys
-def test_lelys_checker_does_find_faults(tmp_path):
+def test_lelys_checker_finds_faults(tmp_path):
     """So that its silence means something."""
     (tmp_path / "bad.eds").write_text(EDS_PATH.read_text().replace("0x60400010", "0x60390010"))
     assert lely("dcfchk", "-n", "1", tmp_path / "bad.eds").returncode == 1
@@ -232,7 +232,7 @@ def concise(data):
 
 @lelys
 @pytest.mark.real_time
-def test_what_lelys_generator_makes_of_the_eds_is_taken_by_the_drive(network, tmp_path):
+def test_the_drive_accepts_what_lelys_generator_makes_of_the_eds(network, tmp_path):
     """As a CiA 302 master downloads it: entry by entry, and everything reads back."""
     (tmp_path / "network.yml").write_text(NETWORK.replace("EDS", str(EDS_PATH)))
     made = lely("dcfgen", "-r", "network.yml", cwd=tmp_path)

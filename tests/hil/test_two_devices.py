@@ -1,7 +1,7 @@
 """Two drives with one node id on one bus: refused before power, stopped where it shows later.
 
-The second stage hears all that the first one hears. What it says may be kept from the host: that is
-how its boot-up, its SDO answers and its TPDOs are looked at one by one.
+The second stage receives all that the first one receives. Its frames may be kept from the host, so
+that boot-up messages, SDO answers and TPDOs are tested one by one.
 """
 
 from __future__ import annotations
@@ -86,14 +86,16 @@ def faulty(machine: Machine, *faults: f.Fault) -> Iterator[Stage]:
         ([BOOT_UP, SDO, TPDO], "2 boot-up messages after one reset"),
     ],
 )
-def test_two_are_refused_before_power(stage_machine: Machine, heard: list[int], said: str) -> None:
+def test_two_devices_are_refused_before_power(
+    stage_machine: Machine, heard: list[int], said: str
+) -> None:
     with twins(stage_machine, *heard) as (stage, drives, _):
         with pytest.raises(NodeError, match=f"^axis x: {said}.* node id 1"):
             stage.boot()
         assert {d.motion.state for d in drives.drives} == {State.SWITCH_ON_DISABLED}
 
 
-def test_boot_ups_of_a_slower_twin_are_refused(stage_machine: Machine) -> None:
+def test_a_second_boot_up_message_that_comes_late_is_noticed(stage_machine: Machine) -> None:
     """They come while the first drive is set up, 23 ms after its own."""
     with twins(stage_machine) as (stage, drives, muffled):
         own = itertools.cycle([True, False])
@@ -108,7 +110,7 @@ def test_boot_ups_of_a_slower_twin_are_refused(stage_machine: Machine) -> None:
         assert {d.motion.state for d in drives.drives} == {State.SWITCH_ON_DISABLED}
 
 
-def test_tpdos_of_two_are_refused_before_power(stage_machine: Machine) -> None:
+def test_tpdos_of_two_devices_are_noticed_before_power(stage_machine: Machine) -> None:
     with twins(stage_machine, TPDO) as (stage, drives, _):
         stage.boot()
         with pytest.raises(AxisFault, match=r"^axis x: .*more than one TPDO 0x181 .* node id 1\?"):
@@ -116,7 +118,7 @@ def test_tpdos_of_two_are_refused_before_power(stage_machine: Machine) -> None:
         assert {d.motion.state for d in drives.drives} == {State.SWITCH_ON_DISABLED}
 
 
-def test_tpdos_of_two_stop_the_axes_and_are_not_trusted(stage_machine: Machine) -> None:
+def test_tpdos_of_two_devices_stop_the_axes_and_make_no_samples(stage_machine: Machine) -> None:
     with twins(stage_machine) as (stage, drives, muffled):
         stage.boot()
         stage.home()
@@ -142,7 +144,7 @@ def test_tpdos_of_two_stop_the_axes_and_are_not_trusted(stage_machine: Machine) 
     assert (position[21:] == position[20]).all()
 
 
-def test_a_frame_doubled_now_and_then_stops_nothing(stage_machine: Machine) -> None:
+def test_an_occasional_duplicate_frame_stops_nothing(stage_machine: Machine) -> None:
     every = f.Duplicate(f.Frames(probability=0.05), copies=2)
     with faulty(stage_machine, every) as stage:
         stage.boot()
@@ -154,7 +156,7 @@ def test_a_frame_doubled_now_and_then_stops_nothing(stage_machine: Machine) -> N
 
 
 @pytest.mark.parametrize("least", [0.2e-3, 1.2e-3])
-def test_late_tpdos_are_not_doubled_ones(stage_machine: Machine, least: float) -> None:
+def test_late_tpdos_do_not_count_as_doubled(stage_machine: Machine, least: float) -> None:
     """Some come for a SYNC after theirs: two for that one, and none for their own."""
     late = f.Delay(
         f.Frames(frozenset({0x181, 0x182}), "drives", after=1.5, probability=0.3), least, 2.4e-3
@@ -167,7 +169,7 @@ def test_late_tpdos_are_not_doubled_ones(stage_machine: Machine, least: float) -
         assert stage.enabled
 
 
-def test_a_second_sync_doubles_those_of_all(stage_machine: Machine) -> None:
+def test_a_second_sync_is_named_by_the_tpdos_of_all_axes(stage_machine: Machine) -> None:
     with faulty(stage_machine, f.Duplicate(f.Frames(frozenset({0x80}), "host"))) as stage:
         stage.boot()
         with pytest.raises(AxisFault, match="from the other axes: a second SYNC"):

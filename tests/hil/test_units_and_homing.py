@@ -1,4 +1,4 @@
-"""Other units than 1 nm, homing that cannot end, drives left in a fault: virtual time."""
+"""Units other than 1 nm, homing that cannot end, drives left in a fault."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ UNITS = [
 
 
 @pytest.mark.parametrize("units", UNITS)
-def test_drives_of_other_units(stage_machine: Machine, units: str) -> None:
+def test_drives_with_other_units(stage_machine: Machine, units: str) -> None:
     text = stage_machine.text
     for rated in ("rated_force: 40.0", "rated_force: 60.0"):
         text = text.replace(rated, f"{units}\n      {rated}")
@@ -85,7 +85,7 @@ def test_drives_of_other_units(stage_machine: Machine, units: str) -> None:
         assert stage.positions[0] - before == pytest.approx(speed[:, 0].sum() * 1e-3, abs=2e-6)
 
 
-def test_a_unit_that_the_machine_file_has_wrong(stage_machine: Machine) -> None:
+def test_a_wrong_unit_in_the_machine_file_is_named(stage_machine: Machine) -> None:
     machine = stage_machine.text.replace(
         "rated_force: 40.0", "position_unit: 2 nm\n      rated_force: 40.0"
     )
@@ -113,7 +113,7 @@ def test_a_frozen_tpdo_ends_homing_soon_and_is_named(stage_machine: Machine) -> 
         assert not stage.homed
 
 
-def test_an_old_homing_in_frozen_data_is_not_believed(stage_machine: Machine) -> None:
+def test_an_earlier_homing_in_frozen_data_is_not_accepted(stage_machine: Machine) -> None:
     bench = Bench(stage_machine, f.Freeze(f.Frames(TPDO_X, "drives", after=4.0)))
     with bench.open() as stage:
         stage.boot()
@@ -126,7 +126,7 @@ def test_an_old_homing_in_frozen_data_is_not_believed(stage_machine: Machine) ->
             stage.home(force=True)
 
 
-def test_a_fault_left_by_an_earlier_session_says_what_to_do(
+def test_a_fault_of_an_earlier_session_says_how_to_reset_it(
     stage_machine: Machine,
 ) -> None:
     bench = Bench(stage_machine)

@@ -95,7 +95,9 @@ def opened(
         yield stage, drives, world
 
 
-def test_it_is_refused_before_power(stage_machine: Machine, unwatched: tuple[Change, str]) -> None:
+def test_an_unwatched_host_is_refused_before_power(
+    stage_machine: Machine, unwatched: tuple[Change, str]
+) -> None:
     change, said = unwatched
     with opened(stage_machine, change) as (stage, drives, _):
         with pytest.raises(ConfigurationError, match=f"^axis x: {said}.*unwatched_host: accept"):
@@ -103,7 +105,7 @@ def test_it_is_refused_before_power(stage_machine: Machine, unwatched: tuple[Cha
         assert drives.drives[0].motion.state is State.SWITCH_ON_DISABLED
 
 
-def test_accepted_it_is_powered_and_said(
+def test_an_accepted_unwatched_host_is_powered_and_reported(
     stage_machine: Machine, unwatched: tuple[Change, str]
 ) -> None:
     change, said = unwatched
@@ -117,7 +119,7 @@ def test_accepted_it_is_powered_and_said(
         assert stage.enabled
 
 
-def test_what_is_said_is_true(stage_machine: Machine) -> None:
+def test_the_drive_goes_on_without_its_host_as_reported(stage_machine: Machine) -> None:
     with opened(stage_machine, without_consumer, unwatched_host=True) as (stage, drives, world):
         stage.boot()
         stage.home()
@@ -127,7 +129,7 @@ def test_what_is_said_is_true(stage_machine: Machine) -> None:
     assert states == [State.ENABLED, State.SWITCH_ON_DISABLED]
 
 
-def test_an_eds_without_the_object(stage_machine: Machine, tmp_path: Path) -> None:
+def test_an_eds_without_the_object_is_refused(stage_machine: Machine, tmp_path: Path) -> None:
     _, axes = driver_settings(stage_machine)
     text = axes[0].eds.read_text()
     before, _, after = text.partition("[1016]\n")
@@ -153,7 +155,7 @@ def test_a_read_only_reaction_other_than_none_is_a_limitation(stage_machine: Mac
         assert clause.endswith("without its host it faults")
 
 
-def test_a_drive_that_is_let_go_of_is_pre_operational(stage_machine: Machine) -> None:
+def test_a_released_drive_is_pre_operational(stage_machine: Machine) -> None:
     """Its refusal to watch a host is no reason to leave it sending."""
     with opened(stage_machine, refuses_consumer, unwatched_host=True) as (stage, drives, _):
         stage.boot()

@@ -1,4 +1,4 @@
-"""The fixtures that users get: virtual time, one thread, the same bytes every run."""
+"""The pytest fixtures for users: virtual time, one thread, identical bytes in every run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_virtual_stage_is_ready_to_stream(virtual_stage: Stage, hold: Any) -> No
     np.testing.assert_array_equal(np.round(samples.time * 1e3), np.arange(200))
 
 
-def test_virtual_drives_show_what_is_behind_the_curtain(
+def test_virtual_drives_expose_the_plant(
     virtual_stage: Stage, virtual_drives: VirtualStage, travel_to: Any, hold: Any
 ) -> None:
     virtual_stage.stream(*travel_to(virtual_stage, (1e-3, 2e-3), 0.2, 1e-3))
