@@ -33,6 +33,7 @@ from drivers.motion import (
     ProfileMoves,
     ProfilePosition,
     SafeStop,
+    halt,
 )
 from drivers.settings import AxisSettings, BusSettings
 from stagedata import Samples
@@ -307,7 +308,7 @@ class Stage:
         """
         self._power.require_enabled()
         with self._stopping.on_failure():
-            self._power.halt(10 * self._stopping.braking_time + HOLDING_TIMEOUT)
+            halt(self._cycle, 10 * self._stopping.braking_time + HOLDING_TIMEOUT)
 
     @_exclusive
     def reset_faults(self) -> None:

@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable
 
 from drivers.canopen import OwnFrame
-from drivers.drive import Axis
+from drivers.drive import Axis, State, decode
 from drivers.objects import TARGET_POSITION
 
 _MAX_EXTRA = 255
@@ -79,6 +79,11 @@ class Channel:
         self.controlword = self.offset = 0
         self.sent_controlwords.clear()
         self.extra = self.doubled = self._outstanding = 0
+
+    @property
+    def state(self) -> State:
+        """Power state of the last statusword."""
+        return decode(self.statusword)
 
     # -- TPDOs, from one SYNC to the next -----------------------------------------------------
 

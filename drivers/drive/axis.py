@@ -139,7 +139,7 @@ class Axis:
         node.write_optional(od.CYCLE_PERIOD, bus.period_us)
         if not node.write_optional(od.SYNC_WINDOW, bus.window_us) and bus.window_us:
             self.add_limitation(
-                f"{od.SYNC_WINDOW} is not offered: the drive takes late set-points, too"
+                f"{od.SYNC_WINDOW} is not offered: the drive accepts late setpoints"
             )
         value, index = interpolation_period(bus.period_us)
         node.write_optional(od.INTERPOLATION_VALUE, value)

@@ -8,6 +8,7 @@ from drivers.motion.power import HOLDING_TIMEOUT, Power
 from drivers.motion.pp import ProfilePosition
 from drivers.motion.profile_moves import ProfileMoves
 from drivers.motion.safe_stop import SafeStop
+from drivers.motion.standstill import halt
 
 __all__ = [
     "HOLDING_TIMEOUT",
@@ -20,4 +21,5 @@ __all__ = [
     "ProfilePosition",
     "SafeStop",
     "command_text",
+    "halt",
 ]

@@ -74,6 +74,17 @@ def commands_text(evidence: Evidence) -> str:
     return f"{words}{mode}, target {evidence.target}, force offset {evidence.offset:.4g} N"
 
 
+def axis_fault(channel: Channel, what: str) -> AxisFault:
+    """An `AxisFault` with statusword and first emergency; `complete` adds the rest."""
+    alarm = channel.axis.node.alarm
+    parts = [what] if alarm is None else [what, alarm.cause]
+    parts.append(f"statusword 0x{channel.statusword:04X} ({channel.state})")
+    return AxisFault(
+        "; ".join(parts), axis=channel.axis.name, obj=od.STATUSWORD,
+        code=None if alarm is None else alarm.code,
+    )  # fmt: skip
+
+
 def complete(problem: AxisFault, channel: Channel, evidence: Evidence) -> AxisFault:
     """The same fault with all that is known of it; reads by SDO, whose errors are ignored.
 

@@ -15,8 +15,9 @@ from drivers.canopen import error_text
 from drivers.cyclic import Channel, Cycle
 from drivers.drive import Command, Control, Mode, State, Status
 from drivers.errors import HomingError
-from drivers.motion.power import HOLDING_TIMEOUT, Power, state_of
+from drivers.motion.power import HOLDING_TIMEOUT, Power
 from drivers.motion.safe_stop import SafeStop
+from drivers.motion.standstill import wait_for_rest
 from drivers.settings import AxisSettings
 
 START_TIMEOUT = 0.5
@@ -83,7 +84,7 @@ class Homing:
             home(self._cycle, chosen)
             # homing ends with the drive's demand; csp starts at the actual position, so a following
             # error left by then would become a step of the target
-            self._power.wait_for_rest(HOLDING_TIMEOUT)
+            wait_for_rest(self._cycle, HOLDING_TIMEOUT)
             self._cycle.check_alarms()
 
 
@@ -108,8 +109,8 @@ def home(cycle: Cycle, channels: Sequence[Channel]) -> None:
         for channel in channels:
             if progress[channel] is Progress.DONE or not channel.valid:
                 continue
-            if state_of(channel) is not State.OPERATION_ENABLED:
-                raise _error(channel, f"left OPERATION ENABLED, is in {state_of(channel)}")
+            if channel.state is not State.OPERATION_ENABLED:
+                raise _error(channel, f"left OPERATION ENABLED, is in {channel.state}")
             now = next_progress(channel.statusword, progress[channel], elapsed)
             progress[channel] = now
             if now is Progress.DONE:

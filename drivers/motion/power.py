@@ -6,13 +6,14 @@ that enabling causes no motion.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from drivers import objects as od
 from drivers.cyclic import Channel, Cycle
 from drivers.drive import Command, Control, Mode, State, decode, next_controlword
 from drivers.errors import AxisFault, DriverError, NodeError
+from drivers.motion.fault_report import axis_fault
+from drivers.motion.standstill import wait_for_rest
 
 TIMEOUT = 2.0
 """Of a change of power state without motion [s]."""
@@ -20,9 +21,6 @@ HOLDING_TIMEOUT = 1.0
 """For an enabled axis to come to rest, as when the loop settles after homing [s]."""
 RINGING_TIMEOUT = 0.3
 """For an axis without power, which may oscillate on its presliding stiffness for longer [s]."""
-REST_SYNCS = 20
-REST_BAND = 50e-9
-"""An axis is at rest when it stays within this band [m] for `REST_SYNCS`."""
 SDO_DELAY = 0.02
 """An axis still silent or enabled this long after a quick stop is stopped by SDO as well [s]."""
 SILENCE_TIMEOUT = 0.6
@@ -39,22 +37,6 @@ _MODE_BITS = int(
     | Control.CHANGE_ON_SETPOINT
     | Control.HALT
 )
-
-
-def state_of(channel: Channel) -> State:
-    """The power state of the axis' last statusword."""
-    return decode(channel.statusword)
-
-
-def fault(channel: Channel, what: str) -> AxisFault:
-    """An `AxisFault` with statusword and first emergency; `fault_report` adds the rest."""
-    alarm = channel.axis.node.alarm
-    parts = [what] if alarm is None else [what, alarm.cause]
-    parts.append(f"statusword 0x{channel.statusword:04X} ({state_of(channel)})")
-    return AxisFault(
-        "; ".join(parts), axis=channel.axis.name, obj=od.STATUSWORD,
-        code=None if alarm is None else alarm.code,
-    )  # fmt: skip
 
 
 def _timeout(channel: Channel) -> float:
@@ -84,7 +66,7 @@ class Power:
     @property
     def enabled(self) -> bool:
         """Whether all axes were last seen in OPERATION ENABLED."""
-        return all(c.seen and state_of(c) is State.OPERATION_ENABLED for c in self.channels)
+        return all(c.seen and c.state is State.OPERATION_ENABLED for c in self.channels)
 
     def set_mode(self, mode: Mode) -> None:
         """Sets the mode of operation of all axes by SDO and waits for it."""
@@ -102,7 +84,7 @@ class Power:
     def require_enabled(self) -> None:
         """Raises an `AxisFault` where an axis is not in OPERATION ENABLED."""
         for channel in self.channels:
-            if not channel.seen or state_of(channel) is not State.OPERATION_ENABLED:
+            if not channel.seen or channel.state is not State.OPERATION_ENABLED:
                 raise AxisFault("the stage is not enabled", axis=channel.axis.name)
 
     def enter(self, mode: Mode, channels: Sequence[Channel] | None = None) -> None:
@@ -120,7 +102,7 @@ class Power:
         if self.change_over(mode, chosen):
             return
         self.switch_off()
-        self.wait_for_rest(RINGING_TIMEOUT)
+        wait_for_rest(self._cycle, RINGING_TIMEOUT)
         self.set_mode(mode)
         self.go(State.OPERATION_ENABLED, chosen)
 
@@ -134,11 +116,11 @@ class Power:
             AxisFault: an axis faults meanwhile.
         """
         ready = State.OPERATION_ENABLED
-        if self.mode is None or not all(c.seen and state_of(c) is ready for c in channels):
+        if self.mode is None or not all(c.seen and c.state is ready for c in channels):
             return False
         self.ramp_offsets_out()
         if self.mode is Mode.CYCLIC_SYNC_TORQUE:
-            self.wait_for_rest(HOLDING_TIMEOUT)  # nothing holds the axes in cst
+            wait_for_rest(self._cycle, HOLDING_TIMEOUT)  # nothing holds the axes in cst
         for channel in self.channels:
             channel.controlword &= ~_MODE_BITS
             if self.mode is Mode.HOMING:  # the zero has changed since the target was sent
@@ -155,22 +137,6 @@ class Power:
             return False
         self.go(ready, channels)
         return True
-
-    def wait_for_rest(self, timeout: float) -> None:
-        """Waits until all axes are at rest, at most `timeout` [s]."""
-        recent: deque[tuple[int, ...]] = deque(maxlen=REST_SYNCS)
-        for _ in self._cycle.cycles(timeout, checked=False):
-            recent.append(tuple(c.position for c in self.channels))
-            if len(recent) == REST_SYNCS and not self._moved(recent):
-                return
-
-    def _moved(self, recent: Iterable[tuple[int, ...]]) -> list[Channel]:
-        """Axes that left the rest band in these positions [increments]."""
-        return [
-            c
-            for p, c in zip(zip(*recent, strict=True), self.channels, strict=True)
-            if max(p) - min(p) > REST_BAND / c.axis.scale.increment
-        ]
 
     def go(self, target: State, channels: Sequence[Channel] | None = None) -> None:
         """Takes axes (all by default) to a power state.
@@ -192,16 +158,18 @@ class Power:
                 break
         if not late.seen:
             raise self._silence(late)
-        raise fault(late, f"does not reach {target} within {_timeout(late):g} s (enable_timeout)")
+        raise axis_fault(
+            late, f"does not reach {target} within {_timeout(late):g} s (enable_timeout)"
+        )
 
     @staticmethod
     def _step_towards(target: State, channel: Channel) -> bool:
         """Commands the next transition; returns whether the axis is in `target`."""
         if not channel.seen:
             return False
-        state = state_of(channel)
+        state = channel.state
         if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
-            raise fault(channel, IN_FAULT)
+            raise axis_fault(channel, IN_FAULT)
         channel.controlword = next_controlword(state, target, channel.controlword)
         if state is not State.OPERATION_ENABLED:
             channel.stand_still()
@@ -227,7 +195,7 @@ class Power:
                 if not channel.seen:
                     waiting = True
                     continue
-                state = state_of(channel)
+                state = channel.state
                 if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
                     waiting = True
                     channel.controlword = next_controlword(
@@ -243,8 +211,8 @@ class Power:
         for channel in self.channels:
             if not channel.seen:
                 raise self._silence(channel)
-            if state_of(channel) in (State.FAULT, State.FAULT_REACTION_ACTIVE):
-                raise fault(channel, "the fault cannot be reset")
+            if channel.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+                raise axis_fault(channel, "the fault cannot be reset")
 
     def ramp_offsets_out(self) -> None:
         """Ramps the force offsets of enabled axes to 0 at constant targets."""
@@ -279,7 +247,7 @@ class Power:
         for count, _ in enumerate(self._cycle.cycles(longest, checked=False), 1):
             positions = tuple(c.position for c in self.channels)
             still, last = positions == last, positions
-            states = [state_of(c) for c in self.channels if c.valid]
+            states = [c.state for c in self.channels if c.valid]
             # with option codes 5..8 drives stay in QUICK STOP ACTIVE: at standstill they are done
             if not any(
                 s in moving and (s is not State.QUICK_STOP_ACTIVE or not still) for s in states
@@ -291,47 +259,15 @@ class Power:
                 self._cycle.set_heartbeat(moving[0] not in states)
                 self.attempt_by_sdo(
                     Command.QUICK_STOP,
-                    [c for c in self.channels if not c.valid or state_of(c) is moving[0]],
+                    [c for c in self.channels if not c.valid or c.state is moving[0]],
                 )
         for channel in self.channels:
-            if channel.valid and state_of(channel) in moving:
+            if channel.valid and channel.state in moving:
                 raise AxisFault(
-                    f"0x{channel.statusword:04X}: still {state_of(channel)} {timeout:g} s after "
+                    f"0x{channel.statusword:04X}: still {channel.state} {timeout:g} s after "
                     "the quick stop",
                     axis=channel.axis.name, obj=od.STATUSWORD,
                 )  # fmt: skip
-
-    def halt(self, timeout: float) -> None:
-        """Halts all enabled axes by controlword bit 8; they hold where they come to rest.
-
-        Raises:
-            AxisFault: an axis faults, or still moves after `timeout` [s].
-            BusError: the bus fails.
-        """
-        self.brake_by_halt_bit(timeout)
-        for channel in self.channels:
-            channel.stand_still()
-            channel.controlword &= ~int(Control.HALT)
-        self._cycle.resume()
-        self._cycle.exchange()
-
-    def brake_by_halt_bit(self, timeout: float) -> None:
-        """Brakes all axes by controlword bit 8, which stays set; raises as `halt`."""
-        recent: deque[tuple[int, ...]] = deque(maxlen=REST_SYNCS)
-        for channel in self.channels:
-            channel.controlword |= int(Control.HALT)
-            channel.offset = 0
-        for _ in self._cycle.cycles(timeout):
-            recent.append(tuple(c.position for c in self.channels))
-            for channel in self.channels:
-                if channel.valid and state_of(channel) is not State.OPERATION_ENABLED:
-                    raise fault(channel, "left OPERATION ENABLED during a halt")
-            still = len(recent) == REST_SYNCS and not self._moved(recent)
-            # bit 10 (velocity 0 with halt) is not required: not all drives have it
-            if still and all(c.valid for c in self.channels):
-                return
-        moving = self._moved(recent) or self.channels
-        raise fault(moving[0], f"still moves {timeout:g} s after halt")
 
     def switch_off(self) -> None:
         """Switches the power of all axes off, in any state; faults are not raised.
@@ -346,9 +282,9 @@ class Power:
             channel.controlword, channel.offset = int(Command.DISABLE_VOLTAGE), 0
         off = (State.SWITCH_ON_DISABLED, State.FAULT, State.NOT_READY_TO_SWITCH_ON)
         for _ in self._cycle.cycles(TIMEOUT, checked=False):
-            if all(state_of(c) in off if c.valid else c.missed > 1 for c in self.channels):
+            if all(c.state in off if c.valid else c.missed > 1 for c in self.channels):
                 break
-        doubtful = [c for c in self.channels if not (c.valid and state_of(c) in off)]
+        doubtful = [c for c in self.channels if not (c.valid and c.state in off)]
         self.attempt_by_sdo(Command.DISABLE_VOLTAGE, doubtful)
         for channel in self.channels:
             if channel not in doubtful or self._state_by_sdo(channel) in off:

@@ -21,6 +21,7 @@ from drivers.motion.setpoint_handshake import (
     check_enabled,
     hand_over,
 )
+from drivers.motion.standstill import brake
 
 _FROM_TARGET = 0x3
 """Bits of 0x60F2 that are 0 where relative targets count from the previous target."""
@@ -197,7 +198,7 @@ class ProfileMoves:
             ),
             default=0.0,
         )
-        self._power.brake_by_halt_bit(10 * slowest + HOLDING_TIMEOUT)
+        brake(self._cycle, 10 * slowest + HOLDING_TIMEOUT)
         self.halted = True
 
     def resume(self) -> None:

@@ -12,8 +12,8 @@ from drivers import objects as od
 from drivers.cyclic import Channel, Cycle
 from drivers.drive import Command, Control, State, Status
 from drivers.errors import AxisFault
+from drivers.motion.fault_report import axis_fault
 from drivers.motion.limits import Setpoint
-from drivers.motion.power import fault, state_of
 
 HANDSHAKE_TIMEOUT = 0.5
 NEAR = 5e-6
@@ -66,7 +66,7 @@ def hand_over(
         moved = (
             abs(channel.position - before) > near or abs(channel.position - setpoint.end) <= near
         )
-        if not moved or state_of(channel) is not State.OPERATION_ENABLED:
+        if not moved or channel.state is not State.OPERATION_ENABLED:
             raise unanswered
         acknowledged = False
         channel.axis.add_limitation(
@@ -101,8 +101,8 @@ def await_target(cycle: Cycle, channel: Channel, setpoint: Setpoint, timeout: fl
 
 def check_enabled(channel: Channel) -> None:
     """Raises an `AxisFault` where the last sample shows an axis out of OPERATION ENABLED."""
-    if channel.valid and state_of(channel) is not State.OPERATION_ENABLED:
-        raise fault(channel, "stopped during a profile move")
+    if channel.valid and channel.state is not State.OPERATION_ENABLED:
+        raise axis_fault(channel, "stopped during a profile move")
 
 
 def _samples(cycle: Cycle, channel: Channel, timeout: float) -> Iterator[None]:
