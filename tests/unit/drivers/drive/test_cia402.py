@@ -6,8 +6,19 @@ import itertools
 
 import pytest
 
-from drivers.drive import TRANSITIONS, Command, State, decode, next_command, next_controlword
-from drivers.drive.cia402 import AUTOMATIC, HOLD
+from drivers.drive.cia402 import (
+    AUTOMATIC,
+    HOLD,
+    TRANSITIONS,
+    Command,
+    Control,
+    Mode,
+    State,
+    Status,
+    decode,
+    next_command,
+    next_controlword,
+)
 
 REACHABLE = [
     State.SWITCH_ON_DISABLED,
@@ -136,3 +147,19 @@ def test_in_a_commanded_fault_state_the_controlword_stays(state: State) -> None:
 
 def test_the_previous_controlword_defaults_to_zero() -> None:
     assert next_controlword(State.NOT_READY_TO_SWITCH_ON, State.SWITCH_ON_DISABLED) == 0x0000
+
+
+def test_bits_and_modes_are_those_of_the_printed_tables() -> None:
+    """Controlword, statusword with the modes' own bits, and 0x6060, by CiA 402-2."""
+    assert [1 << n for n in (4, 5, 6, 8, 9)] == [
+        Control.NEW_SETPOINT, Control.CHANGE_IMMEDIATELY, Control.RELATIVE, Control.HALT,
+        Control.CHANGE_ON_SETPOINT,
+    ]  # fmt: skip
+    assert Control.START_HOMING == 1 << 4
+    assert [1 << n for n in (4, 7, 9, 10, 11, 12, 13)] == [
+        Status.VOLTAGE_ENABLED, Status.WARNING, Status.REMOTE, Status.TARGET_REACHED,
+        Status.INTERNAL_LIMIT, Status.SETPOINT_ACKNOWLEDGED, Status.FOLLOWING_ERROR,
+    ]  # fmt: skip
+    assert Status.HOMING_ATTAINED == Status.FOLLOWS_COMMAND == 1 << 12
+    assert Status.HOMING_ERROR == 1 << 13
+    assert [int(m) for m in Mode] == [1, 6, 8, 9, 10]
