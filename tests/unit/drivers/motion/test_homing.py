@@ -89,3 +89,29 @@ def test_homing_failures_are_distinguished(
         stage.home()
     assert not stage.homed
     assert power_is_off(scripted)
+
+
+@pytest.mark.parametrize("refusing", [X, Y])
+def test_a_mode_that_is_refused_under_power_is_set_without(
+    stage: Stage, scripted: Any, refusing: int
+) -> None:
+    """0x08000022: not in this state of the device."""
+    mode, modes_under_power = (0x6060, 0), []
+
+    def reluctant(homing: Any) -> Any:
+        def on_sync(drive: Any, count: int) -> None:
+            drive.refuse.pop(mode, None)
+            if drive.state is State.OPERATION_ENABLED:
+                drive.refuse[mode] = 0x08000022
+                modes_under_power.append(drive.objects[mode])
+            homing(drive, count)
+
+        return on_sync
+
+    for axis, drive in enumerate(scripted.drives):
+        homing = _homing([0x400, 0, 0x1400])
+        drive.on_sync = reluctant(homing) if axis == refusing else homing
+    stage.enable()
+    stage.home()
+    assert stage.homed
+    assert list(dict.fromkeys(modes_under_power)) == [8, 6]
