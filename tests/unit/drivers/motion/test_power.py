@@ -228,3 +228,34 @@ def test_a_silent_axis_is_given_the_time_to_miss_the_host(stage: Stage, scripted
     stage.quick_stop()
     assert stops[-1] - begin >= 0.59e9
     assert scripted.drives[Y].state is State.SWITCH_ON_DISABLED
+
+
+def test_an_emergency_on_the_way_to_power_ends_it(stage: Stage, scripted: Any) -> None:
+    """Also where the drive goes on as if nothing had been."""
+    drive = scripted.drives[Y]
+
+    def shouts(d: Any, count: int) -> None:
+        if d.state is State.SWITCHED_ON:
+            d.emergency(0x3210)
+
+    drive.on_sync = shouts
+    with pytest.raises(AxisFault, match=r"^axis y: .*DC link over-voltage \(0x3210\)"):
+        stage.enable()
+    assert not stage.enabled
+    assert [d.state for d in scripted.drives] == [State.SWITCH_ON_DISABLED] * 2
+
+
+def test_a_drive_that_refuses_a_word_by_sdo_does_not_keep_it_from_the_other(
+    stage: Stage, scripted: Any
+) -> None:
+    stage.enable()
+
+    def goes_on(drive: Any, count: int) -> None:
+        drive.state = State.OPERATION_ENABLED
+
+    for drive in scripted.drives:
+        drive.on_sync = goes_on
+    scripted.drives[X].refuse[CONTROLWORD, 0] = 0x08000022
+    stage.safe_stop()
+    words = [value for index, _, value in scripted.drives[Y].writes if index == CONTROLWORD]
+    assert words == [QUICK_STOP, QUICK_STOP, DISABLE_VOLTAGE]
