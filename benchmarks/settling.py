@@ -1,6 +1,7 @@
 """Settling of micro-moves with estimated friction, compared with the true figures.
 
     python benchmarks/settling.py [--seeds 12] [--truth file|drawn|both]
+    python benchmarks/settling.py --laws [--seeds 5]
 
 Whole runs of the recipe inspection-20 on the virtual stage, through `stagectl.run.execute`: every
 seed once with estimated friction, started at half of the machine file's figures, and once as
@@ -8,11 +9,15 @@ seed once with estimated friction, started at half of the machine file's figures
 site on, both axes together. The true stage is the machine file's (`file`), or one whose Coulomb
 force, viscous friction, stiffness and attraction deviate by -40 to +60 %, drawn for each seed and
 axis (`drawn`).
+
+With `--laws`: the file's stage under the friction laws gms and coulomb, each with a host that uses
+either.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 
 import numpy as np
 from machine_facts import machine_facts
@@ -22,6 +27,7 @@ from stagectl.config.machine import Machine
 from stagectl.config.machine_file import load_machine
 from stagectl.recipe import load_recipe
 from stagectl.sequencer import Mode
+from stagedata import LAWS, LawName
 
 FIRST_SITE = 4
 LEAST, MOST = 0.6, 1.6
@@ -50,22 +56,71 @@ def drawn(machine: Machine, seed: int) -> Machine:
     return machine.model_copy(update={"axes": axes})
 
 
-def figures(mode: Mode, which: str, seeds: int) -> dict[str, np.ndarray]:
-    """Peak error [m] and settling [s] of every micro-move."""
-    machine = load_machine(None)
+def of_law(machine: Machine, law: LawName) -> Machine:
+    """The same stage under another friction law, without the figures that it does not have."""
+    axes = {}
+    for name, axis in machine.axes.items():
+        gone = {key: None for key in LAWS["gms"] if key not in LAWS[law]}
+        friction = axis.plant.friction.model_copy(update={"model": law, **gone})
+        plant = axis.plant.model_copy(update={"friction": friction})
+        axes[name] = axis.model_copy(update={"plant": plant})
+    return machine.model_copy(update={"axes": axes})
+
+
+def micro_moves(
+    mode: Mode, machine: Machine, truth: Callable[[int], Machine], seeds: int
+) -> dict[str, np.ndarray]:
+    """Peak error [m], settling [s] and whether it settled to 50 nm, of every micro-move.
+
+    Args:
+        mode: of compensation; an estimating host starts at half of the machine's figures.
+        machine: as the host believes it.
+        truth: the stage of each seed.
+        seeds: runs, from seed 1 on.
+    """
     recipe = load_recipe(RECIPE, machine)
     case = Case("", mode, 0.5 if mode is Mode.ESTIMATED else 1.0)
     rows = []
     for seed in range(1, seeds + 1):
-        truth = machine if which == "file" else drawn(machine, seed)
-        summary = run(case, recipe, machine, seed, truth)
+        summary = run(case, recipe, machine, seed, truth(seed))
         rows += [
-            (move["peak_error"], move["settling"]["5e-08"], move["settling"]["2e-07"])
+            (
+                move["peak_error"], move["settling"]["5e-08"], move["settling"]["2e-07"],
+                move["settled"],
+            )
             for move in summary["moves"]
             if move["kind"] == "micro" and move["site"] >= FIRST_SITE
-        ]
-    peak, fine, coarse = np.array(rows, dtype=float).T
-    return {"peak": peak, "fine": fine, "coarse": coarse}
+        ]  # fmt: skip
+    peak, fine, coarse, settled = np.array(rows, dtype=float).T
+    return {"peak": peak, "fine": fine, "coarse": coarse, "settled": settled}
+
+
+def figures(mode: Mode, which: str, seeds: int) -> dict[str, np.ndarray]:
+    """Micro-moves on the file's stage, or on drawn ones."""
+    machine = load_machine(None)
+    return micro_moves(
+        mode, machine, lambda seed: machine if which == "file" else drawn(machine, seed), seeds
+    )
+
+
+def compare_laws(seeds: int) -> None:
+    """Print the table of `--laws`."""
+    print(
+        f"seeds 1..{seeds}; {machine_facts()}\n\n"
+        "| true stage | host | micro-moves | peak, median, µm | to ±50 nm, median (mean), ms "
+        "| to ±200 nm, median (mean), ms | not settled |\n"
+        "| --- | --- | --- | --- | --- | --- | --- |"
+    )
+    machine = load_machine(None)
+    for law in LAWS:
+        truth = of_law(machine, law)
+        for host in LAWS:
+            own = micro_moves(Mode.ESTIMATED, of_law(machine, host), lambda _, t=truth: t, seeds)
+            cells = [law, host, str(len(own["peak"])), f"{np.median(own['peak']) * 1e6:.3f}"]
+            for time in (own["fine"] * 1e3, own["coarse"] * 1e3):
+                cells.append(f"{np.median(time):.1f} ({time.mean():.1f})")
+            cells.append(f"{1.0 - own['settled'].mean():.0%}")
+            print("| " + " | ".join(cells) + " |", flush=True)
 
 
 def main() -> None:
@@ -73,7 +128,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--seeds", type=int, default=12)
     parser.add_argument("--truth", choices=("file", "drawn", "both"), default="both")
+    parser.add_argument("--laws", action="store_true", help="compare friction laws instead")
     arguments = parser.parse_args()
+    if arguments.laws:
+        compare_laws(arguments.seeds)
+        return
     print(
         f"seeds 1..{arguments.seeds}; {machine_facts()}\n\n"
         "| true stage | force offsets | micro-moves | to ±50 nm, mean, ms | over the oracle's "

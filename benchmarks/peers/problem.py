@@ -24,8 +24,8 @@ from estimation.friction import (
     Figures,
     FrictionState,
     count_states,
-    figures_at,
     follow,
+    kernel_figures,
     make_constants,
 )
 from estimation.friction import follow_positions as follow_elements
@@ -147,7 +147,7 @@ class Problem:
         """What `compiled_residual` takes between p and its result."""
         rows = self.rows(free)
         return (
-            self.position, self.velocity, self.acceleration, self.force, figures_at(START, TS),
+            self.position, self.velocity, self.acceleration, self.force, kernel_figures(START, TS),
             make_constants(START), self.scale, self.spread, np.array(free), rows.start,
             rows.stop, self.factor(rows.stop - rows.start),
         )  # fmt: skip

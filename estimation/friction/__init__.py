@@ -19,7 +19,7 @@ from estimation.friction.model import (
     FrictionState,
     breakaway_travel,
     count_states,
-    figures_at,
+    kernel_figures,
     make_constants,
 )
 
@@ -33,11 +33,11 @@ __all__ = [
     "breakaway_travel",
     "count_states",
     "element_shares",
-    "figures_at",
     "follow",
     "follow_positions",
     "follow_varying",
     "friction_feedforward",
+    "kernel_figures",
     "level_with_target",
     "make_constants",
     "mass_feedforward",

@@ -52,8 +52,8 @@ def has_presliding(law):  # type: ignore[no-untyped-def]
 
 @kernel()
 def breakaway_travel(law, coulomb, stiffness, alpha):  # type: ignore[no-untyped-def]
-    """What a stage with that stiffness has of it [m]: not predicted, but kept out of zone A."""
-    return 2.0 * (1.0 + alpha) * coulomb / stiffness
+    """No presliding [m]."""
+    return 0.0
 
 
 @kernel()

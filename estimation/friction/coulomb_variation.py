@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimation.friction.follow import REST_BAND, follow, follow_positions
+from estimation.friction.follow import REST_BAND, follow, follow_positions, steps_within
 from estimation.friction.law import F64
-from estimation.friction.model import FrictionState, figures_at, make_constants
+from estimation.friction.model import FrictionState, kernel_figures, make_constants
 from estimation.move import MoveData
 from estimation.trajectory import Trajectory
 from stagedata import FrictionFigures
@@ -46,10 +46,11 @@ def follow_varying(
     """
     force = np.empty(len(position))
     follow_positions(
-        make_constants(friction), figures_at(friction, period),
+        make_constants(friction), kernel_figures(friction, period),
         friction.coulomb * (1.0 + variation), state.forces, state.slipping, state.memory,
         np.ascontiguousarray(position),
-        np.ascontiguousarray(velocity), substeps, band, force, np.empty((len(position), 3)),
+        np.ascontiguousarray(velocity), steps_within(friction, substeps), band, force,
+        np.empty((len(position), 3)),
     )  # fmt: skip
     return force
 

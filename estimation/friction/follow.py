@@ -24,7 +24,7 @@ from estimation.friction.law import (
     step,
     stribeck_rise,
 )
-from estimation.friction.model import FrictionState, figures_at, make_constants
+from estimation.friction.model import FrictionState, kernel_figures, make_constants
 from stagedata import FrictionFigures
 
 REST_BAND = 4e-9
@@ -99,6 +99,15 @@ def follow_positions(  # type: ignore[no-untyped-def]
     memory[0], memory[1] = direction, reference
 
 
+def steps_within(friction: FrictionFigures, substeps: int) -> int:
+    """Steps inside a sample: one where the law has no presliding.
+
+    At a stop the linear velocity inside a sample ends a little beyond zero: a spring back of
+    nothing with presliding, twice the static force without.
+    """
+    return substeps if friction.has("stiffness") else 1
+
+
 def follow(
     friction: FrictionFigures,
     state: FrictionState,
@@ -127,9 +136,9 @@ def follow(
     force = np.empty(len(position))
     jacobian = np.empty((len(position), 3))
     follow_positions(
-        make_constants(friction), figures_at(friction, period),
+        make_constants(friction), kernel_figures(friction, period),
         np.array([friction.coulomb]), state.forces, state.slipping, state.memory,
         np.ascontiguousarray(position),
-        np.ascontiguousarray(velocity), substeps, band, force, jacobian,
+        np.ascontiguousarray(velocity), steps_within(friction, substeps), band, force, jacobian,
     )  # fmt: skip
     return force, jacobian

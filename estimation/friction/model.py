@@ -35,7 +35,7 @@ def count_states(friction: FrictionFigures) -> int:
     return LAWS[friction.law].count_states(friction.elements)
 
 
-def figures_at(friction: FrictionFigures, period: float) -> Figures:
+def kernel_figures(friction: FrictionFigures, period: float) -> Figures:
     """The figures at which compiled calls evaluate the law; `period` of the samples [s]."""
     rate = friction.relaxation_rate
     kept = law.retained(make_constants(friction), rate, period)

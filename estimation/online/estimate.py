@@ -21,7 +21,6 @@ from estimation.online.outcome import (
 from estimation.online.prepare import MUTE, TOO_LITTLE, UNBEGUN
 from stagedata import FrictionFigures
 
-FIGURES_OF_FRICTION = FIGURES[:MASS]
 TELLING = 0.5
 """A move that leaves more than this of the level's variance does not show the level."""
 
@@ -80,12 +79,12 @@ class Estimate:
 
     @property
     def sigma(self) -> dict[str, float]:
-        """Standard deviations of coulomb [N], viscous [N s/m], stiffness [N/m], relaxation_rate."""
+        """Standard deviations of the figures that the law has, by name, in their units."""
         return spreads(np.sqrt(self._outcome.covariance.diagonal()), self._facts[0])
 
     @property
     def covariance(self) -> F64:
-        """Of the figures in `sigma` in that order, shape (4, 4)."""
+        """Of the n figures in `sigma` in that order, shape (n, n)."""
         return in_units(self._outcome.covariance, self._facts[0])
 
     @property
@@ -173,15 +172,17 @@ def sliding_shown(outcome: Outcome, telling: float = TELLING) -> tuple[float, fl
 
 
 def spreads(relative: F64, start: FrictionFigures) -> dict[str, float]:
-    """Standard deviations of the friction figures in their units, by name."""
+    """Standard deviations of the law's figures in their units, by name."""
     return {
         name: float(relative[i]) * float(getattr(start, name))
-        for i, name in enumerate(FIGURES_OF_FRICTION)
+        for i, name in enumerate(FIGURES[:MASS])
+        if start.has(name)
     }
 
 
 def in_units(relative: F64, start: FrictionFigures) -> F64:
-    """Covariance of the friction figures in their units, shape (4, 4)."""
-    scale = np.array([float(getattr(start, name)) for name in FIGURES_OF_FRICTION])
-    covariance: F64 = relative[:MASS, :MASS] * np.outer(scale, scale)
+    """Covariance of the law's figures in their units, in the order of `spreads`."""
+    own = [i for i, name in enumerate(FIGURES[:MASS]) if start.has(name)]
+    scale = np.array([float(getattr(start, FIGURES[i])) for i in own])
+    covariance: F64 = relative[np.ix_(own, own)] * np.outer(scale, scale)
     return covariance

@@ -122,7 +122,7 @@ class SplitHorizonEstimator:
 
     @property
     def covariance(self) -> F64:
-        """Of the four friction figures, in their units, shape (4, 4)."""
+        """Of the n figures in `sigma`, in their units, shape (n, n)."""
         return in_units(self._belief.covariance, self._start)
 
     def believe(self, figures: Mapping[str, tuple[float, float]]) -> None:
@@ -132,10 +132,11 @@ class SplitHorizonEstimator:
 
         Args:
             figures: value and standard deviation of coulomb [N], viscous [N s/m], stiffness [N/m]
-                and relaxation_rate [1/s], by name; those that are missing stay.
+                and relaxation_rate [1/s], by name; those that are missing stay, those that the law
+                does not have are left out.
         """
         for i, name in enumerate(FIGURES[:MASS]):
-            if name in figures:
+            if name in figures and self._start.has(name):
                 value, sigma = figures[name]
                 unit = float(self._axis["unit"][i])
                 self._belief.set_apart(i, value / unit, sigma / unit)

@@ -27,6 +27,7 @@ from sim2real.gap import (
     prepare_replay,
 )
 from sim2real.report import GapReport
+from sim2real.tracking import require_presliding
 from stagedata import Recording
 
 _FLOOR_DRAWS = 3
@@ -84,8 +85,9 @@ def draw_trial(setup: Setup, number: int) -> Trial:
     """Draw moves, effects and base parameters of a trial; run the stage twice; seal the answer.
 
     Raises:
-        ValueError: `only` names no effect.
+        ValueError: `only` names no effect, or the stage's friction law cannot be tracked.
     """
+    require_presliding(setup.settings)
     rng = np.random.default_rng([setup.seed, number])
     demands = draw_demands(rng, setup.settings)
     other = draw_demands(rng, setup.settings)

@@ -29,6 +29,7 @@ from sim2real.report import (
     ChannelFinding,
     GapReport,
 )
+from sim2real.tracking import require_presliding
 from stagedata import Recording
 
 SLOWEST = 0.01
@@ -83,8 +84,10 @@ def examine(
         progress: called along the way.
 
     Raises:
-        ValueError: a recording does not fit the machine file; with the recording's name.
+        ValueError: a recording does not fit the machine file; with the recording's name. Or a
+            friction law that cannot be tracked, with the axis.
     """
+    require_presliding(settings)
     names = tuple(r.source for r in recordings)
     for recording in recordings:
         reason = why_insufficient(recording, settings)

@@ -12,7 +12,7 @@ from sim2real.tracking.error_states import (
     innovation_response,
     propagate_covariance,
 )
-from sim2real.tracking.tracker import Track, Tracker, needs_other_axes
+from sim2real.tracking.tracker import Track, Tracker, needs_other_axes, require_presliding
 
 __all__ = [
     "STATES",
@@ -24,4 +24,5 @@ __all__ = [
     "innovation_response",
     "needs_other_axes",
     "propagate_covariance",
+    "require_presliding",
 ]

@@ -81,6 +81,22 @@ class _Run:
         return Gains(**{name: np.ascontiguousarray(v[:, at]) for name, v in self.filter.items()})
 
 
+def require_presliding(settings: StageSettings) -> None:
+    """Refuse a stage whose friction law the filter's error states do not describe.
+
+    Without presliding the force at rest is no function of the state: it cannot be corrected.
+
+    Raises:
+        ValueError: naming axis and law.
+    """
+    for axis in settings.axes:
+        if not axis.friction.has("stiffness"):
+            raise ValueError(
+                f"axis {axis.name}: plant.friction.model: a diagnosis needs gms, "
+                f"is {axis.friction.law}"
+            )
+
+
 class Tracker:
     """Tracks one axis of a recording under any model of it.
 

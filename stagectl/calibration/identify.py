@@ -51,10 +51,16 @@ def identify_axis(
         elements: number of Maxwell-slip elements; default: the machine file's.
 
     Raises:
-        UnusableInput: a recording lacks that axis or samples, or has another SYNC period.
+        UnusableInput: a recording lacks that axis or samples, or has another SYNC period; or the
+            machine file has another friction law than gms.
     """
     axis, period = machine.axes[name], machine.bus.sync_period
     friction = axis.plant.friction.figures
+    if not friction.has("stiffness"):
+        key = f"axes.{name}.plant.friction.model"
+        raise UnusableInput(
+            f"{machine.source}: {key}: identification starts from figures of gms, is {friction.law}"
+        )
     if elements is not None:
         friction = replace(friction, elements=elements)
     pieces: list[tuple[Samples, F64]] = []

@@ -69,6 +69,7 @@ class SiteSequence:
             gains[name].after <= goal
             for gains in self.gains.values()
             for name, goal in goals.items()
+            if name in gains
         )
 
 
@@ -102,17 +103,18 @@ def _moves(machine: Machine, rounds: int, reach: float, creep: float) -> tuple[E
     slide = _profile(machine, 0.5, 3.0, 50.0)
     fine = _profile(machine, 0.01, 0.2, 20.0)
     slow = _profile(machine, 0.001, 0.1, 10.0)
-    # Twice the breakaway travel is certainly past presliding.
+    # Twice the breakaway travel is certainly past presliding; a law may have none.
     figures = [axis.plant.friction.figures for axis in machine.axes.values()]
     turn = 2.0 * max(breakaway_travel(friction) for friction in figures)
     steps: list[tuple[float, str, Profile]] = []
     for _ in range(rounds):
         steps += [(reach, "other", slide), (0.0, "other", slide)]
         steps += [(-reach, "other", slide), (0.0, "other", slide)]
-    steps += [(turn, "micro", fine), (-turn, "micro", fine)]
-    if creep:
-        steps.append((creep, "creep", slow))
-    steps.append((0.0, "micro", fine))
+    if turn > 0.0:
+        steps += [(turn, "micro", fine), (-turn, "micro", fine)]
+        if creep:
+            steps.append((creep, "creep", slow))
+        steps.append((0.0, "micro", fine))
     return tuple(Excursion((offset, offset), kind, profile) for offset, kind, profile in steps)  # type: ignore[arg-type]
 
 
@@ -141,7 +143,7 @@ def _gain(
     """Run the estimator on its own model's response to the moves of one axis."""
     friction = axis.plant.friction.figures
     estimator = AxisCompensation(axis, friction, Mode.ESTIMATED, period).estimator
-    values = {name: float(getattr(friction, name)) for name in START}
+    values = {name: float(getattr(friction, name)) for name in START if friction.has(name)}
     estimator.believe({name: (value, START[name] * value) for name, value in values.items()})
     state = FrictionState.relaxed(count_states(friction), 0.0)
     state.forces[:] = 0.0

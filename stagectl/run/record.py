@@ -267,13 +267,12 @@ class RunRecord:
     def _note_friction(self, event: FrictionUpdated, record: EstimateRecord) -> None:
         estimate, friction = event.estimate, event.estimate.friction
         sigma = dict(estimate.sigma)
-        rate = sigma.pop("relaxation_rate")
-        # C = rate Fc: relative variances add.
-        sigma["attraction"] = (
-            friction.attraction
-            * ((rate / friction.relaxation_rate) ** 2 + (sigma["coulomb"] / friction.coulomb) ** 2)
-            ** 0.5
-        )
+        units = {name: unit for name, unit in UNITS.items() if friction.has(name)}
+        if "attraction" in units:
+            rate = sigma.pop("relaxation_rate") / friction.relaxation_rate
+            # C = rate Fc: relative variances add.
+            relative = (rate**2 + (sigma["coulomb"] / friction.coulomb) ** 2) ** 0.5
+            sigma["attraction"] = friction.attraction * relative
         entry = FrictionEntry(
             site=event.site,
             axis=event.axis,
@@ -282,10 +281,10 @@ class RunRecord:
             compute_time=event.compute_time,
             parameters={
                 name: ParameterEstimate(float(getattr(friction, name)), sigma[name], unit)
-                for name, unit in UNITS.items()
+                for name, unit in units.items()
             },
-            gain={name: estimate.gain[_ESTIMATED_AS.get(name, name)] for name in UNITS},
-            held=[name for name in UNITS if _ESTIMATED_AS.get(name, name) in estimate.held],
+            gain={name: estimate.gain[_ESTIMATED_AS.get(name, name)] for name in units},
+            held=[name for name in units if _ESTIMATED_AS.get(name, name) in estimate.held],
         )
         self._friction.append(entry)
         self.journal.event(

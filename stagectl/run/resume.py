@@ -68,6 +68,8 @@ def _resumed(folder: Path, notes: RunNotes, run: Mapping[str, Any]) -> Resumed:
 def _figures(parameters: Mapping[str, Sequence[float]]) -> Figures:
     """Figures of a `friction` event; the relaxation rate is C / Fc: relative variances add."""
     known = {name: _pair(pair) for name, pair in parameters.items()}
+    if "attraction" not in known:
+        return known
     attraction, sigma = known.pop("attraction")
     coulomb, coulomb_sigma = known["coulomb"]
     rate = attraction / coulomb

@@ -13,7 +13,6 @@ from importlib import metadata
 from pathlib import Path
 from uuid import uuid4
 
-from estimation.online import FIGURES, MASS
 from stagectl.history import (
     EstimateRecord,
     History,
@@ -96,7 +95,7 @@ class RunHistory:
             distance=event.distance,
             accepted=estimate.accepted,
             reason=estimate.reason,
-            figures={name: float(getattr(estimate.friction, name)) for name in FIGURES[:MASS]},
+            figures={name: float(getattr(estimate.friction, name)) for name in estimate.sigma},
             covariance=tuple(estimate.covariance.ravel().tolist()),
             level=estimate.level,
             measured=measured_level(estimate) if placed or event.reach <= LOCAL else None,

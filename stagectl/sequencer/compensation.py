@@ -343,7 +343,8 @@ def make_compensation(
         for name, compensation in zip(machine.axes, made, strict=True):
             if name in known:
                 compensation.estimator.believe(known[name])
-    _compile_kernels(next(iter(machine.axes.values())), machine.bus.sync_period)
+    for axis in {axis.plant.friction.model: axis for axis in machine.axes.values()}.values():
+        _compile_kernels(axis, machine.bus.sync_period)
     return made
 
 

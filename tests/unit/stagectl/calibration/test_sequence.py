@@ -5,7 +5,9 @@ import math
 import pytest
 
 from stagectl.calibration import DueSection, load_calibration
-from stagectl.calibration.sequence import GOALS
+from stagectl.calibration.sequence import GOALS, choose_sequence
+from stagectl.config import parse_machine
+from tests.simple_law import simple_law_text
 
 DUE = DueSection(days=10, moves=100, distance=5.0)
 FILE = "calibrate: weekly\nsites: [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]\n"
@@ -31,3 +33,10 @@ def test_the_sequence_reaches_its_goals(machine, tmp_path):
     offsets = [e.offset[0] for e in sequence.excursions]
     assert min(offsets) < 0 < max(offsets)
     assert offsets[-1] == 0.0
+
+
+def test_without_presliding_the_sequence_slides_only():
+    chosen = choose_sequence(parse_machine(simple_law_text(), "m.yaml"))
+    assert chosen.reaches()
+    assert {e.kind for e in chosen.excursions} == {"other"}
+    assert all(set(gains) == {"coulomb", "viscous"} for gains in chosen.gains.values())

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from stagectl.config import load_machine, parse_machine
+from tests.simple_law import OF_PRESLIDING, simple_law_text
 
 GOOD = load_machine().text
 ProblemsOf = Callable[[str], tuple[str, ...]]
@@ -79,18 +80,8 @@ def test_inconsistent_values_are_one_line_at_their_place(
     check_refused(old, new, key_and_reason)
 
 
-OF_PRESLIDING = ("elements", "stiffness", "attraction")
-
-
-def simple_law(*kept: str) -> str:
-    """The packaged machine with the law coulomb on both axes; of presliding, what is `kept`."""
-    gone = tuple(f"{key}:" for key in OF_PRESLIDING if key not in kept)
-    lines = GOOD.replace("model: gms", "model: coulomb").splitlines(keepends=True)
-    return "".join(line for line in lines if not line.strip().startswith(gone))
-
-
 def test_the_simple_law_has_no_figures_of_presliding() -> None:
-    x = parse_machine(simple_law(), "m.yaml").axes["x"]
+    x = parse_machine(simple_law_text(), "m.yaml").axes["x"]
     figures = x.plant.friction.figures
     assert (figures.law, figures.coulomb, figures.static_ratio) == ("coulomb", 6.0, 0.4)
     assert (figures.elements, figures.stiffness, figures.attraction) == (0, 0.0, 0.0)
@@ -98,14 +89,14 @@ def test_the_simple_law_has_no_figures_of_presliding() -> None:
 
 @pytest.mark.parametrize("key", OF_PRESLIDING)
 def test_a_figure_that_the_law_does_not_have_is_refused(key: str, problems_of: ProblemsOf) -> None:
-    x, y = problems_of(simple_law(key))
+    x, y = problems_of(simple_law_text(key))
     assert x.endswith(f"axes.x.plant.friction.{key}: the law coulomb has no such figure")
     assert y.endswith(f"axes.y.plant.friction.{key}: the law coulomb has no such figure")
 
 
 @pytest.mark.parametrize("key", OF_PRESLIDING)
 def test_a_figure_of_the_law_has_to_be_there(key: str, problems_of: ProblemsOf) -> None:
-    lines = simple_law(*(set(OF_PRESLIDING) - {key})).replace("model: coulomb", "model: gms")
+    lines = simple_law_text(*(set(OF_PRESLIDING) - {key})).replace("model: coulomb", "model: gms")
     x, y = problems_of(lines)
     assert x.endswith(f"axes.x.plant.friction.{key}: is missing")
     assert y.endswith(f"axes.y.plant.friction.{key}: is missing")

@@ -8,6 +8,7 @@ import pytest
 
 from stagectl.config import driver_settings, load_machine, parse_machine, stage_settings
 from stagectl.errors import ConfigError
+from tests.simple_law import simple_law_text
 
 
 def test_stage_settings_hold_the_figures_exactly() -> None:
@@ -87,3 +88,13 @@ def test_a_plant_too_stiff_for_the_steps_is_refused(old: str, new: str, problem:
     with pytest.raises(ConfigError) as caught:
         stage_settings(machine)
     assert str(caught.value).partition(": ")[2] == problem
+
+
+def test_an_effect_on_presliding_needs_a_law_that_has_it() -> None:
+    effects = "    effects: [{effect: presliding_stiffness, ratio: 2.0}]\n  y:\n"
+    with pytest.raises(ConfigError) as caught:
+        stage_settings(parse_machine(simple_law_text().replace("  y:\n", effects, 1), "m.yaml"))
+    (line,) = caught.value.problems
+    place, _, reason = line.partition(": presliding_stiffness: ")
+    assert place.endswith("axes.x.effects[1]")
+    assert reason == "the friction law coulomb has no presliding stiffness"
