@@ -40,7 +40,7 @@ def test_effects_reach_the_simulator() -> None:
         (
             "{effect: cogging, amplitude: 1, pitch: 0.03}",
             r"m:12:15: axes\.x\.effects\[1\]: cogging: phase is missing "
-            r"\(at position 0 \[rad\]\)",
+            r"\(phase at position 0 \[rad\]\)",
         ),
         (
             "{effect: cogging, amplitude: 1, pitch: 0, phase: 0}",
