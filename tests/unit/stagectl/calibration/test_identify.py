@@ -94,7 +94,7 @@ def test_the_command_prints_what_it_writes(answer):
     assert list(report["axes"]) == ["x"]
     keys = {"unit", "prior", "prior_sigma", "value", "sigma", "gain", "verdict"}
     assert all(set(f) == keys for f in report["axes"]["x"]["figures"].values())
-    for text in ("static_ratio", "force_offset [N]", "estimated", "held out", "nu_i"):
+    for text in ("static_ratio", "force_offset [N]", "estimated", "held-out moves", "nu_i"):
         assert text in printed
     assert max(len(line) for line in printed.splitlines()) <= 80
 
