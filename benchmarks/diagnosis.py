@@ -32,7 +32,7 @@ from sim2real.diagnosis import Examination, diagnose, examine
 from sim2real.fitting import STEP, AxisModel, Term, coordinates, from_coordinates
 from sim2real.gap import Measured
 from stagectl.config.machine_file import load_machine, parse_machine
-from stagectl.config.mapping import stage_settings
+from stagectl.config.package_settings import stage_settings
 from stagectl.store import read_recording
 from stagedata import Recording
 

@@ -20,7 +20,7 @@ from sim2real.attribution import fit_friction_profile, fit_travel_hysteresis
 from sim2real.blind import Setup, draw_trial
 from sim2real.diagnosis import examine
 from stagectl.config.machine_file import load_machine
-from stagectl.config.mapping import stage_settings
+from stagectl.config.package_settings import stage_settings
 
 KINDS = {"friction_position": "friction over position", "cable_hysteresis": "hysteresis"}
 

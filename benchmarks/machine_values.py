@@ -29,7 +29,7 @@ import yaml
 
 from hil_sim.effects.library import library
 from stagectl.config.machine_file import load_machine
-from stagectl.config.mapping import stage_settings
+from stagectl.config.package_settings import stage_settings
 from stagectl.config.plausible import RANGES
 from stagectl.store import read_recording
 

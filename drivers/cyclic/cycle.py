@@ -1,8 +1,9 @@
 """Cycles on an absolute SYNC grid: single ones for state changes, streams of setpoints. No SDO.
 
 SYNC k at t_k: one RPDO per axis before it, SYNC at its instant, then one TPDO per axis within its
-window (`exchange.py`). Heartbeats and EMCY go to the network's services; alarms that nodes raise
-are checked once a cycle. A cycle that is late skips whole periods; nothing is sent in a burst.
+window (`sync_producer.py`). Heartbeats and EMCY go to the network's services; alarms that nodes
+raise are checked once a cycle. A cycle that is late skips whole periods; nothing is sent in a
+burst.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from numpy.typing import NDArray
 from drivers import objects as od
 from drivers.canopen import Clock, Network, Node
 from drivers.cyclic.channel import Channel
-from drivers.cyclic.exchange import Exchange, Frames
 from drivers.cyclic.samples import SampleWriter, Sink
+from drivers.cyclic.sync_producer import Exchange, Frames
 from drivers.drive import ENABLED_MASK, ENABLED_VALUE, Axis, decode
 from drivers.errors import AxisFault, BusError, ConfigurationError
 from drivers.settings import BusSettings

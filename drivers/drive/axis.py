@@ -12,7 +12,7 @@ from drivers import objects as od
 from drivers.canopen import MappedObject, Network, Node, PdoMapping, PdoRecord
 from drivers.drive import dcf, parameters
 from drivers.drive.cia402 import Mode
-from drivers.drive.host_watch import watch_host
+from drivers.drive.host_loss import watch_host
 from drivers.drive.units import Scale, check_units
 from drivers.errors import AxisFault, ConfigurationError, NodeError
 from drivers.objects import ObjectRef

@@ -3,7 +3,7 @@
 Drives round values, clamp them to their range or have them fixed. Accepted are values rounded by
 1 % or one unit; values clamped to the safe side (less force, smaller window, narrower travel,
 slower); other reactions to a stop, which are reported. All else is refused. The host uses the
-values that the drive holds. The reaction to a lost host (0x6007) is in `host_watch.py`.
+values that the drive holds. The reaction to a lost host (0x6007) is in `host_loss.py`.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from hil_sim.effects.effect import GROUPS, Effect
 GROUP = "stagectl.effects"
 """Entry-point group of effects in other packages."""
 
-_NO_EFFECT = ("effect", "library", "mode", "ports")  # modules that define none
+_NO_EFFECT = ("effect", "library", "ports", "vibration_mode")  # modules that define none
 
 
 class EffectError(ValueError):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from hil_sim.effects.effect import Effect
-from hil_sim.effects.mode import mode_parameters
 from hil_sim.effects.ports import EffectPorts
+from hil_sim.effects.vibration_mode import mode_parameters
 
 
 class Resonance(Effect):

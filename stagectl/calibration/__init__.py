@@ -4,8 +4,9 @@
 `outcome` (results), `interrupted` (to be resumed), `identify` (figures of an axis).
 """
 
-from stagectl.calibration.due import due_now, due_sites
+from stagectl.calibration.due_sites import due_now, due_sites
 from stagectl.calibration.identify import identify_axis, identify_pieces
+from stagectl.calibration.insert_sites import slip_in_sites
 from stagectl.calibration.interrupted import load_interrupted_calibration
 from stagectl.calibration.outcome import (
     SiteOutcome,
@@ -17,7 +18,6 @@ from stagectl.calibration.outcome import (
 )
 from stagectl.calibration.sequence import SiteSequence
 from stagectl.calibration.sites import Calibration, DueSection, load_calibration
-from stagectl.calibration.slip_in import slip_in_sites
 
 __all__ = [
     "Calibration",

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.console import console_for
-from stagectl.cli.motion import load_machines, stage_options, stop_on_signal
 from stagectl.cli.options import FILE, JSON_OUT, is_json_on_stdout, write_json
+from stagectl.cli.stage_options import load_machines, stage_options, stop_on_signal
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType

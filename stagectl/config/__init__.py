@@ -2,7 +2,7 @@
 
 from stagectl.config.machine import Axis, Drive, Machine
 from stagectl.config.machine_file import load_machine, parse_machine
-from stagectl.config.mapping import driver_settings, eds_path, stage_settings
+from stagectl.config.package_settings import driver_settings, eds_path, stage_settings
 
 __all__ = [
     "Axis",

@@ -19,7 +19,7 @@ from drivers.settings import AxisSettings, BusSettings
 from estimation.trajectory import Limits
 from hil_sim.bus import World
 from hil_sim.stage import VirtualStage
-from stagectl.config.mapping import driver_settings
+from stagectl.config.package_settings import driver_settings
 from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError, UnusableInput
 from stagectl.history import (
     History,

@@ -9,7 +9,7 @@ from dataclasses import replace
 from drivers.settings import BusSettings
 from hil_sim.bus import FaultyWorld, InjectedFault, World
 from hil_sim.stage import VirtualStage
-from stagectl.config.mapping import stage_settings
+from stagectl.config.package_settings import stage_settings
 from stagectl.run.request import RunRequest
 
 

@@ -18,7 +18,7 @@ from drivers.settings import RealTimeSettings
 from hil_sim.bus import serve
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine_file import load_machine
-from stagectl.config.mapping import stage_settings
+from stagectl.config.package_settings import stage_settings
 
 
 def _wait_for_end(stop: threading.Event) -> None:

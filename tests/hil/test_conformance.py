@@ -22,7 +22,7 @@ from hil_sim.cia301 import key
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import load_machine
-from stagectl.config.mapping import stage_settings
+from stagectl.config.package_settings import stage_settings
 
 _names = itertools.count()
 

@@ -18,7 +18,7 @@ from hil_sim.bus import World
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import load_machine
-from stagectl.config.mapping import driver_settings, stage_settings
+from stagectl.config.package_settings import driver_settings, stage_settings
 
 _names = itertools.count()
 

@@ -20,7 +20,7 @@ from hil_sim.cia402 import State
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import parse_machine
-from stagectl.config.mapping import driver_settings, stage_settings
+from stagectl.config.package_settings import driver_settings, stage_settings
 
 _names = (f"unwatched-{n}" for n in itertools.count())
 

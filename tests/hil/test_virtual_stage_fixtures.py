@@ -12,7 +12,7 @@ import numpy as np
 from drivers.stage import Stage
 from hil_sim.bus import LockstepBus, World
 from hil_sim.stage import VirtualStage
-from stagectl.config.mapping import driver_settings, stage_settings
+from stagectl.config.package_settings import driver_settings, stage_settings
 
 
 def test_virtual_stage_is_ready_to_stream(virtual_stage: Stage, hold: Any) -> None:

@@ -80,7 +80,8 @@ def test_a_run_is_stopped_by_the_operator_while_it_reads_what_others_parse(tmp_p
     recipe.write_text(short_recipe((0.001, 0.001)))
     moment = """
 def opened(event, args):
-    ours = getattr(signal.getsignal(signal.SIGINT), "__module__", "") == "stagectl.cli.motion"
+    handler = getattr(signal.getsignal(signal.SIGINT), "__module__", "")
+    ours = handler == "stagectl.cli.stage_options"
     if event == "open" and str(args[0]).endswith(".eds") and ours:
         interrupt()
 

@@ -14,7 +14,7 @@ from sim2real.blind import (
     moves,
 )
 from stagectl.config.machine_file import load_machine
-from stagectl.config.mapping import stage_settings
+from stagectl.config.package_settings import stage_settings
 
 
 @pytest.fixture(scope="module")

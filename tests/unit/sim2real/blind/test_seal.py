@@ -19,7 +19,7 @@ from sim2real.blind import (
     seal_key,
 )
 from stagectl.config.machine_file import load_machine
-from stagectl.config.mapping import stage_settings
+from stagectl.config.package_settings import stage_settings
 
 LIBRARY = own_effects()
 TOLERANCE = {"x": 0.003, "y": 0.003}

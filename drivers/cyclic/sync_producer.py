@@ -12,8 +12,8 @@ import can
 
 from drivers.canopen import Network, OwnFrame, delivers_at_once
 from drivers.cyclic.channel import Channel
+from drivers.cyclic.kernel_sync import KernelSync, receive_own_frames
 from drivers.cyclic.reception import Receive, Reception
-from drivers.cyclic.sync import KernelSync, receive_own_frames
 from drivers.drive import Axis
 from drivers.errors import ConfigurationError
 from drivers.objects import SYNC_ID

@@ -1,7 +1,7 @@
 """Sites slipped into a production run."""
 
 from stagectl.calibration import slip_in_sites
-from stagectl.calibration.due import DueSite
+from stagectl.calibration.due_sites import DueSite
 from stagectl.recipe import MoveStep, parse_recipe, plan
 
 RECIPE = (

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from estimation.trajectory import Limits
 from estimation.trajectory import plan as motion
-from stagectl.calibration.due import DueSite
+from stagectl.calibration.due_sites import DueSite
 from stagectl.calibration.sequence import REST, SiteSequence
 from stagectl.recipe import Pair, Recipe
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 from click.testing import CliRunner
 
-from stagectl.cli.motion import load_machines, stage_options
+from stagectl.cli.stage_options import load_machines, stage_options
 from stagectl.config import load_machine
 
 
