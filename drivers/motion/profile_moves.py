@@ -89,7 +89,7 @@ class ProfileMoves:
         queued: bool = False,
         passing: bool = False,
     ) -> None:
-        """Hands over one target; returns when the drive has taken it, not when it is reached.
+        """Hands over one target; returns when the drive has taken it (long: half is documentation).
 
         Without `queued` the target takes effect at once and replaces all earlier ones.
 

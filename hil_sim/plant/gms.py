@@ -57,7 +57,7 @@ def slip_step(
     decay: float,
     first: int = 0,
 ) -> float:
-    """Advance all elements by one step of constant velocity; return their total force.
+    """Advance all elements by one step; return their total force (10 arguments: one compiled call).
 
     Args:
         forces: F_i [N], shape (>= count,), changed in place.

@@ -44,7 +44,7 @@ def simulate(
     substeps: int = SUBSTEPS,
     rounded: bool = True,
 ) -> Response:
-    """Simulate the closed loop from rest at the first target.
+    """Simulate the closed loop from rest at the first target (long: most is documentation).
 
     The kernel releases the interpreter lock, so that threads run in parallel. An axis that does not
     depend on another one (`needs_all_axes`) may be simulated alone, with its settings and columns

@@ -144,7 +144,7 @@ def _measure(
     request: RunRequest, calibration: Calibration, comment: str, json_out: Path | None, quiet: bool,
     before: list[dict[str, Any]],
 ) -> Exception | None:  # fmt: skip
-    """Run the calibration, store the map, print the outcome.
+    """Run the calibration, store the map, print the outcome (long: one step after another).
 
     Args:
         request: of the run.

@@ -50,7 +50,7 @@ class HeatMap:
 
 
 def draw_heat_map(picture: HeatMap) -> str:
-    """Draw the picture as an SVG element, to the table's proportions."""
+    """Draw the picture as an SVG element, to the table's proportions (long: one shape per line)."""
     dx = float(picture.x[1] - picture.x[0])
     dy = float(picture.y[1] - picture.y[0])
     x0, x1 = float(picture.x[0]) - dx / 2, float(picture.x[-1]) + dx / 2

@@ -16,7 +16,7 @@ MOST = 200
 def draw_trend(
     trend: Trend, figure: str, title: str, at_map: float | None, width: int = 380, height: int = 150
 ) -> str:
-    """Draw a trend as an SVG element.
+    """Draw a trend as an SVG element (long: one shape per line).
 
     Args:
         trend: of the site.

@@ -185,7 +185,7 @@ def _run(
     force: F64,
     slipping: NDArray[np.bool_],
 ) -> None:
-    """Fill `position`, `force` and `slipping`; row k of every array is sample k."""
+    """Fill `position`, `force` and `slipping`; row k is sample k (11 arguments: arrays)."""
     mass, viscous, coulomb, rate, element_stiffness, alpha, vs, shape = figures
     kp, ki, kd = pid
     count = shares.shape[0]

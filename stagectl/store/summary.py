@@ -124,7 +124,7 @@ def build_summary(
     ledger: CycleLedger | None = None,
     windows: Sequence[float] = WINDOWS,
 ) -> dict[str, Any]:
-    """Build the summary as JSON values.
+    """Build the summary as JSON values (long: one key after another).
 
     Args:
         recording: of the run.
