@@ -2,39 +2,19 @@
 
 from __future__ import annotations
 
-from importlib import resources
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from hil_sim.effects.library import own_effects
 from hil_sim.settings import StageSettings
 from sim2real.blind import (
     OUTSIDE,
     VARIANTS,
-    Key,
     build_stage,
     draw_key,
     draw_values,
     family_of,
 )
-from stagectl.config.machine_file import load_machine
-from stagectl.config.package_settings import stage_settings
-
-LIBRARY = own_effects()
-TOLERANCE = {"x": 0.003, "y": 0.003}
-
-
-@pytest.fixture(scope="module")
-def stage() -> StageSettings:
-    data = Path(str(resources.files("stagectl"))) / "data"
-    return stage_settings(load_machine(data / "machines" / "wafer-xy.yaml"))
-
-
-def drawn(stage: StageSettings, seed: int, kind: str | None = None) -> Key:
-    rng = np.random.default_rng(seed)
-    return draw_key(rng, stage, TOLERANCE, LIBRARY, lambda _: 3.0, kind=kind)
+from tests.unit.sim2real.blind.conftest import LIBRARY, TOLERANCE, drawn
 
 
 def test_the_same_seed_draws_the_same_and_another_one_something_else(stage: StageSettings) -> None:

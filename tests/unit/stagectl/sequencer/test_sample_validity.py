@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from estimation.trajectory import Limits, plan
 from stagectl.sequencer.sample_validity import (
     PUNCTUAL,
     REACH,
@@ -16,34 +13,7 @@ from stagectl.sequencer.sample_validity import (
     without_stale,
     without_unpunctual,
 )
-from stagedata import Samples
-
-TS = 1e-3
-MOTION = plan(0.0, 2e-3, Limits(0.05, 1.0, 50.0))
-COUNT = 140
-
-
-def jittered(most, seed=1, known=True):
-    """A motion sampled at SYNCs up to `most` [s] off; force the acceleration times 8 kg."""
-    off = np.random.default_rng(seed).uniform(-most, most, COUNT)
-    at = TS * np.arange(COUNT) - 0.01
-    position, _, acceleration = MOTION.sample(np.clip(at + off, 0.0, None))
-    return replace(
-        Samples.missing(COUNT, 1),
-        time=at,
-        position=position[:, None],
-        force=8.0 * acceleration[:, None],
-        valid=np.ones((COUNT, 1), np.bool_),
-        arrival=np.full((COUNT, 1), 2e-4),
-        sync=off + 5e-5,
-        doubt=np.full(COUNT, 0.0 if known else np.inf),
-    )
-
-
-def truth():
-    """Where the motion is on the grid [m], and its force [N]."""
-    position, _, acceleration = MOTION.sample(np.clip(TS * np.arange(COUNT) - 0.01, 0.0, None))
-    return position, 8.0 * acceleration
+from tests.unit.stagectl.sequencer.jittered import COUNT, MOTION, TS, jittered
 
 
 @pytest.mark.parametrize("most", [1e-5, 1e-4, 2.5e-4])

@@ -1,0 +1,25 @@
+"""Outcomes of trials, constructed from words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from sim2real.blind import Drawn, Outcome, ReportedCause
+
+
+def outcome(kind: str, truth: str, told: str, verdict: str, **more: object) -> Outcome:
+    """Effects as "x cogging", told as "x cogging 0.9", several parted by commas."""
+    causes = []
+    for text in filter(None, told.split(", ")):
+        axis, name, probability = text.split()
+        causes.append(ReportedCause(axis, name, float(probability), 0.9, {"force": (1.0, 0.1)}))
+    effects = []
+    for text in filter(None, truth.split(", ")):
+        axis, name = text.split()
+        kin = "" if kind == "outside" else name.removesuffix("_harmonics")
+        effects.append(Drawn(axis, name, {"force": 1.1}, 4.0, kin))
+    plain = Outcome(
+        1, 0, False, kind, tuple(effects), verdict, tuple(causes), (), {}, 4.0, None, None, 10.0,
+        9.0, "{}", "", "",
+    )  # fmt: skip
+    return replace(plain, **more)  # type: ignore[arg-type]
