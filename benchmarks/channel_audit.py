@@ -28,7 +28,7 @@ from stagedata import Recording
 
 DEMANDS = Path(__file__).parents[1] / "tests" / "data" / "null-1.h5"
 SAMPLES = 5000
-TOLD = {"saturation"}
+REPORTED_ONLY = {"saturation"}
 """Findings that are true of stages with strong effects."""
 
 Array = np.ndarray
@@ -58,7 +58,7 @@ def main() -> None:
             axes[a] = replace(axis, effects=(effect.at(**values),))
             made = recorded(base, replace(stage, axes=tuple(axes)), int(rng.integers(2**31)))
             found = audit_channels(made, stage)
-            wrong = [f.text for f in found.findings if f.finding not in TOLD]
+            wrong = [f.text for f in found.findings if f.finding not in REPORTED_ONLY]
             sound += not wrong
             false += [(name, values, wrong)] if wrong else []
             if path := found.current_paths.get(axis.name):
@@ -96,16 +96,16 @@ def corruptions(stages: list[tuple[Recording, str]], stage: object, rng: object)
             changed = {name: spoil(getattr(signals, name)) for name in channel}
             bad = replace(made, axes={**made.axes, axis: replace(signals, **changed)})
             found: Audit = audit_channels(bad, stage)  # type: ignore[arg-type]
-            told = {
+            found_kinds = {
                 (f.axis, f.channel, f.finding): f.value
                 for f in found.findings
-                if f.finding not in TOLD
+                if f.finding not in REPORTED_ONLY
             }
             count[kind] += 1
             expected = (axis, channel[0], finding)
-            if set(told) == {expected}:
+            if set(found_kinds) == {expected}:
                 right[kind] += 1
-                error = abs((told[expected] or 0.0) / value - 1.0)
+                error = abs((found_kinds[expected] or 0.0) / value - 1.0)
                 worst[kind] = max(worst.get(kind, 0.0), error)
             else:
                 print("  WRONG", kind, axis, f"{value:.4g}", [f.text for f in found.findings])

@@ -438,7 +438,7 @@ def main() -> None:
             )  # fmt: skip
         outcomes.append(outcome)
         if outcome.violations:
-            print(told(outcome), flush=True)
+            print(describe(outcome), flush=True)
     print(table(outcomes))
     took = time.perf_counter() - begin
     struck = sum(o.struck for o in outcomes)
@@ -465,11 +465,11 @@ def table(outcomes: list[Outcome]) -> str:
         lines.append(f"| {kind} | {len(chosen)} | {cells} | {bad} |")
     for o in outcomes:
         if o.violations:
-            lines += ["", told(o)]
+            lines += ["", describe(o)]
     return "\n".join(lines)
 
 
-def told(outcome: Outcome) -> str:
+def describe(outcome: Outcome) -> str:
     """A scenario, how it ended, and what there is to say against it."""
     lines = [str(outcome.scenario), f"  {outcome.ending}: {outcome.cause}"]
     return "\n".join(lines + [f"  {v}" for v in outcome.violations])

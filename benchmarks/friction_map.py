@@ -132,9 +132,9 @@ def beside_the_observer(count: int, seed: int, noise: float) -> None:
         measured, true = (rms * np.sqrt(2.0 / 300) * raw(p) for p in (places, unseen))
         values = np.exp(measured + noise * generator.standard_normal(25))
         for name, nodes in (("map", None), ("observer", known)):
-            told = FrictionField(places, values, np.full(25, noise), nodes=nodes).at(unseen)
-            error = np.log(told.value) - true
-            z = error / told.sigma
+            predicted = FrictionField(places, values, np.full(25, noise), nodes=nodes).at(unseen)
+            error = np.log(predicted.value) - true
+            z = error / predicted.sigma
             found[name].append((np.mean(error**2), np.mean(z**2), np.mean(np.abs(z) < 1.96)))
     print("           error rms  error/sigma rms  in 95 % band  maps < 90 %  90...99 %  > 99 %")
     for name, rows in found.items():

@@ -93,7 +93,7 @@ def kills(count: int, folder: Path) -> None:
             assert rows.get(run, -1) >= last, (run, last, rows)
     print(
         f"{count} kills: every file opened and passed its check, nothing of {commits} commits "
-        f"told was lost, no half pair; {fresh} kills came before the first commit"
+        f"was reported as saved and lost, no half pair; {fresh} kills came before the first commit"
     )
 
 

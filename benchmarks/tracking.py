@@ -69,8 +69,8 @@ def main() -> None:
     for size in (0.2, -0.2, 0.1, 0.05, -0.05):
         runs = [shift(1000 + seed, 20, options.wander, size) for seed in range(options.steps)]
         visits = Counter("never" if found is None else found for found, _ in runs)
-        told = ", ".join(f"{n} after {v}" for v, n in sorted(visits.items(), key=str))
-        print(f"step of {size:+.0%}: {told} move(s) there; other alarms {sum(o for _, o in runs)}")
+        seen = ", ".join(f"{n} after {v}" for v, n in sorted(visits.items(), key=str))
+        print(f"step of {size:+.0%}: {seen} move(s) there; other alarms {sum(o for _, o in runs)}")
 
 
 if __name__ == "__main__":

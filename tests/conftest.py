@@ -41,7 +41,7 @@ hypothesis.settings.load_profile("any-machine")
 
 @pytest.fixture(scope="session")
 def vcan_outcome(pytestconfig: pytest.Config) -> Callable[[bool, str], None]:
-    """To be told whether the SocketCAN tests ran, and a line for the end of the session."""
+    """To know whether the SocketCAN tests ran, and a line for the end of the session."""
 
     def tell(ran: bool, line: str) -> None:
         pytestconfig.stash[_ran] = pytestconfig.stash[_ran] or ran

@@ -73,7 +73,7 @@ class Watch:
 
     def since(self, begin: float) -> Absence:
         """All that it saw since `begin`."""
-        time.sleep(2 * NAP)  # an absence that goes on is told when it ends
+        time.sleep(2 * NAP)  # an absence that goes on is reported when it ends
         end = time.monotonic()
         longest, lost = 0.0, dict.fromkeys(range(os.cpu_count() or 1), 0.0)
         for line in self._read().splitlines():

@@ -158,7 +158,7 @@ class Network(canopen.Network):
             raise self.failure(f"cannot send frame 0x{can_id:03X}", why) from why
 
     def failure(self, what: str, why: BaseException) -> BusError:
-        """A `BusError` that names this bus; the tap is told of the failure."""
+        """A `BusError` that names this bus; the tap gets the failure, too."""
         if self.tap is not None:
             self.tap(self.clock.now_ns(), BUS_FAILED, b"")
         return BusError(f"bus {self.label}: {what}: {_line(why)}")

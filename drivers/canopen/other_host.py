@@ -5,8 +5,8 @@ other's work without either having a fault.
 
 Some buses return a host's own frames (udp_multicast always, SocketCAN on request) without marking
 them. There a frame is ours if it is one sent and not yet returned, or a copy of one just sent
-(networks duplicate frames now and then). A second SYNC cannot be told from ours there; but a host
-that sends SYNC also sends setpoints.
+(networks duplicate frames now and then). A second SYNC cannot be distinguished from ours there; but
+a host that sends SYNC also sends setpoints.
 """
 
 from __future__ import annotations

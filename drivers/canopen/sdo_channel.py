@@ -240,7 +240,7 @@ class SdoChannel:
             if self._fence is not None:  # a refusal is an answer
                 self._fence_passed(job)
                 return
-            if data[0] != 0x80:  # our own decision: the server has to be told
+            if data[0] != 0x80:  # our own decision: the server has to learn of it
                 self._send(abort_frame(*job.object, refused.code))
             self._finish(job, b"", refused)
         else:

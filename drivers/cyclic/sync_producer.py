@@ -133,7 +133,7 @@ class Exchange:
         """Exchanges the data of one SYNC; returns 1 where it was late, else 0.
 
         Raises:
-            BusError: the bus fails, or the kernel's SYNC stays away.
+            BusError: the bus fails, or no SYNC comes from the kernel.
         """
         network = self._network
         if network.bus is None:

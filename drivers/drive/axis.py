@@ -124,7 +124,7 @@ class Axis:
 
         Raises:
             ConfigurationError: units differ from the settings, the drive holds an unacceptable
-                value, or it goes on without its host and the settings do not accept that.
+                value, or it keeps running without its host and the settings do not accept that.
             NodeError: the drive refuses or does not answer.
         """
         node = self.node

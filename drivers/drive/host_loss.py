@@ -1,7 +1,7 @@
 """Has a drive stop by itself when its host is lost.
 
 0x1016 makes it watch our heartbeat, 0x6007 is its reaction. A drive without the former, or without
-a reaction, goes on under power with its last setpoint when the host dies or the cable breaks. Node
+a reaction, stays under power with its last setpoint when the host dies or the cable breaks. Node
 guarding (0x100C, 0x100D) is not used.
 """
 
@@ -39,7 +39,7 @@ def watch_host(
         add_limitation: called with a clause where the drive reacts in another way.
 
     Returns:
-        None, or why the drive goes on without its host: the object and one clause.
+        None, or why the drive keeps running without its host: the object and one clause.
 
     Raises:
         NodeError: the node does not answer.

@@ -16,7 +16,7 @@ RETRY_TIME, RETRY_PAUSE = 0.6, 0.01
 """Where the bus refuses frames, a stop is repeated for so long at these intervals [s]: the bus may
 recover, as from bus-off. After that time the drives have missed our heartbeat."""
 REACTION = 0.5
-"""Duration of a quick stop besides braking [s]."""
+"""Duration of a quick stop, braking not included [s]."""
 
 
 class SafeStop:

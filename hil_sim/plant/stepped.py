@@ -156,7 +156,7 @@ class Plant:
 
 def warm_up(settings: StageSettings) -> None:
     """Compile (or load from the cache) what a `Plant` needs, before real time begins."""
-    scratch = Plant(settings, None)
-    scratch.power(0, True)
-    scratch.command(0, 0.0, 0.0, settings.ticks)
-    scratch.advance_to(1)
+    plant = Plant(settings, None)
+    plant.power(0, True)
+    plant.command(0, 0.0, 0.0, settings.ticks)
+    plant.advance_to(1)

@@ -126,7 +126,7 @@ def table_rows(counted: Score) -> list[str]:
         lines.append(f"| processor seconds per diagnosis, median | | {counted.processor:.0f} | |")
     if counted.bins:
         lines += ["", "| causes | mean probability | right |", "| --- | --- | --- |"]
-        lines += [f"| {b.causes} | {b.told:.3f} | {b.right:.3f} |" for b in counted.bins]
+        lines += [f"| {b.causes} | {b.probability:.3f} | {b.right:.3f} |" for b in counted.bins]
     return [*lines, ""]
 
 

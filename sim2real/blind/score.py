@@ -59,7 +59,7 @@ class Bin:
     """Causes of similar probability: their number, mean probability, and share of right ones."""
 
     causes: int
-    told: float
+    probability: float
     right: float
 
 
@@ -154,7 +154,7 @@ def score_outcomes(outcomes: Sequence[Outcome]) -> Score:
         Share(sum(abs(value) <= SIGMAS for value in deviations), len(deviations)),
         Share(sum(off <= PROMISE for off in promised), len(promised)),
         float(np.median(closed)) if closed else None,
-        sum(b.causes * abs(b.told - b.right) for b in bins) / causes if causes else None,
+        sum(b.causes * abs(b.probability - b.right) for b in bins) / causes if causes else None,
         bins,
         (float(np.median(seconds)), max(seconds)) if seconds else (0.0, 0.0),
         float(np.median(processor)) if processor else None,

@@ -150,8 +150,8 @@ class SqliteDatabase:
 def _is_read_only(path: Path) -> bool:
     """Whether the file is complete in a folder that cannot be written.
 
-    SQLite then must be told to write nothing beside it. With a log beside it (`-wal`) the file is
-    not complete, for the last commits are only there.
+    SQLite is then opened so that it writes nothing beside it. With a log beside it (`-wal`) the
+    file is not complete, for the last commits are only there.
     """
     log = path.with_name(f"{path.name}-wal")
     return not os.access(path.absolute().parent, os.W_OK) and not log.exists()

@@ -42,7 +42,7 @@ LEAST_VALID = 3
 """Fewer valid samples than this make no record to learn from."""
 SHORT_MOTION = 0.5
 """An axis that moves for less than this share of the whole move says nothing about the friction at
-the target: its Coulomb force goes on changing while the other axis moves the table."""
+the target: its Coulomb force still changes while the other axis moves the table."""
 _BLOCK = 256
 """Setpoints per block while holding."""
 

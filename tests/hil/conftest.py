@@ -243,7 +243,7 @@ def stage(booted: Stage) -> Stage:
 
 
 def hold(stage: Stage, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Setpoints that keep all axes where they are told to be now, with their offsets."""
+    """Setpoints that keep all axes where their setpoints are now, with their offsets."""
     return np.tile(stage.targets, (count, 1)), np.tile(stage.offsets, (count, 1))
 
 

@@ -73,14 +73,14 @@ def failures(findings: list[Finding]) -> set[str]:
 
 
 def test_the_virtual_drive_passes_all_checks(machine: Machine) -> None:
-    told: list[Finding] = []
+    reported: list[Finding] = []
     with network(machine) as (bus, stage):
         before = [dict(d.dictionary.values) for d in stage.drives]
-        findings = run(bus, 1, homing=True, on_finding=told.append)
+        findings = run(bus, 1, homing=True, on_finding=reported.append)
         after = [dict(d.dictionary.values) for d in stage.drives]
     assert [f for f in findings if f.verdict is not Verdict.PASS] == []
     assert len(findings) > 90
-    assert told == findings
+    assert reported == findings
     # what it changed is as before; the rest is the drive's own doing
     own = {key(0x6041), key(0x6040), key(0x6061), key(0x607A), key(0x60B2)}
     own |= {key(0x1003, n) for n in range(9)}
@@ -131,7 +131,7 @@ def test_another_abort_code_differs_and_is_named(machine: Machine) -> None:
 
 
 def test_a_drive_without_acknowledge_in_pp(machine: Machine) -> None:
-    """No bit 12 ever: told as not offered, the rest still checked."""
+    """No bit 12 ever: reported as not offered, the rest still checked."""
 
     def alter(can_id: int, data: bytes) -> bytes:
         if can_id == 0x581 and data[1:4] == b"\x41\x60\x00":

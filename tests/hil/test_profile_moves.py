@@ -140,7 +140,7 @@ def test_bit_10_of_the_previous_target_is_ignored(stage_machine: Machine) -> Non
 
 
 def track(frames: list[Frame]) -> list[float]:
-    """Positions of node 1 as it told them [m]."""
+    """Positions of node 1 as it reported them [m]."""
     return [struct.unpack("<Hih", d)[1] * 1e-9 for _, i, d in frames if i == 0x181 and len(d) == 8]
 
 

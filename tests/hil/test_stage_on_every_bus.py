@@ -65,7 +65,7 @@ def test_the_host_knows_when_its_syncs_were_on_the_bus(stage: Stage, rig: Any, h
         assert (samples.doubt == 0.0).mean() > 0.9
     came = samples.valid & ~samples.late[:, None] & (samples.doubt == 0.0)[:, None]
     assert (samples.arrival[came] > 0.0).all()
-    if not rig.guest:  # whose kernel's timer may run slow, which is told as it is
+    if not rig.guest:  # whose kernel's timer may run slow, which is reported as it is
         assert (samples.sync[~samples.late] < rig.period).all()
 
 

@@ -165,13 +165,13 @@ def test_safe_torque_off_stops_both_and_is_named(bench):
 
 def test_drives_that_all_fall_silent_are_stopped_without_a_long_wait(bench):
     stage = bench(*(f.BusOff(at=1.0, duration=600.0, node=n) for n in (1, 2)))
-    told = []
-    stage.world.subscribe(0x601, lambda data: told.append(bytes(data)))
+    received = []
+    stage.world.subscribe(0x601, lambda data: received.append(bytes(data)))
     with pytest.raises(AxisFault, match=r"axis x: .*no process data .*nor from the other axes"):
         stage.hold(500)
     stage.stage.close()
     assert stage.now < 1.0 + 5.0  # two nodes, each asked once in earnest
-    assert bytes.fromhex("2b40600000000000") in told  # disable voltage: it may still listen
+    assert bytes.fromhex("2b40600000000000") in received  # disable voltage: it may still listen
     assert stage.enabled == []
 
 

@@ -140,6 +140,6 @@ def test_a_bus_with_a_host_is_left_alone(call):
             failure, _, _ = call(*refused, "--bus", "virtual:with-host")
             assert "another host is on it: a heartbeat of node 127 (0x77F)" in str(failure)
         assert host.recv(0.0) is None
-        failure, _, told = call("scan", "--passive", "--listen", 1, "--bus", "virtual:with-host")
+        failure, _, message = call("scan", "--passive", "--listen", 1, "--bus", "virtual:with-host")
         assert failure == 0
-        assert "another host is active on this bus: a heartbeat of node 127" in told
+        assert "another host is active on this bus: a heartbeat of node 127" in message

@@ -52,10 +52,14 @@ def test_a_dry_run_is_json_too(tmp_path):
     result = CliRunner().invoke(
         cli, ["calibrate", str(tmp_path / "sites.yaml"), "--dry-run", "--json", "-"]
     )
-    told = json.loads(result.stdout)
+    planned = json.loads(result.stdout)
     places = [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]
-    assert told["would_visit"] == [*places, places[0]]
-    assert (told["format"], told["map"], told["sites"]) == ("stagectl-calibration", None, [])
+    assert planned["would_visit"] == [*places, places[0]]
+    assert (planned["format"], planned["map"], planned["sites"]) == (
+        "stagectl-calibration",
+        None,
+        [],
+    )
     assert "would visit (20, 0) mm" in result.stderr
     assert "virtual bus" not in result.stderr, "nothing was to move"
 
@@ -91,7 +95,7 @@ def calibrated(killed):
 def test_a_killed_calibration_goes_on_behind_the_last_site_and_loses_nothing(calibrated):
     folder, said, outcome = calibrated
     assert "map 1 stored in" in said
-    # Every site is told of, those before the kill as well; none is measured twice but the first.
+    # Every site is reported, those before the kill as well; none is measured twice but the first.
     assert [(e["site"], e["axis"]) for e in outcome["sites"]] == [
         (site, axis) for site in (1, 2, 3, 4) for axis in "xy"
     ]
@@ -190,25 +194,25 @@ def test_what_maps_say_as_json(calibrated, tmp_path):
     folder, _, outcome = calibrated
     where = ("--history", shutil.copy(folder / "stage.db", tmp_path / "stage.db"))
 
-    def told(*arguments):
-        out = tmp_path / "told.json"
+    def as_json(*arguments):
+        out = tmp_path / "out.json"
         stagectl("map", *arguments, *where, "--json", out)
         return json.loads(out.read_text())
 
-    shown = told("show", "--at", "0.01", "0.01")
+    shown = as_json("show", "--at", "0.01", "0.01")
     assert (shown["format"], shown["map"], shown["active"]) == ("stagectl-map-shown", 1, False)
     at = shown["axes"]["y"]["at"]
     assert at["low"] < at["coulomb"] < at["high"]
     sites = {tuple(s["place"]): s["coulomb"] for s in shown["axes"]["x"]["sites"]}
     assert sites == {tuple(e["place"]): e["coulomb"] for e in outcome["sites"] if e["axis"] == "x"}
     assert set(outcome["expected_bits"]["x"]) == set(outcome["sites"][0]["bits"])
-    checked = told("activate", "--check")
+    checked = as_json("activate", "--check")
     assert (checked["applicable"], checked["done"]) == (True, None)
-    assert told("activate")["done"] == "activated"
-    assert [m["active"] for m in told("history")["maps"]] == [True]
-    same = told("compare", "1", "1")["axes"]["x"]
+    assert as_json("activate")["done"] == "activated"
+    assert [m["active"] for m in as_json("history")["maps"]] == [True]
+    same = as_json("compare", "1", "1")["axes"]["x"]
     assert (same["common"], len(same["sites"])) == (0.0, 4)
-    assert told("rollback")["map"] is None
+    assert as_json("rollback")["map"] is None
     refused = tmp_path / "refused.json"
     other = tmp_path / "other.yaml"
     other.write_text(load_machine().text.replace("wafer-xy", "another"))

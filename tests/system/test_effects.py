@@ -65,10 +65,10 @@ def test_a_run_with_effects_and_its_gap(stagectl, tmp_path):
         found = json.loads(done.stdout)["gap"]
         return {(a, s): found[a][s]["nominal"] for a in "xy" for s in ("position", "force")}
 
-    nominal, told = gap(), gap("--machine", truth)
-    assert told["y", "position"] < 0.3 * nominal["y", "position"]
-    assert told["y", "force"] < 0.3 * nominal["y", "force"]
-    assert told["x", "position"] == nominal["x", "position"]
+    nominal, declared = gap(), gap("--machine", truth)
+    assert declared["y", "position"] < 0.3 * nominal["y", "position"]
+    assert declared["y", "force"] < 0.3 * nominal["y", "force"]
+    assert declared["x", "position"] == nominal["x", "position"]
 
 
 @pytest.mark.parametrize("command", [("gap", "measure"), ("run",)])

@@ -68,7 +68,7 @@ def test_a_history_that_cannot_be_used_is_refused_before_anything_moves(request_
 
 
 def rows(history):
-    """Everything that is told of a stage's estimates and steps."""
+    """All that is stored of a stage's estimates and steps."""
     return [
         [replace(e, run=0) for e in sorted(found, key=lambda e: (e.time, e.axis))]
         for found in (history.at_date(STAGE, math.inf), history.refused(STAGE))

@@ -1,4 +1,4 @@
-"""Real-time tests during which the machine was away: told apart from failures, and counted."""
+"""Real-time tests during which the machine was away: kept apart from failures, and counted."""
 
 from __future__ import annotations
 

@@ -119,19 +119,19 @@ def test_a_stop_by_the_operator_comes_at_the_same_sample(machine, tmp_path):
 def test_a_frame_that_the_host_sends_differently_is_the_first_one_told(folder, stagectl):
     number = edit(folder / "bus.asc", r"( 201 .* d 8 \w\w \w\w) \w\w", r"\1 7F", 900)
     edit(folder / "bus.asc", r"( 202 .* d 8 \w\w \w\w) \w\w", r"\1 7F", 950)
-    told = CliRunner().invoke(cli, ["replay", str(folder)])
-    assert told.exit_code == 1
-    assert "was modified after the run" in told.output
-    assert f"differs at frame {number}" in told.output
-    assert told.output.count("RPDO 1 of axis x: enable operation") == 2
+    result = CliRunner().invoke(cli, ["replay", str(folder)])
+    assert result.exit_code == 1
+    assert "was modified after the run" in result.output
+    assert f"differs at frame {number}" in result.output
+    assert result.output.count("RPDO 1 of axis x: enable operation") == 2
     assert stagectl("replay", folder).returncode == 1  # the program's own, not click's
 
 
 def test_what_the_host_gets_differently_shows_where_it_acts_on_it(folder):
     """A position that was received otherwise changes an offset later on, by the estimate."""
     number = edit(folder / "bus.asc", r"( 181 .* d 8) 37 12", r"\1 18 02", 700)  # FAULT
-    told = CliRunner().invoke(cli, ["replay", str(folder), "--json", "-"])
-    difference = json.loads(told.output)["difference"]
+    result = CliRunner().invoke(cli, ["replay", str(folder), "--json", "-"])
+    difference = json.loads(result.output)["difference"]
     assert difference["number"] > number
     assert "quick stop" in difference["sent"]["meaning"]
     assert "enable operation" in difference["recorded"]["meaning"]

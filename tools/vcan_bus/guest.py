@@ -142,7 +142,7 @@ class Guest:
     """One boot of user-mode-linux for one command.
 
     Attributes:
-        ended_by: why the command was told to end, as an exit status; None while it was not.
+        ended_by: why the command was ended, as an exit status; None while it was not.
     """
 
     def __init__(self, folder: Path, arguments: Sequence[str], environment: dict[str, str]) -> None:
@@ -319,13 +319,13 @@ def _watchman(folder: Path) -> int:
     nothing = os.open(os.devnull, os.O_RDWR)
     for stream in (0, 1, 2):
         os.dup2(nothing, stream)
-    told = b""
+    answer = b""
     while chunk := os.read(hears, 100):
-        told += chunk
-    if not told.endswith(b"done"):
+        answer += chunk
+    if not answer.endswith(b"done"):
         shutil.rmtree(folder, ignore_errors=True)
         deadline = time.monotonic() + LEAVING
-        guest = int(told or 0)
+        guest = int(answer or 0)
         while _is_guest(guest, folder) and time.monotonic() < deadline:
             time.sleep(0.2)
         if _is_guest(guest, folder):

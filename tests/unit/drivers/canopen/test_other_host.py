@@ -19,13 +19,13 @@ def frame(can_id: int, data: bytes = b"", is_rx: bool = True) -> can.Message:
 
 def test_without_echoes_every_host_frame_received_is_of_another_host() -> None:
     other = OtherHost(echoes=False)
-    told: list[str | None] = []
-    other.on_found = lambda: told.append(other.found)
+    found: list[str | None] = []
+    other.on_found = lambda: found.append(other.found)
     other.has_sent(frame(0x77F, b"\x05", is_rx=False), 0)
-    assert told == []
+    assert found == []
     other.has_sent(frame(0x77F, b"\x05"), 0)
     other.has_sent(frame(0x080), 0)
-    assert told == ["a heartbeat of node 127 (0x77F)"]
+    assert found == ["a heartbeat of node 127 (0x77F)"]
 
 
 def test_echoes_of_own_frames_are_own_however_late_or_often() -> None:

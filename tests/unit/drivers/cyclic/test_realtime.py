@@ -42,10 +42,10 @@ def test_everything_that_was_granted_is_withdrawn():
     assert gc.get_freeze_count() == 0
     assert not real_time.active
     # the other two take a right that not everybody has: granted, or refused in a word
-    told = real_time.granted + real_time.refused
+    reported = real_time.granted + real_time.refused
     others = [t for t in real_time.refused if not t.endswith(": not permitted")]
     assert others in ([], ["memory lock: Cannot allocate memory"])  # beyond `ulimit -l`
-    assert {t.partition(":")[0] for t in told} == {
+    assert {t.partition(":")[0] for t in reported} == {
         "SCHED_FIFO, priority 2", f"core {min(before[1])}", "memory lock",
     }  # fmt: skip
     fifo = during[0] & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO

@@ -182,7 +182,7 @@ def test_power_stays_on_while_a_quick_stop_brakes(stage: Stage, scripted: Any) -
     assert set(moving) == {QUICK_STOP}
     assert scripted.drives[Y].state is State.SWITCH_ON_DISABLED
     beats = [t for t, can_id, _ in scripted.sent[first:] if can_id == HEARTBEAT]
-    assert len(beats) >= 2  # they do as they are told: they need not miss us
+    assert len(beats) >= 2  # they obey, so they need not lose our heartbeat
 
 
 def test_an_axis_that_goes_on_is_told_by_sdo_and_then_misses_the_host(
@@ -200,10 +200,10 @@ def test_an_axis_that_goes_on_is_told_by_sdo_and_then_misses_the_host(
     x.writes.clear()
     y.writes.clear()
     stage.quick_stop()
-    told = [t for t, i, d in scripted.sent[first:] if i == 0x601 and d[1:3] == b"\x40\x60"]
+    asked = [t for t, i, d in scripted.sent[first:] if i == 0x601 and d[1:3] == b"\x40\x60"]
     assert x.writes[0] == (CONTROLWORD, 0, QUICK_STOP)
     assert len([w for w in x.writes if w[2] == QUICK_STOP]) == 1
-    assert begin + 15e6 < told[0] < begin + 40e6
+    assert begin + 15e6 < asked[0] < begin + 40e6
     assert y.writes == []
     beats = [t - begin for t, can_id, _ in scripted.sent[first:] if can_id == HEARTBEAT]
     assert [t for t in beats if 40e6 < t < 500e6] == []

@@ -66,7 +66,7 @@ def test_the_stages_own_current_loop_is_no_fault_of_a_channel(stage, recorded):
 
 
 def test_a_drive_that_runs_into_its_peak_force_is_no_other_controller(stage, recorded):
-    """The clamp and the integrator's halt belong to the law: only saturation is told."""
+    """The clamp and the integrator's halt belong to the law: only saturation is reported."""
     x = stage.axes[0]
     weak = replace(x, control=replace(x.control, peak_force=45.0))
     weak = replace(stage, axes=(weak, stage.axes[1]))

@@ -7,10 +7,10 @@ from dataclasses import replace
 from sim2real.blind import Drawn, Outcome, ReportedCause
 
 
-def outcome(kind: str, truth: str, told: str, verdict: str, **more: object) -> Outcome:
-    """Effects as "x cogging", told as "x cogging 0.9", several parted by commas."""
+def outcome(kind: str, truth: str, reported: str, verdict: str, **more: object) -> Outcome:
+    """Effects as "x cogging", reported as "x cogging 0.9", several parted by commas."""
     causes = []
-    for text in filter(None, told.split(", ")):
+    for text in filter(None, reported.split(", ")):
         axis, name, probability = text.split()
         causes.append(ReportedCause(axis, name, float(probability), 0.9, {"force": (1.0, 0.1)}))
     effects = []

@@ -72,8 +72,8 @@ def test_none_outside_two_and_departing() -> None:
 
 
 def test_without_the_true_effect_a_near_relative_must_be_hesitant() -> None:
-    def left(told: str, verdict: str) -> Outcome:
-        return outcome("one", "x dead_time", told, verdict, leave_out=True)
+    def left(reported: str, verdict: str) -> Outcome:
+        return outcome("one", "x dead_time", reported, verdict, leave_out=True)
 
     hesitant = left("x current_bandwidth 0.7", "explained")
     sure = left("x current_bandwidth 0.95", "explained")
@@ -98,8 +98,8 @@ def test_calibration_is_the_mean_distance_in_bins_of_fifty() -> None:
     assert [b.causes for b in bins] == [50, 50]
     assert [b.right for b in bins] == pytest.approx([0.6, 0.7])
     assert len(calibration_bins(causes[:99])) == 1
-    told = [
+    reported = [
         outcome("one", "x cogging", f"{'x' if right else 'y'} cogging {p}", "explained")
         for p, right in causes
     ]
-    assert score_outcomes(told).error == pytest.approx(0.1)
+    assert score_outcomes(reported).error == pytest.approx(0.1)

@@ -94,10 +94,10 @@ def test_one_move_is_not_enough(stage, recorded):
 def test_a_fault_of_a_channel_is_no_physics_unless_it_is_corrected(stage, recorded):
     first = replace(cut(recorded, slice(0, 1200)), moves=())
     bad = on_x(first, force_actual=-first.axes["x"].force_actual)
-    told = report_without_causes(examine([bad], stage))
-    assert told.verdict == "insufficient"
-    assert "force_actual has the wrong sign" in told.reason
-    assert [(f.finding, f.applied) for f in told.channels] == [("sign", False)]
+    report = report_without_causes(examine([bad], stage))
+    assert report.verdict == "insufficient"
+    assert "force_actual has the wrong sign" in report.reason
+    assert [(f.finding, f.applied) for f in report.channels] == [("sign", False)]
     corrected = report_without_causes(examine([bad], stage, correct=True))
     assert corrected.verdict != "insufficient"
     assert [(f.finding, f.applied) for f in corrected.channels] == [("sign", True)]

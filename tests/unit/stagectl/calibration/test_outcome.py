@@ -40,10 +40,10 @@ def test_change_and_refusals_decide_what_to_do_at_a_site():
         name: {"value": 1.0, "sigma": sigma} for name, sigma in
         (("coulomb", 0.03), ("viscous", 0.05), ("stiffness", 0.01), ("attraction", 0.05))
     }  # fmt: skip
-    told = site_outcomes(SITES[:1], [{**entry(1, True), "parameters": figures}], ("x",), None, [])
+    rows = site_outcomes(SITES[:1], [{**entry(1, True), "parameters": figures}], ("x",), None, [])
     # What is predicted is reached of: C/Fc instead of C, whose variance has that of Fc in it.
-    assert set(told[0].gains) == set(START)
-    assert told[0].gains["relaxation_rate"].after == pytest.approx(0.04)
+    assert set(rows[0].gains) == set(START)
+    assert rows[0].gains["relaxation_rate"].after == pytest.approx(0.04)
     down = [replace(changes[0], sites=(SiteChange(SITES[0], -0.2, 0.01),))]
     assert "grease" in site_outcomes(SITES[:1], friction, ("x",), None, down)[0].suggestion
 

@@ -115,9 +115,9 @@ def test_a_dead_or_absurd_channel_is_never_a_traceback(small, tmp_path, channel,
         assert len(line.splitlines()) == 1
     else:
         assert report["causes"] == []
-        told = {(c["axis"], c["channel"], c["finding"]) for c in report["channels"]}
+        reported = {(c["axis"], c["channel"], c["finding"]) for c in report["channels"]}
         if channel != "force_offset":
-            assert ("x", channel, "constant") in told
+            assert ("x", channel, "constant") in reported
             assert report["verdict"] == "insufficient"
 
 

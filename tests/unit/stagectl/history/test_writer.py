@@ -54,7 +54,7 @@ def test_a_locked_file_delays_only_the_writer(tmp_path, opened, a_run, an_estima
 
 
 class Absent:
-    """A history that lets nobody in until it is told to."""
+    """A history that lets nobody in until it is released."""
 
     def __init__(self):
         self.there = threading.Event()

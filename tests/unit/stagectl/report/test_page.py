@@ -161,8 +161,8 @@ def test_parameters_that_no_move_was_informative_about_are_named(
         entry("x", True, coulomb=30.0, viscous=1.0), entry("x", True, coulomb=1.0, viscous=1.0),
         entry("y", False, coulomb=1.0, viscous=1.0),
     ]  # fmt: skip
-    told = {**summary, "friction": friction}
-    unchanged = content.unchanged_parameters(told, ("x", "y"))
+    with_friction = {**summary, "friction": friction}
+    unchanged = content.unchanged_parameters(with_friction, ("x", "y"))
     assert [line[:2] for line in unchanged] == [
         ("x", "viscous"),
         ("y", "coulomb"),
@@ -171,6 +171,6 @@ def test_parameters_that_no_move_was_informative_about_are_named(
     why = "2 of 2 accepted moves say less about it than was known; fast moves would be informative"
     assert unchanged[0][2] == why
     assert unchanged[1][2].startswith("no estimate was accepted")
-    page = Page(render_report(recording, told, control_period=TC))
+    page = Page(render_report(recording, with_friction, control_period=TC))
     assert "Viscous of axis x kept its initial value: 2 of 2" in page.text
     assert "Coulomb of axis x" not in page.text

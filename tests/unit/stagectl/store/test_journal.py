@@ -39,7 +39,7 @@ TEN_S = 10_000_000_000
 
 
 EXTRA = {6: 1, 10: 2}
-"""TPDOs of y that came besides, told with the sample after: a double of 5; of 9, late and twice."""
+"""TPDOs of y in addition, reported with the sample after: a double of 5; of 9, late and twice."""
 
 
 def sample(k: int) -> tuple[int, ...]:

@@ -62,8 +62,8 @@ def test_a_summary_has_the_keys_of_the_format(recording: Recording):
     assert summary["cycle"] == {"period": 0.001, "missed": 0, "late": 0}
     step = {"axis": "x", "place": (0.0, 0.0), "time": 3.0, "change": 0.2, "everywhere": False}
     facts = replace(FACTS, wafer="W3", map=2, steps=(step,))
-    told = build_summary(recording, facts, FRICTION, **PERIODS)
-    assert {name: told[name] for name in told.keys() - summary.keys()} == {
+    built = build_summary(recording, facts, FRICTION, **PERIODS)
+    assert {name: built[name] for name in built.keys() - summary.keys()} == {
         "wafer": "W3", "map": 2, "steps": [step]
     }  # fmt: skip
 
