@@ -14,15 +14,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hil_sim.settings import StageSettings
-from sim2real.audit.controller_law import TERMS, reconstruct_law
+from hil_sim.settings import AxisSettings, StageSettings
+from sim2real.audit.controller_law import TERMS, ControllerLaw, reconstruct_law
 from sim2real.audit.corrections import remove_delay, rescale, scale_gain, shift_channel
 from sim2real.audit.law_hypotheses import (
     ACCEPTED,
     LawHypothesis,
     find_hypothesis,
     fit_hypothesis,
-    is_log_late,
+    log_lateness,
 )
 from sim2real.audit.signal_checks import (
     check_constant,
@@ -40,10 +40,10 @@ from stagedata import Recording
 
 MISLEADING = (
     "units", "sign", "scale", "offset", "delay", "clock", "controller_kp", "controller_ki",
-    "controller_kd", "constant",
+    "controller_kd", "constant", "controller_unknown",
 )  # fmt: skip
 """Findings that would pass for physics: unless they are corrected for, there is no diagnosis."""
-UNCORRECTABLE = ("constant",)
+UNCORRECTABLE = ("constant", "controller_unknown")
 """Findings that cannot be corrected for."""
 _SMALLEST_DELAY = 1e-6
 """Shortest delay reported [s]; the law resolves about a tenth of it."""
@@ -53,6 +53,9 @@ _SEED = 1
 _MIN_SAMPLES = 200
 """Fewest samples at which the law must be computable for it to be compared with the log."""
 _REMAINDER = 3.0
+_MOST = 0.5
+"""Share of the logged force beyond which what the law leaves is most of it: then no figure of the
+controller can be read from the recording."""
 _OTHER_UNIT = np.log(5.0)
 """A force this far from the model's, as the logarithm of their ratio, may be in another unit."""
 
@@ -219,31 +222,40 @@ def _check_law(
     if law.usable.sum() < _MIN_SAMPLES:
         return [], recording, settings, None
     found = find_hypothesis(law, expected)
+    wrong = _why_unusable(found, law, settings.axes[[a.name for a in settings.axes].index(axis)])
+    if wrong is not None:
+        text = f"{axis}: the force is not that of the machine file's controller: {wrong}"
+        finding = ChannelFinding(
+            axis, "force_actual", "controller_unknown", found.remainder, "N", text=text
+        )
+        return [finding], recording, settings, None
     findings: list[ChannelFinding] = []
     current: CurrentPath | None = None
     channel = {
         "position": "position_actual", "demand": "position_demand", "resampled": "force_actual",
         "drift": "position_actual",
     }.get(found.timing, "")  # fmt: skip
-    if found.timing == "lag" and abs(found.value) > _SMALLEST_DELAY:
-        if found.bandwidth is None and (found.value < 0 or is_log_late(law, found.value)):
-            channel = "force_actual"
-        else:
-            current = CurrentPath(law.dead_time + found.value, found.bandwidth)
+    delay = found.value
+    if found.timing == "lag" and abs(delay) > _SMALLEST_DELAY:
+        delay = log_lateness(law, found.value)
+        channel = "force_actual"
+        dead_time = found.value - delay
+        if dead_time > _SMALLEST_DELAY or found.bandwidth is not None:
+            current = CurrentPath(law.dead_time + dead_time, found.bandwidth)
     elif found.timing == "bandwidth":
         current = CurrentPath(None, found.value)
     if found.timing == "drift":
         text = f"{axis}: position_actual runs {found.value * 1e6:+.0f} ppm against the setpoints"
         findings.append(ChannelFinding(axis, channel, "clock", found.value, "1", text=text))
         recording = shift_channel(recording, axis, channel, lambda t: t * (1.0 + found.value))
-    elif channel and abs(found.value) > _SMALLEST_DELAY:
-        samples = found.value / settings.sync_period
+    elif channel and abs(delay) > _SMALLEST_DELAY:
+        samples = delay / settings.sync_period
         text = (
-            f"{axis}: {channel} is {abs(found.value) * 1e3:.3g} ms "
-            f"({abs(samples):.3g} samples) {'late' if found.value > 0 else 'early'}"
+            f"{axis}: {channel} is {abs(delay) * 1e3:.3g} ms "
+            f"({abs(samples):.3g} samples) {'late' if delay > 0 else 'early'}"
         )
-        findings.append(ChannelFinding(axis, channel, "delay", found.value, "s", text=text))
-        recording = remove_delay(recording, axis, channel, found.value, settings.sync_period)
+        findings.append(ChannelFinding(axis, channel, "delay", delay, "s", text=text))
+        recording = remove_delay(recording, axis, channel, delay, settings.sync_period)
     gains, recording, settings = _check_gains(found, recording, settings, axis)
     findings += gains
     if found.remainder > _REMAINDER * ACCEPTED * expected:
@@ -255,6 +267,33 @@ def _check_law(
             ChannelFinding(axis, "force_actual", "controller", found.remainder, "N", text=text)
         )
     return findings, recording, settings, current
+
+
+def _why_unusable(found: LawHypothesis, law: ControllerLaw, axis: AxisSettings) -> str | None:
+    """Why no figure of the controller can be taken from a hypothesis, or None.
+
+    It leaves most of the force, or needs a gain that no stable loop has.
+    """
+    force = float(np.std(law.force[law.usable]))
+    if found.gains == "scale":
+        force /= abs(found.factors[0])
+    if found.remainder > _MOST * force:
+        return f"its law leaves {found.remainder:.3g} of {force:.3g} N rms"
+    if found.gains == "scale":
+        return None
+    control = axis.control
+    factors = dict(zip(TERMS, found.factors, strict=True))
+    negative = [
+        f"{name} would be {factors[name]:.3g} times its own"
+        for name in TERMS[:3]
+        if factors[name] <= 0.0 and getattr(control, name) > 0.0
+    ]
+    if negative:
+        return " and ".join(negative)
+    kp, ki, kd = (factors[name] * getattr(control, name) for name in TERMS[:3])
+    if (kd + axis.friction.viscous) * kp <= axis.mass * ki:  # Routh, of the rigid mass
+        return f"with kp {kp:.3g}, ki {ki:.3g} and kd {kd:.3g} the loop would be unstable"
+    return None
 
 
 def _check_gains(

@@ -14,17 +14,17 @@ from stagedata import AxisSignals, BoolArray, FloatArray, Recording
 
 
 def scale_gain(settings: StageSettings, axis: str, term: str, factor: float) -> StageSettings:
-    """The settings with one gain of an axis' controller scaled; a factor <= 0 changes nothing.
+    """The settings with one gain of an axis' controller scaled.
 
     Args:
         settings: of the stage.
         axis: its name.
         term: the gain ("kp", "ki", "kd").
-        factor: that it is multiplied by.
+        factor: that it is multiplied by, > 0.
     """
     axes = tuple(
         replace(a, control=replace(a.control, **{term: getattr(a.control, term) * factor}))
-        if a.name == axis and factor > 0
+        if a.name == axis
         else a
         for a in settings.axes
     )

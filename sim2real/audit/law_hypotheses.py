@@ -3,8 +3,8 @@
 Each hypothesis frees one timing and one gain, or neither, in the law
 (`sim2real.audit.controller_law`). The simplest hypothesis that leaves no more than the law
 leaves on the model's own noisy run is accepted. A lag of the force behind the law may be the
-stage's (dead time, current loop) or the log's, and the mechanics decide: if the log lags,
-acceleration comes too early for the force as well.
+stage's (dead time, current loop), the log's, or both, and the mechanics decide: by as much as the
+log lags, acceleration comes too early for the force as well.
 """
 
 from __future__ import annotations
@@ -45,11 +45,9 @@ GAINS = ("", "scale", *TERMS, "all")
 """What may be free in the law: nothing, one common factor, one part, every part."""
 _MOVING = 0.02
 """Speed above which friction is simple enough for inertia to be fitted [m/s]."""
-_LOGGED, _CLEARLY, _WHOLE = 0.9, 0.7, 0.02
-"""Largest ratio of the inertia fits' remainders, with and without the lag, for the log to be
-late: by whole samples, as logs are, or by a part of one, which dead time explains as well unless
-inertia clearly says otherwise (a moving base distorts it). The last figure is the tolerance of
-"whole"."""
+_CLEARLY, _WHOLE = 0.7, 0.02
+"""Ratio of the inertia fits' remainders below which a part of a sample is the log's delay and not
+dead time (a moving base distorts inertia); and what passes for a whole number of samples."""
 _FEWEST = 200
 
 
@@ -235,24 +233,35 @@ def _fit_products(products: FloatArray, timing: str, value: float, gains: str) -
         factors[:] = found[own:]
     elif gains:
         factors[TERMS.index(gains)] = found[own]
+    if gains != "scale":  # what is smaller than the rest has no factor that could be read
+        factors[np.sqrt(np.diagonal(products)[:count]) <= left] = 1.0
     return LawHypothesis(timing, value, gains, tuple(float(f) for f in factors), left)
 
 
-def is_log_late(law: ControllerLaw, lag: float) -> bool:
-    """Whether a lag of the force is the log's: inertia then shows the same lag.
+def log_lateness(law: ControllerLaw, lag: float) -> float:
+    """How much of a lag of the force behind the law is the log's; the rest is the stage's.
+
+    Logs are late by whole samples: the number at which the force agrees best with inertia. Where
+    it agrees clearly better at the whole lag, that is the log's.
 
     Args:
         law: of the axis.
-        lag: of the logged force behind the law [s].
+        lag: of the logged force behind the law [s]; negative: logged early.
+
+    Returns:
+        [s], at most `lag` where that is not negative.
     """
-    at, late = _inertia_remainder(law, 0.0), _inertia_remainder(law, lag)
-    if at is None or late is None:
-        return False
-    left = [_inertia_remainder(law, float(shift)) or math.inf for shift in _SHIFTS]
-    nearest = float(_SHIFTS[left.index(min(left))])
+    most = math.floor(lag / law.period + _WHOLE)
+    fits = {n: _inertia_remainder(law, n * law.period) for n in range(min(most, 0), most + 1)}
+    left = {n: fit for n, fit in fits.items() if fit is not None}
+    entirely = _inertia_remainder(law, lag)
+    if not left or entirely is None:
+        return min(lag, 0.0)
+    best = min(left, key=lambda n: left[n])
+    if entirely < _CLEARLY * left[best]:
+        return lag
     samples = lag / law.period
-    whole = round(samples) >= 1 and abs(samples - round(samples)) < _WHOLE
-    return bool(late < (_LOGGED if whole else _CLEARLY) * at and abs(nearest - lag) < abs(nearest))
+    return lag if best and abs(samples - best) < _WHOLE else best * law.period
 
 
 def _inertia_remainder(law: ControllerLaw, lag: float) -> float | None:

@@ -54,9 +54,10 @@ class Examination:
         findings: of all recordings; those corrected for are marked as applied.
         insufficient: why there can be no diagnosis, None where there can.
         settings: of the machine file, corrected by the audit where correction was asked for.
-        measured: gap of each recording, corrected likewise; empty where insufficient.
-        gap: of all recordings together; None where insufficient.
-        located: where it lies; None where insufficient.
+        measured: gap of each recording, corrected likewise; empty where it cannot be measured,
+            which makes the recordings insufficient.
+        gap: of all recordings together; None where it cannot be measured.
+        located: where it lies; None where it cannot be measured.
     """
 
     recordings: tuple[str, ...]
@@ -92,7 +93,8 @@ def examine(
     for recording in recordings:
         reason = why_insufficient(recording, settings)
         if reason is not None:
-            return Examination(names, (), _name_recording(recording, recordings, reason), settings)
+            reason = _name_recording(recording, recordings, reason)
+            return _with_gap(Examination(names, (), reason, settings), recordings, progress)
     audits = []
     for number, recording in enumerate(recordings):
         progress("channels", number, len(recordings))
@@ -106,20 +108,46 @@ def examine(
         if worst.finding not in UNCORRECTABLE:
             way = "correct it first, or go on with --correct"
         reason = f"{worst.text}; {way}"
-        return Examination(names, findings, reason, settings)
+        return _with_gap(Examination(names, findings, reason, settings), recordings, progress)
     if correct:
         findings = mark_applied(findings)
         recordings = [a.recording for a in audits]
         settings = audits[0].settings
-    measured = []
+    return _with_gap(Examination(names, findings, None, settings), recordings, progress)
+
+
+def _with_gap(
+    examined: Examination, recordings: Sequence[Recording], progress: Progress
+) -> Examination:
+    """The examination with gap, floor and location.
+
+    Without them where they cannot be measured and the recordings are insufficient anyway.
+    """
+    settings, measured = examined.settings, []
     for number, recording in enumerate(recordings):
         progress("floor and gap", number, len(recordings))
-        measured.append(_name_errors(recording, lambda r: compare_with_model(r, settings)))
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                found = _name_errors(recording, lambda r: compare_with_model(r, settings))
+        except ValueError:
+            if examined.insufficient is None:
+                raise
+            return examined
+        measured.append(found)
     gap = pool_gaps([(m.gap, len(m.replay.recording)) for m in measured])
+    if examined.insufficient is not None and not _is_finite(gap):
+        return examined
     progress("where", 0, 1)
     ratio = settings.control_period / settings.sync_period
-    return Examination(
-        names, findings, None, settings, tuple(measured), gap, locate_gap(measured, ratio)
+    located = locate_gap(measured, ratio)
+    return replace(examined, measured=tuple(measured), gap=gap, located=located)
+
+
+def _is_finite(gap: Gap) -> bool:
+    return all(
+        np.isfinite((figures.nominal, figures.floor)).all()
+        for signals in gap.values()
+        for figures in signals.values()
     )
 
 
@@ -168,16 +196,14 @@ def report_without_causes(examined: Examination) -> GapReport:
 
     The verdict is `unexplained` where a diagnosis is possible: no cause has been looked for.
     """
-    if examined.insufficient is not None or examined.gap is None:
-        return GapReport(
-            examined.recordings, INSUFFICIENT, examined.insufficient or "no recording",
-            channels=examined.findings,
-        )  # fmt: skip
-    gap = combined_gap(examined.gap)
     located = () if examined.located is None else examined.located.cells
-    reason = f"the combined gap is {gap**0.5:.3g} times the floor; no cause has been looked for"
+    verdict, reason = INSUFFICIENT, examined.insufficient or "no recording"
+    if examined.insufficient is None and examined.gap is not None:
+        size = combined_gap(examined.gap) ** 0.5
+        verdict = UNEXPLAINED
+        reason = f"the combined gap is {size:.3g} times the floor; no cause has been looked for"
     return GapReport(
-        examined.recordings, UNEXPLAINED, reason, examined.findings, examined.gap, where=located
+        examined.recordings, verdict, reason, examined.findings, examined.gap or {}, where=located
     )
 
 

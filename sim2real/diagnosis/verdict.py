@@ -48,6 +48,11 @@ _ENOUGH = 0.9
 _SMALL, _SMALLER = 3.0, 2.0
 """Squared combined gap over floor, left by base parameters alone, up to which there is no gap:
 where the innovations are white, and where they are not quite."""
+_FAR_OFF = {"position": 0.1, "force": 0.5}
+"""Share of a recorded signal's own variation from which its gap is no small one, whatever the floor
+of a model that far off."""
+_TRAVELLED = 1e-4
+"""Standard deviation of an axis' demand from which that is looked at [m]."""
 _POOR, _DOUBT = 0.15, 3.0
 """A figure is poorly known when sigma exceeds this share of it; and the sigmas by which an
 experiment must be able to tell it from another value."""
@@ -108,7 +113,12 @@ def conclude(
     else:
         remaining = combined_energy(after, samples) / signals
         verdict = _verdict_without_causes(causes, remaining, whole)
+    far_off = describe_far_off(examined)
+    if verdict == NO_GAP and far_off:
+        verdict = UNEXPLAINED
     reason = _reason(verdict, confident, share, total / signals, whole)
+    if verdict == UNEXPLAINED and far_off:
+        reason += f"; {far_off}"
     report = replace(
         plain,
         verdict=verdict,
@@ -146,6 +156,30 @@ def _verdict_without_causes(causes: Sequence[Cause], remaining: float, whole: bo
     """
     small = not causes and remaining < (_SMALL if whole else _SMALLER)
     return NO_GAP if small else UNEXPLAINED
+
+
+def describe_far_off(examined: Examination) -> str:
+    """The signals whose gap is a good part of the recorded signal itself, "" where there are none.
+
+    The floor of a model that far off is that of other motions, and may be as large.
+    """
+    found = []
+    for axis, signals in (examined.gap or {}).items():
+        demands = [m.replay.recording.axes[axis].position_demand for m in examined.measured]
+        if max(float(np.std(demand)) for demand in demands) < _TRAVELLED:
+            continue
+        measured = [m.replay.measured()[axis] for m in examined.measured]
+        valid = [m.replay.valid(axis) for m in examined.measured]
+        for signal, figures in signals.items():
+            logged = [m[signal][v] for m, v in zip(measured, valid, strict=True)]
+            own = float(np.sqrt(np.mean([np.var(values) for values in logged])))
+            if figures.nominal > _FAR_OFF[signal] * own:
+                scale, unit = (1e6, "µm") if signal == "position" else (1.0, "N")
+                found.append(
+                    f"the {signal} of {axis} is simulated {figures.nominal * scale:.3g} {unit} rms "
+                    f"off, and varies by {own * scale:.3g} {unit}"
+                )
+    return ", and ".join(found)
 
 
 def _gather(
@@ -199,7 +233,12 @@ def _next(
                 return between(why, alike.axis, found.best.model, alternative.model)
     if report.verdict == UNEXPLAINED:
         axis = max(searches, key=lambda name: searches[name].open_gap)
-        nearest = [alternative.model for alternative in of_size(searches[axis].alternatives, 1)[:2]]
+        nearer = [
+            alternative
+            for alternative in of_size(searches[axis].alternatives, 1)
+            if alternative.gap < searches[axis].open_gap
+        ]
+        nearest = [alternative.model for alternative in nearer[:2]]
         if len(nearest) == 2:
             names = " nor ".join(model.names()[0] for model in nearest)
             return between(f"neither {names} explains {axis}", axis, *nearest)

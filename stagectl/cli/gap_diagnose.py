@@ -85,6 +85,7 @@ def diagnose(
     from hil_sim.effects.library import EffectError, library
     from sim2real import diagnosis
     from sim2real.diagnosis import examine
+    from sim2real.report import NO_GAP
     from stagectl.config import stage_settings
     from stagectl.errors import ConfigError, UnusableInput
     from stagectl.store import read_recording
@@ -117,14 +118,17 @@ def diagnose(
             similarity=_similarity(found),
             profiles=found.profiles,
         )
-    if twin is not None:
+    has_twin = bool(report.causes) or report.verdict == NO_GAP
+    if twin is not None and has_twin:
         _write_twin(twin, model, report, found.plant)
     if next_out is not None and report.next_experiment is not None:
         next_out.write_text(_recipe(report.next_experiment), encoding="utf-8")
     if not is_json_on_stdout(json_out):
         _print_report(console, report, model.name)
         if next_out is not None and report.next_experiment is None:
-            console.print(f"{next_out} is not written: no further moves needed", markup=False)
+            console.print(f"{next_out} is not written: no moves to propose", markup=False)
+        if twin is not None and not has_twin:
+            console.print(f"{twin} is not written: no cause was found", markup=False)
 
 
 def _similarity(found: Diagnosis) -> dict[str, Pairs]:

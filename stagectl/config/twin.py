@@ -45,8 +45,9 @@ def render_twin(
         listed = axes[name].setdefault("effects", [])
         for effect, parameters in added:
             listed.append({"effect": effect, **{k: float(v) for k, v in parameters.items()}})
-    text = f"# {machine.name} with what the gap diagnosis found; SI units.\n" + yaml.safe_dump(
-        document, sort_keys=False, allow_unicode=True, width=100
-    )
+    title = f"{machine.name} with what the gap diagnosis found; SI units."
+    if not any(effects.values()):
+        title = f"{machine.name}: the gap diagnosis found no effect to add; SI units."
+    text = f"# {title}\n" + yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=100)
     parse_machine(text, "twin")
     return text

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from hil_sim.effects.library import library
 from hil_sim.plant import simulate
 from sim2real.audit import audit_channels
 from tests.unit.sim2real.audit.conftest import SAMPLES, single, spoilt
@@ -83,3 +84,39 @@ def test_a_drive_that_runs_into_its_peak_force_is_no_other_controller(stage, rec
     named, finding = single(audit_channels(made, weak))
     assert named == ("x", "force_actual", "saturation")
     assert finding.value == pytest.approx(np.mean(np.abs(response.force[:, 0]) > 44.7), rel=0.3)
+
+
+def test_a_force_that_no_stable_controller_makes_corrects_nothing(stage, recorded):
+    """A least-squares fit to any force gives gains; they would pass for the drive's."""
+    rng = np.random.default_rng(1)
+    other = spoilt(recorded, force_actual=lambda f: rng.permutation(f))
+    found = audit_channels(other, stage)
+    named, finding = single(found)
+    assert named == ("x", "force_actual", "controller_unknown")
+    assert finding in found.misleading
+    assert found.settings == stage
+
+
+def test_an_offset_that_is_zero_throughout_has_no_factor(stage, recorded):
+    silent = spoilt(recorded, force_offset=np.zeros_like)
+    for of in (stage, with_control(stage, kd=1.25, ki=2.0), with_control(stage, kp=1.25, ki=0.5)):
+        assert "force_offset" not in {f.channel for f in audit_channels(silent, of).findings}
+
+
+@pytest.mark.parametrize("late", [1, 2])
+def test_a_late_log_of_a_stage_with_dead_time(stage, recorded, late):
+    demand = np.column_stack([a.position_demand for a in recorded.axes.values()])
+    offset = np.column_stack([a.force_offset for a in recorded.axes.values()])
+    x = replace(stage.axes[0], effects=(library()["dead_time"].at(delay=0.8e-3),))
+    response = simulate(replace(stage, axes=(x, stage.axes[1])), demand, offset, 3)
+    force = response.force[:, 0]
+    slow = replace(
+        recorded.axes["x"],
+        position_actual=response.position[:, 0],
+        force_actual=np.concatenate((np.repeat(force[:1], late), force[:-late])),
+    )
+    found = audit_channels(replace(recorded, axes={**recorded.axes, "x": slow}), stage)
+    named, finding = single(found)
+    assert named == ("x", "force_actual", "delay")
+    assert finding.value == pytest.approx(late * 1e-3)
+    assert found.current_paths["x"].dead_time == pytest.approx(0.8e-3, rel=0.02)

@@ -82,7 +82,17 @@ def test_recordings_that_support_no_diagnosis(stage, recorded, spoil, words):
     report = report_without_causes(examine([made], stage))
     assert report.verdict == "insufficient"
     assert words in report.reason
-    assert report.to_json()["gap"] == {}
+    assert report.causes == ()
+
+
+def test_what_is_too_short_for_a_diagnosis_still_has_a_gap_and_a_place(stage, recorded):
+    heavy = replace(stage, axes=(replace(stage.axes[0], mass=9.0), *stage.axes[1:]))
+    report = report_without_causes(examine([cut(recorded, slice(0, 800))], heavy))
+    assert report.verdict == "insufficient"
+    assert report.gap["x"]["force"].nominal > 5.0 * report.gap["x"]["force"].floor
+    assert report.where
+    slow = report_without_causes(examine([cut(recorded, slice(0, None, 100))], stage))
+    assert (slow.gap, slow.where) == ({}, ())
 
 
 def test_one_move_is_not_enough(stage, recorded):
@@ -97,6 +107,7 @@ def test_a_fault_of_a_channel_is_no_physics_unless_it_is_corrected(stage, record
     report = report_without_causes(examine([bad], stage))
     assert report.verdict == "insufficient"
     assert "force_actual has the wrong sign" in report.reason
+    assert report.gap["x"]["force"].nominal > 5.0 * report.gap["x"]["force"].floor
     assert [(f.finding, f.applied) for f in report.channels] == [("sign", False)]
     corrected = report_without_causes(examine([bad], stage, correct=True))
     assert corrected.verdict != "insufficient"

@@ -104,6 +104,18 @@ def test_recordings_with_too_little_motion_get_a_report(small, tmp_path, spoil, 
     assert report["causes"] == []
 
 
+def test_without_a_diagnosis_there_is_no_twin(small, tmp_path):
+    path = spoilt(
+        small, tmp_path,
+        lambda f: replaced(f, "axes/x/force_actual", -f["axes/x/force_actual"][()]),
+    )  # fmt: skip
+    twin = tmp_path / "twin.yaml"
+    result = CliRunner().invoke(diagnose, [str(path), "--twin", str(twin)])
+    assert result.exit_code == 0, result.output
+    assert "twin.yaml is not written: no cause was found" in " ".join(result.output.split())
+    assert not twin.exists()
+
+
 @pytest.mark.parametrize(
     ("channel", "value"),
     [("position_actual", 0.0), ("force_actual", 0.0), ("force_actual", 1e6), ("force_offset", 1e6)],
