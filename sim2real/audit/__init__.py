@@ -1,6 +1,7 @@
 """Whether a recording's channels mean what the machine file says, before any physics is suspected.
 
-`channels` runs the audit: `signal_checks` needs nothing but the logged numbers, `controller_law`
+`sample_repair` comes first: rows that the log lost, values that it repeated. `channels` runs the
+audit: `signal_checks` needs nothing but the logged numbers, `controller_law`
 recomputes the force that the drive must have commanded, `law_hypotheses` finds the timing or gain
 error that explains the difference, and `corrections` removes it from the recording.
 """
@@ -8,6 +9,7 @@ error that explains the difference, and `corrections` removes it from the record
 from sim2real.audit.channels import UNCORRECTABLE, Audit, audit_channels, mark_applied
 from sim2real.audit.controller_law import reconstruct_law
 from sim2real.audit.corrections import remove_delay, rescale
+from sim2real.audit.sample_repair import repair_samples
 
 __all__ = [
     "UNCORRECTABLE",
@@ -16,5 +18,6 @@ __all__ = [
     "mark_applied",
     "reconstruct_law",
     "remove_delay",
+    "repair_samples",
     "rescale",
 ]

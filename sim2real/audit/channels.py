@@ -151,7 +151,11 @@ def audit_channels(recording: Recording, settings: StageSettings) -> Audit:
 def mark_applied(findings: tuple[ChannelFinding, ...]) -> tuple[ChannelFinding, ...]:
     """The same findings, with those that can be corrected marked as corrected."""
     return tuple(
-        replace(f, applied=f.finding in (*MISLEADING, "jitter") and f.finding not in UNCORRECTABLE)
+        replace(
+            f,
+            applied=f.applied
+            or (f.finding in (*MISLEADING, "jitter") and f.finding not in UNCORRECTABLE),
+        )
         for f in findings
     )
 

@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from hil_sim.settings import StageSettings
-from sim2real.audit import UNCORRECTABLE, Audit, audit_channels, mark_applied
+from sim2real.audit import UNCORRECTABLE, audit_channels, mark_applied, repair_samples
 from sim2real.gap import (
     Gap,
     Located,
@@ -90,16 +90,20 @@ def examine(
     """
     require_presliding(settings)
     names = tuple(r.source for r in recordings)
+    repairs = [repair_samples(recording, settings) for recording in recordings]
+    recordings = [recording for recording, _ in repairs]
+    repaired = [found for _, found in repairs]
     for recording in recordings:
         reason = why_insufficient(recording, settings)
         if reason is not None:
             reason = _name_recording(recording, recordings, reason)
-            return _with_gap(Examination(names, (), reason, settings), recordings, progress)
+            insufficient = Examination(names, _merge_findings(repaired), reason, settings)
+            return _with_gap(insufficient, recordings, progress)
     audits = []
     for number, recording in enumerate(recordings):
         progress("channels", number, len(recordings))
         audits.append(_name_errors(recording, lambda r: audit_channels(r, settings)))
-    findings = _merge_findings(audits)
+    findings = _merge_findings([*repaired, *(list(audit.findings) for audit in audits)])
     misleading = [f for a in audits for f in a.misleading]
     beyond = [f for f in misleading if f.finding in UNCORRECTABLE]
     if beyond or (misleading and not correct):
@@ -207,11 +211,11 @@ def report_without_causes(examined: Examination) -> GapReport:
     )
 
 
-def _merge_findings(audits: Sequence[Audit]) -> tuple[ChannelFinding, ...]:
+def _merge_findings(found: Sequence[Sequence[ChannelFinding]]) -> tuple[ChannelFinding, ...]:
     """Findings of several recordings, each kind once, with the mean of its values."""
     kinds: dict[tuple[str, str, str], list[ChannelFinding]] = {}
-    for found in audits:
-        for finding in found.findings:
+    for findings in found:
+        for finding in findings:
             kinds.setdefault((finding.axis, finding.channel, finding.finding), []).append(finding)
     return tuple(
         replace(same[0], value=float(np.mean([f.value for f in same if f.value is not None])))

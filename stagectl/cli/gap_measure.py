@@ -144,11 +144,13 @@ def machine_of(machine: Path | None, *recorded: Recording) -> Machine:
 def _measure(recorded: Recording, settings: StageSettings, update: ProgressUpdate) -> Measured:
     from functools import partial
 
+    from sim2real.audit import repair_samples
     from sim2real.gap import compare_with_model
     from stagectl.errors import UnusableInput
 
     try:
-        return compare_with_model(recorded, settings, progress=partial(update, "simulating"))
+        repaired, _ = repair_samples(recorded, settings)
+        return compare_with_model(repaired, settings, progress=partial(update, "simulating"))
     except ValueError as error:
         raise UnusableInput(f"{recorded.source}: {error}") from error
 

@@ -1,0 +1,171 @@
+"""Rows that a log lost and values that it repeated, recognised before anything is judged by them.
+
+Loggers drop rows, and hold a value where none arrived. Neither is physics: such samples are marked
+as not valid, lost rows are put back with demands in between those around them. Where the host
+itself paused, the drives held their setpoint, and nothing is put back: the demand tells the two
+apart, because it goes on as if nothing had been where only the log was away.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from hil_sim.settings import AxisSettings, StageSettings
+from sim2real.audit.signal_checks import ALL_AXES, quantisation_step
+from sim2real.gap import match_periods
+from sim2real.report import ChannelFinding
+from stagedata import AxisSignals, BoolArray, FloatArray, Move, Recording
+
+_STEPS = 3.0
+"""Changes of the position from sample to sample, in steps of the log plus its noise, from which one
+that does not change can be told from one at rest."""
+_JUMP = 1.5
+"""After a held value the position makes up for it: its change is at least this many times that of
+the samples around."""
+_MOST_LOST = 0.2
+"""Share of lost rows up to which they are put back."""
+
+
+def repair_samples(
+    recording: Recording, settings: StageSettings
+) -> tuple[Recording, list[ChannelFinding]]:
+    """The recording with lost rows put back and held values marked as not valid.
+
+    Args:
+        recording: as logged.
+        settings: of the machine file.
+
+    Returns:
+        The recording, unchanged where nothing is wrong or its time cannot be matched with the
+        SYNC; and what was found, marked as applied.
+    """
+    try:
+        place = match_periods(recording.time, settings.sync_period)
+    except ValueError:
+        return recording, []
+    findings: list[ChannelFinding] = []
+    lost = _lost_rows(recording, place)
+    if 0 < lost.sum() <= _MOST_LOST * len(recording):
+        share = float(lost.sum()) / (len(recording) + float(lost.sum()))
+        text = f"{lost.sum()} rows ({100 * share:.2g} %) are missing in the log; they are left out"
+        findings.append(_applied(ALL_AXES, "time", "missing", share, text))
+        recording = _with_rows(recording, lost)
+    held = {
+        axis.name: _held_samples(recording.axes[axis.name], axis)
+        for axis in settings.axes
+        if axis.name in recording.axes
+    }
+    if any(mask.any() for mask in held.values()):
+        recording = _without_held(recording, held)
+    for name, mask in held.items():
+        if mask.any():
+            share = float(mask.mean())
+            text = (
+                f"{name}: position_actual repeats its last value in motion at {mask.sum()} samples "
+                f"({100 * share:.2g} %); they are left out"
+            )
+            findings.append(_applied(name, "position_actual", "held", share, text))
+    return recording, findings
+
+
+def _applied(axis: str, channel: str, kind: str, share: float, text: str) -> ChannelFinding:
+    return ChannelFinding(axis, channel, kind, share, "1", applied=True, text=text)
+
+
+def _lost_rows(recording: Recording, place: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Rows lost before each sample, int64[K].
+
+    At a jump of the time axis the demand has gone on by as many periods as were jumped.
+    """
+    lost = np.zeros(len(recording), dtype=np.int64)
+    for k in np.flatnonzero(np.diff(place) > 1) + 1:
+        if not 2 <= k < len(recording) - 1:
+            continue
+        gone = int(place[k] - place[k - 1])
+        ratios = []
+        for signals in recording.axes.values():
+            d = signals.position_demand
+            usual = 0.5 * (d[k - 1] - d[k - 2] + d[k + 1] - d[k])
+            if usual != 0.0:
+                ratios.append((abs(usual), (d[k] - d[k - 1]) / usual))
+        if ratios and max(ratios)[1] > 0.5 * (1 + gone):
+            lost[k] = gone - 1
+    return lost
+
+
+def _with_rows(recording: Recording, lost: NDArray[np.int64]) -> Recording:
+    """The recording with rows inserted before each sample, not valid."""
+    index = np.arange(len(recording)) + np.cumsum(lost)
+    every = np.arange(index[-1] + 1)
+    was = np.zeros(len(every), dtype=bool)
+    was[index] = True
+
+    def between(values: FloatArray) -> FloatArray:
+        filled: FloatArray = PchipInterpolator(index, values)(every)
+        filled[index] = values
+        return filled
+
+    before = np.cumsum(was) - 1
+    axes = {}
+    for name, signals in recording.axes.items():
+        axes[name] = AxisSignals(
+            between(signals.position_demand),
+            between(signals.force_offset),
+            between(signals.position_actual),
+            between(signals.force_actual),
+            None if signals.statusword is None else signals.statusword[before],
+            signals.valid[before] & was,
+        )
+    ends = np.append(index, len(every))
+
+    def moved(move: Move) -> Move:
+        return replace(move, start=int(ends[move.start]), end=int(ends[move.end]))
+
+    return replace(
+        recording,
+        time=between(recording.time),
+        axes=axes,
+        moves=tuple(moved(move) for move in recording.moves),
+    )
+
+
+def _held_samples(signals: AxisSignals, axis: AxisSettings) -> BoolArray:
+    """Where the logged position repeats itself although the axis moves, bool[K]."""
+    position = signals.position_actual
+    held = np.zeros(len(position), dtype=bool)
+    usual = _STEPS * ((quantisation_step(position[signals.valid]) or axis.increment) + axis.noise)
+    change = np.diff(position)
+    still = np.flatnonzero(change == 0.0)
+    for run in np.split(still, np.flatnonzero(np.diff(still) > 1) + 1):
+        if not len(run) or run[0] < 1 or run[-1] + 2 >= len(change):
+            continue
+        before, jump, after = change[run[0] - 1], change[run[-1] + 1], change[run[-1] + 2]
+        around = 0.5 * (before + after)
+        same_way = before * after > 0.0 and before * jump > 0.0
+        if same_way and abs(around) > usual and abs(jump) > _JUMP * abs(around):
+            held[run + 1] = True
+    return held & signals.valid
+
+
+def _without_held(recording: Recording, held: dict[str, BoolArray]) -> Recording:
+    """Held samples not valid; where whole rows were repeated, demands in between those around."""
+    rows = np.logical_or.reduce(list(held.values()))
+    for signals in recording.axes.values():
+        for values in (signals.position_demand, signals.position_actual):
+            rows &= np.diff(values, prepend=np.nan) == 0.0
+    index = np.arange(len(recording))
+    axes = {}
+    for name, signals in recording.axes.items():
+        demand, offset = signals.position_demand, signals.force_offset
+        if rows.any():
+            demand, offset = demand.copy(), offset.copy()
+            for values in (demand, offset):
+                values[rows] = PchipInterpolator(index[~rows], values[~rows])(index[rows])
+        axes[name] = replace(
+            signals, position_demand=demand, force_offset=offset, valid=signals.valid & ~held[name]
+        )
+    return replace(recording, axes=axes)
