@@ -32,7 +32,6 @@ from sim2real.audit.signal_checks import (
     check_saturation,
     check_time,
     match_unit,
-    quantisation_step,
 )
 from sim2real.gap import number_periods, prepare_replay
 from sim2real.report import ChannelFinding
@@ -190,13 +189,7 @@ def _expected_remainders(recording: Recording, settings: StageSettings) -> dict[
     That run is rounded to the quantisation of the recording.
     """
     replay = prepare_replay(recording, settings)
-    run = replay.run(settings, _SEED)
-    for name, signals in run.items():
-        logged = replay.measured()[name]
-        for signal, values in signals.items():
-            grid = quantisation_step(logged[signal][replay.valid(name)])
-            if grid is not None:
-                run[name][signal] = np.rint(values / grid) * grid
+    run = replay.as_logged(replay.run(settings, _SEED))
     own = replace(
         recording,
         axes={

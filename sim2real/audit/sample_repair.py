@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from hil_sim.settings import AxisSettings, StageSettings
-from sim2real.audit.signal_checks import ALL_AXES, quantisation_step
-from sim2real.gap import match_periods
+from sim2real.audit.signal_checks import ALL_AXES
+from sim2real.gap import match_periods, quantisation_step
 from sim2real.report import ChannelFinding
 from stagedata import AxisSignals, BoolArray, FloatArray, Move, Recording
 

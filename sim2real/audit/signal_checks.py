@@ -12,9 +12,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from hil_sim.settings import AxisSettings
-from sim2real.gap import number_periods
+from sim2real.gap import coarse_steps, number_periods, stated_step
 from sim2real.phases import REST, split_phases
-from sim2real.report import ChannelFinding
+from sim2real.report import SIGNALS, ChannelFinding
 from stagedata import AxisSignals, BoolArray, FloatArray
 
 ALL_AXES = "all"
@@ -146,39 +146,12 @@ def match_unit(
 
 def check_quantisation(signals: AxisSignals, axis: AxisSettings) -> list[ChannelFinding]:
     """Position and force quantised more coarsely than encoder and drive do."""
-    stated = {
-        "position_actual": (axis.increment, "m"),
-        "force_actual": (axis.control.rated_force / 1000.0, "N"),
-    }
     found = []
-    for channel, (step, unit) in stated.items():
-        grid = quantisation_step(getattr(signals, channel)[signals.valid])
-        if grid is not None and grid > 1.5 * step:
-            text = f"{axis.name}: {channel} comes in steps of {grid:.3g} {unit}, not {step:.3g}"
-            found.append(ChannelFinding(axis.name, channel, "quantisation", grid, unit, text=text))
+    for signal, grid in coarse_steps(signals, axis).items():
+        channel, unit, step = f"{signal}_actual", SIGNALS[signal], stated_step(axis, signal)
+        text = f"{axis.name}: {channel} comes in steps of {grid:.3g} {unit}, not {step:.3g}"
+        found.append(ChannelFinding(axis.name, channel, "quantisation", grid, unit, text=text))
     return found
-
-
-def quantisation_step(values: FloatArray) -> float | None:
-    """The step that values are multiples of, None where there is none."""
-    levels = np.unique(values)
-    if len(levels) < 3:
-        return None
-    gaps = np.diff(levels)
-    smallest = float(gaps[gaps > 1e-9 * np.ptp(levels) + 1e-15].min(initial=math.inf))
-    if not math.isfinite(smallest):
-        return None
-    # The smallest gap is rounded: the step is refined over the whole range.
-    multiples = np.rint((levels - levels[0]) / smallest)
-    if multiples[-1] > 1e7:
-        return smallest if _is_on_grid(gaps, smallest) else None
-    step = float((levels[-1] - levels[0]) / multiples[-1])
-    return step if _is_on_grid(gaps, step) else None
-
-
-def _is_on_grid(gaps: FloatArray, step: float) -> bool:
-    off = np.abs(gaps / step - np.rint(gaps / step))
-    return bool(np.mean(off < 0.02) > 0.99)
 
 
 def check_saturation(

@@ -26,7 +26,7 @@ from sim2real.fitting import (
     coordinate,
     with_base,
 )
-from sim2real.gap import Signals
+from sim2real.gap import NO_GAP_BELOW, Signals
 from sim2real.report import (
     EXPLAINED,
     NO_GAP,
@@ -155,7 +155,7 @@ def _verdict_without_causes(causes: Sequence[Cause], remaining: float, whole: bo
         whole: whether the innovations are white.
     """
     small = not causes and remaining < (_SMALL if whole else _SMALLER)
-    return NO_GAP if small else UNEXPLAINED
+    return NO_GAP if small or remaining < NO_GAP_BELOW else UNEXPLAINED
 
 
 def describe_far_off(examined: Examination) -> str:

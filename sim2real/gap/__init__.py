@@ -17,6 +17,7 @@ from sim2real.gap.measure import (
     measure_gap,
     pool_gaps,
 )
+from sim2real.gap.quantisation import coarse_steps, quantisation_step, stated_step
 from sim2real.gap.replay import Replay, Signals, prepare_replay, rms, subtract_signals
 from sim2real.gap.sync_grid import match_periods, number_periods
 
@@ -28,6 +29,7 @@ __all__ = [
     "Replay",
     "Signals",
     "check_repeats",
+    "coarse_steps",
     "combined_gap",
     "compare_with_model",
     "estimate_floor",
@@ -38,6 +40,8 @@ __all__ = [
     "number_periods",
     "pool_gaps",
     "prepare_replay",
+    "quantisation_step",
     "rms",
+    "stated_step",
     "subtract_signals",
 ]

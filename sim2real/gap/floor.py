@@ -1,9 +1,9 @@
 """The floor under the gap: what even a perfect model would leave against a recording.
 
-Noisy draws of the model (encoder noise, friction wander by the machine file's `repeatability`)
-against its noise-free run; rms per axis and signal, averaged over a few draws. Where the recording
-repeats moves, the scatter between repetitions is a second, independent estimate that the floor is
-checked against. Definitions: docs/formats/gap-report.md.
+Noisy draws of the model (encoder noise, friction wander by the machine file's `repeatability`, the
+resolution of the log) against its noise-free run; rms per axis and signal, averaged over a few
+draws. Where the recording repeats moves, the scatter between repetitions is a second, independent
+estimate that the floor is checked against. Definitions: docs/formats/gap-report.md.
 """
 
 from __future__ import annotations
@@ -74,6 +74,8 @@ def estimate_floor(
 
     def run(done: int, seed: int | None) -> Signals:
         signals = replay.run(settings, seed)
+        if seed is not None:
+            signals = replay.as_logged(signals)
         if progress is not None:
             progress(done, draws + 1)
         return signals

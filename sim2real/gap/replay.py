@@ -6,6 +6,7 @@ The model starts at rest at the first target. Where a recording starts with forc
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from hil_sim.plant import Response, needs_all_axes, simulate
 from hil_sim.settings import AxisSettings, StageSettings
+from sim2real.gap.quantisation import coarse_steps
 from sim2real.gap.sync_grid import match_periods
 from sim2real.report import SIGNALS
 from stagedata import AxisSignals, BoolArray, FloatArray, Recording
@@ -37,6 +39,7 @@ class Replay:
         demand, offset: setpoints of every SYNC period, shape (P, axes), P >= K [m, N].
         place: int64[K], number of the SYNC period that each sample belongs to.
         rest_force: motor force of each axis at the start [N].
+        steps: axis -> signal -> step of the log where it is coarser than the sensor [m, N].
     """
 
     recording: Recording
@@ -46,6 +49,7 @@ class Replay:
     offset: FloatArray
     place: NDArray[np.int64]
     rest_force: tuple[float, ...]
+    steps: Mapping[str, Mapping[str, float]]
 
     def run(self, settings: StageSettings, seed: int | None = None) -> Signals:
         """Simulated signals at the recording's samples.
@@ -73,6 +77,18 @@ class Replay:
 
     def _sampled(self, response: Response, a: int) -> dict[str, FloatArray]:
         return {signal: getattr(response, signal)[self.place, a] for signal in SIGNALS}
+
+    def as_logged(self, signals: Signals) -> Signals:
+        """Simulated signals rounded as the log is, where that is coarser than the sensors."""
+        return {
+            name: {
+                signal: np.rint(values / step) * step
+                if (step := self.steps[name].get(signal))
+                else values
+                for signal, values in of_axis.items()
+            }
+            for name, of_axis in signals.items()
+        }
 
     def measured(self) -> Signals:
         """The recorded signals."""
@@ -112,6 +128,7 @@ def prepare_replay(recording: Recording, settings: StageSettings) -> Replay:
         np.column_stack([s.force_offset for s in signals])[sent],
         place,
         tuple(_rest_force(s, axis) for s, axis in zip(signals, settings.axes, strict=True)),
+        {axis.name: coarse_steps(recording.axes[axis.name], axis) for axis in settings.axes},
     )
 
 

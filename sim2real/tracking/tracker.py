@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.plant import Arrays
 from hil_sim.settings import SUBSTEPS, AxisSettings, StageSettings
-from sim2real.gap import Replay
+from sim2real.gap import Replay, stated_step
 from sim2real.tracking.error_states import (
     STATES,
     Gains,
@@ -256,12 +256,16 @@ class Tracker:
         for a, axis in enumerate(axes):
             if held := self._replay.rest_force[columns[a]]:
                 arrays.balance(a, held, axis)
-        noise = [math.hypot(o.noise, o.increment / math.sqrt(12.0)) for o in self._stage.axes]
+        logged = self._replay.steps
+        noise = [
+            math.hypot(o.noise, logged[o.name].get("position", o.increment) / math.sqrt(12.0))
+            for o in self._stage.axes
+        ]
         deviations = Deviations(
             np.array([a.wander for a in axes]),
             np.exp(-period / np.array([a.correlation_time for a in axes])),
             np.array(noise)[list(columns)],
-            np.array([force_deviation(a) for a in axes]),
+            np.array([force_deviation(a, logged[a.name].get("force")) for a in axes]),
         )
         out = {name: np.zeros((count, len(axes))) for name in Tracked._fields}
         known = 0 if gains is None else count
@@ -280,9 +284,10 @@ class Tracker:
     def _seen(self, run: _Run, at: int, gains: Gains) -> Track:
         """The track of one axis of a run."""
         motor = run.out["motor"][:, at]
+        step = self._replay.steps[self.axis.name].get("force")
         return Track(
             position=run.out["innovation"][:, at] / gains.deviation,
-            force=(self._force[:, self._index] - motor) / force_deviation(self.axis),
+            force=(self._force[:, self._index] - motor) / force_deviation(self.axis, step),
             valid=self.valid,
             x=run.out["x"][:, at],
             v=run.out["v"][:, at],
@@ -291,10 +296,15 @@ class Tracker:
         )
 
 
-def force_deviation(axis: AxisSettings) -> float:
-    """Standard deviation of the force actual value [N]: rounding, and encoder noise by the loop."""
+def force_deviation(axis: AxisSettings, step: float | None = None) -> float:
+    """Standard deviation of the force actual value [N]: rounding, and encoder noise by the loop.
+
+    Args:
+        axis: its settings.
+        step: of the log [N]; None for the drive's.
+    """
     control = axis.control
-    unit = control.rated_force / 1000.0
+    unit = stated_step(axis, "force") if step is None else step
     gain = control.kp + control.kd / (control.derivative_time + control.period)
     return math.hypot(unit / math.sqrt(12.0), gain * axis.noise)
 

@@ -8,6 +8,7 @@ import pytest
 from hil_sim.plant import simulate
 from sim2real.gap import (
     check_repeats,
+    compare_with_model,
     estimate_floor,
     prepare_replay,
     subtract_signals,
@@ -85,3 +86,24 @@ def gap(position, force):
     return {
         "x": {"position": GapFigures(position, 1e-7, "m"), "force": GapFigures(force, 0.1, "N")}
     }
+
+
+def test_a_coarse_log_is_in_the_floor(stage):
+    """Steps of 10 µm and 0.5 N on a stage without any other fault: a gap of about one floor."""
+    made = laps(stage, 5)
+    coarse = replace(
+        made,
+        axes={
+            name: replace(
+                s,
+                position_actual=np.rint(s.position_actual / 10e-6) * 10e-6,
+                force_actual=np.rint(s.force_actual / 0.5) * 0.5,
+            )
+            for name, s in made.axes.items()
+        },
+    )
+    measured = compare_with_model(coarse, stage)
+    for signals in measured.gap.values():
+        for signal, step in (("position", 10e-6), ("force", 0.5)):
+            assert signals[signal].floor > 0.5 * step / np.sqrt(12.0)
+            assert signals[signal].nominal < 1.3 * signals[signal].floor
