@@ -111,7 +111,8 @@ def conclude(
         enough = whole and share is not None and share >= _ENOUGH
         verdict = EXPLAINED if enough else PARTLY_EXPLAINED
     else:
-        remaining = combined_energy(after, samples) / signals
+        # Figures within tolerance that were fitted to a coarse log may fit worse than the file's.
+        remaining = min(combined_energy(after, samples), total) / signals
         verdict = _verdict_without_causes(causes, remaining, whole)
     far_off = describe_far_off(examined)
     if verdict == NO_GAP and far_off:
