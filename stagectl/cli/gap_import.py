@@ -14,10 +14,11 @@ from stagectl.cli.options import FILE, OUTPUT
 @click.option("--map", "how", type=FILE, required=True, help="Map of columns to channels (YAML).")
 @click.option("--out", type=OUTPUT, help="Recording to write.  [default: DATA.h5 in this folder]")
 def import_data(data: Path, how: Path, out: Path | None) -> None:
-    """Convert DATA, a .mat or .csv file, into a recording that the other gap commands read.
+    """Convert DATA, a .mat or text file, into a recording that the other gap commands read.
 
     The map names the column, unit, factor and delay of each channel, and the machine file of the
-    stage; its drives may have a PID or a cascaded position loop. Example: examples/emps.
+    stage; its drives may have a PID or a cascaded position loop. All keys: docs/sim-to-real.md;
+    example: examples/emps.
     """
     from stagectl.config.import_map import load_map
     from stagectl.store import import_recording, write_recording

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field, StrictBool, StrictInt
 
-from stagectl.config.machine import AxisName, Machine, Name
+from stagectl.config.machine import Axis, AxisName, Machine, Name
 from stagectl.config.machine_file import load_machine
 from stagectl.config.units import NotNegativeTime, Number
 from stagectl.config.validation import Section, validate
@@ -17,10 +18,29 @@ from stagectl.errors import ConfigError
 
 UNITS = {
     "m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "nm": 1e-9,
-    "N": 1.0, "mN": 1e-3, "kN": 1e3,
-    "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6,
+    "rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180.0, "rev": 2.0 * math.pi,
+    "N": 1.0, "mN": 1e-3, "kN": 1e3, "N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "mNm": 1e-3,
+    "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9,
 }  # fmt: skip
-"""Units of columns, in SI units."""
+"""Units of columns, in SI units. A rotary axis has rad for m, N m for N and kg m^2 for kg."""
+BY_FACTOR = ("A", "V")
+"""Units that need a factor [N or N m per unit]."""
+OF_THE_AXIS = ("counts", "%", "permille")
+"""Units that the machine file states: encoder increments, and shares of the rated force."""
+
+
+def unit_factor(unit: str | None, axis: Axis | None) -> float:
+    """SI units per unit of a column.
+
+    Args:
+        unit: a key of `UNITS`, or one of `BY_FACTOR` or `OF_THE_AXIS`; None: SI.
+        axis: that the column belongs to, None for the time.
+    """
+    if unit == "counts" and axis is not None:
+        return axis.encoder.increment
+    if unit in ("%", "permille") and axis is not None:
+        return axis.drive.rated_force / (100.0 if unit == "%" else 1000.0)
+    return 1.0 if unit is None or unit in BY_FACTOR else UNITS[unit]
 
 
 class Column(Section):
@@ -33,6 +53,7 @@ class Column(Section):
         offset: added after that [SI].
         delay: samples by which to shift it later.
         optional: use zeros if the data do not have the column.
+        file: a key of `files` where it is not in DATA itself.
     """
 
     column: Name | StrictInt
@@ -41,12 +62,31 @@ class Column(Section):
     offset: Number = 0.0
     delay: StrictInt = 0
     optional: StrictBool = False
+    file: Name | None = None
+
+
+class OtherFile(Section):
+    """A further file of the data.
+
+    Attributes:
+        path: relative to the folder of DATA.
+        time: its column of the time, on the clock of DATA's; None: it has DATA's samples.
+        preamble: lines before its header; None: found by itself.
+    """
+
+    path: Name
+    time: Column | None = None
+    preamble: Annotated[StrictInt, Field(ge=0)] | None = None
 
 
 class AxisColumns(Section):
-    """Columns of one axis, named as in the recording format."""
+    """Columns of one axis, named as in the recording format.
 
-    position_demand: Column
+    Without `position_demand` the measured position, smoothed, takes its place: data without a
+    demand, whose controller cannot be known.
+    """
+
+    position_demand: Column | None = None
     position_actual: Column
     force_actual: Column
     force_offset: Column | None = None
@@ -59,12 +99,18 @@ class ImportMap(Section):
         machine: machine file, relative to the map.
         time: column of the time; None: samples are one SYNC period apart.
         skip: samples before this time are marked invalid [s].
+        preamble: lines of DATA before its header; None: found by itself.
+        files: further files by a name of their own.
+        resample: read all channels at whole SYNC periods; samples may be uneven or more frequent.
         axes: columns of each axis of the machine file.
     """
 
     machine: Name
     time: Column | None = None
     skip: NotNegativeTime = 0.0
+    preamble: Annotated[StrictInt, Field(ge=0)] | None = None
+    files: Mapping[Name, OtherFile] = Field(default_factory=dict)
+    resample: StrictBool = False
     axes: Annotated[Mapping[AxisName, AxisColumns], Field(min_length=1)]
 
 
@@ -87,16 +133,22 @@ def load_map(path: Path) -> tuple[ImportMap, Machine]:
         for name in machine.axes
         if name not in found.axes
     ]
+    known = {*UNITS, *BY_FACTOR, *OF_THE_AXIS}
     for name, axis in found.axes.items():
         for channel in ("position_demand", "position_actual", "force_actual", "force_offset"):
             column = getattr(axis, channel)
-            if column is not None and column.unit is not None and column.unit not in UNITS:
-                problems.append(
-                    document.problem(
-                        ("axes", name, channel, "unit"),
-                        f"unknown unit {column.unit!r}; known: {', '.join(UNITS)}",
-                    )
-                )
+            if column is None:
+                continue
+            place = ("axes", name, channel)
+            if column.unit is not None and column.unit not in known:
+                text = f"unknown unit {column.unit!r}; known: {', '.join(sorted(known))}"
+                problems.append(document.problem((*place, "unit"), text))
+            if column.unit in BY_FACTOR and "factor" not in column.model_fields_set:
+                text = f"needs a factor: newtons (or N m) per {column.unit}"
+                problems.append(document.problem((*place, "unit"), text))
+            if column.file is not None and column.file not in found.files:
+                text = f"no such file in `files`: {column.file}"
+                problems.append(document.problem((*place, "file"), text))
     if problems:
         raise ConfigError(problems)
     return found, machine

@@ -1,7 +1,7 @@
 """Files of a run: journal, recording, summary, bus log.
 
 `journal` (while the run goes on), `recovery` (from there to the recording), `recording` (HDF5;
-`hdf5`, `ledger`), `bus_log` and `log_reader`, `summary`, `foreign` (other programs' data),
+`hdf5`, `ledger`), `bus_log` and `log_reader`, `summary`, `foreign` and `columns` (data of other programs),
 `atomic`.
 """
 

@@ -1,185 +1,208 @@
-"""Imports columns of a .mat or .csv file as a recording, as an import map assigns them.
+"""Imports the data of another program as a recording, as an import map assigns its columns.
 
-MATLAB files of version 4 to 7 (by scipy) and 7.3 (HDF5); CSV with or without a header. Moves are
-found from the demand. Nothing is resampled: the samples must be one SYNC period apart.
+Units become SI at this border. Channels may come from several files, each with a time of its own.
+With `resample` all channels are read at whole SYNC periods; without, the samples must be one period
+apart. Moves are found from the demand.
 """
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
-import h5py
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import PchipInterpolator
+from scipy.signal import savgol_filter
 
 from sim2real.phases import split_moves
-from stagectl.config.import_map import UNITS, Column, ImportMap
-from stagectl.config.machine import Machine
+from stagectl.config.import_map import AxisColumns, Column, ImportMap, unit_factor
+from stagectl.config.machine import Axis, Machine
 from stagectl.errors import UnusableInput
+from stagectl.store.columns import Columns
 from stagedata import AxisSignals, Move, Recording
 
 FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
 _OFF_PERIOD = 0.1
+_SPARSE = 1.5
+"""SYNC periods between samples beyond which resampling would invent samples."""
+_HOLE = 2.5
+"""Usual distances of the samples beyond which there is a hole, in which nothing is valid."""
 _MOST_DELAY = 1000
+_SMOOTHED = 11
+"""Samples over which a measured position becomes the demand where none was logged."""
 
 
 def import_recording(path: Path, how: ImportMap, machine: Machine) -> Recording:
-    """Import a file of another program.
+    """Import files of another program.
 
     Args:
-        path: of the data, .mat or .csv.
+        path: of the data: .mat, or text.
         how: the import map.
         machine: that the map names.
 
     Raises:
-        UnusableInput: the file or a column cannot be used; names file, column, row and cause.
+        UnusableInput: a file or a column cannot be used; names file, column, row and cause.
     """
-    columns = _columns(path)
     period = machine.bus.sync_period
-    first = next(iter(how.axes.values())).position_demand
-    count = len(_values(columns, first, path, None))
-    time = (
-        np.arange(count) * period if how.time is None else _values(columns, how.time, path, count)
-    )
-    time = time - time[0]
-    _check_time(time, period, path)
+    files = {"": _read(path, how.preamble, how.time, period, how)}
+    for name, other in how.files.items():
+        files[name] = _read(path.parent / other.path, other.preamble, other.time, period, how)
+    first = files[""]
+    time = first.time - first.time[0]
+    if how.resample:
+        _check_rate(time, period, path)
+        time = np.arange(int((time[-1] - time[0]) / period + 1e-6) + 1) * period
+    else:
+        _check_time(time, period, path)
     axes = {}
     for name, axis in how.axes.items():
-        axes[name] = AxisSignals(
-            _values(columns, axis.position_demand, path, count),
-            np.zeros(count)
-            if axis.force_offset is None
-            else _values(columns, axis.force_offset, path, count),
-            _values(columns, axis.position_actual, path, count),
-            _values(columns, axis.force_actual, path, count),
-            None,
-            time >= how.skip,
-        )
+        channels = _Channels(files, time, how.resample, machine.axes[name])
+        axes[name] = channels.signals(axis, time >= how.skip)
+    if len(time) < 2:
+        raise UnusableInput(f"{path}: {len(time)} samples")
     found = Recording(machine.text, "", "", time, axes, (), str(path))
     return Recording(machine.text, "", "", time, axes, _moves(found, period), str(path))
 
 
-def _columns(path: Path) -> dict[str, FloatArray]:
-    """All one-dimensional numeric columns by name."""
-    if not path.is_file():
-        raise UnusableInput(f"{path}: {'is not a file' if path.exists() else 'no such file'}")
-    suffix = path.suffix.lower()
-    if suffix == ".mat":
-        columns = _hdf5_columns(path) if h5py.is_hdf5(path) else _matlab_columns(path)
-    elif suffix in (".csv", ".txt", ".tsv"):
-        columns = _csv_columns(path)
-    else:
-        raise UnusableInput(f"{path}: {suffix or 'no suffix'}: only .mat and .csv are read")
-    if not columns:
-        raise UnusableInput(f"{path}: no numeric column")
-    return columns
+@dataclass(frozen=True, slots=True, eq=False)
+class _File:
+    """The columns of a file and its own time [s]."""
+
+    columns: Columns
+    time: FloatArray
+    has_time: bool
 
 
-def _matlab_columns(path: Path) -> dict[str, FloatArray]:
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
-    try:
-        content = loadmat(path)
-    except (MatReadError, ValueError, TypeError, OSError, NotImplementedError, KeyError) as error:
-        line = str(error).split("\n")[0]
-        raise UnusableInput(f"{path}: not a readable .mat file: {line}") from error
-    return {
-        name: np.asarray(values, dtype=np.float64).ravel()
-        for name, values in content.items()
-        if not name.startswith("__")
-        and isinstance(values, np.ndarray)
-        and values.dtype.kind in "fiub"
-        and max(values.shape, default=0) == values.size > 1
-    }
-
-
-def _hdf5_columns(path: Path) -> dict[str, FloatArray]:
-    try:
-        with h5py.File(path, "r") as file:
-            return {
-                name: np.asarray(member[()], dtype=np.float64).ravel()
-                for name, member in file.items()
-                if isinstance(member, h5py.Dataset)
-                and member.dtype.kind in "fiub"
-                and max(member.shape, default=0) == member.size > 1
-            }
-    except (OSError, RuntimeError, KeyError) as error:
-        raise UnusableInput(f"{path}: not a readable .mat file (version 7.3)") from error
+def _read(
+    path: Path, preamble: int | None, time: Column | None, period: float, how: ImportMap
+) -> _File:
+    columns = Columns(path, preamble)
+    if time is None:
+        demand = next(iter(how.axes.values()))
+        used = next(
+            str(column.column)
+            for column in (demand.position_demand, demand.position_actual)
+            if column is not None
+        )
+        count = len(columns[used]) if used in columns else 0
+        return _File(columns, np.arange(float(count)) * period, has_time=False)
+    values = _in_si(columns, time, None)
+    order = np.diff(values)
+    if np.any(order <= 0):
+        sample = int(np.argmax(order <= 0)) + 1
+        raise UnusableInput(f"{path}: time: sample {sample}: not later than the one before")
+    return _File(columns, values, has_time=True)
 
 
-def _csv_columns(path: Path) -> dict[str, FloatArray]:
-    """Columns by header, or by number from 1 where the first line holds numbers."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeError) as error:
-        raise UnusableInput(f"{path}: not readable text") from error
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    if not lines:
-        raise UnusableInput(f"{path}: empty")
-    delimiter = max(",;\t", key=lines[0].count)
-    rows = list(csv.reader(lines, delimiter=delimiter))
-    header = [cell.strip() for cell in rows[0]]
-    body = rows if all(_is_number(cell) for cell in header) else rows[1:]
-    names = [str(i + 1) for i in range(len(header))] if body is rows else header
-    values = np.empty((len(body), len(names)))
-    for r, row in enumerate(body):
-        place = f"{path}: row {r + 1 + len(rows) - len(body)}"
-        if len(row) != len(names):
-            raise UnusableInput(f"{place}: {len(row)} values, the first row has {len(names)}")
-        for c, cell in enumerate(row):
-            if not _is_number(cell):
-                raise UnusableInput(f"{place}, column {names[c]}: {cell.strip()!r} is not a number")
-            values[r, c] = float(cell)
-    return {name: values[:, c] for c, name in enumerate(names)}
+@dataclass(frozen=True, slots=True, eq=False)
+class _Channels:
+    """The channels of one axis at the times of the recording."""
+
+    files: Mapping[str, _File]
+    time: FloatArray
+    resample: bool
+    axis: Axis
+
+    def signals(self, columns: AxisColumns, valid: BoolArray) -> AxisSignals:
+        """The signals of the axis; without a logged demand the smoothed position is one."""
+        demand = None
+        if columns.position_demand is not None:
+            demand, _ = self._values(columns.position_demand, smooth=True)
+        position, holes = self._values(columns.position_actual, smooth=True)
+        force, more = self._values(columns.force_actual)
+        if demand is None:
+            enough = len(position) >= _SMOOTHED
+            demand = savgol_filter(position, _SMOOTHED, 2) if enough else position
+        offset = np.zeros(len(self.time))
+        if columns.force_offset is not None:
+            offset, _ = self._values(columns.force_offset)
+        return AxisSignals(demand, offset, position, force, None, valid & ~holes & ~more)
+
+    def _values(self, column: Column, smooth: bool = False) -> tuple[FloatArray, BoolArray]:
+        """A channel and where it has holes."""
+        file = self.files[column.file or ""]
+        first = self.files[""]
+        name = str(column.column)
+        none = np.zeros(len(self.time), dtype=bool)
+        if column.optional and name not in file.columns:
+            return np.zeros(len(self.time)), none
+        values = _in_si(file.columns, column, self.axis)
+        own_time = file is not first and file.has_time
+        if not self.resample and not own_time:
+            if len(values) != len(self.time):
+                raise UnusableInput(
+                    f"{file.columns.path}: column {name}: {len(values)} samples, "
+                    f"the demand has {len(self.time)}"
+                )
+            _refuse_gaps(file.columns.path, name, values)
+            return values, none
+        at = (file.time if file.has_time else first.time) - first.time[0]
+        if len(values) != len(at):
+            raise UnusableInput(
+                f"{file.columns.path}: column {name}: {len(values)} samples, its time has {len(at)}"
+            )
+        known = np.isfinite(values)
+        if known.sum() < 2:
+            raise UnusableInput(f"{file.columns.path}: column {name}: no samples")
+        at, values = at[known], values[known]
+        wanted = np.clip(self.time, at[0], at[-1])
+        # Positions are smooth between samples; forces may step.
+        read = PchipInterpolator(at, values)(wanted) if smooth else np.interp(wanted, at, values)
+        return read, _in_hole(self.time, at)
 
 
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+def _in_hole(time: FloatArray, at: FloatArray) -> BoolArray:
+    """Which times have no sample near them, bool[K]."""
+    reach = _HOLE * float(np.median(np.diff(at)))
+    after = np.clip(np.searchsorted(at, time), 1, len(at) - 1)
+    inside: BoolArray = at[after] - at[after - 1] > reach
+    on_sample = (np.abs(at[after] - time) < 1e-9) | (np.abs(at[after - 1] - time) < 1e-9)
+    outside = (time < at[0] - 1e-9) | (time > at[-1] + 1e-9)
+    hole: BoolArray = (inside & ~on_sample) | outside
+    return hole
 
 
-def _values(
-    columns: Mapping[str, FloatArray], column: Column, path: Path, count: int | None
-) -> FloatArray:
-    """A column in SI units, of `count` samples."""
+def _in_si(columns: Columns, column: Column, axis: Axis | None) -> FloatArray:
+    """A column in SI units."""
     name = str(column.column)
-    if name not in columns:
-        if column.optional and count is not None:
-            return np.zeros(count)
-        raise UnusableInput(f"{path}: no column {name!r}; it has {', '.join(sorted(columns))}")
-    raw = columns[name]
-    if count is not None and len(raw) != count:
-        raise UnusableInput(f"{path}: column {name}: {len(raw)} samples, the demand has {count}")
-    if not np.all(np.isfinite(raw)):
-        sample = int(np.argmin(np.isfinite(raw)))
-        raise UnusableInput(f"{path}: column {name}: sample {sample}: is {raw[sample]}")
+    factor = column.factor * unit_factor(column.unit, axis)
+    values = columns[name] * factor + column.offset
     if not 0 <= column.delay <= _MOST_DELAY:
-        raise UnusableInput(f"{path}: column {name}: delay must be 0 to {_MOST_DELAY} samples")
-    factor = column.factor * (UNITS[column.unit] if column.unit is not None else 1.0)
-    values = raw * factor + column.offset
+        raise UnusableInput(
+            f"{columns.path}: column {name}: delay must be 0 to {_MOST_DELAY} samples"
+        )
     if column.delay:
         values = np.concatenate((np.repeat(values[:1], column.delay), values[: -column.delay]))
+    if axis is None:
+        _refuse_gaps(columns.path, name, values)
     return values
 
 
+def _refuse_gaps(path: Path, name: str, values: FloatArray) -> None:
+    if not np.all(np.isfinite(values)):
+        sample = int(np.argmin(np.isfinite(values)))
+        raise UnusableInput(f"{path}: column {name}: sample {sample}: is {values[sample]}")
+
+
 def _check_time(time: FloatArray, period: float, path: Path) -> None:
-    if len(time) < 2:
-        raise UnusableInput(f"{path}: {len(time)} samples")
-    steps = np.diff(time)
-    if np.any(steps <= 0):
-        sample = int(np.argmax(steps <= 0)) + 1
-        raise UnusableInput(f"{path}: time: sample {sample}: not later than the one before")
-    usual = float(np.median(steps))
+    usual = float(np.median(np.diff(time))) if len(time) > 1 else period
     if abs(usual - period) > _OFF_PERIOD * period:
         raise UnusableInput(
             f"{path}: samples are {usual:.6g} s apart, the machine file's sync_period is "
-            f"{period:g} s"
+            f"{period:g} s; `resample: true` reads them at whole periods"
+        )
+
+
+def _check_rate(time: FloatArray, period: float, path: Path) -> None:
+    """Samples may be read at fewer times than they were taken, but not at more."""
+    usual = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    if usual > _SPARSE * period:
+        raise UnusableInput(
+            f"{path}: samples are {usual:.6g} s apart: there are none to read every "
+            f"{period:g} s; choose a sync_period of about {usual:.3g} s in the machine file"
         )
 
 

@@ -82,6 +82,118 @@ def test_columns_by_number_units_and_offsets(columns, tmp_path):
     assert not axis.force_offset.any()
 
 
+MACHINE = (EXAMPLE / "machine.yaml").read_text()
+AXIS = """  slide:
+    position_demand: {column: qg}
+    position_actual: {column: qm}
+    force_actual: {column: vir}
+"""
+
+
+def read(tmp_path, path, head="", axis=AXIS, machine=MACHINE):
+    """A file by a map with this head and these columns of the axis."""
+    (tmp_path / "machine.yaml").write_text(machine)
+    (tmp_path / "map.yaml").write_text(f"machine: machine.yaml\n{head}axes:\n{axis}")
+    return import_recording(path, *load_map(tmp_path / "map.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("unit", "size"),
+    [("rad", 1.0), ("deg", np.pi / 180), ("counts", 5e-8), ("rev", 2 * np.pi)],
+)
+def test_units_of_positions(columns, tmp_path, unit, size):
+    axis = AXIS.replace("{column: qm}", f"{{column: qm, unit: {unit}}}")
+    slide = read(tmp_path, csv_of(columns, tmp_path / "a.csv"), axis=axis).axes["slide"]
+    np.testing.assert_allclose(slide.position_actual, columns["qm"] * size)
+
+
+@pytest.mark.parametrize(
+    ("unit", "size"),
+    [("N m", 1.0), ("'%'", 0.11), ("permille", 0.011), ("A, factor: 3.5", 3.5)],
+)
+def test_units_of_forces(columns, tmp_path, unit, size):
+    axis = AXIS.replace("{column: vir}", f"{{column: vir, unit: {unit}}}")
+    slide = read(tmp_path, csv_of(columns, tmp_path / "a.csv"), axis=axis).axes["slide"]
+    np.testing.assert_allclose(slide.force_actual, columns["vir"] * size)
+
+
+def test_amperes_need_their_factor(columns, tmp_path):
+    axis = AXIS.replace("{column: vir}", "{column: vir, unit: A}")
+    with pytest.raises(ConfigError, match="needs a factor: newtons"):
+        read(tmp_path, csv_of(columns, tmp_path / "a.csv"), axis=axis)
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", "  "])
+def test_a_log_with_preamble_units_row_and_text(columns, tmp_path, delimiter):
+    log = {**columns, "state": np.arange(3000)}
+    path = csv_of(log, tmp_path / "a.txt", delimiter=delimiter)
+    lines = path.read_text().splitlines()
+    rows = [line.rsplit(delimiter, 1)[0] + delimiter + "moving" for line in lines[1:]]
+    units = delimiter.join(["s", "m", "m", "V", "-"])
+    path.write_text("\n".join(["Logger 3.1", "made: 2024-05-01, 10:00", lines[0], units, *rows]))
+    slide = read(tmp_path, path, "time: {column: t}\n").axes["slide"]
+    np.testing.assert_allclose(slide.position_demand, columns["qg"])
+    with pytest.raises(UnusableInput, match="column state: 'moving' is not a number"):
+        read(tmp_path, path, axis=AXIS.replace("vir", "state"))
+
+
+def test_decimal_commas(columns, tmp_path):
+    path = csv_of(columns, tmp_path / "a.csv", delimiter=";")
+    path.write_text(path.read_text().replace(".", ","))
+    slide = read(tmp_path, path).axes["slide"]
+    np.testing.assert_allclose(slide.force_actual, columns["vir"])
+
+
+def test_motion_in_one_file_and_force_in_another(columns, tmp_path):
+    """The force has a clock of its own: it is read at the samples of the motion."""
+    motion = csv_of({k: columns[k] for k in ("t", "qg", "qm")}, tmp_path / "motion.csv")
+    at = np.arange(0.0, 3.0, 0.7e-3)
+    force = np.interp(at, columns["t"], columns["vir"])
+    csv_of({"t": at, "I": force}, tmp_path / "force.csv")
+    slide = read(
+        tmp_path, motion,
+        "time: {column: t}\nfiles: {force: {path: force.csv, time: {column: t}}}\n",
+        AXIS.replace("{column: vir}", "{column: I, file: force}"),
+    ).axes["slide"]  # fmt: skip
+    assert np.std(slide.force_actual - columns["vir"]) < 0.03 * np.std(columns["vir"])
+    with pytest.raises(ConfigError, match="no such file in `files`: force"):
+        read(tmp_path, motion, axis=AXIS.replace("{column: vir}", "{column: I, file: force}"))
+
+
+@pytest.mark.parametrize("rate", [1300.0, 20e3])
+def test_uneven_and_frequent_samples_are_read_at_whole_periods(columns, tmp_path, rate):
+    rng = np.random.default_rng(2)
+    at = np.arange(0.0, 2.9, 1.0 / rate)
+    at[1:] += rng.uniform(-0.2, 0.2, len(at) - 1) / rate
+    hole = (at > 1.5) & (at < 1.52)
+    log = {"t": at} | {k: np.interp(at, columns["t"], columns[k]) for k in ("qg", "qm", "vir")}
+    path = csv_of({k: v[~hole] for k, v in log.items()}, tmp_path / "a.csv")
+    with pytest.raises(UnusableInput, match="resample: true"):
+        read(tmp_path, path, "time: {column: t}\n")
+    found = read(tmp_path, path, "time: {column: t}\nresample: true\n")
+    slide = found.axes["slide"]
+    np.testing.assert_allclose(np.diff(found.time), 1e-3)
+    off = (slide.position_actual - columns["qm"][: len(found)])[slide.valid]
+    assert np.abs(off).max() < 2e-6
+    assert (~slide.valid).sum() == pytest.approx(20, abs=1)
+
+
+def test_no_samples_are_invented(columns, tmp_path):
+    slow = {k: v[::10] for k, v in columns.items()}
+    path = csv_of(slow, tmp_path / "a.csv")
+    with pytest.raises(UnusableInput, match="choose a sync_period of about"):
+        read(tmp_path, path, "time: {column: t}\nresample: true\n")
+    slower = MACHINE.replace("sync_period: 0.001", "sync_period: 0.01")
+    found = read(tmp_path, path, "time: {column: t}\n", machine=slower)
+    assert len(found) == 300
+
+
+def test_without_a_demand_the_measured_position_is_one(columns, tmp_path):
+    axis = AXIS.replace("    position_demand: {column: qg}\n", "")
+    slide = read(tmp_path, csv_of(columns, tmp_path / "a.csv"), axis=axis).axes["slide"]
+    np.testing.assert_allclose(slide.position_demand, columns["qm"], atol=2e-6)
+
+
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
@@ -105,7 +217,7 @@ def test_unsuitable_data_are_one_line(example, columns, tmp_path, spoil, words):
     [
         ("a.mat", b"no such thing", "not a readable"),
         ("a.mat", b"\x89HDF\r\n\x1a\n" + bytes(600), "not a readable"),
-        ("a.xyz", b"", "only .mat and .csv"),
+        ("a.xyz", b"", "only .mat and .csv, .txt"),
         ("a.csv", b"", "empty"),
         ("a.csv", b"t,qg\n1,2\n3\n", "row 3: 1 values"),
         ("a.csv", b"t,qg\n1,x\n", "column qg: 'x' is not a number"),
