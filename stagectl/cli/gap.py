@@ -10,6 +10,7 @@ COMMANDS = {
     "measure": ("stagectl.cli.gap_measure:measure", "Measure the gap of a machine file."),
     "compare": ("stagectl.cli.gap_measure:compare", "Compare two machine files on recordings."),
     "diagnose": ("stagectl.cli.gap_diagnose:diagnose", "Find the physical causes of the gap."),
+    "excite": ("stagectl.cli.gap_excite:excite", "Write a recipe that tells effects apart."),
     "blind": ("stagectl.cli.gap_blind:blind", "Test the diagnosis on simulated stages."),
     "import": ("stagectl.cli.gap_import:import_data", "Convert .mat or .csv data to a recording."),
 }
@@ -25,6 +26,8 @@ def command() -> None:
     \b
     How large is it?
       stagectl gap measure REC.h5
+    Which moves show most? Record what this recipe runs:
+      stagectl gap excite --out EXCITE.yaml
     What causes it? Write an improved machine file (a twin), too:
       stagectl gap diagnose REC.h5 --twin TWIN.yaml
     How much closer is the twin, on a recording that it was not fitted to?

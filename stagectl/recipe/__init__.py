@@ -3,10 +3,11 @@
 from stagectl.recipe.dry_run import dry_run
 from stagectl.recipe.fiducial import Fiducial, make_fiducial
 from stagectl.recipe.load import grid_positions, load_recipe, parse_recipe
-from stagectl.recipe.model import Excursion, NoMark, Pair, Profile, Recipe, SiteLimits
+from stagectl.recipe.model import Excite, Excursion, NoMark, Pair, Profile, Recipe, SiteLimits
 from stagectl.recipe.plan import (
     DoneStep,
     DwellStep,
+    ExciteStep,
     ExposeStep,
     FiducialStep,
     MarkedStep,
@@ -20,6 +21,8 @@ from stagectl.recipe.tables import read_sites
 __all__ = [
     "DoneStep",
     "DwellStep",
+    "Excite",
+    "ExciteStep",
     "Excursion",
     "ExposeStep",
     "Fiducial",

@@ -15,7 +15,16 @@ from typing import TYPE_CHECKING
 from stagectl.config import Machine
 from stagectl.recipe.fiducial import Fiducial, make_fiducial
 from stagectl.recipe.model import Pair, PluginMark, Profile, Recipe, SimulatedMark
-from stagectl.recipe.plan import DwellStep, ExposeStep, FiducialStep, MoveStep, SettleStep, plan
+from stagectl.recipe.plan import (
+    DwellStep,
+    ExciteStep,
+    ExposeStep,
+    FiducialStep,
+    MoveStep,
+    SettleStep,
+    Step,
+    plan,
+)
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -148,13 +157,21 @@ class _Tally:
             if isinstance(source, SimulatedMark):
                 self.notes.append("marks are simulated; a run finds the same ones")
 
-    def add(self, step: MoveStep | SettleStep | FiducialStep | ExposeStep | DwellStep) -> None:
+    def add(self, step: Step) -> None:
         """Add a step."""
         match step:
             case MoveStep():
                 self._move(step)
             case SettleStep():
                 self.duration += step.hold
+            case ExciteStep(excitation):
+                self.duration += excitation.duration
+                self.moves["excitation"] += 1
+                self.profiles[excitation.axis].add(excitation.profile)
+                for reach in (-excitation.amplitude, excitation.amplitude):
+                    around = list(self.position)
+                    around[excitation.axis] += reach
+                    self.positions.append((around[0], around[1]))
             case ExposeStep() | DwellStep():
                 self.duration += step.duration
             case FiducialStep():

@@ -11,7 +11,7 @@ import math
 from typing import Final
 
 from stagectl.recipe.model import ListedMarks, NoMark, Profile, Recipe, SimulatedMark
-from stagectl.recipe.plan import DwellStep, ExposeStep, MoveStep, SettleStep, plan
+from stagectl.recipe.plan import DwellStep, ExciteStep, ExposeStep, MoveStep, SettleStep, plan
 
 MAX_MOVE: Final = 3600.0
 """Longest move [s]: all its setpoints are computed at once."""
@@ -45,6 +45,13 @@ def why_too_long(recipe: Recipe) -> str | None:
                 total += least
             case SettleStep():
                 total += step.hold
+            case ExciteStep():
+                if step.excitation.duration > MAX_MOVE:
+                    return (
+                        f"an excitation takes {step.excitation.duration:g} s, "
+                        f"the limit is {MAX_MOVE:g} s"
+                    )
+                total += step.excitation.duration
             case ExposeStep() | DwellStep():
                 total += step.duration
     if total > MAX_RUN:

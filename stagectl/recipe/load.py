@@ -22,6 +22,7 @@ from stagectl.recipe.fiducial import ENTRY_POINTS
 from stagectl.recipe.model import (
     MAX_STEPS,
     Dwell,
+    Excite,
     FiducialSource,
     ListedMarks,
     Move,
@@ -38,7 +39,7 @@ from stagectl.recipe.model import (
     To,
     count_unrolled,
 )
-from stagectl.recipe.plan import MoveStep, walk
+from stagectl.recipe.plan import ExciteStep, MoveStep, walk
 from stagectl.recipe.tables import read_offsets, read_sites
 
 Location = tuple[str | int, ...]
@@ -46,6 +47,10 @@ Place = Callable[[str], str]
 """Makes the line of a problem from its reason."""
 
 MAX_SITES = 100_000
+MOST_BAND = 0.25
+"""Highest frequency of an excitation over that of SYNC: straight lines join the setpoints."""
+LEAST_PERIODS = 4
+"""Fewest periods of an excitation's lowest frequency."""
 MOTION_KEYS = ("velocity", "acceleration", "jerk")
 
 
@@ -260,6 +265,11 @@ class _Check:
             match item:
                 case schema.DwellItem():
                     moves.append(Dwell(item.dwell))
+                case schema.ExciteItem():
+                    if (excite := self.read_excite(item, micro, here)) is not None:
+                        moves.append(excite)
+                    else:
+                        moves.append(Dwell(0.0))  # a placeholder, as below
                 case schema.RepeatItem():
                     inner = self.read_moves(item.moves, macro, micro, (*here, "moves"))
                     moves.append(Repeat(item.repeat, inner))
@@ -276,17 +286,37 @@ class _Check:
                     moves.append(Reverse(item.reverse, axis, item.kind, profile))
         return tuple(moves)
 
+    def read_excite(self, item: schema.ExciteItem, micro: Profile, at: Location) -> Excite | None:
+        """An excitation, its band below what the SYNC can carry; None where it has problems."""
+        names = [name for name, _ in self.axes]
+        if item.excite not in names:
+            reason = f"no such axis in the machine{suggest(item.excite, names)}"
+            self.refuse((*at, "excite"), reason)
+            return None
+        low, high = item.band
+        most = MOST_BAND / self.machine.bus.sync_period
+        if not low < high:
+            self.refuse((*at, "band"), f"must be [lowest, highest], is [{low:g}, {high:g}] Hz")
+        elif high > most:
+            self.refuse((*at, "band"), f"{high:g} Hz is above {most:g} Hz, a quarter of the SYNC's")
+        elif item.duration * low < LEAST_PERIODS:
+            self.refuse((*at, "duration"), f"is shorter than {LEAST_PERIODS} periods of {low:g} Hz")
+        axis = names.index(item.excite)
+        profile = self.read_motion(item, micro, micro, at, axis)
+        return Excite(axis, item.shape, item.amplitude, (low, high), item.duration, profile)
+
     def read_motion(
         self,
-        item: schema.ToItem | schema.ReverseItem,
+        item: schema.ToItem | schema.ReverseItem | schema.ExciteItem,
         macro: Profile,
         micro: Profile,
         at: Location,
         only: int | None = None,
     ) -> Profile:
         """The profile of a move: its own limits, else its kind's; a creep needs a velocity."""
-        base = macro if item.kind == "macro" else micro
-        if item.kind == "creep" and item.velocity is None:
+        kind = "other" if isinstance(item, schema.ExciteItem) else item.kind
+        base = macro if kind == "macro" else micro
+        if kind == "creep" and item.velocity is None:
             self.refuse((*at, "velocity"), "is missing: a creep needs a velocity of its own")
         profile = Profile(
             item.velocity or base.velocity,
@@ -304,6 +334,14 @@ class _Check:
             return
         seen: set[tuple[Location, int]] = set()
         for location, position, step in walk(moves, (0.0, 0.0)):
+            if isinstance(step, ExciteStep):
+                k, reach = step.excitation.axis, step.excitation.amplitude
+                name, axis = self.axes[k]
+                reason = _outside(position[k], -reach, reach, axis.travel, "excitation")
+                if reason and (location, k) not in seen:
+                    seen.add((location, k))
+                    self.refuse((*location, "amplitude"), f"{reason} of axis {name}")
+                continue
             for k, (name, axis) in enumerate(self.axes):
                 reason = _outside(position[k], 0.0, 0.0, axis.travel)
                 if reason and isinstance(step, MoveStep) and (location, k) not in seen:
@@ -329,12 +367,18 @@ def grid_positions(grid: schema.Grid) -> tuple[Pair, ...]:
     return tuple(positions)
 
 
-def _outside(position: float, low: float, high: float, travel: tuple[float, float]) -> str | None:
-    """Why a position, or its fiducial from `low` to `high` around it, is outside the travel."""
+def _outside(
+    position: float,
+    low: float,
+    high: float,
+    travel: tuple[float, float],
+    what: str = "fiducial",
+) -> str | None:
+    """Why a position, or `what` lies from `low` to `high` around it, is outside the travel."""
     span = f"the travel {travel[0]:g} ... {travel[1]:g} m"
     if not travel[0] <= position <= travel[1]:
         return f"{position:.9g} m is outside {span}"
     if position + low < travel[0] or position + high > travel[1]:
         reach = max(-low, high)
-        return f"{position:.9g} m with its fiducial {reach:g} m away is outside {span}"
+        return f"{position:.9g} m with its {what} {reach:g} m away is outside {span}"
     return None

@@ -12,6 +12,7 @@ from typing import Literal
 
 Pair = tuple[float, float]
 Kind = Literal["macro", "micro", "creep", "other"]
+Shape = Literal["chirp", "multisine"]
 OnTimeout = Literal["continue", "retry", "stop"]
 
 MAX_STEPS = 100_000
@@ -70,6 +71,27 @@ class Dwell:
 
 
 @dataclass(frozen=True, slots=True)
+class Excite:
+    """Shake one axis around where it is.
+
+    Attributes:
+        axis: its number.
+        shape: of the excitation.
+        amplitude: largest [m]; less where the profile asks for less.
+        band: lowest and highest frequency [Hz].
+        duration: [s].
+        profile: largest velocity, acceleration and jerk.
+    """
+
+    axis: int
+    shape: Shape
+    amplitude: float
+    band: tuple[float, float]
+    duration: float
+    profile: Profile
+
+
+@dataclass(frozen=True, slots=True)
 class Repeat:
     """The moves, repeated `count` times."""
 
@@ -77,7 +99,7 @@ class Repeat:
     moves: tuple[Move, ...]
 
 
-Move = To | Reverse | Dwell | Repeat
+Move = To | Reverse | Excite | Dwell | Repeat
 
 
 def count_unrolled(moves: tuple[Move, ...]) -> int:
@@ -87,7 +109,7 @@ def count_unrolled(moves: tuple[Move, ...]) -> int:
 
 def unroll(
     moves: tuple[Move, ...], at: tuple[str | int, ...] = ("moves",)
-) -> Iterator[tuple[tuple[str | int, ...], To | Reverse | Dwell]]:
+) -> Iterator[tuple[tuple[str | int, ...], To | Reverse | Excite | Dwell]]:
     """The moves in order with repeats unrolled, each with its location in the recipe file."""
     for index, move in enumerate(moves):
         if isinstance(move, Repeat):

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from stagectl.recipe.model import (
     Dwell,
+    Excite,
     Excursion,
     Kind,
     Move,
@@ -46,6 +47,13 @@ class MoveStep:
     profile: Profile
     relative: Pair | None = None
     place: Pair | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ExciteStep:
+    """Shake one axis around the target (`Excite`)."""
+
+    excitation: Excite
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +100,7 @@ class DoneStep:
     site: int | None
 
 
-Step = MoveStep | SettleStep | FiducialStep | ExposeStep | DwellStep
+Step = MoveStep | ExciteStep | SettleStep | FiducialStep | ExposeStep | DwellStep
 MarkedStep = Step | DoneStep
 
 
@@ -166,7 +174,7 @@ def _excursions(
 
 def walk(
     moves: tuple[Move, ...], start: Pair
-) -> Iterator[tuple[tuple[str | int, ...], Pair, MoveStep | DwellStep]]:
+) -> Iterator[tuple[tuple[str | int, ...], Pair, MoveStep | ExciteStep | DwellStep]]:
     """A list of moves, unrolled: location in the recipe file, position afterwards [m], step.
 
     An axis that has not moved yet is taken to have moved in the negative direction, so its first
@@ -175,9 +183,11 @@ def walk(
     position = list(start)
     direction = [-1.0, -1.0]
     for location, move in unroll(moves):
-        step: MoveStep | DwellStep
+        step: MoveStep | ExciteStep | DwellStep
         if isinstance(move, Dwell):
             step = DwellStep(move.duration)
+        elif isinstance(move, Excite):
+            step = ExciteStep(move)
         elif isinstance(move, To):
             for axis, target in enumerate(move.target):
                 if abs(target - position[axis]) >= 1e-9:

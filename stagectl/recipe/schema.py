@@ -14,6 +14,7 @@ from stagectl.config.units import (
     NotNegativeLength,
     NotNegativeTime,
     PositiveAcceleration,
+    PositiveFrequency,
     PositiveJerk,
     PositiveLength,
     PositiveTime,
@@ -158,6 +159,16 @@ class ReverseItem(MotionKeys):
     kind: Literal["macro", "micro", "creep", "other"] = "other"
 
 
+class ExciteItem(MotionKeys):
+    """`{excite: axis, shape: ..., amplitude: d, band: [f, f], duration: t}`."""
+
+    excite: str
+    shape: Literal["chirp", "multisine"] = "chirp"
+    amplitude: PositiveLength
+    band: Annotated[list[PositiveFrequency], Field(min_length=2, max_length=2)]
+    duration: PositiveTime
+
+
 class DwellItem(Section):
     """`{dwell: t}`."""
 
@@ -171,7 +182,10 @@ class RepeatItem(Section):
     moves: Annotated[list[MoveItem], Field(min_length=1)]
 
 
-_ITEMS = {"to": "ToItem", "reverse": "ReverseItem", "dwell": "DwellItem", "repeat": "RepeatItem"}
+_ITEMS = {
+    "to": "ToItem", "reverse": "ReverseItem", "dwell": "DwellItem", "repeat": "RepeatItem",
+    "excite": "ExciteItem",
+}  # fmt: skip
 
 
 def _item_tag(value: Any) -> str | None:
@@ -183,11 +197,12 @@ MoveItem = Annotated[
     Annotated[ToItem, Tag("ToItem")]
     | Annotated[ReverseItem, Tag("ReverseItem")]
     | Annotated[DwellItem, Tag("DwellItem")]
+    | Annotated[ExciteItem, Tag("ExciteItem")]
     | Annotated[RepeatItem, Tag("RepeatItem")],
     Discriminator(
         _item_tag,
         custom_error_type="reason",
-        custom_error_message="must be a mapping with exactly one of to, reverse, dwell, repeat",
+        custom_error_message=f"must be a mapping with exactly one of {', '.join(_ITEMS)}",
     ),
 ]
 

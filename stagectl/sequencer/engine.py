@@ -15,6 +15,8 @@ from stagectl.errors import Aborted, RunFault
 from stagectl.recipe import (
     DoneStep,
     DwellStep,
+    Excite,
+    ExciteStep,
     ExposeStep,
     Fiducial,
     FiducialStep,
@@ -34,6 +36,7 @@ from stagectl.sequencer.events import (
     Stopping,
     StretchDone,
 )
+from stagectl.sequencer.excitation import excitation_setpoints
 from stagectl.sequencer.mover import Mover, MovingAxis, StagePort
 from stagectl.sequencer.places import Places
 from stagedata import Move
@@ -146,6 +149,8 @@ class Engine:
         match step:
             case MoveStep():
                 self._move(step)
+            case ExciteStep():
+                self._excite(step.excitation)
             case SettleStep():
                 self._settle(step)
             case FiducialStep():
@@ -172,6 +177,15 @@ class Engine:
         self._on_event(MoveStarted(step.site, step.kind, self._mover.time))
         if not self._mover.move_to(
             target, limits, step.kind, step.site, self._on_move, step.place or target
+        ):
+            self._check_stop()
+
+    def _excite(self, excitation: Excite) -> None:
+        self._learn()
+        self._site = self._place = None
+        self._on_event(MoveStarted(None, "other", self._mover.time))
+        if not self._mover.excite(
+            excitation.axis, excitation_setpoints(excitation, self._period), self._on_move
         ):
             self._check_stop()
 

@@ -193,10 +193,39 @@ class Mover:
         done = self._stream_and_revise(motion, demand, offset)
         self._offset = offset[done - 1]
         if done < count:
-            self._decelerate(motion, done)
+            now = np.array([done * self._period])
+            self._decelerate([[float(s[0]) for s in m.sample(now)] for m in motion])
             return False
         self.target = np.array(target)
         return True
+
+    def excite(self, axis: int, displacement: F64, announce: Callable[[Move], object]) -> bool:
+        """Shake one axis around the target, the force offsets as they are.
+
+        Args:
+            axis: its number.
+            displacement: from the target, at rest at both ends [m], shape (K,).
+            announce: called with the move before its first sample.
+
+        Returns:
+            False where a stop was asked for: the stage is then at rest.
+        """
+        count = len(displacement)
+        demand = np.tile(self.target, (count, 1))
+        demand[:, axis] += displacement
+        at_rest = dict(zip((a.name for a in self._axes), self.target.tolist(), strict=True))
+        self.move = Move("other", self.samples, self.samples + count, at_rest, dict(at_rest))
+        announce(self.move)
+        if len(self._latest):
+            self._rest_force = mean_force(self._latest)
+        self._before_move = self._latest.tail(SAMPLES_BEFORE_MOVE)
+        self._blocks = []
+        done = self._stream(demand, np.tile(self._offset, (count, 1)))
+        if done == count:
+            return True
+        path = np.concatenate((np.tile(self.target, (3, 1)), demand[:done]))
+        self._decelerate(_last_state(path, self._period))
+        return False
 
     def _force_offsets(self, motion: Sequence[Trajectory], count: int) -> F64:
         """Force offset of every setpoint [N], shape (count, n)."""
@@ -302,10 +331,12 @@ class Mover:
         varies = self._friction.varies
         return self._friction.is_known(move.kind) and not (varies and self._short_motion[a])
 
-    def _decelerate(self, motion: Sequence[Trajectory], done: int) -> None:
-        """From the middle of a motion to rest as fast as the axes' limits allow."""
-        now = np.array([done * self._period])
-        states = [[float(s[0]) for s in m.sample(now)] for m in motion]
+    def _decelerate(self, states: Sequence[Sequence[float]]) -> None:
+        """From the middle of a motion to rest as fast as the axes' limits allow.
+
+        Args:
+            states: position, velocity and acceleration of each axis [m, m/s, m/s^2].
+        """
         stops = [
             plan_stop(position, velocity, acceleration, axis.limits)
             for (position, velocity, acceleration), axis in zip(states, self._axes, strict=True)
@@ -354,6 +385,13 @@ class Mover:
 
 def _never(_: tuple[float, ...]) -> bool:
     return False
+
+
+def _last_state(path: F64, period: float) -> list[list[float]]:
+    """Position, velocity and acceleration of each axis at the end of its setpoints."""
+    velocity = (path[-1] - path[-2]) / period
+    acceleration = (path[-1] - 2.0 * path[-2] + path[-3]) / period**2
+    return [list(map(float, state)) for state in zip(path[-1], velocity, acceleration, strict=True)]
 
 
 def _within(profile: Limits, limits: Limits) -> Limits:

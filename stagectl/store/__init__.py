@@ -1,8 +1,8 @@
 """Files of a run: journal, recording, summary, bus log.
 
 `journal` (while the run goes on), `recovery` (from there to the recording), `recording` (HDF5;
-`hdf5`, `ledger`), `bus_log` and `log_reader`, `summary`, `foreign` and `columns` (data of other programs),
-`atomic`.
+`hdf5`, `ledger`), `bus_log` and `log_reader`, `summary`, `foreign` and `columns` (data of other
+programs), `atomic`.
 """
 
 from stagectl.store.atomic import write_atomically

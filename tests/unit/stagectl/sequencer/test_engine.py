@@ -9,7 +9,16 @@ from estimation.trajectory import Limits
 from hil_sim.plant import Plant
 from stagectl.config import load_machine, stage_settings
 from stagectl.errors import Aborted, RunFault
-from stagectl.recipe import DwellStep, ExposeStep, FiducialStep, MoveStep, Profile, SettleStep
+from stagectl.recipe import (
+    DwellStep,
+    Excite,
+    ExciteStep,
+    ExposeStep,
+    FiducialStep,
+    MoveStep,
+    Profile,
+    SettleStep,
+)
 from stagectl.sequencer import (
     Engine,
     Exposed,
@@ -204,6 +213,19 @@ def test_a_stop_in_mid_move_decelerates_within_the_limits():
     assert np.abs(demand[-1] - actual).max() < 5e-5  # a twentieth of the following error window
     assert isinstance(events[-1], Stopping)
     assert len(moves) == 1
+
+
+def test_a_stop_while_an_axis_is_shaken_decelerates_within_the_limits():
+    engine, stage, moves, _ = make()
+    excitation = Excite(0, "chirp", 5e-4, (2.0, 50.0), 4.0, MACRO)
+    stage.at_sample[2220] = lambda: engine.stop("by test")
+    with pytest.raises(Aborted, match="by test"):
+        engine.run([ExciteStep(excitation)])
+    assert len(stage.demands) < 2500
+    path = np.array(stage.demands)[:, 0]
+    assert np.abs(np.diff(path, 2)).max() / TS**2 < 10.0 * 1.01
+    assert moves[0].origin == moves[0].target
+    assert path[-1] == path[-2], "at rest"
 
 
 def test_a_stop_at_rest_takes_effect_at_once():
