@@ -168,7 +168,7 @@ def calibrate(database: str, seed: int) -> dict[str, tuple[float, float]]:
     history = open_history(database, write=True)
     begin = EPOCH - 1000.0
     notes = RunHistory(
-        entry(stage, begin, recipe, "calibration", 0), history,
+        entry(stage, begin, recipe, "calibration", 0),
         partial(open_history, database, write=True),
     )  # fmt: skip
     notes.start()
@@ -233,7 +233,7 @@ def produce(
             active = load_active(history, stage, machine, recipe.sites, EPOCH + now)
             assert active is not None
             notes = RunHistory(
-                entry(stage, EPOCH + now, recipe, "production", wafer), history,
+                entry(stage, EPOCH + now, recipe, "production", wafer),
                 partial(open_history, database, write=True),
             )  # fmt: skip
             history.close()

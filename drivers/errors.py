@@ -1,7 +1,8 @@
 """Errors of the driver. Each names axis, object and cause on one line.
 
     DriverError
-    |- BusError              the bus cannot be opened, sent to or received from
+    |- BusError              the bus cannot be sent to or received from
+    |  `- BusOpenError       it cannot be opened
     |- NodeError             a node does not answer, refuses an access, or is another device
     |- ConfigurationError    a setting is impossible, or a drive did not accept it
     |- LimitError            a request exceeds the axis' limits; nothing was sent
@@ -103,6 +104,10 @@ class DriverError(Exception):
 
 class BusError(DriverError):
     """The CAN bus cannot be opened, written to or read from."""
+
+
+class BusOpenError(BusError):
+    """The CAN bus cannot be opened: unknown interface, missing driver, no such channel."""
 
 
 class NodeError(DriverError):

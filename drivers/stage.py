@@ -114,7 +114,7 @@ class Stage:
                 else may read from it meanwhile.
 
         Raises:
-            BusError: the bus cannot be opened.
+            BusOpenError: the bus cannot be opened.
             ConfigurationError: an EDS is unusable, or settings contradict each other.
         """
         used = open_bus(bus) if bus_object is None else bus_object

@@ -4,7 +4,7 @@ With the exit code of the command line:
 
     StagectlError          1    other failures
     |- ConfigError         2    machine or recipe file: all problems, one line each
-    |- UnusableInput       2    any other unusable input (recording, offsets, journal)
+    |- UnusableInput       2    any other unusable input (recording, journal, a bus that is not there)
     |- RunFault            3    the run ended with a fault of stage, bus or drive
     `- Aborted           130    the operator stopped the run
 

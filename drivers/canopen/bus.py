@@ -23,7 +23,7 @@ import canopen
 
 from drivers.canopen.clock import Clock, clock_of
 from drivers.canopen.other_host import HEARTBEAT_ID, OtherHost, may_echo
-from drivers.errors import BusError
+from drivers.errors import BusError, BusOpenError
 from drivers.settings import BusSettings
 
 Tap = Callable[[int, int, bytes], object]
@@ -65,14 +65,14 @@ def open_bus(settings: BusSettings) -> can.BusABC:
     """Opens the python-can bus of the settings.
 
     Raises:
-        BusError: unknown interface, missing driver, no such channel.
+        BusOpenError: unknown interface, missing driver, no such channel.
     """
     try:
         bus = can.Bus(
             interface=settings.interface, channel=settings.channel, bitrate=settings.bitrate
         )
     except (can.CanError, OSError, ValueError, ImportError, NotImplementedError, TypeError) as why:
-        raise BusError(f"bus {settings}: cannot open: {_line(why)}") from why
+        raise BusOpenError(f"bus {settings}: cannot open: {_line(why)}") from why
     if ".udp_multicast" in type(bus).__module__ and sys.platform == "linux":
         _hear_own_group_only(bus)
     return bus

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from stagectl.calibration.sites import DAY, Calibration, DueSection
-from stagectl.history import History, Pair, StageKey, StepRecord, Wear, is_server, open_history
+from stagectl.history import History, Pair, StageKey, StepRecord, Wear, open_existing
 from stagectl.maps import SITE_RADIUS, TrackedPlaces, load_active
 from stagectl.run import RunRequest, start_time
+
+NEVER = "never calibrated"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +58,7 @@ def due_sites(
     worn = _worn(history, stage, axes, starts)
     steps = history.steps(stage, starts[-1]) if starts else []
     found = [
-        DueSite(site, ("never calibrated",), math.inf)
+        DueSite(site, (NEVER,), math.inf)
         if when is None
         else _due(site, when, limits, worn[when], [s for s in steps if s.time > when], now, places)
         for site, when in last.items()
@@ -119,15 +120,15 @@ def _due(
 
 
 def due_now(calibration: Calibration, request: RunRequest) -> list[DueSite]:
-    """The due sites of a calibration when a run begins; creates its history if necessary.
+    """The due sites of a calibration when a run begins: all of them, where there is no history yet.
 
     Raises:
         StagectlError: the history cannot be used, or its active map does not fit.
     """
-    machine, where = request.machine, str(request.history)
-    if not is_server(where):
-        Path(where).parent.mkdir(parents=True, exist_ok=True)
-    history = open_history(where, write=True)
+    machine = request.machine
+    history = open_existing(str(request.history))
+    if history is None:
+        return [DueSite(site, (NEVER,), math.inf) for site in calibration.recipe.sites]
     try:
         stage = StageKey(machine.name, request.truth is not None)
         now = start_time(history, request)

@@ -87,10 +87,11 @@ class Bench:
         """Settings of the bus to open, with virtual drives on it in a simulation.
 
         Raises:
-            RunFault: bus, node or axis failed (in place of the driver's error).
+            UnusableInput: there is no such bus (in place of the driver's error, as below).
+            RunFault: bus, node or axis failed.
         """
-        from drivers.errors import DriverError
-        from stagectl.errors import RunFault
+        from drivers.errors import BusOpenError, DriverError
+        from stagectl.errors import RunFault, UnusableInput
 
         try:
             if not self.simulated:
@@ -104,6 +105,8 @@ class Bench:
             VirtualStage(stage_settings(self.machine), self._seed).attach(world)
             world.sleep_until_ns(round(_BOOT * 1e9))
             yield replace(self.bus, interface="lockstep", channel=world.name)
+        except BusOpenError as failed:
+            raise UnusableInput(str(failed)) from failed
         except DriverError as failed:
             raise RunFault(str(failed)) from failed
 

@@ -43,7 +43,11 @@ _STYLES = {"good": "green", "watch": "yellow", "act": "red", "failed": "red"}
 )
 @click.option("--comment", default="", help="Stored with the new map.")
 @JSON_OUT
-@click.option("--dry-run", is_flag=True, help="Only list the sites to visit; nothing moves.")
+@click.option(
+    "--dry-run",
+    is_flag=True,
+    help="Check all that the run would check before it opens the bus, and list the sites to visit.",
+)
 def command(
     sites: Path, due: bool, machine: Path | None, simulate: Path | None,
     bus: tuple[str, str] | None, seed: int, history: str | None, out: Path | None,
@@ -80,7 +84,7 @@ def command(
             click.echo(f"  {line}")
         if not calibration.sequence.reaches():
             click.echo("  below the required accuracy: a larger 'reach' may help")
-    from stagectl.run import RunRequest
+    from stagectl.run import RunRequest, prepare
     from stagectl.sequencer import Mode
 
     request = RunRequest(
@@ -98,7 +102,9 @@ def command(
             write_json(_as_dict(request, None, [], calibration.sequence), json_out)
             return
         recipe = calibration.at(selected)
+    request = replace(request, recipe=recipe)
     if dry_run:
+        prepare(request)
         places = recipe.sites[0 if request.resumed is None else request.resumed.done :]
         for x, y in places:
             click.echo(f"  would visit ({x * 1e3:g}, {y * 1e3:g}) mm", err=quiet)
@@ -106,7 +112,6 @@ def command(
             nothing = _as_dict(request, None, [], calibration.sequence)
             write_json({**nothing, "would_visit": [list(place) for place in places]}, json_out)
         return
-    request = replace(request, recipe=recipe)
     error = _measure(request, calibration, comment, json_out, quiet, before)
     if error is not None:
         raise error

@@ -20,6 +20,18 @@ DEFAULT_FILES = ("runs/stage.db", "stage.db")
 
 OpenHistory = Callable[..., AbstractContextManager[tuple["History", "StageKey"]]]
 """Opens the selected history, for writing with `write=True`; see `_open_history`."""
+Has = Callable[["History", "StageKey"], bool]
+"""Whether a stage has in a history what a command needs."""
+
+
+def has_maps(history: History, stage: StageKey) -> bool:
+    """Whether there is a map of a stage."""
+    return bool(history.maps(stage))
+
+
+def has_estimates(history: History, stage: StageKey) -> bool:
+    """Whether a map of a stage could be built: it has accepted estimates."""
+    return history.counted(stage)[0] > 0
 
 
 def history_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -29,8 +41,10 @@ def history_options(command: Callable[..., None]) -> Callable[..., None]:
     def with_history(
         history: str | None, stage_name: str | None, simulated: bool | None, **others: Any
     ) -> None:
-        def open_history(write: bool = False) -> AbstractContextManager[tuple[History, StageKey]]:
-            return _open_history(history, stage_name, simulated, write)
+        def open_history(
+            write: bool = False, has: Has = has_maps
+        ) -> AbstractContextManager[tuple[History, StageKey]]:
+            return _open_history(history, stage_name, simulated, write, has)
 
         command(open_history, **others)
 
@@ -40,9 +54,9 @@ def history_options(command: Callable[..., None]) -> Callable[..., None]:
             "--simulated/--real",
             "simulated",
             default=None,
-            help="The simulated or the real stage, if the history has both.",
+            help="The simulated or the real stage, if both have what is needed.",
         ),
-        click.option("--stage", "stage_name", help="Machine name, if the history has several."),
+        click.option("--stage", "stage_name", help="Machine name, if several have what is needed."),
         click.option(
             "--history",
             metavar="FILE|URL",
@@ -55,9 +69,11 @@ def history_options(command: Callable[..., None]) -> Callable[..., None]:
 
 @contextmanager
 def _open_history(
-    where: str | None, stage_name: str | None, simulated: bool | None, write: bool
+    where: str | None, stage_name: str | None, simulated: bool | None, write: bool, has: Has
 ) -> Iterator[tuple[History, StageKey]]:
     """The history, and the one stage in it that the options select; closed at the end.
+
+    Where they select several, it is the only one that has what the command needs.
 
     Raises:
         UnusableInput: there is no history, or the options do not select exactly one stage.
@@ -80,10 +96,12 @@ def _open_history(
             if (stage_name is None or stage.machine == stage_name)
             and (simulated is None or stage.simulated == simulated)
         ]
+        if len(stages) > 1:
+            stages = [stage for stage in stages if has(history, stage)] or stages
         if len(stages) != 1:
-            has = ", ".join(map(str, known)) or "nothing"
+            found = ", ".join(map(str, known)) or "nothing"
             hint = "not among them" if not stages else "which one? --stage, --simulated or --real"
-            raise UnusableInput(f"{where}: has {has}: {hint}")
+            raise UnusableInput(f"{where}: has {found}: {hint}")
         if write:
             history.close()
             history = open_history(where, write=True)

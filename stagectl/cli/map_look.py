@@ -7,7 +7,13 @@ from pathlib import Path
 import click
 
 from stagectl.cli.console import console_for
-from stagectl.cli.history_access import OpenHistory, history_options, select_version
+from stagectl.cli.history_access import (
+    OpenHistory,
+    has_estimates,
+    has_maps,
+    history_options,
+    select_version,
+)
 from stagectl.cli.options import JSON_OUT, OUTPUT, NumberRange, is_json_on_stdout, write_json
 
 
@@ -96,7 +102,8 @@ def export(
     """Write a table to OUT: .csv, or .parquet (needs pyarrow)."""
     from stagectl.maps import export as tables
 
-    with open_history() as (opened, stage):
+    needed = has_estimates if what in ("estimates", "refused") else has_maps
+    with open_history(has=needed) as (opened, stage):
         if what == "estimates":
             table = tables.trend_table(opened, stage)
         elif what == "refused":

@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.history_access import OpenHistory, history_options, select_version
+from stagectl.cli.history_access import (
+    OpenHistory,
+    has_estimates,
+    history_options,
+    select_version,
+)
 from stagectl.cli.options import FILE, JSON_OUT, NumberRange, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
@@ -46,7 +51,7 @@ def build(
     def timestamp(value: datetime | None, default: float) -> float:
         return default if value is None else value.replace(tzinfo=UTC).timestamp()
 
-    with open_history(write=True) as (opened, stage):
+    with open_history(write=True, has=has_estimates) as (opened, stage):
         until, first = timestamp(date, float("inf")), timestamp(since, float("-inf"))
         built = build_map(opened, stage, until, first)
         number = opened.save_map(stage, datetime.now(UTC).timestamp(), comment, to_json(built))

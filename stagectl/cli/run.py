@@ -13,8 +13,6 @@ from stagectl.cli.options import FILE, JSON_OUT, NumberRange, is_json_on_stdout,
 from stagectl.cli.stage_options import load_machines, stage_options, stop_on_signal
 
 if TYPE_CHECKING:
-    from stagectl.config import Machine
-    from stagectl.recipe import Recipe
     from stagectl.run import RunRequest
 
 DEFAULT_BUDGET = 5.0
@@ -88,7 +86,11 @@ DEFAULT_BUDGET = 5.0
     help="Time for calibration sites [s].  [default: the calibration file's, else 5]",
 )
 @JSON_OUT
-@click.option("--dry-run", is_flag=True, help="Check the recipe and print its plan; nothing moves.")
+@click.option(
+    "--dry-run",
+    is_flag=True,
+    help="Check all that the run would check before it opens the bus, and print its plan.",
+)
 def command(
     recipe: Path,
     machine: Path | None,
@@ -137,13 +139,6 @@ def command(
     believed, truth = load_machines(machine, simulate, bus, moves=not dry_run)
     loaded = load_recipe(recipe, believed)
     plan = None if faults is None else load_faults(faults, believed, seed)
-    if dry_run:
-        if resume is not None:
-            raise click.UsageError(
-                "--dry-run covers the whole recipe and cannot be combined with --resume"
-            )
-        _dry_run(loaded, believed, json_out)
-        return
     started = datetime.now(UTC).astimezone()
     folder = out or Path("runs") / f"{loaded.name}-{started:%Y%m%d-%H%M%S}"
     if resume is not None and folder.resolve() == resume.resolve():
@@ -173,7 +168,10 @@ def command(
     )
     if calibrate is not None:
         request = _with_due_sites(request, calibrate, budget)
-    _run(request, json_out)
+    if dry_run:
+        _dry_run(request, json_out)
+    else:
+        _run(request, json_out)
 
 
 def _with_due_sites(request: RunRequest, path: Path, budget: float | None) -> RunRequest:
@@ -201,10 +199,14 @@ def _with_due_sites(request: RunRequest, path: Path, budget: float | None) -> Ru
     return replace(request, recipe=recipe)
 
 
-def _dry_run(recipe: Recipe, machine: Machine, json_out: Path | None) -> None:
+def _dry_run(request: RunRequest, json_out: Path | None) -> None:
+    """Check all that the run would check before it opens the bus, and print its plan."""
     from stagectl.recipe import dry_run
+    from stagectl.run import prepare
 
-    outcome = dry_run(recipe, machine)
+    prepare(request)
+    done = 0 if request.resumed is None else request.resumed.done
+    outcome = dry_run(request.recipe, request.machine, done=done)
     write_json(outcome.as_dict(), json_out)
     if not is_json_on_stdout(json_out):
         console_for(json_out).print(outcome.render())

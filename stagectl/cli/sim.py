@@ -39,12 +39,12 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
     """  # noqa: D301  (\b keeps click from wrapping what follows)
     from drivers.canopen import open_bus
     from drivers.cyclic import RealTime
-    from drivers.errors import BusError
+    from drivers.errors import BusOpenError
     from hil_sim.bus import serve
     from hil_sim.plant import warm_up
     from hil_sim.stage import VirtualStage
     from stagectl.config import driver_settings, eds_path, load_machine, stage_settings
-    from stagectl.errors import RunFault
+    from stagectl.errors import UnusableInput
 
     stage = load_machine(machine)
     settings = stage_settings(stage)
@@ -52,11 +52,11 @@ def command(machine: Path | None, bus: tuple[str, str] | None, seed: int) -> Non
     where = replace(driver_settings(stage)[0], interface=interface, channel=channel)
     try:
         opened = open_bus(where)
-    except BusError as error:
-        raise RunFault(str(error)) from error
+    except BusOpenError as error:
+        raise UnusableInput(str(error)) from error
 
     def reopen() -> can.BusABC | None:
-        with suppress(BusError):
+        with suppress(BusOpenError):
             return open_bus(where)
         return None
 

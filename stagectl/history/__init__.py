@@ -11,6 +11,7 @@ from stagectl.history.opening import (
     FILE_NAME,
     default_history,
     is_server,
+    open_existing,
     open_history,
     without_password,
 )
@@ -59,6 +60,7 @@ __all__ = [
     "misfit_error",
     "note_of_estimate",
     "note_of_run",
+    "open_existing",
     "open_history",
     "plugin_thermometer",
     "runs_in",

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from stagectl.errors import StagectlError, UnusableInput
+from stagectl.history.port import NoHistory
 from stagectl.history.schema import APPLICATION_ID, MIGRATIONS, READABLE
 
 BUSY_TIMEOUT = 2.0
@@ -64,7 +65,7 @@ class SqliteDatabase:
         if path.is_dir():
             raise UnusableInput(f"{path}: is a folder, not a history")
         if not write and not path.is_file():
-            raise UnusableInput(f"{path}: no such history")
+            raise NoHistory(f"{path}: no such history")
         mode = "mode=rwc" if write else "mode=ro&immutable=1" if _is_read_only(path) else "mode=ro"
         try:
             self._connection = sqlite3.connect(
@@ -84,7 +85,7 @@ class SqliteDatabase:
         if tables and self._number("PRAGMA application_id") != APPLICATION_ID:
             raise UnusableInput(f"{self.name}: an SQLite file, but not a history of stagectl")
         if not tables and not write:
-            raise UnusableInput(f"{self.name}: empty, not a history")
+            raise NoHistory(f"{self.name}: empty, not a history")
         version = self._number("PRAGMA user_version")
         if version > len(MIGRATIONS):
             raise UnusableInput(

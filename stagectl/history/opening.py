@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import unquote
 
-from stagectl.history.port import History
+from stagectl.history.port import History, NoHistory
 
 if TYPE_CHECKING:
     from stagectl.config.machine import Machine
@@ -59,6 +59,19 @@ def open_history(where: str, write: bool = False) -> History:
     from stagectl.history.database import SqliteDatabase
 
     return SqlHistory(SqliteDatabase(Path(where), write))
+
+
+def open_existing(where: str) -> History | None:
+    """Open a history for reading; None where there is none yet.
+
+    Raises:
+        UnusableInput: this version cannot use it.
+        StagectlError: it cannot be opened.
+    """
+    try:
+        return open_history(where)
+    except NoHistory:
+        return None
 
 
 def machine_history(machine: Machine) -> str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
+from stagectl.errors import UnusableInput
 from stagectl.history.records import (
     Activation,
     EstimateRecord,
@@ -17,6 +18,10 @@ from stagectl.history.records import (
     Trend,
     Wear,
 )
+
+
+class NoHistory(UnusableInput):
+    """There is no history yet; opening it for writing would create one."""
 
 
 class History(Protocol):

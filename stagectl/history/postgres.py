@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from stagectl.errors import StagectlError, UnusableInput
+from stagectl.history.port import NoHistory
 from stagectl.history.schema import MIGRATIONS, READABLE
 from stagectl.history.watchdog import Watchdog
 
@@ -72,7 +73,8 @@ class PostgresDatabase:
                     f"one knows up to {len(MIGRATIONS)}"
                 )
             if version < READABLE:
-                raise UnusableInput(f"{self.name}: no history there, or an older one")
+                problem = "tables of an older version" if version else "no history there"
+                raise (UnusableInput if version else NoHistory)(f"{self.name}: {problem}")
         except BaseException:
             self.close()
             raise

@@ -11,10 +11,11 @@ import queue
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 
 from stagectl.errors import StagectlError
 from stagectl.history.port import History
-from stagectl.history.records import EstimateRecord, StepRecord
+from stagectl.history.records import EstimateRecord, RunEntry, StepRecord
 
 Record = EstimateRecord | StepRecord
 
@@ -29,12 +30,13 @@ PATIENCE = 10.0
 
 
 class HistoryWriter:
-    """Files the records of a run in order.
+    """Enters a run, then files its records in order.
 
     Create it before motion begins: the thread inherits its scheduling (`drivers.cyclic.realtime`).
 
     Args:
         reopen: opens the history for writing; called in the thread, also after a failure.
+        entry: of the run, whose number its records get.
         limit: largest number of queued records.
 
     Attributes:
@@ -44,13 +46,14 @@ class HistoryWriter:
         complete: every record is filed, and the callback of `end` has been called.
     """
 
-    def __init__(self, reopen: Callable[[], History], limit: int = LIMIT) -> None:
+    def __init__(self, reopen: Callable[[], History], entry: RunEntry, limit: int = LIMIT) -> None:
         self.failure: str | None = None
         self.filed = self.dropped = 0
         self.complete = False
-        self._reopen = reopen
+        self._reopen, self._entry = reopen, entry
+        self._run = 0
         self._queue: queue.Queue[Record | None] = queue.Queue(limit)
-        self._close: Callable[[History], None] | None = None
+        self._close: Callable[[History, int], None] | None = None
         self._ending, self._abandoned = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._work, name="history", daemon=True)
         self._thread.start()
@@ -62,13 +65,14 @@ class HistoryWriter:
         except queue.Full:
             self.dropped += 1
 
-    def end(self, close: Callable[[History], None], patience: float = PATIENCE) -> None:
+    def end(self, close: Callable[[History, int], None], patience: float = PATIENCE) -> None:
         """Wait until everything is filed, for `patience` at most.
 
         A thread that still waits for a database then is left to end by itself.
 
         Args:
-            close: called in the thread with the history once everything is filed.
+            close: called in the thread with the history and the number of the run, once
+                everything is filed.
             patience: [s].
         """
         self._close = close
@@ -86,6 +90,7 @@ class HistoryWriter:
             try:
                 if history is None:
                     history = self._reopen()
+                    self._run = history.start_run(self._entry)
                 batch = batch or self._take()
                 if not batch:
                     self._finish(history)
@@ -114,17 +119,17 @@ class HistoryWriter:
         return taken
 
     def _file(self, history: History, batch: Sequence[Record]) -> None:
-        estimates = [record for record in batch if isinstance(record, EstimateRecord)]
+        estimates = [replace(r, run=self._run) for r in batch if isinstance(r, EstimateRecord)]
         if estimates:
             history.add(estimates)
         for record in batch:
             if isinstance(record, StepRecord):
-                history.add_step(record)
+                history.add_step(replace(record, run=self._run))
         self.filed += len(estimates)
 
     def _finish(self, history: History) -> None:
         if self._close is not None:
-            self._close(history)
+            self._close(history, self._run)
         self.complete = not self.dropped
         self.failure = None
 

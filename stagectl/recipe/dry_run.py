@@ -20,10 +20,10 @@ from stagectl.recipe.plan import (
     ExciteStep,
     ExposeStep,
     FiducialStep,
+    MarkedStep,
     MoveStep,
     SettleStep,
-    Step,
-    plan,
+    plan_from,
 )
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class DryRun:
     """The result of a dry run.
 
     Attributes:
-        sites: number of sites.  moves: number of moves by kind.
+        sites: number of sites to visit.  moves: number of moves by kind.
         path_length: sum of the straight distances [m].  duration: lower bound [s].
         limits: use of each limit.  positions: targets in order [m].
         notes: what is not counted, and keys of the recipe without effect.
@@ -93,24 +93,25 @@ class DryRun:
         return Group(head, table, *(f"note: {note}" for note in self.notes))
 
 
-def dry_run(recipe: Recipe, machine: Machine, start: Pair = (0.0, 0.0)) -> DryRun:
+def dry_run(recipe: Recipe, machine: Machine, start: Pair = (0.0, 0.0), done: int = 0) -> DryRun:
     """Walk through the plan without moving.
 
     Args:
         recipe: validated against `machine`.
         machine: to run it on.
         start: position of the axes at the start [m]; home by default.
+        done: sites, or entries of the list of moves, that an interrupted run has finished.
 
     Raises:
         ConfigError: the recipe's fiducial plug-in cannot be loaded.
     """
     tally = _Tally(recipe, start)
-    for step in plan(recipe, start):
+    for step in plan_from(recipe, done, start):
         tally.add(step)
     return DryRun(
         recipe=recipe.name,
         machine=machine.name,
-        sites=len(recipe.sites),
+        sites=max(len(recipe.sites) - done, 0),
         moves=dict(tally.moves),
         path_length=tally.path_length,
         duration=tally.duration,
@@ -157,7 +158,7 @@ class _Tally:
             if isinstance(source, SimulatedMark):
                 self.notes.append("marks are simulated; a run finds the same ones")
 
-    def add(self, step: Step) -> None:
+    def add(self, step: MarkedStep) -> None:
         """Add a step."""
         match step:
             case MoveStep():

@@ -1,13 +1,15 @@
 """One run, from a recipe to its files.
 
-`session` (the order of things), `record` (its files), `run_history` (its estimates), `retries`
-(after a fault), `resume` (an interrupted run), `replay` (a run again, on its bus log).
+`prepare` (all checks), `session` (the order of things), `record` (its files), `run_history` (its
+estimates), `retries` (after a fault), `resume` (an interrupted run), `replay` (a run again, on its
+bus log).
 """
 
+from stagectl.run.prepare import Substitutes, prepare
 from stagectl.run.request import Resumed, RunRequest, RunResult
 from stagectl.run.resume import load_interrupted
 from stagectl.run.run_history import RunHistory, software_version, start_time
-from stagectl.run.session import Listener, Substitutes, execute
+from stagectl.run.session import Listener, execute
 
 __all__ = [
     "Listener",
@@ -18,6 +20,7 @@ __all__ = [
     "Substitutes",
     "execute",
     "load_interrupted",
+    "prepare",
     "software_version",
     "start_time",
 ]

@@ -18,7 +18,6 @@ from hil_sim.bus import InjectedFault
 from stagectl.errors import Aborted, StagectlError
 from stagectl.history import (
     EstimateRecord,
-    History,
     LatestTemperature,
     note_of_estimate,
     note_of_run,
@@ -28,7 +27,7 @@ from stagectl.history import (
 from stagectl.maps import ActiveMap, take_snapshot
 from stagectl.report import write_report
 from stagectl.run.request import RunRequest, RunResult
-from stagectl.run.run_history import RunHistory, run_entry, start_time
+from stagectl.run.run_history import RunHistory, run_entry
 from stagectl.sequencer import (
     Event,
     FrictionUpdated,
@@ -63,11 +62,11 @@ _ESTIMATED_AS = {"attraction": "relaxation_rate"}
 
 
 class RunRecord:
-    """The record of one run; creates the journal and enters the run in its history.
+    """The record of one run; creates the journal.
 
     Args:
         request: of the run.
-        history: open for writing; None for none.
+        started: in the time of the history [s since 1970].
         active: the friction map that the run uses; None for none.
 
     Attributes:
@@ -77,24 +76,22 @@ class RunRecord:
         wall_time: of the moves [s], set once they are over.
 
     Raises:
-        StagectlError: the journal or the history cannot be written.
+        StagectlError: the journal cannot be written.
     """
 
     def __init__(
         self,
         request: RunRequest,
-        history: History | None = None,
+        started: float,
         active: ActiveMap | None = None,
     ) -> None:
         self._request = request
         self.temperature = LatestTemperature(None)
         self._has_map = active is not None
         snapshot = None if active is None else take_snapshot(active)
-        started = start_time(history, request) if active is None else active.places.origin
-        where = None if history is None else str(request.history)
+        where = request.history
         self._history = RunHistory(
             run_entry(request, started),
-            history,
             None if where is None else partial(open_history, where, write=True),
         )
         _set_aside_files(request.folder)
@@ -131,7 +128,7 @@ class RunRecord:
         )
 
     def start(self) -> None:
-        """The stage is about to be opened: start writing the history."""
+        """The drives have answered: enter the run in its history."""
         self._history.start()
 
     def note_move(self, move: Move) -> None:

@@ -40,34 +40,27 @@ class RunHistory:
 
     Args:
         entry: of the run.
-        history: open for writing, to enter the run in; None for none.
-        reopen: opens the same history again, for the writer's thread.
+        open_it: opens the history for writing, in the writer's thread; None for no history.
 
     Attributes:
         entry: of the run.
-        number: of the run in the history, 0 without one.
         made: estimates so far.
-
-    Raises:
-        StagectlError: the run cannot be entered; nothing has moved yet.
     """
 
     def __init__(
         self,
         entry: RunEntry,
-        history: History | None = None,
-        reopen: Callable[[], History] | None = None,
+        open_it: Callable[[], History] | None = None,
     ) -> None:
         self.entry = entry
         self.made = self._steps = 0
-        self._reopen = reopen
+        self._open = open_it
         self._writer: HistoryWriter | None = None
-        self.number = 0 if history is None else history.start_run(entry)
 
     def start(self) -> None:
-        """Start the writer, before the drives are enabled."""
-        if self._reopen is not None:
-            self._writer = HistoryWriter(self._reopen)
+        """Enter the run, in the writer's thread: the stage is there, its drives not yet enabled."""
+        if self._open is not None:
+            self._writer = HistoryWriter(self._open, self.entry)
 
     def estimate(
         self,
@@ -86,7 +79,7 @@ class RunHistory:
         self.made += 1
         estimate = event.estimate
         return EstimateRecord(
-            run=self.number,
+            run=0,
             axis=event.axis,
             kind=event.kind,
             site=event.site,
@@ -106,7 +99,7 @@ class RunHistory:
     def step(self, event: LevelStepped) -> StepRecord:
         """The record of a step of the level."""
         self._steps += 1
-        return step_record(asdict(event), self.entry, self.number, self._steps)
+        return step_record(asdict(event), self.entry, 0, self._steps)
 
     def file(self, record: EstimateRecord | StepRecord) -> None:
         """Hand a record to the writer, if there is one; never waits."""
@@ -118,8 +111,8 @@ class RunHistory:
         writer = self._writer
         if writer is not None:
             writer.end(
-                lambda history: history.end_run(
-                    self.number, outcome, fault, None if writer.dropped else self.made
+                lambda history, run: history.end_run(
+                    run, outcome, fault, None if writer.dropped else self.made
                 )
             )
 

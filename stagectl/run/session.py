@@ -1,53 +1,44 @@
 """One run, from a validated recipe to its files.
 
-`execute` prepares the friction map, the compensation and the record; a `_Session` then takes the
-stage through boot, homing, the recipe (`sequencer.Engine`) and disabling. Whatever happens on the
-way, the stage ends disabled, and what was measured becomes the recording.
+`execute` checks everything (`prepare`) and opens the bus before it makes any file; a `_Session`
+then takes the stage through boot, homing, the recipe (`sequencer.Engine`) and disabling. Whatever
+happens on the way, the stage ends disabled, and what was measured becomes the recording. The
+history gets the run once the drives have answered.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 
 import can
 
 from drivers import AxisFault, DriverError, Stage
+from drivers.canopen import open_bus
+from drivers.errors import BusOpenError
 from drivers.settings import AxisSettings, BusSettings
 from estimation.trajectory import Limits
-from hil_sim.bus import World
+from hil_sim.bus import InjectedFault, World
 from hil_sim.stage import VirtualStage
-from stagectl.config.package_settings import driver_settings
 from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError, UnusableInput
-from stagectl.history import (
-    History,
-    StageKey,
-    Thermometer,
-    file_unfiled_runs,
-    open_history,
-    plugin_thermometer,
-    stage_temperature,
-)
-from stagectl.maps import ActiveMap, load_active, sites_outside
-from stagectl.recipe import Fiducial, make_fiducial, plan_from
+from stagectl.history import open_history, stage_temperature
+from stagectl.maps import ActiveMap, sites_outside
+from stagectl.recipe import plan_from
+from stagectl.run.prepare import Preparation, Substitutes, file_earlier_runs, prepare
 from stagectl.run.record import RunRecord
 from stagectl.run.request import RunRequest, RunResult
 from stagectl.run.retries import recover_stage
-from stagectl.run.run_history import start_time
 from stagectl.run.virtual_stage import virtual_stage
 from stagectl.sequencer import (
-    AxisCompensation,
     DriveLimited,
     Engine,
     Event,
     FreshPlaces,
-    Mode,
     MovingAxis,
     Places,
     Retrying,
-    make_compensation,
 )
 from stagectl.store import BusLog, recover_left_over
 
@@ -69,23 +60,6 @@ class Listener:
     switched_on: Callable[[VirtualStage, World], object] = field(default=lambda *_: None)
 
 
-@dataclass(frozen=True, slots=True)
-class Substitutes:
-    """Bus, camera, operator and friction map in place of those that the request names.
-
-    Attributes:
-        bus: with a clock of its own.
-        fiducial: finds the marks.
-        stop: after this many samples the operator requests a stop, for this reason.
-        active: the friction map to use.
-    """
-
-    bus: can.BusABC
-    fiducial: Fiducial
-    stop: tuple[int, str] | None = None
-    active: ActiveMap | None = None
-
-
 class _EarlyStop(KeyboardInterrupt):
     """The operator's stop before anything moves; not caught by any `except Exception`."""
 
@@ -105,37 +79,44 @@ def execute(
         StagectlError: the folder or the history cannot be used; nothing has moved.
         OSError: likewise.
     """
-    recipe, history = request.recipe, None
     if substitutes is None:
-        fiducial = make_fiducial(recipe.fiducial, recipe.source)
-        thermometer = plugin_thermometer(request.machine)
-    else:
-        fiducial, thermometer = substitutes.fiducial, None
-    _prepare_folder(request, listener)
-    if request.history is not None:
-        history = open_history(request.history, write=True)
+        file_earlier_runs(request, listener.phase)
+    ready = prepare(request, listener.phase, substitutes)
+    bus = ready.bus
+    if request.bus is not None:
+        bus = replace(bus, interface=request.bus[0], channel=request.bus[1])
+    simulated = (
+        virtual_stage(request, ready.truth, bus, listener.switched_on)
+        if substitutes is None
+        else nullcontext((bus, ()))
+    )
+    with simulated as (used, injected):
+        listener.phase(f"opening {used}")
+        with _open_bus(used, substitutes) as opened:
+            _prepare_files(request, listener)
+            record = RunRecord(request, ready.started, ready.active)
+            session = _Session(request, listener, ready, substitutes, record)
+            return session.run(used, opened, injected)
+
+
+def _open_bus(
+    bus: BusSettings, substitutes: Substitutes | None
+) -> AbstractContextManager[can.BusABC]:
+    """The open bus, closed at the end.
+
+    Raises:
+        UnusableInput: there is no such bus.
+    """
+    if substitutes is not None:
+        return nullcontext(substitutes.bus)
     try:
-        if history is not None:
-            for line in file_unfiled_runs(history, _stage_key(request)):
-                listener.phase(line)
-        active = _active_map(request, history) if substitutes is None else substitutes.active
-        if active is not None:
-            listener.phase(f"friction map {active.version.number}")
-        listener.phase("preparing the estimator")
-        compensation = _make_compensation(request, active)
-        bus, axes = driver_settings(request.machine)
-        session = _Session(
-            request, listener, compensation, fiducial, substitutes,
-            RunRecord(request, history, active), active,
-        )  # fmt: skip
-    finally:
-        if history is not None:
-            history.close()  # during the run, a thread writes it on a connection of its own
-    return session.run(bus, axes, thermometer)
+        return open_bus(bus)
+    except BusOpenError as error:
+        raise UnusableInput(str(error)) from error
 
 
-def _prepare_folder(request: RunRequest, listener: Listener) -> None:
-    """Make the folder; recover the journal of a killed run in it."""
+def _prepare_files(request: RunRequest, listener: Listener) -> None:
+    """Make folder and history; recover the journal of a killed run in the folder."""
     try:
         request.folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -143,33 +124,8 @@ def _prepare_folder(request: RunRequest, listener: Listener) -> None:
     left_over = recover_left_over(request.folder, aside=True)
     if left_over is not None:
         listener.phase(left_over.describe())
-
-
-def _stage_key(request: RunRequest) -> StageKey:
-    return StageKey(request.machine.name, request.truth is not None)
-
-
-def _active_map(request: RunRequest, history: History | None) -> ActiveMap | None:
-    """The stage's active friction map, for a run that estimates friction."""
-    if history is None or not request.use_map or request.mode is not Mode.ESTIMATED:
-        return None
-    return load_active(
-        history, _stage_key(request), request.machine, request.recipe.sites,
-        start_time(history, request),
-    )  # fmt: skip
-
-
-def _make_compensation(
-    request: RunRequest, active: ActiveMap | None
-) -> tuple[AxisCompensation, ...]:
-    """Compensation that starts from the figures of the resumed run, else from the map's."""
-    known = None if active is None else active.figures
-    if request.resumed is not None:
-        known = dict(request.resumed.friction)
-    return make_compensation(
-        request.machine, request.mode, request.friction_scale, request.truth, known,
-        None if active is None else active.drift,
-    )  # fmt: skip
+    if request.history is not None:
+        open_history(request.history, write=True).close()
 
 
 class _Session:
@@ -179,14 +135,13 @@ class _Session:
         self,
         request: RunRequest,
         listener: Listener,
-        compensation: tuple[AxisCompensation, ...],
-        fiducial: Fiducial,
+        ready: Preparation,
         substitutes: Substitutes | None,
         record: RunRecord,
-        active: ActiveMap | None,
     ) -> None:
-        self._request, self._listener, self._compensation = request, listener, compensation
-        self._fiducial, self._substitutes, self._record = fiducial, substitutes, record
+        self._request, self._listener, self._ready = request, listener, ready
+        self._substitutes, self._record, active = substitutes, record, ready.active
+        self._compensation = ready.compensation
         self._places = self._places_of(active)
         self._stage: Stage | None = None
         self._engine: Engine | None = None
@@ -206,52 +161,33 @@ class _Session:
         return FreshPlaces({name: axis.estimator.friction.coulomb for name, axis in axes})
 
     def run(
-        self,
-        bus: BusSettings,
-        axes: tuple[AxisSettings, ...],
-        thermometer: Thermometer | None,
+        self, bus: BusSettings, opened: can.BusABC, injected: Sequence[InjectedFault]
     ) -> RunResult:
         """Operate the stage and write the files of the run.
 
         Args:
-            bus: of the machine.
-            axes: of the machine.
-            thermometer: of the stage, where a plug-in provides one.
+            bus: settings of the bus.
+            opened: that bus; it stays open.
+            injected: faults, as they are injected.
         """
-        request = self._request
-        if request.bus is not None:
-            bus = replace(bus, interface=request.bus[0], channel=request.bus[1])
-        simulated = (
-            virtual_stage(request, bus, self._listener.switched_on)
-            if self._substitutes is None
-            else nullcontext((bus, ()))
-        )
-        log = BusLog(request.folder / "bus.asc", request.started)
-        with simulated as (used, injected), log:
-            self._operate(used, axes, log, thermometer)
+        log = BusLog(self._request.folder / "bus.asc", self._request.started)
+        with log:
+            self._operate(bus, opened, log)
             self._record.note_injected_faults(injected)
         self._listener.phase("writing recording and report")
         self._record.note_bus_log(log.digest)
         return self._record.finish(self._error)
 
-    def _operate(
-        self,
-        bus: BusSettings,
-        axes: tuple[AxisSettings, ...],
-        log: BusLog,
-        thermometer: Thermometer | None,
-    ) -> None:
-        """Open, boot, home, enable, run, disable; foreseen errors are kept for the result."""
+    def _operate(self, bus: BusSettings, opened: can.BusABC, log: BusLog) -> None:
+        """Boot, home, enable, run, disable; foreseen errors are kept for the result."""
         listener, record = self._listener, self._record
         try:
-            record.start()
             listener.stoppable(self._request_stop)
-            listener.phase(f"opening {bus}")
-            given = None if self._substitutes is None else self._substitutes.bus
-            with Stage.open(bus, axes, tap=log.tap, bus_object=given) as stage:
+            with Stage.open(bus, self._ready.axes, tap=log.tap, bus_object=opened) as stage:
                 self._stage = stage
                 listener.phase("booting the drives")
                 stage.boot()
+                record.start()
                 record.note_limitations(stage.limitations)
                 for text in stage.limitations:
                     listener.event(DriveLimited(text))
@@ -259,7 +195,9 @@ class _Session:
                 stage.home()
                 stage.enable()
                 record.note_limitations((*stage.limitations, *stage.notices))
-                record.temperature = stage_temperature(self._request.machine, stage, thermometer)
+                record.temperature = stage_temperature(
+                    self._request.machine, stage, self._ready.thermometer
+                )
                 record.temperature.at(0.0)
                 begin = time.perf_counter()
                 try:
@@ -287,7 +225,7 @@ class _Session:
         engine = self._engine = Engine(
             stage,
             self._moving_axes([axis.settings for axis in stage.axes]),
-            self._fiducial,
+            self._ready.fiducial,
             period,
             record.note_move,
             self._on_event,
@@ -354,7 +292,7 @@ class _Session:
         A stage that is already stopping is left to do so.
 
         Raises:
-            _EarlyStop: while the stage is being opened, booted or homed.
+            _EarlyStop: while the stage is being booted or homed.
         """
         if self._engine is not None:
             self._engine.stop(reason)

@@ -8,32 +8,34 @@ from dataclasses import replace
 
 from drivers.settings import BusSettings
 from hil_sim.bus import FaultyWorld, InjectedFault, World
+from hil_sim.settings import StageSettings
 from hil_sim.stage import VirtualStage
-from stagectl.config.package_settings import stage_settings
 from stagectl.run.request import RunRequest
 
 
 @contextmanager
 def virtual_stage(
     request: RunRequest,
+    settings: StageSettings | None,
     bus: BusSettings,
     switched_on: Callable[[VirtualStage, World], object],
 ) -> Iterator[tuple[BusSettings, Sequence[InjectedFault]]]:
-    """Switch on the virtual stage where the request has a truth.
+    """Switch on the virtual stage, if there is one.
 
     Args:
-        request: whose truth, seed and faults it has.
+        request: whose seed and faults it has.
+        settings: of the virtual stage; None for a real one.
         bus: of the machine.
         switched_on: called with the virtual stage and its world.
 
     Yields:
         The bus to open, and the faults injected so far.
     """
-    if request.truth is None:
+    if settings is None:
         yield bus, ()
         return
     channel = f"run-{id(request)}"
-    stage = VirtualStage(stage_settings(request.truth), request.seed)
+    stage = VirtualStage(settings, request.seed)
     # The world is referenced here, for the registry of worlds does not keep it alive.
     injected: Sequence[InjectedFault] = ()
     if request.faults is None:

@@ -14,6 +14,7 @@ from stagectl.store.journal import (
     AxisScaling,
     Journal,
     JournalHeader,
+    refuse_in_progress,
     sample_codec,
     sample_dtype,
 )
@@ -72,6 +73,7 @@ __all__ = [
     "recover_journal",
     "recover_left_over",
     "recover_log",
+    "refuse_in_progress",
     "sample_codec",
     "sample_dtype",
     "write_atomically",

@@ -115,6 +115,18 @@ def locked_journal(path: Path) -> Iterator[BinaryIO]:
         yield file
 
 
+def refuse_in_progress(folder: Path) -> None:
+    """Raise where a run is writing to a folder.
+
+    Raises:
+        StagectlError: it is; or its journal cannot be opened.
+    """
+    path = folder / FILE_NAME
+    if path.exists():
+        with locked_journal(path):
+            pass
+
+
 class Journal:
     """The journal being written; the drivers call `sink` once per SYNC.
 

@@ -64,6 +64,18 @@ def test_a_dry_run_is_json_too(tmp_path):
     assert "virtual bus" not in result.stderr, "nothing was to move"
 
 
+def test_a_dry_run_checks_what_the_run_checks_and_writes_nothing(tmp_path):
+    (tmp_path / "sites.yaml").write_text(SITES)
+    truth = tmp_path / "truth.yaml"
+    text = load_machine().text
+    truth.write_text(text.replace("  y:", "    effects: [{effect: gremlins}]\n  y:", 1))
+    run = ("calibrate", tmp_path / "sites.yaml", "--out", tmp_path / "run", "--dry-run")
+    assert "gremlins" in stagectl(*run, "--simulate", truth, code=2)
+    history = ("--history", tmp_path / "stage.db")
+    assert "would visit" in stagectl(*run, "--simulate", "--due", *history)
+    assert {path.name for path in tmp_path.iterdir()} == {"sites.yaml", "truth.yaml"}
+
+
 @pytest.fixture(scope="module")
 def killed(machine, tmp_path_factory):
     """A calibration of four sites, killed behind the second one."""

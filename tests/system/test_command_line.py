@@ -89,6 +89,31 @@ def test_dry_run_touches_nothing(stagectl, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["plan.json"]
 
 
+def test_a_dry_run_checks_what_the_run_checks(stagectl, short, tmp_path):
+    """In the same words, and without writing anything."""
+    text = load_machine().text
+    effect = tmp_path / "effect.yaml"
+    effect.write_text(text.replace("  y:", "    effects: [{effect: gremlins}]\n  y:", 1))
+    eds = tmp_path / "eds.yaml"
+    eds.write_text(text.replace("    node: 1", "    node: 1\n    eds: torn.eds", 1))
+    (tmp_path / "torn.eds").write_text("[DeviceInfo\n")
+    (tmp_path / "old.db").write_text("my notes\n" * 1000)
+    (tmp_path / "file").touch()
+    before = sorted(tmp_path.iterdir())
+    for options, reason in (
+        (["--simulate", effect], "gremlins"),
+        (["--simulate", "--machine", eds, "--out", tmp_path / "o"], "torn.eds"),
+        (["--simulate", "--history", tmp_path / "old.db"], "not an SQLite file"),
+        (["--simulate", "--out", tmp_path / "file" / "o"], "is not a folder"),
+    ):
+        dry = stagectl("run", short, *options, "--dry-run", cwd=tmp_path)
+        wet = stagectl("run", short, *options, cwd=tmp_path)
+        assert (dry.returncode, dry.stdout) == (2, "")
+        assert reason in dry.stderr
+        assert wet.stderr.splitlines()[-1] == dry.stderr.splitlines()[-1]
+        assert sorted(tmp_path.iterdir()) == before
+
+
 BAD = {
     "unknown key": ("expose: 0.02", "exposee: 0.02", "exposee"),
     "wrong unit": ("velocity: 0.5,", 'velocity: "0.5 s",', "velocity"),
@@ -158,12 +183,45 @@ def test_gap_measure(stagectl, tmp_path):
         assert set(report["gap"][axis]["position"]) == {"nominal", "floor", "unit"}
 
 
-def test_a_bus_that_cannot_be_opened_is_a_clear_fault(stagectl, tmp_path):
-    done = stagectl("run", RECIPE, "--bus", "socketcan:nosuchcan9", "--out", tmp_path / "o")
-    assert done.returncode == 3
-    assert "nosuchcan9" in done.stderr
-    assert "Traceback" not in done.stderr
-    assert json.loads((tmp_path / "o" / "summary.json").read_text())["outcome"] == "fault"
+@pytest.mark.parametrize(
+    ("command", "bus"),
+    [
+        (["run", RECIPE], "socketcan:nosuchcan9"),
+        (["run", RECIPE], "nosuch:can0"),
+        (["calibrate", "sites.yaml"], "socketcan:nosuchcan9"),
+        (["scan"], "socketcan:nosuchcan9"),
+        (["status"], "nosuch:can0"),
+        (["enable"], "socketcan:nosuchcan9"),
+        (["home"], "socketcan:nosuchcan9"),
+        (["jog", "x", "1mm"], "socketcan:nosuchcan9"),
+        (["check", "1"], "socketcan:nosuchcan9"),
+        (["sim"], "socketcan:nosuchcan9"),
+    ],
+    ids=lambda value: " ".join(map(str, value[:1])) if isinstance(value, list) else value,
+)
+def test_a_bus_that_cannot_be_opened_is_unusable_input_and_leaves_nothing(
+    stagectl, tmp_path, command, bus
+):
+    (tmp_path / "sites.yaml").write_text("calibrate: c\nsites: [[0.0, 0.0], [0.01, 0.0]]\n")
+    done = stagectl(*command, "--bus", bus, cwd=tmp_path)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.splitlines()[-1].startswith(f"stagectl: bus {bus}: cannot open: ")
+    assert [path.name for path in tmp_path.iterdir()] == ["sites.yaml"]
+
+
+def test_drives_that_do_not_answer_leave_the_bus_log_and_no_row(stagectl, short, tmp_path):
+    """Nor does a map command then ask which stage is meant."""
+    machine = tmp_path / "m.yaml"
+    machine.write_text(load_machine().text)
+    simulated = ("--simulate", "--history", tmp_path / "stage.db")
+    assert stagectl("run", short, *simulated, "--out", tmp_path / "v").returncode == 0
+    out, history = tmp_path / "out", ("--history", tmp_path / "stage.db")
+    done = stagectl("run", short, "--bus", "virtual:nobody", "--out", out, *history)
+    assert done.returncode == 3, done.stderr
+    assert json.loads((out / "summary.json").read_text())["outcome"] == "fault"
+    assert " 1  0 " in (out / "bus.asc").read_text()  # the NMT reset that nobody answered
+    shown = stagectl("map", "history", *history)
+    assert (shown.returncode, shown.stderr) == (0, "")
 
 
 LONG = """
@@ -327,7 +385,10 @@ def test_an_earlier_run_is_put_aside(stagectl, short, tmp_path):
     out = tmp_path / "out"
     assert stagectl("run", short, "--simulate", "--out", out).returncode == 0
     first = (out / "recording.h5").read_bytes()
-    done = stagectl("run", short, "--bus", "socketcan:nosuchcan9", "--out", out)
+    refused = stagectl("run", short, "--bus", "socketcan:nosuchcan9", "--out", out)
+    assert refused.returncode == 2
+    assert (out / "recording.h5").read_bytes() == first
+    done = stagectl("run", short, "--bus", "virtual:nobody", "--out", out)
     assert done.returncode == 3
     assert not (out / "recording.h5").exists()
     assert (out / "previous" / "recording.h5").read_bytes() == first

@@ -1,5 +1,6 @@
 """Interrupted runs that are gone on with, and sites that are begun again after a fault."""
 
+import json
 import os
 import signal
 from dataclasses import replace
@@ -284,6 +285,12 @@ def test_from_the_command_line(go, sites, tmp_path):
     clash = run("--resume", folder, "--out", folder)
     assert clash.exit_code == 2
     assert "needs its own folder" in clash.output
+    told = tmp_path / "plan.json"
+    planned = run("--resume", folder, "--dry-run", "--json", str(told))
+    assert planned.exit_code == 0, planned.output
+    plan = json.loads(told.read_text())
+    assert plan["sites"] == len(sites.sites) - 2
+    assert plan["moves"]["macro"] == plan["sites"]
     rest = run("--resume", folder, "--out", other, "--retries", "1")
     assert rest.exit_code == 0, rest.output
     assert "after the first 2 sites" in rest.output

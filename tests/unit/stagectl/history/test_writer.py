@@ -17,19 +17,20 @@ ENOUGH = 60.0
 
 @pytest.fixture
 def begun(where, opened, a_run):
-    """Number of a run in a history, and what opens that."""
-    return opened(where).start_run(a_run(uuid="5eed")), lambda: open_history(where, write=True)
+    """A run, its number in a history, and what opens that."""
+    entry = a_run(uuid="5eed")
+    return entry, opened(where).start_run(entry), lambda: open_history(where, write=True)
 
 
 def test_records_are_filed_in_order(where, opened, begun, an_estimate):
-    number, reopen = begun
-    writer = HistoryWriter(reopen)
+    entry, number, reopen = begun
+    writer = HistoryWriter(reopen, entry)
     for n in range(1, 501):
         writer.enqueue(an_estimate(number, number=n, time=BEGIN + n))
         if n % 100 == 0:
             step = StepRecord(number, "x", (0.0, 0.0), BEGIN + n, 0.1, "site", n // 100)
             writer.enqueue(step)
-    writer.end(lambda history: history.end_run(number, "completed", None, 500), ENOUGH)
+    writer.end(lambda history, run: history.end_run(run, "completed", None, 500), ENOUGH)
     assert (writer.complete, writer.filed, writer.failure) == (True, 500, None)
     history = opened(where, write=False)
     times = history.trend(STAGE, "x", (0.01, -0.02)).time
@@ -38,17 +39,31 @@ def test_records_are_filed_in_order(where, opened, begun, an_estimate):
     assert (history.runs(STAGE)[0][2], history.unfiled(STAGE)) == ("completed", [])
 
 
+def test_the_run_is_entered_first_and_its_records_get_its_number(where, opened, a_run, an_estimate):
+    other = opened(where).start_run(a_run(uuid="0ther"))
+    writer = HistoryWriter(lambda: open_history(where, write=True), a_run(uuid="5eed"))
+    writer.enqueue(an_estimate(0, number=1))
+    writer.enqueue(StepRecord(0, "x", (0.0, 0.0), BEGIN, 0.1, "site", 1))
+    writer.end(lambda history, run: history.end_run(run, "completed", None, 1), ENOUGH)
+    history = opened(where, write=False)
+    ended = {run: outcome for run, _, outcome in history.runs(STAGE)}
+    (step,) = history.steps(STAGE)
+    assert ended == {other: None, step.run: "completed"}
+    assert history.filed(step.run) == 1
+
+
 def test_a_locked_file_delays_only_the_writer(tmp_path, opened, a_run, an_estimate):
     path = str(tmp_path / "stage.db")
-    number = opened(path).start_run(a_run(uuid="5eed"))
+    entry = a_run(uuid="5eed")
+    number = opened(path).start_run(entry)
     with locked(path):
-        writer = HistoryWriter(lambda: open_history(path, write=True))
+        writer = HistoryWriter(lambda: open_history(path, write=True), entry)
         for n in range(1, 301):
             writer.enqueue(an_estimate(number, number=n))
         assert (writer.filed, writer.dropped) == (0, 0)  # all of them taken, none written yet
         with pytest.raises(StagectlError, match="another program is writing"):
             opened(path).end_run(number, "completed")
-    writer.end(lambda history: history.end_run(number, "completed", None, 300), ENOUGH)
+    writer.end(lambda history, run: history.end_run(run, "completed", None, 300), ENOUGH)
     assert (writer.complete, writer.filed) == (True, 300)
     assert opened(path).filed(number) == 300
 
@@ -64,50 +79,51 @@ class Absent:
         raise StagectlError("gone for good")
 
 
-def test_queue_and_waiting_are_limited(an_estimate):
+def test_queue_and_waiting_are_limited(a_run, an_estimate):
     absent = Absent()
-    writer = HistoryWriter(absent, limit=3)
+    writer = HistoryWriter(absent, a_run(uuid="5eed"), limit=3)
     for n in range(1, 6):
         writer.enqueue(an_estimate(1, number=n))
     assert (writer.dropped, writer.filed) == (2, 0)
-    writer.end(lambda history: pytest.fail("there is none"), patience=0.05)
+    writer.end(lambda history, run: pytest.fail("there is none"), patience=0.05)
     assert not writer.complete
     absent.there.set()
 
 
 def test_dropped_records_are_left_to_an_import(where, opened, begun, an_estimate):
-    number, reopen = begun
+    entry, number, reopen = begun
     there = threading.Event()
 
     def late():
         there.wait()
         return reopen()
 
-    writer = HistoryWriter(late, limit=3)
+    writer = HistoryWriter(late, entry, limit=3)
     for n in range(1, 6):
         writer.enqueue(an_estimate(number, number=n))
     there.set()
-    writer.end(lambda history: history.end_run(number, "completed", None, None), ENOUGH)
+    writer.end(lambda history, run: history.end_run(run, "completed", None, None), ENOUGH)
     assert (writer.complete, writer.filed, writer.dropped) == (False, 3, 2)
     assert [uuid for uuid, _ in opened(where).unfiled(STAGE)] == ["5eed"]
 
 
 @pytest.fixture
 def of_server(server, opened, a_run):
-    """A run in a history on a server, and what opens that."""
+    """A run, its number in a history on a server, and what opens that."""
     import psycopg
 
     with psycopg.connect(server.url, autocommit=True) as connection:
         connection.execute("DROP SCHEMA IF EXISTS stagectl CASCADE")
     history = opened(server.url)
-    number = history.start_run(a_run(uuid="5eed"))
+    entry = a_run(uuid="5eed")
+    number = history.start_run(entry)
     history.close()
-    return number, lambda: open_history(server.url, write=True)
+    return entry, number, lambda: open_history(server.url, write=True)
 
 
 def test_a_restarted_server_gets_what_it_missed(server, of_server, opened, an_estimate):
-    number, reopen = of_server
-    writer = HistoryWriter(reopen)
+    entry, number, reopen = of_server
+    writer = HistoryWriter(reopen, entry)
     filed = threading.Event()
     writer.enqueue(an_estimate(number, number=1))
     while not writer.filed:  # it is connected
@@ -119,7 +135,7 @@ def test_a_restarted_server_gets_what_it_missed(server, of_server, opened, an_es
         filed.wait(0.01)
     assert "\n" not in writer.failure
     server.start()
-    writer.end(lambda history: history.end_run(number, "completed", None, 299), ENOUGH)
+    writer.end(lambda history, run: history.end_run(run, "completed", None, 299), ENOUGH)
     assert (writer.complete, writer.filed, writer.failure) == (True, 299, None)
     assert opened(server.url).filed(number) == 299
 
@@ -128,8 +144,8 @@ def test_a_server_that_stops_answering_is_cut_off_and_tried_again(
     server, of_server, opened, an_estimate, capfd
 ):
     """Its own time-outs are worth nothing then: the client cuts the connection."""
-    number, reopen = of_server
-    writer = HistoryWriter(reopen)
+    entry, number, reopen = of_server
+    writer = HistoryWriter(reopen, entry)
     seen = threading.Event()
     writer.enqueue(an_estimate(number, number=1))
     while not writer.filed:
@@ -143,7 +159,7 @@ def test_a_server_that_stops_answering_is_cut_off_and_tried_again(
         assert writer.filed == 1
         with pytest.raises(StagectlError, match="timeout"):  # what a run would begin with
             opened(server.url)
-    writer.end(lambda history: history.end_run(number, "completed", None, 299), ENOUGH)
+    writer.end(lambda history, run: history.end_run(run, "completed", None, 299), ENOUGH)
     assert (writer.complete, writer.filed) == (True, 299)
     assert opened(server.url).filed(number) == 299
     assert capfd.readouterr().err == ""
