@@ -4,8 +4,9 @@ With the exit code of the command line:
 
     StagectlError          1    other failures
     |- ConfigError         2    machine or recipe file: all problems, one line each
-    |- UnusableInput       2    any other unusable input (recording, journal, a bus that is not there)
+    |- UnusableInput       2    any other unusable input (recording, journal, no such bus)
     |- RunFault            3    the run ended with a fault of stage, bus or drive
+    |- LimitsMissed        4    the run is complete, but misses the recipe's limits
     `- Aborted           130    the operator stopped the run
 
 The message is for the operator: one line (in a `ConfigError`, one per problem) that names file or
@@ -55,6 +56,12 @@ class RunFault(StagectlError):  # noqa: N818
     """The run ended with a fault of the stage, the bus or a drive: names axis, object and cause."""
 
     exit_code: ClassVar[int] = 3
+
+
+class LimitsMissed(StagectlError):  # noqa: N818
+    """The run is complete; sites of it miss the limits of its recipe."""
+
+    exit_code: ClassVar[int] = 4
 
 
 class Aborted(StagectlError):  # noqa: N818

@@ -1,7 +1,8 @@
 """The command line. Each command is imported only when it is called.
 
-Exit codes: 0 success, 1 other failure, 2 unusable input, 3 fault of the stage, 130 stopped by the
-operator. Error messages are one line each and go to standard error.
+Exit codes: 0 success, 1 other failure, 2 unusable input, 3 fault of the stage, 4 a complete run
+that misses the recipe's limits, 130 stopped by the operator. Error messages are one line each and
+go to standard error.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ COMMANDS = {
     "history": ("stagectl.cli.history", "Import runs into the friction history."),
     "calibrate": ("stagectl.cli.calibrate", "Measure friction at fixed sites and build a map."),
     "paper": ("stagectl.cli.paper", "Reproduce the source paper's tables and claims."),
+    "runs": ("stagectl.cli.runs", "List runs: what, when, on which wafer, by whom, outcome."),
+    "report": ("stagectl.cli.report", "Make summary and report of a run again."),
     "recover": ("stagectl.cli.recover", "Recover the recording of a killed run."),
     "replay": ("stagectl.cli.replay", "Rerun the host on a recorded bus log."),
     "completion": ("stagectl.cli.completion", "Print a shell completion script."),

@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from stagectl.cli.console import console_for
-from stagectl.cli.options import FILE, JSON_OUT, is_json_on_stdout, write_json
+from stagectl.cli.options import (
+    FILE,
+    JSON_OUT,
+    is_json_on_stdout,
+    run_by_options,
+    write_json,
+)
 from stagectl.cli.stage_options import load_machines, stage_options, stop_on_signal
 
 if TYPE_CHECKING:
@@ -41,7 +47,7 @@ _STYLES = {"good": "green", "watch": "yellow", "act": "red", "failed": "red"}
     metavar="RUN",
     help="Continue the interrupted calibration in this folder.",
 )
-@click.option("--comment", default="", help="Stored with the new map.")
+@run_by_options
 @JSON_OUT
 @click.option(
     "--dry-run",
@@ -51,7 +57,8 @@ _STYLES = {"good": "green", "watch": "yellow", "act": "red", "failed": "red"}
 def command(
     sites: Path, due: bool, machine: Path | None, simulate: Path | None,
     bus: tuple[str, str] | None, seed: int, history: str | None, out: Path | None,
-    resume: Path | None, comment: str, json_out: Path | None, dry_run: bool,
+    resume: Path | None, operator: str | None, comment: str | None, json_out: Path | None,
+    dry_run: bool,
 ) -> None:  # fmt: skip
     """Visit the sites in SITES.yaml, measure the friction of every axis there, build a new map.
 
@@ -89,7 +96,7 @@ def command(
 
     request = RunRequest(
         calibration.recipe, believed, truth, bus, Mode.ESTIMATED, 1.0, seed, folder, started,
-        resumed=None, history=where,
+        resumed=None, history=where, operator=operator or None, comment=comment or None,
     )  # fmt: skip
     before: list[dict[str, Any]] = []
     if resume is not None:
@@ -112,7 +119,7 @@ def command(
             nothing = _as_dict(request, None, [], calibration.sequence)
             write_json({**nothing, "would_visit": [list(place) for place in places]}, json_out)
         return
-    error = _measure(request, calibration, comment, json_out, quiet, before)
+    error = _measure(request, calibration, json_out, quiet, before)
     if error is not None:
         raise error
 
@@ -146,7 +153,7 @@ def _select_sites(
 
 
 def _measure(
-    request: RunRequest, calibration: Calibration, comment: str, json_out: Path | None, quiet: bool,
+    request: RunRequest, calibration: Calibration, json_out: Path | None, quiet: bool,
     before: list[dict[str, Any]],
 ) -> Exception | None:  # fmt: skip
     """Run the calibration, store the map, print the outcome (long: one step after another).
@@ -154,7 +161,6 @@ def _measure(
     Args:
         request: of the run.
         calibration: its sites and moves.
-        comment: stored with the map.
         json_out: file for the outcome; None for none.
         quiet: standard output is reserved for JSON.
         before: estimates of the interrupted calibration that this one continues.
@@ -166,6 +172,7 @@ def _measure(
     from stagectl.cli.progress import RunProgress
     from stagectl.errors import StagectlError, UnusableInput
     from stagectl.history import StageKey
+    from stagectl.report import resume_command
     from stagectl.run import Listener, execute
 
     console = console_for(json_out)
@@ -181,7 +188,7 @@ def _measure(
         try:
             if result.unwritten is not None:
                 raise StagectlError(f"{result.unwritten}, then 'stagectl map build' builds the map")
-            number, built, changes = _new_map(request, stage, comment)
+            number, built, changes = _new_map(request, stage)
         except UnusableInput as error:  # such as too few sites
             console.print(f"no new map: {error}", style="yellow", markup=False, soft_wrap=True)
         except StagectlError as error:
@@ -201,7 +208,7 @@ def _measure(
     elif result.error is not None:
         console.print(
             f"interrupted after {len(sites)} of {len(request.recipe.sites)} visits; "
-            f"'stagectl calibrate ... --resume {request.folder}' continues",
+            f"to continue: {resume_command(result.summary)}",
             markup=False, soft_wrap=True,
         )  # fmt: skip
     write_json(_as_dict(request, number, found, calibration.sequence), json_out)
@@ -221,9 +228,7 @@ def _print_outcomes(
         console.print(line, markup=False, soft_wrap=True)
 
 
-def _new_map(
-    request: RunRequest, stage: StageKey, comment: str
-) -> tuple[int, FrictionMap, list[AxisChange]]:
+def _new_map(request: RunRequest, stage: StageKey) -> tuple[int, FrictionMap, list[AxisChange]]:
     """Build a map and store it in the history.
 
     Returns:
@@ -242,7 +247,7 @@ def _new_map(
         settings = tracking_settings(request.machine, history, stage)
         built = build_map(history, stage, settings=settings)
         now = datetime.now(UTC).timestamp()
-        number = history.save_map(stage, now, comment, to_json(built))
+        number = history.save_map(stage, now, request.comment or "", to_json(built))
         return number, built, compare(versions[-1].map, built) if versions else []
     finally:
         history.close()

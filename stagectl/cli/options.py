@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +74,29 @@ class NumberRange(click.FloatRange):
         if math.isnan(number):
             self.fail(f"{value} is not a number", param, ctx)
         return number
+
+
+class _Line(click.ParamType[str]):
+    """A line of text. Control characters would end up on other people's screens."""
+
+    name = "TEXT"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """The line, without space around it."""
+        line = str(value).strip()
+        if not line.isprintable():
+            self.fail("must be one line without control characters", param, ctx)
+        return line
+
+
+def run_by_options(command: Callable[..., None]) -> Callable[..., None]:
+    """`--operator` and `--comment` of commands that make a run."""
+    for option in (
+        click.option("--comment", type=_Line(), help="Kept with the run."),
+        click.option("--operator", type=_Line(), metavar="NAME", help="Kept with the run."),
+    ):
+        command = option(command)
+    return command
 
 
 class BusType(click.ParamType[tuple[str, str]]):

@@ -14,8 +14,8 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from stagectl.report import interruption, resume_command, verdict
 from stagectl.run import RunResult
-from stagectl.sequencer import SiteVerdict
 from stagectl.store import SPOOL_NAME
 
 _STYLES = {"completed": "green", "aborted": "yellow", "fault": "red"}
@@ -32,7 +32,7 @@ def render_outcome(result: RunResult, folder: Path) -> RenderableType:
         parts.append(_moves(result))
     if summary["friction"]:
         parts += [_friction(summary["friction"]), *_refused(summary["friction"])]
-    parts += _site_verdicts(result.verdicts)
+    parts += _site_verdicts(result)
     cycle = summary["cycle"]
     if cycle["missed"] or cycle["late"]:
         text = f"cycle: {cycle['missed']} TPDOs missed, {cycle['late']} SYNCs late"
@@ -51,6 +51,9 @@ def render_outcome(result: RunResult, folder: Path) -> RenderableType:
             )
         )
     parts.append(Text(f"files in {folder}: {', '.join(files)}"))
+    command = resume_command(summary)
+    if command is not None:
+        parts.append(Text(f"to continue: {command}"))
     return _Wide(Group(*parts))
 
 
@@ -75,6 +78,9 @@ def _headline(result: RunResult) -> Text:
     sites = {move.site for move in moves if move.site is not None}
     text = Text(f"{summary['recipe']} on {summary['machine']}: ")
     text.append(summary["outcome"], style=_STYLES[summary["outcome"]])
+    where = interruption(summary)
+    if where is not None:
+        text.append(f" {where}")
     text.append(f", {len(sites)} sites in {summary['duration']:.1f} s")
     if summary["simulated"] and summary["wall_time"] > 0:
         speed = summary["duration"] / summary["wall_time"]
@@ -187,12 +193,12 @@ def _site(site: int | None) -> str:
     return f"site {site} " if site else ""
 
 
-def _site_verdicts(verdicts: Sequence[SiteVerdict]) -> list[RenderableType]:
-    if not verdicts:
+def _site_verdicts(result: RunResult) -> list[RenderableType]:
+    told = verdict(result.summary)
+    if told is None:
         return []
-    failed = [f"site {v.site}: {'; '.join(v.failures)}" for v in verdicts if v.failures]
-    passed = f"limits: {len(verdicts) - len(failed)} of {len(verdicts)} sites passed"
-    return _list(passed + ("; failed:" if failed else ""), failed, always=True)
+    failed = [f"site {v.site}: {'; '.join(v.failures)}" for v in result.verdicts if v.failures]
+    return _list(told + (":" if failed else ""), failed, always=True)
 
 
 def _list(title: str, lines: Sequence[str], always: bool = False) -> list[RenderableType]:

@@ -12,8 +12,11 @@ import click
 def command(folder: Path) -> None:
     """Convert the journal that a killed run left in FOLDER into its recording.h5.
 
-    `stagectl run --out FOLDER` does this by itself before it writes to the folder.
+    Summary and report are made of the recording, as far as it got. `stagectl run --resume FOLDER`
+    does all this by itself.
     """
+    from stagectl.report import resume_command
+    from stagectl.run import rewrite_documents
     from stagectl.store import recover_folder
 
     recovered, log = recover_folder(folder)
@@ -21,5 +24,11 @@ def command(folder: Path) -> None:
         click.echo(recovered.describe())
     if log is not None:
         click.echo(f"its bus log is now {log}")
+    if recovered is not None and recovered.path is not None:
+        summary, written = rewrite_documents(recovered.path)
+        click.echo(f"written: {', '.join(map(str, written))}")
+        command = resume_command(summary)
+        if command is not None:
+            click.echo(f"to continue: {command}")
     if recovered is None and log is None:
         click.echo("nothing to recover")

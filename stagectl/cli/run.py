@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING
 import click
 
 from stagectl.cli.console import console_for
-from stagectl.cli.options import FILE, JSON_OUT, NumberRange, is_json_on_stdout, write_json
+from stagectl.cli.options import (
+    FILE,
+    JSON_OUT,
+    NumberRange,
+    is_json_on_stdout,
+    run_by_options,
+    write_json,
+)
 from stagectl.cli.stage_options import load_machines, stage_options, stop_on_signal
 
 if TYPE_CHECKING:
@@ -85,6 +92,7 @@ DEFAULT_BUDGET = 5.0
     type=NumberRange(0.0),
     help="Time for calibration sites [s].  [default: the calibration file's, else 5]",
 )
+@run_by_options
 @JSON_OUT
 @click.option(
     "--dry-run",
@@ -107,6 +115,8 @@ def command(
     use_map: str,
     calibrate: Path | None,
     budget: float | None,
+    operator: str | None,
+    comment: str | None,
     json_out: Path | None,
     dry_run: bool,
 ) -> None:
@@ -125,7 +135,8 @@ def command(
       stagectl run RECIPE.yaml --resume runs/RECIPE-20260101-120000
 
     Ctrl-C brings the stage to a controlled stop and keeps what was recorded; pressing it again
-    does not speed that up. Exit code 0 completed, 2 unusable input, 3 fault, 130 stopped.
+    does not speed that up. Exit code 0 completed, 2 unusable input, 3 fault, 4 completed but a
+    site misses the recipe's limits, 130 stopped.
     """  # noqa: D301  (\b keeps click from wrapping what follows)
     from stagectl.config.fault_plan import load_faults
     from stagectl.recipe import load_recipe
@@ -165,6 +176,8 @@ def command(
         resumed=None if resume is None else load_interrupted(resume, loaded),
         history=default_history(history, believed, truth is not None, folder, out is not None),
         use_map=use_map == "active",
+        operator=operator or None,
+        comment=comment or None,
     )
     if calibrate is not None:
         request = _with_due_sites(request, calibrate, budget)
@@ -215,6 +228,8 @@ def _dry_run(request: RunRequest, json_out: Path | None) -> None:
 def _run(request: RunRequest, json_out: Path | None) -> None:
     from stagectl.cli.outcome import render_outcome
     from stagectl.cli.progress import RunProgress
+    from stagectl.errors import LimitsMissed
+    from stagectl.report import verdict
     from stagectl.run import Listener, execute
 
     console = console_for(json_out)
@@ -224,3 +239,6 @@ def _run(request: RunRequest, json_out: Path | None) -> None:
     console.print(render_outcome(result, request.folder), crop=False)
     if result.error is not None:
         raise result.error
+    told = verdict(result.summary)
+    if told is not None and any(site.failures for site in result.verdicts):
+        raise LimitsMissed(told)

@@ -107,6 +107,7 @@ def _entry(note: Mapping[str, Any]) -> RunEntry:
         _text(note["lot"]), _text(note["wafer"]), str(note["software"]), str(note["folder"]),
         "calibration" if note["purpose"] == "calibration" else "production",
         None if note["seed"] is None else int(note["seed"]), str(note["uuid"]),
+        _text(note.get("operator")), _text(note.get("comment")),
     )  # fmt: skip
 
 

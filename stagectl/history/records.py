@@ -50,6 +50,7 @@ class RunEntry:
         purpose: of the run.
         seed: of a simulated stage, or None.
         uuid: identifies the run in any history; None where it was read back, or has none.
+        operator, comment: of whoever ran it, or None; None where it was read back.
     """
 
     stage: StageKey
@@ -63,6 +64,8 @@ class RunEntry:
     purpose: Purpose = "production"
     seed: int | None = None
     uuid: str | None = field(default=None, compare=False)
+    operator: str | None = field(default=None, compare=False)
+    comment: str | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True)

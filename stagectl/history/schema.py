@@ -75,6 +75,11 @@ MIGRATIONS: tuple[tuple[str, ...], ...] = (
         """CREATE UNIQUE INDEX level_step_number ON level_step (run, number)
             WHERE number IS NOT NULL""",
     ),
+    # 5: who ran it, and what they had to say.
+    (
+        "ALTER TABLE run ADD COLUMN operator TEXT",
+        "ALTER TABLE run ADD COLUMN comment TEXT",
+    ),
 )
 READABLE = 2
 """Tables from this version on can be read as they are: later ones only add indices, and columns

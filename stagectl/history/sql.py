@@ -49,11 +49,11 @@ class SqlHistory(SqlSeries):
             stage = self._stage_number(run.stage)
             rows = self._database.execute(
                 "INSERT INTO run (stage, purpose, started, recipe, lot, wafer, software, folder, "
-                "seed, uuid) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) "
+                "seed, uuid, operator, comment) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) "
                 "ON CONFLICT DO NOTHING RETURNING id",
                 (
                     stage, run.purpose, run.started, run.recipe, run.lot, run.wafer, run.software,
-                    run.folder, run.seed, run.uuid,
+                    run.folder, run.seed, run.uuid, run.operator, run.comment,
                 ),
             )  # fmt: skip
             if not rows:

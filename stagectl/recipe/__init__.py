@@ -13,6 +13,7 @@ from stagectl.recipe.plan import (
     MarkedStep,
     MoveStep,
     SettleStep,
+    count_stretches,
     plan,
     plan_from,
 )
@@ -35,6 +36,7 @@ __all__ = [
     "Recipe",
     "SettleStep",
     "SiteLimits",
+    "count_stretches",
     "dry_run",
     "grid_positions",
     "load_recipe",

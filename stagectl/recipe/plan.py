@@ -135,6 +135,11 @@ def plan_from(recipe: Recipe, done: int, start: Pair = (0.0, 0.0)) -> tuple[Mark
     return tuple(steps)
 
 
+def count_stretches(recipe: Recipe) -> int:
+    """Number of sites, or of entries of a list of moves with its repeats unrolled."""
+    return len(recipe.sites) or sum(1 for _ in walk(recipe.moves, (0.0, 0.0)))
+
+
 def _stretches(recipe: Recipe, start: Pair) -> Iterator[tuple[Pair, tuple[Step, ...]]]:
     """Each stretch with its start position."""
     settle = _settle_step(recipe.settle)

@@ -1,5 +1,6 @@
 """HTML pages on runs and gap diagnoses: one self-contained file each, readable offline."""
 
+from stagectl.report.ending import interruption, resume_command, verdict
 from stagectl.report.gap_page import write_gap_page
 from stagectl.report.page import write_report
 from stagectl.report.svg import Line, Panel, Span, draw, ticks
@@ -9,7 +10,10 @@ __all__ = [
     "Panel",
     "Span",
     "draw",
+    "interruption",
+    "resume_command",
     "ticks",
+    "verdict",
     "write_gap_page",
     "write_report",
 ]

@@ -12,12 +12,18 @@ from datetime import datetime
 from statistics import fmean, median
 from typing import Any
 
-Summary = Mapping[str, Any]
+from stagectl.report.ending import Summary, interruption, reason, verdict
 
 _OUTCOMES = {
     "completed": ("good", "Completed"),
     "aborted": ("warning", "Aborted"),
     "fault": ("bad", "Ended with a fault"),
+    "killed": ("bad", "Killed"),
+}
+_VERDICTS = {
+    "pass": ("good", "Limits met"),
+    "fail": ("bad", "Limits missed"),
+    "incomplete": ("warning", "Limits: incomplete"),
 }
 DASH = "\N{EN DASH}"
 """For a value that is unknown."""
@@ -96,7 +102,21 @@ def window_keys(summary: Summary) -> tuple[str, ...]:
 
 
 def headline(summary: Summary) -> str:
-    """The result of the run in one sentence."""
+    """The result of the run: where and why it ended early, the wafer's verdict, settling."""
+    where, wafer = interruption(summary), verdict(summary)
+    sentences = []
+    if where is not None:
+        sentences.append(f"{outcome_notice(summary).text} {where}: {reason(summary)}.")
+    if wafer is not None:
+        sentences.append(f"{_capital(wafer)}.")
+    return " ".join([*sentences, _settling(summary)])
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _settling(summary: Summary) -> str:
     micro = summary["micro"]
     if not micro["count"]:
         return "No micro-move was completed."
@@ -117,11 +137,22 @@ def outcome_notice(summary: Summary) -> Notice:
     return Notice(*_OUTCOMES.get(outcome, ("bad", outcome.capitalize())))
 
 
+def verdict_notice(summary: Summary) -> Notice | None:
+    """The wafer's verdict, for the badge in the header."""
+    limits = summary.get("limits")
+    return None if limits is None else Notice(*_VERDICTS[limits["verdict"]])
+
+
 def notices(summary: Summary) -> list[Notice]:
     """Messages beyond the tables, worst first."""
     found: list[Notice] = []
-    if summary["fault"]:
+    if summary["fault"] and interruption(summary) is None:
         found.append(Notice("bad", str(summary["fault"])))
+    failed = [site for site in summary.get("limits", {}).get("sites", ()) if not site["passed"]]
+    for site in failed[:_MAX_LISTED]:
+        found.append(Notice("bad", f"Site {site['site']}: {'; '.join(site['failures'])}."))
+    if len(failed) > _MAX_LISTED:
+        found.append(Notice("bad", f"{len(failed) - _MAX_LISTED} more sites miss the limits."))
     resumed = summary.get("resumed")
     if resumed:
         unit = "sites" if any(move["site"] for move in summary["moves"]) else "moves"

@@ -10,6 +10,7 @@ from typing import Any
 from markupsafe import Markup
 
 from stagectl.report import content
+from stagectl.report.ending import resume_command
 from stagectl.report.render import render_template
 from stagectl.report.traces import chart_data
 from stagectl.store import write_atomically
@@ -54,6 +55,8 @@ def render_report(
         windows=[content.format_window(key) for key in content.window_keys(summary)],
         headline=content.headline(summary),
         outcome=content.outcome_notice(summary),
+        verdict=content.verdict_notice(summary),
+        resume=resume_command(summary),
         notices=content.notices(summary),
         rows=content.result_rows(summary, axes),
         refused=content.refused_estimates(summary),

@@ -1,10 +1,12 @@
 """One run, from a recipe to its files.
 
 `prepare` (all checks), `session` (the order of things), `record` (its files), `run_history` (its
-estimates), `retries` (after a fault), `resume` (an interrupted run), `replay` (a run again, on its
-bus log).
+estimates), `summarise` and `documents` (from the recording), `retries` (after a fault), `resume`
+(an interrupted run), `listing`, `replay` (a run again, on its bus log).
 """
 
+from stagectl.run.documents import rewrite_documents
+from stagectl.run.listing import ListedRun, list_runs
 from stagectl.run.prepare import Substitutes, prepare
 from stagectl.run.request import Resumed, RunRequest, RunResult
 from stagectl.run.resume import load_interrupted
@@ -12,6 +14,7 @@ from stagectl.run.run_history import RunHistory, software_version, start_time
 from stagectl.run.session import Listener, execute
 
 __all__ = [
+    "ListedRun",
     "Listener",
     "Resumed",
     "RunHistory",
@@ -19,8 +22,10 @@ __all__ = [
     "RunResult",
     "Substitutes",
     "execute",
+    "list_runs",
     "load_interrupted",
     "prepare",
+    "rewrite_documents",
     "software_version",
     "start_time",
 ]

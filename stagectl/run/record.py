@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -25,38 +24,32 @@ from stagectl.history import (
     without_password,
 )
 from stagectl.maps import ActiveMap, take_snapshot
-from stagectl.report import write_report
+from stagectl.run.documents import write_documents
 from stagectl.run.request import RunRequest, RunResult
 from stagectl.run.run_history import RunHistory, run_entry
+from stagectl.run.summarise import UNITS, site_verdicts
 from stagectl.sequencer import (
     Event,
     FrictionUpdated,
     LevelStepped,
     MarkFound,
     Retrying,
-    SiteVerdict,
     StopNoticed,
     StretchDone,
-    judge,
 )
 from stagectl.store import (
+    RECORDING_NAME,
     AxisScaling,
-    FrictionEntry,
     Journal,
     JournalHeader,
-    ParameterEstimate,
-    Retry,
-    RunFacts,
-    build_summary,
+    finite,
+    read_journal_notes,
     recover_journal,
-    write_summary,
 )
 from stagedata import AxisSignals, Move, Recording
 
 OUTPUTS = ("recording.h5", "summary.json", "report.html", "bus.asc")
 """Files of a run."""
-UNITS = {"coulomb": "N", "viscous": "N s/m", "stiffness": "N/m", "attraction": "N/s"}
-"""Friction figures of a summary and their units."""
 _ESTIMATED_AS = {"attraction": "relaxation_rate"}
 """Figures that the estimator has in another form."""
 
@@ -98,10 +91,7 @@ class RunRecord:
         machine, resumed = request.machine, request.resumed
         self.done = 0 if resumed is None else resumed.done
         self.wall_time = 0.0
-        self._friction: list[FrictionEntry] = []
         self._notices: list[str] = []
-        self._retries: list[Retry] = []
-        self._steps: list[dict[str, Any]] = []
         self._first_update: dict[str, int] = {}
         self._moves = 0
         self.journal = Journal(
@@ -116,11 +106,10 @@ class RunRecord:
                 ),
             ),
         )
-        self._map = None if active is None else active.version.number
         self.journal.event(
             "run",
             **request.as_note(),
-            map=self._map,
+            map=None if active is None else active.version.number,
             map_then=snapshot,
             history=note_of_run(
                 self._history.entry, None if where is None else without_password(where)
@@ -149,7 +138,6 @@ class RunRecord:
                 self._note_friction(event, record)
                 self._history.file(record)
             case LevelStepped():
-                self._steps.append(asdict(event))
                 self.journal.event("level_stepped", **asdict(event))
                 self._history.file(self._history.step(event))
             case StretchDone(number=number, site=site):
@@ -157,7 +145,6 @@ class RunRecord:
                 self.journal.event("done", number=number, site=site)
             case Retrying(stretch=stretch, attempt=attempt, fault=fault):
                 site = stretch if self._request.recipe.sites else None
-                self._retries.append(Retry(site, attempt, fault))
                 self.journal.event("retry", site=site, attempt=attempt, fault=fault)
             case MarkFound(site=site, offset=offset):
                 self.journal.event("mark", site=site, offset=offset)
@@ -203,95 +190,58 @@ class RunRecord:
             "completed" if error is None else "aborted" if isinstance(error, Aborted) else "fault"
         )
         fault = str(error) if outcome == "fault" else None
-        self.journal.finish(outcome, fault)
+        reason = None if error is None else str(error)
+        self.journal.event("end", wall_time=self.wall_time, reason=reason)
+        self.journal.note_outcome(outcome, fault)
         notices = self._notices
         self._history.end(outcome, fault)
         unwritten = self._history.unwritten(request.folder)
         if unwritten is not None:
             notices.append(unwritten)
+            filed, made = self._history.filed, self._history.made
+            self.journal.event("unfiled", filed=filed, estimates=made)
+        self.journal.close()
+        notes = None if self.journal.samples else read_journal_notes(self.journal.path)
         content = recover_journal(self.journal.path, overwrite=True).content
-        recording = None if content is None else content.recording
-        period = machine.bus.sync_period
-        control_period = next(iter(machine.axes.values())).drive.control_period
-        summary = build_summary(
-            _empty(request) if recording is None else recording,
-            self._facts(recording, outcome, fault, unwritten),
-            self._friction,
-            control_period=control_period,
-            sync_period=period,
-            ledger=None if content is None else content.ledger,
+        recording, ledger = _empty(request), None
+        if content is not None:
+            recording, ledger, notes = content.recording, content.ledger, content.notes()
+        assert notes is not None  # noqa: S101  the journal has at least the event `run`
+        summary = write_documents(
+            notes, recording, ledger, machine, request.folder / RECORDING_NAME
         )
-        write_summary(summary, request.folder / "summary.json")
-        verdicts: tuple[SiteVerdict, ...] = ()
-        if recording is not None:
-            write_report(
-                request.folder / "report.html", recording, summary, control_period=control_period
-            )
-            limits, window = request.recipe.limits, request.recipe.settle.window
-            verdicts = judge(recording, limits, window, control_period, period)
         return RunResult(
-            summary, recording, error, dict(self._first_update), verdicts, tuple(notices), unwritten
-        )
-
-    def _facts(
-        self,
-        recording: Recording | None,
-        outcome: str,
-        fault: str | None,
-        unwritten: str | None,
-    ) -> RunFacts:
-        """What the summary says of the run besides its samples."""
-        request, period = self._request, self._request.machine.bus.sync_period
-        return RunFacts(
-            recipe=request.recipe.name,
-            machine=request.machine.name,
-            compensation=request.mode.value,
-            seed=request.seed,
-            simulated=request.truth is not None,
-            lot=request.recipe.lot,
-            duration=0.0 if recording is None else round(len(recording) * period, 9),
-            wall_time=self.wall_time,
-            outcome=outcome,
-            fault=fault,
-            resumed=None if request.resumed is None else request.resumed.link(),
-            retries=tuple(self._retries),
-            wafer=request.recipe.wafer,
-            map=self._map,
-            steps=tuple(self._steps),
-            unfiled=None if unwritten is None else (self._history.filed, self._history.made),
+            summary,
+            None if content is None else recording,
+            error,
+            dict(self._first_update),
+            site_verdicts(summary),
+            tuple(notices),
+            unwritten,
         )
 
     def _note_friction(self, event: FrictionUpdated, record: EstimateRecord) -> None:
         estimate, friction = event.estimate, event.estimate.friction
         sigma = dict(estimate.sigma)
-        units = {name: unit for name, unit in UNITS.items() if friction.has(name)}
+        units = [name for name in UNITS if friction.has(name)]
         if "attraction" in units:
             rate = sigma.pop("relaxation_rate") / friction.relaxation_rate
             # C = rate Fc: relative variances add.
             relative = (rate**2 + (sigma["coulomb"] / friction.coulomb) ** 2) ** 0.5
             sigma["attraction"] = friction.attraction * relative
-        entry = FrictionEntry(
+        self.journal.event(
+            "friction",
             site=event.site,
             axis=event.axis,
             accepted=estimate.accepted,
             reason=estimate.reason,
-            compute_time=event.compute_time,
+            compute_time=finite(event.compute_time),
             parameters={
-                name: ParameterEstimate(float(getattr(friction, name)), sigma[name], unit)
-                for name, unit in units.items()
+                name: (finite(float(getattr(friction, name))), finite(sigma[name]))
+                for name in units
             },
-            gain={name: estimate.gain[_ESTIMATED_AS.get(name, name)] for name in units},
+            gain={name: finite(estimate.gain[_ESTIMATED_AS.get(name, name)]) for name in units},
             held=[name for name in units if _ESTIMATED_AS.get(name, name) in estimate.held],
-        )
-        self._friction.append(entry)
-        self.journal.event(
-            "friction",
-            site=entry.site,
-            axis=entry.axis,
-            accepted=entry.accepted,
-            reason=entry.reason,
-            parameters={n: (p.value, p.sigma) for n, p in entry.parameters.items()},
-            held=list(entry.held),
             record=note_of_estimate(record),
         )
         if estimate.accepted:

@@ -11,7 +11,7 @@ from typing import Any
 from hil_sim.bus import FaultPlan
 from stagectl.config.machine import Machine
 from stagectl.errors import StagectlError
-from stagectl.recipe import Recipe
+from stagectl.recipe import Recipe, count_stretches
 from stagectl.sequencer import Figures, Mode, SiteVerdict
 from stagedata import Recording
 
@@ -25,12 +25,14 @@ class Resumed:
         started: when it began, ISO 8601.
         done: completed stretches of the recipe (sites, or entries of a list of moves).
         friction: axis -> figures accepted last.
+        verdicts: of the completed sites, where the recipe has limits.
     """
 
     run: str
     started: str
     done: int
     friction: Mapping[str, Figures]
+    verdicts: tuple[SiteVerdict, ...] = ()
 
     @classmethod
     def from_note(cls, note: Mapping[str, Any]) -> Resumed:
@@ -39,7 +41,19 @@ class Resumed:
             str(axis): {str(name): (float(p[0]), float(p[1])) for name, p in figures.items()}
             for axis, figures in note["friction"].items()
         }
-        return cls(str(note["run"]), str(note["started"]), int(note["done"]), friction)
+        verdicts = tuple(
+            SiteVerdict(int(site), tuple(map(str, failures)))
+            for site, failures in note.get("verdicts", ())
+        )
+        return cls(str(note["run"]), str(note["started"]), int(note["done"]), friction, verdicts)
+
+    def as_note(self) -> dict[str, Any]:
+        """For the recording of the run that continues it."""
+        return {
+            **self.link(),
+            "friction": {axis: dict(figures) for axis, figures in self.friction.items()},
+            "verdicts": [[v.site, list(v.failures)] for v in self.verdicts],
+        }
 
     def link(self) -> dict[str, object]:
         """For the summary of the run that continues it."""
@@ -65,6 +79,7 @@ class RunRequest:
         resumed: the interrupted run to continue; None to start at the beginning.
         history: file or server for the friction estimates; None for none.
         use_map: use the history's active friction map, where there is one.
+        operator, comment: one line each, or None.
     """
 
     recipe: Recipe
@@ -81,10 +96,12 @@ class RunRequest:
     resumed: Resumed | None = None
     history: str | None = None
     use_map: bool = True
+    operator: str | None = None
+    comment: str | None = None
 
     def as_note(self) -> dict[str, Any]:
-        """What the recording keeps of it, to resume or replay the run."""
-        resumed = self.resumed
+        """What the recording keeps of it, to resume, replay or summarise the run."""
+        resumed, limits = self.resumed, self.recipe.limits
         return {
             "compensation": self.mode.value,
             "friction_scale": self.friction_scale,
@@ -103,9 +120,17 @@ class RunRequest:
             "calibration": bool(self.recipe.excursions),
             "sites": [list(site) for site in self.recipe.sites] if self.recipe.excursions else None,
             "slipped": len(self.recipe.slipped),
-            "resumed": None
-            if resumed is None
-            else {**resumed.link(), "friction": {k: dict(v) for k, v in resumed.friction.items()}},
+            "stretches": count_stretches(self.recipe),
+            "unit": "site" if self.recipe.sites else "move",
+            "limits": {
+                "settling": limits.settling,
+                "peak_error": limits.peak_error,
+                "window": self.recipe.settle.window,
+            },
+            "use_map": self.use_map,
+            "operator": self.operator,
+            "comment": self.comment,
+            "resumed": None if resumed is None else resumed.as_note(),
         }
 
 
@@ -119,7 +144,7 @@ class RunResult:
         error: that ended it early, or None.
         first_update: axis -> number of moves in the recording when its first estimate was accepted;
             an axis without one is absent.
-        verdicts: pass or fail per site, where the recipe has limits.
+        verdicts: pass or fail per completed site, where the recipe has limits.
         notices: what else the operator should know.
         unwritten: what the history lacks of the run, why, and how to file it, which is a notice
             too; None where it is complete.

@@ -10,12 +10,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from stagectl.errors import UnusableInput
 from stagectl.recipe import Recipe
+from stagectl.run.documents import read_run, rewrite_documents
 from stagectl.run.request import Resumed
+from stagectl.run.summarise import site_verdicts, summarise
 from stagectl.sequencer import Figures
 from stagectl.store import RECORDING_NAME, RunNotes, read_notes, recover_folder
 
@@ -34,7 +37,9 @@ def load_interrupted(folder: Path, recipe: Recipe) -> Resumed:
     """
     if not folder.is_dir():
         raise UnusableInput(f"{folder}: no such folder")
-    recover_folder(folder)
+    recovered, _ = recover_folder(folder)
+    if recovered is not None and recovered.path is not None:
+        rewrite_documents(recovered.path)
     path = folder / RECORDING_NAME
     if not path.exists():
         raise UnusableInput(
@@ -49,9 +54,20 @@ def load_interrupted(folder: Path, recipe: Recipe) -> Resumed:
     if run is None:
         raise UnusableInput(f"{path}: does not say how far the run got (made by an older version)")
     try:
-        return _resumed(folder, notes, run)
+        resumed = _resumed(folder, notes, run)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise UnusableInput(f"{path}: /events: damaged ({type(error).__name__}: {error})") from None
+    return _with_verdicts(resumed, path, recipe)
+
+
+def _with_verdicts(resumed: Resumed, path: Path, recipe: Recipe) -> Resumed:
+    """With the verdicts on the completed sites, by which the whole wafer is judged in the end."""
+    if recipe.limits.settling is None and recipe.limits.peak_error is None:
+        return resumed
+    notes, recording, machine = read_run(path)
+    return replace(
+        resumed, verdicts=site_verdicts(summarise(notes, recording, None, machine, path))
+    )
 
 
 def _resumed(folder: Path, notes: RunNotes, run: Mapping[str, Any]) -> Resumed:

@@ -168,4 +168,6 @@ def run_entry(request: RunRequest, started: float) -> RunEntry:
         purpose="calibration" if recipe.excursions else "production",
         seed=request.seed if simulated else None,
         uuid=uuid4().hex,
+        operator=request.operator,
+        comment=request.comment,
     )

@@ -31,6 +31,8 @@ def judge(
 ) -> tuple[SiteVerdict, ...]:
     """Verdicts of all sites in the order of their visit; none where the recipe has no limits.
 
+    A site that was repeated after a fault is judged on its last visit.
+
     Args:
         recording: of the run.
         limits: longest settling [s] to `window` and largest peak error [m].
@@ -41,10 +43,16 @@ def judge(
     if limits.settling is None and limits.peak_error is None:
         return ()
     results = summarise_moves(recording, control_period, sync_period, (window,))
-    sites = dict.fromkeys(r.site for r in results if r.site is not None)
+    visits = {}
+    for number, move in enumerate(recording.moves):
+        if move.site is not None and (move.kind == "macro" or move.site not in visits):
+            visits[move.site] = number
     return tuple(
-        SiteVerdict(site, _failures([r for r in results if r.site == site], limits, window))
-        for site in sites
+        SiteVerdict(
+            site,
+            _failures([r for r in results if r.site == site and r.move >= begin], limits, window),
+        )
+        for site, begin in visits.items()
     )
 
 

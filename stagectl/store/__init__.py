@@ -41,6 +41,7 @@ from stagectl.store.summary import (
     Retry,
     RunFacts,
     build_summary,
+    finite,
     write_summary,
 )
 
@@ -63,6 +64,7 @@ __all__ = [
     "RunFacts",
     "RunNotes",
     "build_summary",
+    "finite",
     "import_recording",
     "read_journal_notes",
     "read_ledger",

@@ -187,13 +187,17 @@ class Journal:
         """
         self._text({"event": {"event": event, "sample": self.samples, **data}})
 
-    def finish(self, outcome: str, fault: str | None = None) -> None:
-        """Note how the run ended ("completed", "aborted", "fault") and close."""
+    def note_outcome(self, outcome: str, fault: str | None = None) -> None:
+        """Note how the run ended ("completed", "aborted", "fault")."""
         self._text({"outcome": outcome, "fault": fault})
+
+    def finish(self, outcome: str, fault: str | None = None) -> None:
+        """Note how the run ended, and close."""
+        self.note_outcome(outcome, fault)
         self.close()
 
     def close(self) -> None:
-        """Close the file; idempotent. Without `finish` the run counts as killed."""
+        """Close the file; idempotent. Without an outcome the run counts as killed."""
         if self._fd >= 0:
             fd, self._fd = self._fd, -1
             os.close(fd)

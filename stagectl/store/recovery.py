@@ -59,6 +59,11 @@ class JournalContent:
     outcome: str
     fault: str | None
 
+    def notes(self) -> RunNotes:
+        """All but the samples."""
+        of = self.recording
+        return RunNotes(of.recipe, of.machine, of.started, self.outcome, self.events, self.fault)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recovered:
@@ -181,8 +186,12 @@ def _same_run(path: Path, recording: Recording) -> bool:
     return (other.started, len(other)) == (recording.started, len(recording))
 
 
-def read_journal_notes(path: Path) -> RunNotes | None:
+def read_journal_notes(path: Path, *, locked: bool = True) -> RunNotes | None:
     """Read the notes of a killed run from its journal, which stays as it is.
+
+    Args:
+        path: of the journal.
+        locked: refuse that of a run in progress; else its notes so far are read.
 
     Returns:
         Its notes; None where it was cut before the first of them.
@@ -191,8 +200,9 @@ def read_journal_notes(path: Path) -> RunNotes | None:
         UnusableInput: it is not a journal.
         StagectlError: the run is still in progress.
     """
-    with locked_journal(path):  # not while reading: a recovery must not find it locked
-        pass
+    if locked:
+        with locked_journal(path):  # not while reading: a recovery must not find it locked
+            pass
     try:
         data = path.read_bytes()
     except OSError as error:

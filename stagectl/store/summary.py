@@ -85,8 +85,8 @@ class RunFacts:
         simulated: on virtual drives.
         lot: or None.
         duration: of the run on the stage's clock [s].
-        wall_time: of its moves [s].
-        outcome: "completed", "aborted" or "fault".
+        wall_time: of its moves [s]; nan where the run was killed.
+        outcome: "completed", "aborted", "fault" or "killed".
         fault: its text, or None.
         resumed: run, start and progress of the run that this one continues, or None.
         retries: stretches that were repeated.
@@ -94,6 +94,10 @@ class RunFacts:
         map: number of the friction map used, or None.
         steps: of the friction level, in order of time.
         unfiled: numbers of estimates in the history and made, where the history lacks some.
+        started: ISO 8601 time with zone, or "".
+        operator, comment: or None.
+        limits: verdicts by the recipe's limits, as in docs/formats/run.md, or None.
+        interrupted: where and why it ended early, likewise, or None.
     """
 
     recipe: str
@@ -112,6 +116,11 @@ class RunFacts:
     map: int | None = None
     steps: Sequence[Mapping[str, object]] = ()
     unfiled: tuple[int, int] | None = None
+    started: str = ""
+    operator: str | None = None
+    comment: str | None = None
+    limits: Mapping[str, object] | None = None
+    interrupted: Mapping[str, object] | None = None
 
 
 def build_summary(
@@ -147,7 +156,7 @@ def build_summary(
         "simulated": facts.simulated,
         "lot": facts.lot,
         "duration": facts.duration,
-        "wall_time": facts.wall_time,
+        "wall_time": finite(facts.wall_time),
         "outcome": facts.outcome,
         "fault": facts.fault,
         "moves": [_move(result) for result in results],
@@ -162,10 +171,16 @@ def build_summary(
     }
     if ledger is not None:
         summary["punctuality"] = _punctuality(ledger)
-    if facts.wafer is not None:
-        summary["wafer"] = facts.wafer
-    if facts.map is not None:
-        summary["map"] = facts.map
+    optional = {
+        "started": facts.started or None,
+        "wafer": facts.wafer,
+        "operator": facts.operator,
+        "comment": facts.comment,
+        "limits": facts.limits,
+        "interrupted": facts.interrupted,
+        "map": facts.map,
+    }
+    summary |= {key: value for key, value in optional.items() if value is not None}
     if facts.steps:
         summary["steps"] = [dict(step) for step in facts.steps]
     if facts.unfiled is not None:
@@ -244,7 +259,7 @@ def _move(result: MoveResult) -> dict[str, Any]:
         "axis": result.axis,
         "kind": result.kind,
         "distance": result.distance,
-        "peak_error": _finite(result.peak_error),
+        "peak_error": finite(result.peak_error),
         "settling": _by_window(result.settling),
         "settled": result.settled,
     }
@@ -255,14 +270,15 @@ def _move(result: MoveResult) -> dict[str, Any]:
 
 def _friction(entry: FrictionEntry) -> dict[str, Any]:
     values = asdict(entry)
-    values["compute_time"] = _finite(entry.compute_time)
-    values["gain"] = {name: _finite(gain) for name, gain in entry.gain.items()}
+    values["compute_time"] = finite(entry.compute_time)
+    values["gain"] = {name: finite(gain) for name, gain in entry.gain.items()}
     values["held"] = list(entry.held)
     for parameter in values["parameters"].values():
-        parameter["value"] = _finite(parameter["value"])
-        parameter["sigma"] = _finite(parameter["sigma"])
+        parameter["value"] = finite(parameter["value"])
+        parameter["sigma"] = finite(parameter["sigma"])
     return values
 
 
-def _finite(value: float) -> float | None:
+def finite(value: float) -> float | None:
+    """A number as JSON has it: null where it is not finite."""
     return float(value) if math.isfinite(value) else None

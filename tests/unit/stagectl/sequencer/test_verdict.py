@@ -46,3 +46,18 @@ def test_only_what_settles_late_or_never_fails():
     never = [text for v in verdicts(settling=1e3) for text in v.failures]
     assert all(text.endswith("did not settle") for text in never)
     assert len(never) < len(verdicts(settling=1e3))
+
+
+def test_a_site_that_was_repeated_is_judged_on_its_last_visit():
+    first, second = (
+        [
+            replace(move, site=1, kind=kind)
+            for move, kind in zip(moves, ("macro", "micro"), strict=True)
+        ]
+        for moves in (RECORDING.moves[:2], RECORDING.moves[2:4])
+    )
+    said = [
+        judge(replace(RECORDING, moves=tuple(moves)), SiteLimits(None, 1e-9), 5e-8, 1e-4, 1e-3)
+        for moves in (first, second, first + second)
+    ]
+    assert said[0] != said[1] == said[2]

@@ -1,0 +1,23 @@
+"""`stagectl report`: summary and report of a run, made again from its recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from stagectl.cli.options import FILE
+
+
+@click.command
+@click.argument("run", type=FILE)
+def command(run: Path) -> None:
+    """Make summary.json and report.html of RUN again, from its recording.
+
+    RUN is the folder of a run, or one of its recordings. Nothing else is read: after an update, the
+    documents are as this version makes them; and whoever has only a recording gets both.
+    """
+    from stagectl.run import rewrite_documents
+
+    _, written = rewrite_documents(run)
+    click.echo(f"written: {', '.join(map(str, written))}")

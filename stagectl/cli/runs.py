@@ -1,0 +1,63 @@
+"""`stagectl runs`: the runs in a folder."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from stagectl.cli.options import JSON_OUT, is_json_on_stdout, write_json
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from stagectl.run import ListedRun
+
+_STYLES = {"completed": "green", "aborted": "yellow", "fault": "red", "killed": "red"}
+
+
+@click.command
+@click.argument("folder", type=click.Path(path_type=Path, file_okay=False), default=Path("runs"))
+@JSON_OUT
+def command(folder: Path, json_out: Path | None) -> None:
+    """List the runs in FOLDER [runs], oldest first: when, what, on which wafer, by whom, outcome.
+
+    A run that was killed is listed as far as it got ('stagectl recover' makes its recording); one
+    that goes on is `running`. With --json also stage, comment and how far each run got.
+    """
+    from stagectl.run import list_runs
+
+    found = list_runs(folder)
+    values = [{**asdict(run), "folder": str(run.folder)} for run in found]
+    write_json({"format": "stagectl-runs", "version": 1, "runs": values}, json_out)
+    if is_json_on_stdout(json_out):
+        return
+    from rich.console import Console
+
+    Console().print(_table(found) if found else f"no runs in {folder}", markup=False)
+
+
+def _table(found: list[ListedRun]) -> RenderableType:
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for title in ("started", "recipe", "lot", "wafer", "operator", "outcome", "run"):
+        table.add_column(title, overflow="fold")
+    for run in found:
+        words = run.outcome
+        if run.outcome not in ("completed", "running", "unreadable") and run.of is not None:
+            words += f", {run.done} of {run.of} {run.unit}s"
+        if run.verdict is not None:
+            words += f", limits: {run.verdict}"
+        name = run.folder.name + (f"\n{run.comment}" if run.comment else "")
+        cells = (run.started[:19].replace("T", " "), run.recipe, run.lot, run.wafer, run.operator)
+        table.add_row(
+            *(Text(cell or "-") for cell in cells),
+            Text(words, _STYLES.get(run.outcome, "")),
+            Text(name),
+        )
+    return table

@@ -1,0 +1,94 @@
+"""Summary and report of a run: written when it ends, and again from its recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from stagectl.config.machine import Machine
+from stagectl.config.machine_file import parse_machine
+from stagectl.errors import UnusableInput
+from stagectl.report import write_report
+from stagectl.run.summarise import run_note, summarise
+from stagectl.store import (
+    RECORDING_NAME,
+    CycleLedger,
+    RunNotes,
+    read_ledger,
+    read_notes,
+    read_recording,
+    write_summary,
+)
+from stagedata import Recording
+
+
+def document_paths(recording: Path) -> tuple[Path, Path]:
+    """Paths of summary and report; those of `recording-recovered.h5` end in `-recovered`, too."""
+    usual = Path(RECORDING_NAME).stem
+    stem = recording.stem
+    suffix = stem.removeprefix(usual) if stem.startswith(usual) else f"-{stem}"
+    return (
+        recording.with_name(f"summary{suffix}.json"),
+        recording.with_name(f"report{suffix}.html"),
+    )
+
+
+def write_documents(
+    notes: RunNotes,
+    recording: Recording,
+    ledger: CycleLedger | None,
+    machine: Machine,
+    path: Path,
+) -> dict[str, Any]:
+    """Write the summary, and the report if there are samples; arguments as for `summarise`.
+
+    Returns:
+        The summary.
+
+    Raises:
+        UnusableInput: an older version made the recording, or its events are damaged.
+        StagectlError: a file cannot be written.
+    """
+    summary = summarise(notes, recording, ledger, machine, path)
+    summary_path, report_path = document_paths(path)
+    write_summary(summary, summary_path)
+    if len(recording):
+        control_period = next(iter(machine.axes.values())).drive.control_period
+        write_report(report_path, recording, summary, control_period=control_period)
+    return summary
+
+
+def rewrite_documents(path: Path) -> tuple[dict[str, Any], tuple[Path, Path]]:
+    """Make summary and report again from a recording.
+
+    Args:
+        path: of the recording, or the folder of its run.
+
+    Returns:
+        The summary; the paths of both.
+
+    Raises:
+        UnusableInput: there is no recording, or not one of a run by this version.
+        ConfigError: its machine file cannot be used any more.
+        StagectlError: a file cannot be written.
+    """
+    found = path / RECORDING_NAME if path.is_dir() else path
+    if not found.exists():
+        missing = f"holds no {RECORDING_NAME}" if path.is_dir() else "no such run"
+        raise UnusableInput(f"{path}: {missing}")
+    notes, recording, machine = read_run(found)
+    summary = write_documents(notes, recording, read_ledger(found), machine, found)
+    return summary, document_paths(found)
+
+
+def read_run(path: Path) -> tuple[RunNotes, Recording, Machine]:
+    """Read a recording of a run, with its machine.
+
+    Raises:
+        UnusableInput: it cannot be read, or is not of a run by this version.
+        ConfigError: its machine file cannot be used any more.
+    """
+    notes = read_notes(path)
+    run = run_note(notes, path)
+    source = str(run.get("files", {}).get("machine", path))
+    return notes, read_recording(path), parse_machine(notes.machine, source)

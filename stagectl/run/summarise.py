@@ -1,0 +1,214 @@
+"""The summary of a run from its recording alone.
+
+The same when the run ends, after a kill, and whenever it is made again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from stagectl.config.machine import Machine
+from stagectl.errors import UnusableInput
+from stagectl.recipe import SiteLimits
+from stagectl.run.request import Resumed
+from stagectl.run.resume_command import resume_command
+from stagectl.sequencer import SiteVerdict, judge
+from stagectl.store import (
+    CycleLedger,
+    FrictionEntry,
+    ParameterEstimate,
+    Retry,
+    RunFacts,
+    RunNotes,
+    build_summary,
+)
+from stagedata import Recording
+
+UNITS = {"coulomb": "N", "viscous": "N s/m", "stiffness": "N/m", "attraction": "N/s"}
+"""Friction figures of a summary and their units."""
+_STEP = ("axis", "place", "time", "change", "everywhere")
+
+Note = Mapping[str, Any]
+
+
+def run_note(notes: RunNotes, path: Path) -> Note:
+    """The event `run` of a recording.
+
+    Raises:
+        UnusableInput: an older version or another program made it, which has no such event.
+    """
+    run = next((e for e in notes.events if e.get("event") == "run"), None)
+    if run is None or "history" not in run:
+        raise UnusableInput(f"{path}: does not say how it was run (not by this version)")
+    return run
+
+
+def summarise(
+    notes: RunNotes,
+    recording: Recording,
+    ledger: CycleLedger | None,
+    machine: Machine,
+    path: Path,
+) -> dict[str, Any]:
+    """Build the summary of a run.
+
+    Args:
+        notes: of the recording, or of the journal.
+        recording: without samples where the run never moved.
+        ledger: punctuality, where it is known.
+        machine: as the host believed it to be.
+        path: of the recording; its folder is the run's.
+
+    Raises:
+        UnusableInput: an older version made the recording, or its events are damaged.
+    """
+    run = run_note(notes, path)
+    try:
+        facts = _facts(notes, run, recording, machine, path.parent)
+        friction = [_friction(e) for e in notes.events if e["event"] == "friction"]
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise UnusableInput(f"{path}: /events: damaged ({type(error).__name__}: {error})") from None
+    return build_summary(
+        recording,
+        facts,
+        friction,
+        control_period=_control_period(machine),
+        sync_period=machine.bus.sync_period,
+        ledger=ledger,
+    )
+
+
+def _control_period(machine: Machine) -> float:
+    return next(iter(machine.axes.values())).drive.control_period
+
+
+def _facts(
+    notes: RunNotes, run: Note, recording: Recording, machine: Machine, folder: Path
+) -> RunFacts:
+    entry, end = run["history"], _last(notes, "end")
+    unfiled = _last(notes, "unfiled")
+    resumed = None if run["resumed"] is None else Resumed.from_note(run["resumed"])
+    done = max(_done(notes, resumed), default=0)
+    return RunFacts(
+        recipe=entry["recipe"],
+        machine=entry["stage"]["machine"],
+        compensation=run["compensation"],
+        seed=run["seed"],
+        simulated=run["simulated"],
+        lot=entry["lot"],
+        duration=round(len(recording) * machine.bus.sync_period, 9),
+        wall_time=end.get("wall_time", math.nan),
+        outcome=notes.outcome,
+        fault=notes.fault,
+        resumed=None if resumed is None else resumed.link(),
+        retries=tuple(
+            Retry(e["site"], e["attempt"], e["fault"])
+            for e in notes.events
+            if e["event"] == "retry"
+        ),
+        wafer=entry["wafer"],
+        map=run["map"],
+        steps=tuple(
+            {key: e[key] for key in _STEP} for e in notes.events if e["event"] == "level_stepped"
+        ),
+        unfiled=None if not unfiled else (unfiled["filed"], unfiled["estimates"]),
+        started=notes.started,
+        operator=run.get("operator"),
+        comment=run.get("comment"),
+        limits=_limits(notes, run, recording, machine, resumed),
+        interrupted=None
+        if notes.outcome == "completed" or "stretches" not in run
+        else {
+            "reason": notes.fault or end.get("reason") or "the process was killed",
+            "unit": run["unit"],
+            "done": done,
+            "of": run["stretches"],
+            "at": done + 1 if _is_begun(notes, recording) else None,
+            "resume": _resume(run, machine, folder if len(recording) else resumed),
+        },
+    )
+
+
+def _last(notes: RunNotes, event: str) -> Note:
+    return next((e for e in reversed(notes.events) if e["event"] == event), {})
+
+
+def _done(notes: RunNotes, resumed: Resumed | None) -> list[int]:
+    """Numbers of the completed stretches; of those before a resumed run only the last."""
+    done = [int(e["number"]) for e in notes.events if e["event"] == "done"]
+    return [*([] if resumed is None else [resumed.done]), *done]
+
+
+def _is_begun(notes: RunNotes, recording: Recording) -> bool:
+    """Whether there is a move after the last completed stretch."""
+    since = int(_last(notes, "done").get("sample", 0))
+    return any(move.start >= since for move in recording.moves)
+
+
+def _resume(run: Note, machine: Machine, of: Path | Resumed | None) -> str | None:
+    """The command that continues the run, or the one that it continued where it never moved."""
+    if of is None:
+        return None
+    return resume_command(run, machine, of.run if isinstance(of, Resumed) else str(of))
+
+
+def _limits(
+    notes: RunNotes, run: Note, recording: Recording, machine: Machine, resumed: Resumed | None
+) -> dict[str, Any] | None:
+    """Verdicts on the completed sites and on the wafer; None where the recipe has no limits."""
+    limits = run.get("limits")
+    if limits is None or run["unit"] != "site":
+        return None
+    allowed = SiteLimits(limits["settling"], limits["peak_error"])
+    if allowed.settling is None and allowed.peak_error is None:
+        return None
+    done = {e["site"] for e in notes.events if e["event"] == "done"}
+    found = judge(
+        recording, allowed, limits["window"], _control_period(machine), machine.bus.sync_period
+    )
+    sites = [
+        *(() if resumed is None else resumed.verdicts),
+        *(verdict for verdict in found if verdict.site in done),
+    ]
+    failed = sum(bool(verdict.failures) for verdict in sites)
+    complete = len(sites) == run["stretches"]
+    return {
+        **limits,
+        "verdict": "fail" if failed else "pass" if complete else "incomplete",
+        "passed": len(sites) - failed,
+        "failed": failed,
+        "of": run["stretches"],
+        "sites": [
+            {"site": v.site, "passed": not v.failures, "failures": list(v.failures)} for v in sites
+        ],
+    }
+
+
+def site_verdicts(summary: Note) -> tuple[SiteVerdict, ...]:
+    """The verdicts of a summary on its sites."""
+    sites: Sequence[Note] = summary.get("limits", {}).get("sites", ())
+    return tuple(SiteVerdict(entry["site"], tuple(entry["failures"])) for entry in sites)
+
+
+def _friction(event: Note) -> FrictionEntry:
+    compute_time = event.get("compute_time")
+    return FrictionEntry(
+        site=event["site"],
+        axis=event["axis"],
+        accepted=event["accepted"],
+        reason=event["reason"],
+        compute_time=math.nan if compute_time is None else float(compute_time),
+        parameters={
+            name: ParameterEstimate(_number(value), _number(sigma), UNITS[name])
+            for name, (value, sigma) in event["parameters"].items()
+        },
+        gain={name: _number(gain) for name, gain in event.get("gain", {}).items()},
+        held=list(event["held"]),
+    )
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)
