@@ -206,9 +206,10 @@ def _measure(
             markup=False, soft_wrap=True,
         )  # fmt: skip
     elif result.error is not None:
+        command = resume_command(result.summary)
         console.print(
-            f"interrupted after {len(sites)} of {len(request.recipe.sites)} visits; "
-            f"to continue: {resume_command(result.summary)}",
+            f"interrupted after {len(sites)} of {len(request.recipe.sites)} visits"
+            + ("" if command is None else f"; to continue: {command}"),
             markup=False, soft_wrap=True,
         )  # fmt: skip
     write_json(_as_dict(request, number, found, calibration.sequence), json_out)

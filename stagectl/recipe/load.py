@@ -88,6 +88,8 @@ def _recipe(document: Document, machine: Machine) -> Recipe:
         raise ConfigError(sort_problems(check.problems))
     first, second = machine.axes
     unused = [k for k in ("expose", "fiducial") if moves and getattr(file, k) is not None]
+    if moves and file.limits != schema.SiteLimitsSection():
+        unused.append("limits")
     recipe = Recipe(
         name=file.recipe,
         axes=(first, second),

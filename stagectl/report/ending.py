@@ -44,4 +44,5 @@ def verdict(summary: Summary) -> str | None:
         return f"{wafer} fails: {failed} of {passed + failed} sites miss the limits"
     if limits["verdict"] == "pass":
         return f"{wafer} passes: all {of} sites are within the limits"
-    return f"{wafer} incomplete: {passed} of {of} sites judged, all within the limits"
+    within = ", all within the limits" if passed else ""
+    return f"{wafer} incomplete: {passed} of {of} sites judged{within}"

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from stagectl.cli import cli
-from stagectl.errors import RunFault, StagectlError
+from stagectl.errors import StagectlError, UnusableInput
 
 
 @pytest.fixture
@@ -103,7 +103,7 @@ def test_an_impossible_jog_is_refused_before_any_bus_is_opened(call, arguments, 
 
 def test_a_bus_that_cannot_be_opened_is_one_line(call):
     failure, _, _ = call("status", "--bus", "no_such_interface:0")
-    assert isinstance(failure, RunFault)
+    assert isinstance(failure, UnusableInput)
     assert str(failure).startswith("bus no_such_interface:0: cannot open")
 
 

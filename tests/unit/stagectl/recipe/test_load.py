@@ -263,8 +263,10 @@ def test_a_refused_move_does_not_shift_the_places_of_others(problems_of: Problem
 
 
 def test_keys_without_effect_are_noted(recipe_of: RecipeOf) -> None:
-    recipe = recipe_of(HEAD + "expose: 1\nmoves: [{dwell: 1}]\n")
-    assert recipe.notes == ("expose has no effect with moves",)
+    recipe = recipe_of(HEAD + "expose: 1\nlimits: {peak_error: 1 um}\nmoves: [{dwell: 1}]\n")
+    assert recipe.notes == (
+        "expose has no effect with moves", "limits has no effect with moves",
+    )  # fmt: skip
 
 
 def test_a_missing_file_a_directory_and_an_empty_file(tmp_path: Path, machine: Machine) -> None:
