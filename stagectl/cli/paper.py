@@ -45,10 +45,18 @@ if TYPE_CHECKING:
 @click.option("--feedforward", is_flag=True, help="Add acceleration feedforward.")
 @click.option(
     "--initial",
-    type=click.Choice(["tied", "free"]),
+    type=click.Choice(["tied", "reference", "measured", "free"]),
     default="tied",
     show_default=True,
-    help="Element forces at the start of a zone: from the model, or estimated.",
+    help="Element forces where zone A begins: the model's slip force, that of the reference "
+    "values, measured, or estimated (in zone B, too).",
+)
+@click.option(
+    "--bounds",
+    type=click.Choice(["bounded", "shortened"]),
+    default="bounded",
+    show_default=True,
+    help="Steps: the minimiser within p >= 0, or Gauss-Newton steps halved until they stay within.",
 )
 def command(json_out: Path | None, out: Path | None, quick: bool, **chosen: Any) -> None:
     """Simulate section IV of the source paper and check its tables and claims.
@@ -60,7 +68,7 @@ def command(json_out: Path | None, out: Path | None, quick: bool, **chosen: Any)
     from functools import partial
 
     from stagectl.errors import UnusableInput
-    from stagectl.paper import page, study, tables
+    from stagectl.paper import fixed_force, page, study, tables
 
     console = console_for(json_out)
     with progress_bar(console, "simulating") as update:
@@ -72,6 +80,7 @@ def command(json_out: Path | None, out: Path | None, quick: bool, **chosen: Any)
         write_json(
             {
                 "tables": tables.as_json(found.tables),
+                "fixed_force": fixed_force.fixed_as_json(found.fixed),
                 "claims": [
                     {"claim": c.claim, "verdict": c.verdict, "figure": c.figure}
                     for c in found.claims
@@ -98,7 +107,7 @@ def _case(chosen: dict[str, Any]) -> Case:
             feedforward=chosen["feedforward"],
         ),
         Processing(cut_off=chosen["cut_off"] or None),
-        options=Options(initial=chosen["initial"]),
+        options=Options(initial=chosen["initial"], bounds=chosen["bounds"]),
     )
 
 
@@ -108,6 +117,7 @@ def _show(found: Study, console: Console) -> None:
     from stagectl.paper import page
 
     console.print(_estimates(found))
+    console.print(_fixed(found))
     judged = Table(title="Claims of the paper", title_justify="left", show_lines=True)
     for name in ("claim", "verdict", "figure"):
         judged.add_column(name, overflow="fold", ratio=2 if name == "figure" else 1)
@@ -128,6 +138,27 @@ def _show(found: Study, console: Console) -> None:
         varied.add_row(row.group if row.group != last else "", row.choice, *errors)
         last = row.group
     console.print(varied)
+
+
+def _fixed(found: Study) -> Any:
+    """Zone A's initial force fixed: estimates without their deviations, to fit a terminal."""
+    from rich.table import Table
+
+    from stagectl.paper import page
+
+    table = Table(
+        title="Zone A's initial force fixed (sigma0 in kN/m)", title_justify="left", padding=(0, 0)
+    )
+    for name in ("steps", "begins at", "force", "", "Fc", "C", "sigma_v", "sigma0", "eval."):
+        table.add_column(name, justify="left" if name in ("steps", "begins at", "force", "")
+                         else "right")  # fmt: skip
+    for row in page.fixed_rows(found):
+        steps, begins, force, windows, *pairs, _, _, evaluations, _ = row
+        table.add_row(
+            steps, begins.split(" ")[0], force, windows.split(" ")[0],
+            *(pair.split(" ")[0] for pair in pairs), evaluations,
+        )  # fmt: skip
+    return table
 
 
 def _estimates(found: Study) -> Any:

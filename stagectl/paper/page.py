@@ -8,12 +8,18 @@ from pathlib import Path
 
 from stagectl.paper import plots, published, simulate
 from stagectl.paper.fit import Fit
+from stagectl.paper.fixed_force import BOUNDS_NAMES, INITIAL_NAMES, on_bound, times_fewer
 from stagectl.paper.published import PARAMETERS, TABLES, Printed
 from stagectl.paper.sensitivity import Row
 from stagectl.paper.study import NOISY_RUNS, Study
 from stagectl.paper.tables import ALIGNMENTS, Case, error
 
 MOVE_PLOT, ZONES_PLOT = "images/paper-move.svg", "images/paper-zones.svg"
+_INITIAL = {
+    "tied": "S(v)",
+    "reference": "S(v) under the reference values",
+    "measured": "(u - m a - sigma_v v)",
+}
 METHOD_NAMES = {"one_window": "one window", "two_windows": "two windows"}
 
 
@@ -27,7 +33,10 @@ def write(study: Study, path: Path) -> None:
 
 def render(study: Study) -> str:
     """The page's text."""
-    parts = [_head(study.case), _tables(study), _claims(study), _plots(), _sensitivity(study)]
+    parts = [
+        _head(study.case), _tables(study), _fixed_force(study), _claims(study), _plots(),
+        _sensitivity(study),
+    ]  # fmt: skip
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -79,17 +88,24 @@ def choices(case: Case) -> list[tuple[str, str]]:
             "initial element forces",
             "the window's initial total is an unknown"
             if options.initial == "free"
-            else "nu_i S(v) in zone A, nu_i times zone A's final total in zone B",
+            else f"nu_i {_INITIAL[options.initial]} in zone A, nu_i times zone A's final total in "
+            "zone B",
+        ),
+        (
+            "p >= 0",
+            "each step minimises within the bounds"
+            if options.bounds == "bounded"
+            else "a step that would leave the bounds is halved as a whole until it does not",
         ),
         ("Jacobian", f"forward {options.jacobian}" if options.jacobian == "differences"
          else "the model's own sensitivities"),
     ]  # fmt: skip
 
 
-def pair(value: float, sigma: float, name: str) -> str:
+def pair(value: float, sigma: float, name: str, decimals: int = 5) -> str:
     """Value and deviation as the paper prints them, sigma0 in kN/m."""
     unit = 1e-3 if name == "stiffness" else 1.0
-    return f"{value * unit:.5f} ± {_small(sigma * unit)}"
+    return f"{value * unit:.{decimals}f} ± {_small(sigma * unit)}"
 
 
 def percent(share: float) -> str:
@@ -187,6 +203,62 @@ def _deviations(study: Study) -> str:
         "The paper's deviations do not follow from its MSE: with this Jacobian, MSE (J'J)^-1 at "
         f"the MSE printed for one window gives deviations that are {min(shares):.0f} to "
         f"{max(shares):.0f} times smaller than those printed."
+    )
+
+
+def fixed_rows(study: Study) -> list[list[str]]:
+    """With zone A's initial force fixed: a row per choice, alignment and method."""
+    rows = []
+    for variant in study.fixed:
+        fewer = times_fewer(variant.tables)
+        for force in ALIGNMENTS:
+            for method in TABLES:
+                fit = variant.tables[method][force]
+                rows.append(
+                    [
+                        BOUNDS_NAMES[variant.bounds],
+                        INITIAL_NAMES[variant.initial],
+                        force,
+                        METHOD_NAMES[method],
+                        *(pair(fit.value[n], fit.sigma[n], n, 3) for n in PARAMETERS),
+                        _small(fit.mse, 2),
+                        " + ".join(map(str, fit.iterations)),
+                        " + ".join(map(str, fit.evaluations)),
+                        f"{fewer[force]:.1f}" if method == "two_windows" else "",
+                    ]
+                )
+    return rows
+
+
+def fixed_head() -> list[str]:
+    """The head of `fixed_rows`."""
+    names = ["Fc [N]", "C [N/s]", "sigma_v [N s/m]", "sigma0 [kN/m]", "MSE(u) [N²]"]
+    counts = ["iterations", "evaluations", "times fewer"]
+    return ["steps", "zone A begins at", "force", "", *names, *counts]
+
+
+def _fixed_force(study: Study) -> str:
+    stuck = []
+    for bounds, words in BOUNDS_NAMES.items():
+        fits = [
+            v.tables["one_window"][f] for v in study.fixed if v.bounds == bounds for f in ALIGNMENTS
+        ]
+        ends = [on_bound(fit) for fit in fits]
+        names = sorted({published.SYMBOLS[name].split(" ")[0] for end in ends for name in end})
+        where = f" ({' and '.join(names)} at 0)" if names else ""
+        stuck.append(f"{words} {sum(map(bool, ends))} of {len(ends)}{where}")
+    return "\n\n".join(
+        [
+            "## Zone A's initial force fixed",
+            "Above, zone A's initial force is S(v) of the iterate: it follows Fc. The paper's "
+            "counts, parameters + 2 evaluations per iteration, say that it was no unknown, not "
+            "what it was. Here it does not follow Fc: it is S(v) under the reference values, or "
+            "what the first sample measures. *Bounded*: each step minimises within p >= 0. "
+            "*Shortened*: the Gauss-Newton step is halved as a whole until it stays within; "
+            "where one parameter is at 0, the others stop with it.",
+            _markdown(fixed_head(), fixed_rows(study)),
+            f"Fits of one window that stop on a bound: {', '.join(stuck)}.",
+        ]
     )
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from stagectl.paper import claims, sensitivity, tables
 from stagectl.paper.claims import Claim
+from stagectl.paper.fixed_force import BOUNDS_NAMES, INITIAL_NAMES, FixedForce, compute_fixed
 from stagectl.paper.sensitivity import Row
 from stagectl.paper.signals import Move
 from stagectl.paper.simulate import Record
@@ -24,6 +25,7 @@ class Study:
         case: the choices made.
         record: the move; move: as the estimator gets it, force aligned.
         tables: one window and two, logged and aligned.
+        fixed: the same with zone A's initial force fixed.
         claims: the six of the paper.
         sensitivity: empty where it was left out.
     """
@@ -32,6 +34,7 @@ class Study:
     record: Record
     move: Move
     tables: Tables
+    fixed: tuple[FixedForce, ...]
     claims: tuple[Claim, ...]
     sensitivity: tuple[Row, ...]
 
@@ -50,7 +53,8 @@ def run(
         ValueError: a case that cannot be simulated or estimated from.
     """
     runs = QUICK_RUNS if quick else NOISY_RUNS
-    total = 1 + runs + (0 if quick else sum(1 for _ in sensitivity.variations(case)))
+    variants = len(BOUNDS_NAMES) * len(INITIAL_NAMES)
+    total = 1 + variants + runs + (0 if quick else sum(1 for _ in sensitivity.variations(case)))
     done = 0
 
     def step() -> None:
@@ -60,6 +64,7 @@ def run(
 
     found = tables.compute(case)
     step()
-    judged = claims.judge(case, found, runs, step)
+    fixed = compute_fixed(case, step)
+    judged = claims.judge(case, found, fixed, runs, step)
     rows = () if quick else sensitivity.compute(case.with_force("aligned"), step)
-    return Study(case, case.record(), case.with_force("aligned").move(), found, judged, rows)
+    return Study(case, case.record(), case.with_force("aligned").move(), found, fixed, judged, rows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -59,12 +60,18 @@ def error(fit: Fit, name: str) -> float:
 
 
 def as_json(tables: Tables) -> dict[str, Any]:
-    """Plain numbers, SI units; iterations and evaluations of all windows together."""
+    """Plain numbers, SI units; iterations and evaluations of all windows together.
+
+    A sigma is None where the fit says nothing of that parameter.
+    """
     return {
         method: {
             force: {
                 **{
-                    name: {"value": fit.value[name], "sigma": fit.sigma[name]}
+                    name: {
+                        "value": fit.value[name],
+                        "sigma": fit.sigma[name] if math.isfinite(fit.sigma[name]) else None,
+                    }
                     for name in published.PARAMETERS
                 },
                 "mse": fit.mse,

@@ -23,6 +23,8 @@ from stagectl.paper.signals import Move
 from stagedata import FrictionFigures
 
 F64 = NDArray[np.float64]
+Initial = Literal["tied", "reference", "measured", "free"]
+Bounds = Literal["bounded", "shortened"]
 Window = tuple[int, int]
 """First sample, and the one after the last."""
 
@@ -32,11 +34,12 @@ NAMES = (*PARAMETERS, "total", "static_ratio")
 ZONE_A = (0, 1, 2)
 ZONE_B = (3,)
 _FLOOR = 1e-6  # lower bound relative to the start: the model needs positive figures
-_STEP = 1e-6  # of forward differences, relative
+_STEP = 1e-6  # of forward differences, relative to the iterate or to the first one, if larger
 _DECREASE = 1e-8  # decrease of the cost, relative, that ends the iteration
 _SUBSTEPS = 2
 _MAX_ITERATIONS = 60
 _HALVINGS = 8
+_SHORTENINGS = 40  # a step still outside the bounds after so many halvings ends the iteration
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +48,12 @@ class Options:
 
     Attributes:
         start: first iterate, by parameter.
-        initial: total of the element forces at a window's beginning: "tied" to S(v0) and to zone
-            A's end, or "free", another unknown per window.
+        initial: total of the element forces where the first window begins: "tied" to S(v0), which
+            follows Fc; "reference", S(v0) under the reference values; "measured", u - m a -
+            sigma_v v of the first sample; or "free", another unknown per window. Unless free, zone
+            B takes zone A's end.
+        bounds: how p >= 0 is kept: each step is the minimiser of a "bounded" least-squares problem,
+            or the whole Gauss-Newton step is "shortened", halved until it ends above the bound.
         turned: whether zone B's elements stick from its first sample; if not, they slip on until
             the stage moves back.
         slide: unknowns of zone A where there are two windows; `ALPHA` may be among them.
@@ -59,7 +66,8 @@ class Options:
             name: published.START * value for name, value in published.REFERENCE.items()
         }
     )
-    initial: Literal["tied", "free"] = "tied"
+    initial: Initial = "tied"
+    bounds: Bounds = "bounded"
     turned: bool = True
     slide: tuple[int, ...] = ZONE_A
     jacobian: Literal["differences", "sensitivities"] = "differences"
@@ -115,7 +123,8 @@ class Problem:
         ratio = abs(move.velocity[first]) / published.STRIBECK_VELOCITY
         self._rise = math.exp(-(ratio**published.STRIBECK_SHAPE))
         self._period = move.period
-        self._tied = False
+        self._given = False
+        self._size = np.ones(len(NAMES))
         self.evaluations = 0
 
     def solve(self, start: F64, free: tuple[int, ...], total: float | None) -> Solution:
@@ -124,14 +133,15 @@ class Problem:
         Args:
             start: parameters.
             free: the unknowns among them.
-            total: element forces' sum at the beginning [N]; None: S(v0).
+            total: element forces' sum at the beginning [N]; None: by the options, S(v0) if free.
         """
         value = np.append(start, [0.0 if total is None else total, published.STATIC_RATIO])
-        self._tied = total is None
+        self._given = total is not None
         value[TOTAL] = self._begin(value)
+        self._size = np.abs(value)
         if self._options.initial == "free":
             free = (*free, TOTAL)
-            self._tied = False
+            self._given = True
         chosen = list(free)
         floor = np.append(_FLOOR * start, [-np.inf, _FLOOR])[chosen]
         largest = np.abs(value[chosen])
@@ -145,7 +155,10 @@ class Problem:
             scale = np.maximum(np.abs(value[chosen]), _FLOOR * largest)
             lower = np.minimum(floor - value[chosen], 0.0) / scale
             scaled = jacobian * scale
-            step = scale * _box_step(scaled, residual, lower)
+            if self._options.bounds == "bounded":
+                step = scale * _box_step(scaled, residual, lower)
+            else:
+                step = scale * _shortened_step(scaled, residual, lower)
             for _ in range(_HALVINGS):
                 trial = value.copy()
                 trial[chosen] += step
@@ -159,8 +172,7 @@ class Problem:
             decrease = cost - trial_cost
             value, cost = trial, trial_cost
             residual, predicted, left = evaluated
-        mse = cost / len(residual)
-        variance = mse * scale**2 * np.diag(np.linalg.pinv(scaled.T @ scaled, hermitian=True))
+        variance = cost / len(residual) * _inverse_diagonal(jacobian)
         value[TOTAL] = self._begin(value)
         return Solution(
             value, free, variance, residual, predicted, left, iterations, self.evaluations
@@ -168,12 +180,19 @@ class Problem:
 
     def follow(self, start: F64) -> float:
         """Sum of the element forces at the end [N], parameters as given, shape (4,)."""
-        self._tied = True
+        self._given = False
         return self._evaluate(np.append(start, [0.0, published.STATIC_RATIO]))[2]
 
     def _begin(self, value: F64) -> float:
         """Sum of the element forces at the beginning [N]."""
-        return float((1 + value[ALPHA] * self._rise) * value[0] if self._tied else value[TOTAL])
+        if self._given:
+            return float(value[TOTAL])
+        if self._options.initial == "measured":
+            return float(self._force[0] - self._inertia[0] - value[2] * self._velocity[0])
+        fixed = self._options.initial == "reference"
+        coulomb = published.REFERENCE["coulomb"] if fixed else value[0]
+        alpha = published.STATIC_RATIO if fixed else value[ALPHA]
+        return float((1 + alpha * self._rise) * coulomb)
 
     def _model(self, value: F64) -> tuple[F64, F64, float]:
         """Element forces [N] at every sample of the window, derivatives, and the start's total."""
@@ -215,7 +234,7 @@ class Problem:
             return self._sensitivities(value)[:, free]
         columns = []
         for index in free:
-            step = _STEP * max(abs(value[index]), 1e-9)
+            step = _STEP * max(abs(value[index]), self._size[index])
             moved = value.copy()
             moved[index] += step
             columns.append((self._evaluate(moved)[1] - predicted) / step)
@@ -232,14 +251,35 @@ class Problem:
         by_coulomb, by_stiffness, by_rate = by[:, 0], by[:, 1], by[:, 2]
         by_total = (force - coulomb * by_coulomb - stiffness * by_stiffness) / total
         by_coulomb = by_coulomb - by_rate * attraction / coulomb**2
-        if self._tied:
+        by_viscous = self._velocity
+        if not self._given and self._options.initial == "measured":
+            by_viscous = by_viscous - by_total * self._velocity[0]
+        elif not self._given and self._options.initial != "reference":
             by_coulomb = by_coulomb + by_total * total / coulomb
-        return np.column_stack(
-            [by_coulomb, by_rate / coulomb, self._velocity, by_stiffness, by_total]
-        )
+        return np.column_stack([by_coulomb, by_rate / coulomb, by_viscous, by_stiffness, by_total])
+
+
+def _inverse_diagonal(jacobian: F64) -> F64:
+    """Diagonal of (J'J)^-1, shape (n,); infinite for an unknown that changes nothing."""
+    size: F64 = np.sqrt((jacobian**2).sum(axis=0))
+    unit = jacobian / np.where(size > 0, size, 1.0)
+    inverse = np.linalg.pinv(unit.T @ unit, hermitian=True).diagonal()
+    found = np.full(len(size), np.inf)
+    np.divide(inverse, size**2, out=found, where=size > 0)
+    return found
 
 
 def _box_step(jacobian: F64, residual: F64, lower: F64) -> F64:
     """Minimiser of |residual - jacobian step| with step >= `lower`, shape (n,)."""
     step: F64 = lsq_linear(jacobian, residual, (lower, np.inf), method="bvls").x
     return step
+
+
+def _shortened_step(jacobian: F64, residual: F64, lower: F64) -> F64:
+    """Minimiser of |residual - jacobian step|, halved until step >= `lower`, shape (n,)."""
+    step = np.asarray(np.linalg.lstsq(jacobian, residual, rcond=None)[0], np.float64)
+    for _ in range(_SHORTENINGS):
+        if (step >= lower).all():
+            return step
+        step *= 0.5
+    return np.zeros_like(step)

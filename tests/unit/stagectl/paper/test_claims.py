@@ -6,7 +6,10 @@ import pytest
 
 from stagectl.paper import claims, published
 from stagectl.paper.fit import Fit
+from stagectl.paper.fixed_force import FixedForce
 from stagectl.paper.published import PARAMETERS
+
+FIXED = "reproduced only if zone A's initial force does not follow Fc"
 
 
 def fit(off, sigma=0.01, mse=1e-8, iterations=(3,), evaluations=(20,)):
@@ -52,6 +55,40 @@ def test_nearer_but_less_sure_does_not_count():
     assert claims.nearer(both(fit(0.05, 0.01), fit(0.01, 0.02)))[0] == "not reproduced"
 
 
+NEARER = (fit(0.5, 0.5, 1e-2, (13,), (78,)), fit(0.01, 0.01, 1e-8, (3, 4), (15, 12)))
+EQUAL = (fit(0.01, 0.01, 1e-8, (3,), (20,)), fit(0.01, 0.01, 1e-8, (3, 2), (15, 5)))
+
+
+@pytest.mark.parametrize(
+    ("holding", "verdict"),
+    [
+        ((), "not reproduced"),
+        (("bounded", "shortened"), "reproduced only if zone A's initial force does not follow Fc"),
+        (("shortened",), "reproduced only if zone A's initial force does not follow Fc, and a step "
+         "that would leave the bounds is shortened as a whole"),
+    ],
+)  # fmt: skip
+def test_what_holds_with_the_force_fixed_names_that_as_the_condition(holding, verdict):
+    fixed = [
+        FixedForce(initial, bounds, both(*(NEARER if bounds in holding else EQUAL)))
+        for bounds in ("bounded", "shortened")
+        for initial in ("reference", "measured")
+    ]
+    for judged in (claims.nearer, claims.residual, claims.evaluations):
+        assert claims.under_fixed_force(judged, both(*EQUAL), fixed)[0] == verdict
+        # What holds anyway needs no condition.
+        assert claims.under_fixed_force(judged, both(*NEARER), fixed)[0] == "reproduced"
+
+
+def test_what_holds_with_one_fixed_force_only_names_it():
+    fixed = [
+        FixedForce("reference", "bounded", both(*EQUAL)),
+        FixedForce("measured", "bounded", both(*NEARER)),
+    ]
+    verdict, _ = claims.under_fixed_force(claims.residual, both(*EQUAL), fixed)
+    assert verdict.startswith("reproduced only if zone A begins at the measured u - m a")
+
+
 def test_all_six_claims_are_judged(quick):
     assert [c.claim for c in quick.claims] == list(published.CLAIMS)
     for claim in quick.claims:
@@ -63,7 +100,9 @@ def test_all_six_claims_are_judged(quick):
 
 @pytest.mark.parametrize(
     ("number", "verdict"),
-    [(1, "not reproduced"), (2, "not reproduced"), (3, "not reproduced"),
+    [(1, f"{FIXED}, and a step that would leave the bounds is shortened"),
+     (2, f"{FIXED}, and a step that would leave the bounds is shortened"),
+     (3, f"{FIXED}, and a step that would leave the bounds is shortened"),
      (4, "reproduced only if C is held"),
      (5, "reproduced only if zone B begins late"), (6, "reproduced only if zone B takes")],
 )  # fmt: skip

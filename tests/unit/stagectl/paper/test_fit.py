@@ -11,7 +11,7 @@ from stagectl.paper import Case, Options, published
 from stagectl.paper.fit import METHODS, one_window, two_windows, zone_a
 from stagectl.paper.published import PARAMETERS
 from stagectl.paper.tables import error
-from stagectl.paper.window import ALPHA
+from stagectl.paper.window import ALPHA, TOTAL
 
 BOTH = pytest.mark.parametrize("method", METHODS)
 
@@ -49,7 +49,7 @@ def test_two_windows_find_zone_a_of_their_own(own):
 
 
 @BOTH
-@pytest.mark.parametrize("initial", ["tied", "free"])
+@pytest.mark.parametrize("initial", ["tied", "free", "reference", "measured"])
 def test_sensitivities_lead_where_differences_do(move, method, initial):
     options = Options(initial=initial)
     differences = METHODS[method](move, options)
@@ -73,6 +73,27 @@ def test_evaluations_are_one_per_unknown_and_one_per_trial(move):
     one, two = one_window(move), two_windows(move)
     assert one.evaluations == (1 + one.iterations[0] * 5,)
     assert two.evaluations == (1 + two.iterations[0] * 4, 1 + two.iterations[1] * 2)
+
+
+@pytest.mark.parametrize("initial", ["reference", "measured"])
+def test_an_initial_force_that_does_not_follow_fc_is_what_zone_a_begins_with(move, initial):
+    start = np.array([1.0, 2.0, 0.5, 500.0])
+    found = zone_a(move, start, Options(initial=initial))
+    first = move.slide
+    inertia = published.MASS * move.acceleration[first]
+    slip = 2.0 * (1 + 0.5 * np.exp(-move.velocity[first] / published.STRIBECK_VELOCITY))
+    left = move.force[first] - inertia - found.value[2] * move.velocity[first]
+    assert found.value[TOTAL] == pytest.approx(slip if initial == "reference" else left)
+    assert found.predicted[0] == pytest.approx(
+        inertia + found.value[TOTAL] + found.value[2] * move.velocity[first]
+    )
+
+
+def test_a_parameter_of_which_the_window_says_nothing_has_an_infinite_deviation(move):
+    """Where C is almost 0, slipping elements keep their force, and Fc changes nothing."""
+    options = Options(initial="reference", slide=(0,))
+    found = zone_a(move, np.array([1.0, 1e-30, 1.0, 1000.0]), options)
+    assert np.isinf(found.variance[0])
 
 
 def test_zone_a_does_not_see_sigma0(move):

@@ -35,6 +35,10 @@ def test_the_committed_page_is_of_this_code(quick):
         # Every second number is a deviation, of which one digit is printed.
         shown, now = numbers("".join(line.split("|")[6:])), numbers(" ".join(row[5:]))
         assert shown[::2] == pytest.approx(now[::2], rel=2e-4)
+    for row in page.fixed_rows(quick):
+        line = next(line for line in committed.splitlines() if f"| {' | '.join(row[:4])} |" in line)
+        shown, now = numbers("".join(line.split("|")[5:8])), numbers(" ".join(row[4:7]))
+        assert shown[::2] == pytest.approx(now[::2], rel=2e-3)
     for claim in quick.claims:
         assert claim.verdict[1:] in committed
     assert "varied" in committed
@@ -53,7 +57,7 @@ def test_command_writes_page_plots_and_json(tmp_path):
     assert (tmp_path / "p.md").read_text(encoding="utf-8").startswith("# ")
     assert (tmp_path / page.MOVE_PLOT).exists()
     found = json.loads((tmp_path / "p.json").read_text(encoding="utf-8"))
-    assert set(found) == {"tables", "claims"}
+    assert set(found) == {"tables", "fixed_force", "claims"}
     assert len(found["claims"]) == 6
     for claim in found["claims"]:
         assert set(claim) == {"claim", "verdict", "figure"}
@@ -63,7 +67,7 @@ def test_command_writes_page_plots_and_json(tmp_path):
 
 def test_json_on_stdout_is_nothing_but_json():
     result = CliRunner().invoke(command, ["--quick", "--json", "-"], catch_exceptions=False)
-    assert set(json.loads(result.stdout)) == {"tables", "claims"}
+    assert set(json.loads(result.stdout)) == {"tables", "fixed_force", "claims"}
 
 
 def test_what_is_left_open_is_an_option():
