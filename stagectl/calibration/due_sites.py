@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from stagectl.calibration.sites import DAY, Calibration, DueSection
 from stagectl.history import History, Pair, StageKey, StepRecord, Wear, open_existing
-from stagectl.maps import SITE_RADIUS, TrackedPlaces, load_active
+from stagectl.maps import SITE_RADIUS, PlaceIndex, TrackedPlaces, load_active
 from stagectl.run import RunRequest, start_time
 
 NEVER = "never calibrated"
@@ -50,8 +50,9 @@ def due_sites(
         places: the active map, brought up to date, or None.
     """
     calibrated = history.calibrated(stage)
+    index = PlaceIndex(SITE_RADIUS, (place for place, _ in calibrated))
     last = {
-        site: max((t for p, t in calibrated if math.dist(p, site) <= SITE_RADIUS), default=None)
+        site: max((calibrated[number][1] for number in index.near(site)), default=None)
         for site in sites
     }
     starts = sorted({when for when in last.values() if when is not None}, reverse=True)

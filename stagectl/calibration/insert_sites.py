@@ -6,9 +6,10 @@ rests.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
+
+from scipy.spatial import cKDTree
 
 from estimation.trajectory import Limits
 from estimation.trajectory import plan as motion
@@ -30,8 +31,9 @@ def slip_in_sites(
     """
     slipped: list[tuple[int, Pair]] = []
     spent = 0.0
-    for site in due:
-        behind = min(range(len(recipe.sites)), key=lambda i: math.dist(recipe.sites[i], site.place))
+    nearest = cKDTree(recipe.sites).query([site.place for site in due])[1] if due else []
+    for site, found in zip(due, nearest, strict=True):
+        behind = int(found)
         ahead = recipe.sites[min(behind + 1, len(recipe.sites) - 1)]
         here = recipe.sites[behind]
         detour = _time(recipe, here, site.place) + _time(recipe, site.place, ahead)

@@ -6,16 +6,20 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from stagectl.calibration.sequence import START, Gain, SiteSequence
 from stagectl.history import Pair
-from stagectl.maps import AxisChange, FrictionMap
+from stagectl.maps import AxisChange, FrictionMap, MapSite, PlaceIndex, SiteChange
+
+Site = TypeVar("Site", MapSite, SiteChange)
 
 WATCH, ACT = 0.03, 0.10
 """Relative change of a site, beside the common change, to watch or to act on."""
 COMMON_ACT = 0.25
 """Likewise for the common change."""
+SAME = 1e-6
+"""Places this near are the same site [m]: the history keeps whole micrometres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,14 +69,32 @@ def site_outcomes(
     """
     found = []
     seen: set[Pair] = set()
+    entries: dict[tuple[int, str], list[Mapping[str, Any]]] = {}
+    for entry in friction:
+        entries.setdefault((entry["site"], entry["axis"]), []).append(entry)
+    levels = {} if built is None else {n: _ByPlace(axis.sites) for n, axis in built.axes.items()}
+    moved = {change.axis: _ByPlace(change.sites) for change in changes}
     for number, place in enumerate(sites, 1):
         if place in seen:
             continue  # the first one again, to see drift
         seen.add(place)
         for axis in axes:
-            mine = [e for e in friction if e["site"] == number and e["axis"] == axis]
-            found.append(_outcome(number, place, axis, mine, built, changes))
+            level = levels[axis].at(place) if axis in levels else None
+            change = moved[axis].at(place) if axis in moved else None
+            mine = entries.get((number, axis), [])
+            found.append(_outcome(number, place, axis, mine, level, change))
     return found
+
+
+class _ByPlace(Generic[Site]):
+    """What is known of sites, found by their place."""
+
+    def __init__(self, items: Sequence[Site]) -> None:
+        self._items: Sequence[Site] = items
+        self._index = PlaceIndex(SAME, (item.place for item in items))
+
+    def at(self, place: Pair) -> Site | None:
+        return next((self._items[number] for number in self._index.near(place)), None)
 
 
 def visited_sites(
@@ -88,8 +110,8 @@ def _outcome(
     place: Pair,
     axis: str,
     entries: Sequence[Mapping[str, Any]],
-    built: FrictionMap | None,
-    changes: Sequence[AxisChange],
+    level: MapSite | None,
+    change: SiteChange | None,
 ) -> SiteOutcome:
     accepted = [e for e in entries if e["accepted"]]
     refused = tuple(str(e["reason"]) for e in entries if not e["accepted"])
@@ -97,21 +119,14 @@ def _outcome(
     if accepted:
         known = _known(accepted[-1]["parameters"])
         gains = {name: Gain(START[name], known[name]) for name in START if known.get(name)}
-    level = sigma = None
-    if built is not None and axis in built.axes:
-        for site in built.axes[axis].sites:
-            if math.dist(site.place, place) < 1e-6:
-                level, sigma = site.coulomb, site.sigma
-    change = significant = None
-    for entry in changes:
-        if entry.axis == axis:
-            for moved in entry.sites:
-                if math.dist(moved.place, place) < 1e-6:
-                    change, significant = moved.change, moved.significant
-    severity, suggestion = _judged(accepted, refused, change, significant)
+    severity, suggestion = _judged(accepted, refused, change)
     return SiteOutcome(
-        number, place, axis, level, sigma, change, gains, refused, severity, suggestion
-    )
+        number, place, axis,
+        None if level is None else level.coulomb,
+        None if level is None else level.sigma,
+        None if change is None else change.change,
+        gains, refused, severity, suggestion,
+    )  # fmt: skip
 
 
 def _known(figures: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
@@ -130,8 +145,7 @@ def _known(figures: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
 def _judged(
     accepted: Sequence[object],
     refused: tuple[str, ...],
-    change: float | None,
-    significant: bool | None,
+    change: SiteChange | None,
 ) -> tuple[str, str]:
     if not accepted:
         reason = refused[-1] if refused else "no estimate"
@@ -140,10 +154,12 @@ def _judged(
         return "watch", f"more moves refused than accepted ({refused[-1]}): calibrate again"
     if change is None:
         return "good", "first calibration: nothing to compare with"
-    if abs(change) >= ACT and significant:
-        what = "dirt, a rubbing cable or a damaged rail there" if change > 0 else "grease there"
+    size = abs(change.change) if change.significant else 0.0
+    if size >= ACT:
+        dirty = change.change > 0
+        what = "dirt, a rubbing cable or a damaged rail there" if dirty else "grease there"
         return "act", f"look for {what}; then calibrate the site again"
-    if abs(change) >= WATCH and significant:
+    if size >= WATCH:
         return "watch", "activate the new map; calibrate the site again soon"
     return "good", "nothing to do"
 

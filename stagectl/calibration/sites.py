@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +16,16 @@ from stagectl.config.units import PositiveLength, PositiveNumber, PositiveTime
 from stagectl.config.validation import Section, validate
 from stagectl.config.yaml_nodes import load_document
 from stagectl.errors import ConfigError
-from stagectl.recipe import NoMark, Pair, Recipe, grid_positions, parse_recipe, read_sites, schema
+from stagectl.recipe import (
+    MAX_SITES,
+    NoMark,
+    Pair,
+    Recipe,
+    grid_positions,
+    parse_recipe,
+    read_sites,
+    schema,
+)
 
 DAY = 86400.0
 
@@ -94,6 +105,9 @@ def load_calibration(path: Path, machine: Machine) -> Calibration:
     """
     document = load_document(path)
     file = validate(document, CalibrationFile)
+    if isinstance(file.sites, schema.GridSites) and math.prod(file.sites.grid.count) > MAX_SITES:
+        reason = f"more than {MAX_SITES} sites: {math.prod(file.sites.grid.count)}"
+        raise ConfigError(document.problem(("sites", "grid", "count"), reason))
     sites = _sites(file, path)
     problems = [
         document.problem(
@@ -106,9 +120,8 @@ def load_calibration(path: Path, machine: Machine) -> Calibration:
         if not (axis.travel[0] + file.reach <= coordinate <= axis.travel[1] - file.reach)
     ]
     problems += [
-        document.problem(("sites",), f"site {number} is site {sites.index(place) + 1} again")
-        for number, place in enumerate(sites, 1)
-        if sites.index(place) + 1 < number
+        document.problem(("sites",), f"site {number} is site {first} again")
+        for number, first in repeated_sites(sites)
     ]
     if problems:
         raise ConfigError(problems[:20])
@@ -124,6 +137,16 @@ def load_calibration(path: Path, machine: Machine) -> Calibration:
         excursions=sequence.excursions,
     )  # fmt: skip
     return Calibration(recipe, sequence, file.due, file.budget)
+
+
+def repeated_sites(sites: Sequence[Pair]) -> list[tuple[int, int]]:
+    """Numbers of the sites that were listed before, each with that of the first one there."""
+    first: dict[Pair, int] = {}
+    return [
+        (number, first[place])
+        for number, place in enumerate(sites, 1)
+        if first.setdefault(place, number) < number
+    ]
 
 
 def _sites(file: CalibrationFile, path: Path) -> tuple[Pair, ...]:

@@ -1,8 +1,8 @@
 """Friction maps over the table, built from the history, kept in versions, tracked in production.
 
 `model` (a map), `build`, `active` and `places` (in a run), `learning` (rates of change),
-`applicable` and `compare` (checks), `snapshot` (for a replay), `as_json`, `tables`, `export` and
-`report` (output).
+`applicable` and `compare` (checks), `place_index` (what is near a place), `snapshot` (for a
+replay), `as_json`, `tables`, `export` and `report` (output).
 """
 
 from stagectl.maps.active import ActiveMap, load_active, map_versions
@@ -14,9 +14,10 @@ from stagectl.maps.as_json import (
     versions_as_json,
 )
 from stagectl.maps.build import build_map
-from stagectl.maps.compare import AxisChange, compare
+from stagectl.maps.compare import AxisChange, SiteChange, compare
 from stagectl.maps.learning import tracking_settings
-from stagectl.maps.model import FrictionMap, MapVersion, to_json
+from stagectl.maps.model import FrictionMap, MapSite, MapVersion, to_json
+from stagectl.maps.place_index import PlaceIndex
 from stagectl.maps.places import SITE_RADIUS, TrackedPlaces
 from stagectl.maps.report import write_map_report
 from stagectl.maps.snapshot import restore_snapshot, take_snapshot
@@ -27,7 +28,10 @@ __all__ = [
     "ActiveMap",
     "AxisChange",
     "FrictionMap",
+    "MapSite",
     "MapVersion",
+    "PlaceIndex",
+    "SiteChange",
     "TrackedPlaces",
     "activation_as_json",
     "at_place",

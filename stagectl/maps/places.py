@@ -11,12 +11,14 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from estimation.field import FrictionField, Observation, SiteTracker, TrackingSettings
 from estimation.online import Estimate
 from stagectl.history.measured import measured_level, misfit_error
 from stagectl.history.records import Measurement, Pair
 from stagectl.maps.model import FrictionMap
+from stagectl.maps.place_index import PlaceIndex
 from stagectl.sequencer import Expectation, LevelStepped
 
 F64 = NDArray[np.float64]
@@ -95,9 +97,10 @@ class TrackedPlaces:
         high = (travel[0][1], travel[1][1])
         known = [site.place for axis in friction_map.axes.values() for site in axis.sites]
         self.sites: list[Pair] = []
+        self._index = PlaceIndex(SITE_RADIUS)
         for place in [*known, *sites]:
             if self.number_of(place) is None:
-                self.sites.append((float(place[0]), float(place[1])))
+                self._add((float(place[0]), float(place[1])))
         self._fields: dict[str, FrictionField] = {}
         self._grids: dict[str, LevelGrid] = {}
         self.trackers: dict[str, SiteTracker] = {}
@@ -201,22 +204,22 @@ class TrackedPlaces:
         places = np.array(self.sites)
         if len(places) < 2:
             return 0.01
-        apart = np.linalg.norm(places[:, None] - places[None], axis=2)
-        np.fill_diagonal(apart, np.inf)
-        return float(np.median(apart.min(axis=1))) / 3.0
+        apart, _ = cKDTree(places).query(places, k=2)  # the nearest one is the site itself
+        return float(np.median(apart[:, 1])) / 3.0
 
     def number_of(self, place: Sequence[float]) -> int | None:
         """Number of the site at a place [m]; None where there is none."""
-        for i, site in enumerate(self.sites):
-            if math.dist(site, (place[0], place[1])) <= SITE_RADIUS:
-                return i
-        return None
+        return next(iter(self._index.near(place)), None)
+
+    def _add(self, place: Pair) -> None:
+        self.sites.append(place)
+        self._index.add(place)
 
     def _site_or_new(self, place: Pair) -> int:
         found = self.number_of(place)
         if found is not None:
             return found
-        self.sites.append(place)
+        self._add(place)
         for name, tracker in self.trackers.items():
             there = self._fields[name].at(np.array([place]))
             tracker.add_site(math.log(float(there.value[0])), float(there.sigma[0]) ** 2)

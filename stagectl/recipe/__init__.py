@@ -2,7 +2,7 @@
 
 from stagectl.recipe.dry_run import dry_run
 from stagectl.recipe.fiducial import Fiducial, make_fiducial
-from stagectl.recipe.load import grid_positions, load_recipe, parse_recipe
+from stagectl.recipe.load import MAX_SITES, grid_positions, load_recipe, parse_recipe
 from stagectl.recipe.model import Excite, Excursion, NoMark, Pair, Profile, Recipe, SiteLimits
 from stagectl.recipe.plan import (
     DoneStep,
@@ -20,6 +20,7 @@ from stagectl.recipe.plan import (
 from stagectl.recipe.tables import read_sites
 
 __all__ = [
+    "MAX_SITES",
     "DoneStep",
     "DwellStep",
     "Excite",

@@ -47,13 +47,11 @@ def judge(
     for number, move in enumerate(recording.moves):
         if move.site is not None and (move.kind == "macro" or move.site not in visits):
             visits[move.site] = number
-    return tuple(
-        SiteVerdict(
-            site,
-            _failures([r for r in results if r.site == site and r.move >= begin], limits, window),
-        )
-        for site, begin in visits.items()
-    )
+    sites: dict[int, list[MoveResult]] = {site: [] for site in visits}
+    for result in results:
+        if result.site is not None and result.move >= visits[result.site]:
+            sites[result.site].append(result)
+    return tuple(SiteVerdict(site, _failures(of, limits, window)) for site, of in sites.items())
 
 
 def _failures(results: Sequence[MoveResult], limits: SiteLimits, window: float) -> tuple[str, ...]:

@@ -7,8 +7,9 @@ import pytest
 from stagectl.calibration import DueSection, due_sites
 from stagectl.calibration.sites import DAY
 from stagectl.config.machine_file import load_machine
-from stagectl.history import EstimateRecord, RunEntry, StepRecord, open_history
+from stagectl.history import EstimateRecord, RunEntry, StepRecord, Wear, open_history
 from stagectl.maps import load_active
+from tests.unit.stagectl.calls import count_calls
 from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, keep, level
 
 SITES = ((0.0, 0.0), (0.02, 0.0), (0.02, 0.02), (0.0, 0.02))
@@ -36,6 +37,24 @@ def estimates(history, purpose, time, places, distance=0.01):
         ]
     )  # fmt: skip
     return number
+
+
+def test_work_grows_with_the_sites_and_not_with_their_square():
+    class Calibrated:
+        """A history in which all of these sites were calibrated at once."""
+
+        def __init__(self, sites):
+            self.calibrated = lambda stage: [(site, 1.7e9) for site in sites]
+            self.steps = lambda stage, since: []
+            self.wear = lambda *arguments: Wear(0, 0.0)
+
+    def work(side):
+        sites = [(0.005 * i, 0.005 * j) for i in range(side) for j in range(side)]
+        return count_calls(
+            lambda: due_sites(sites, DUE, Calibrated(sites), STAGE, ("x", "y"), 1.7e9 + 1, None)
+        )
+
+    assert work(20) < 5 * work(10)
 
 
 def test_age_moves_distance_and_steps_make_a_site_due(history):

@@ -3,6 +3,7 @@
 from stagectl.calibration import slip_in_sites
 from stagectl.calibration.due_sites import DueSite
 from stagectl.recipe import MoveStep, parse_recipe, plan
+from tests.unit.stagectl.calls import count_calls
 
 RECIPE = (
     "recipe: r\nmacro: {{velocity: 0.5, acceleration: 3.0, jerk: 200.0}}\n"
@@ -25,3 +26,13 @@ def test_due_sites_are_slipped_in_within_the_budget(machine, sequence):
     assert visited == [(0.0, 0.0), (0.0, 0.001), (0.03, 0.0), (0.03, 0.03), (0.03, 0.028)]
     none, spent = slip_in_sites(recipe, due, sequence, 0.5 * one)
     assert (none, spent) == (recipe, 0.0)
+
+
+def test_work_grows_with_the_due_sites_and_not_with_those_of_production_too(machine, sequence):
+    def work(count):
+        sites = ", ".join(f"[{0.0001 * i:.4f}, 0]" for i in range(count))
+        recipe = parse_recipe(RECIPE.format(sites), "r.yaml", machine)
+        due = [DueSite((0.0, 0.001), ("old",), 2.0)]
+        return count_calls(lambda: slip_in_sites(recipe, due, sequence, 100.0))
+
+    assert work(400) == work(100)

@@ -7,8 +7,9 @@ import pytest
 
 from stagectl.calibration import site_outcomes, visited_sites
 from stagectl.calibration.sequence import START
-from stagectl.maps import AxisChange
-from stagectl.maps.compare import SiteChange
+from stagectl.maps import AxisChange, FrictionMap, MapSite, SiteChange
+from stagectl.maps.model import MapAxis
+from tests.unit.stagectl.calls import count_calls
 
 SITES = ((0.0, 0.0), (0.02, 0.0), (0.02, 0.02), (0.0, 0.02))
 
@@ -46,6 +47,28 @@ def test_change_and_refusals_decide_what_to_do_at_a_site():
     assert rows[0].gains["relaxation_rate"].after == pytest.approx(0.04)
     down = [replace(changes[0], sites=(SiteChange(SITES[0], -0.2, 0.01),))]
     assert "grease" in site_outcomes(SITES[:1], friction, ("x",), None, down)[0].suggestion
+
+
+def test_a_site_of_the_map_is_found_by_its_place():
+    """The history keeps places to the micrometre."""
+    changes = [AxisChange("x", 0.0, 0.1, (SiteChange((0.02, 0.0), 0.2, 0.01),))]
+    site = MapSite((0.02, 0.0), 6.1, 0.007, 1.7e9, 4)
+    built = FrictionMap(None, 1.7e9, {"x": MapAxis((site,), (), {})})
+    for place, there in (((0.0200004, 0.0), True), ((0.0200015, 0.0), False)):
+        (found,) = site_outcomes([place], [], ("x",), built, changes)
+        assert (found.coulomb == 6.1, found.sigma == 0.007, found.change == 0.2) == (there,) * 3
+
+
+def test_work_grows_with_the_sites_and_not_with_their_square():
+    def work(count):
+        places = [(0.002 * i, 0.0) for i in range(count)]
+        changes = [AxisChange("x", 0.0, 0.1, tuple(SiteChange(p, 0.2, 0.01) for p in places))]
+        friction = [
+            {"site": i, "axis": "x", "accepted": False, "reason": "r"} for i in range(1, count + 1)
+        ]
+        return count_calls(lambda: site_outcomes(places, friction, ("x",), None, changes))
+
+    assert work(200) < 2.5 * work(100)
 
 
 def test_sites_that_an_interrupted_calibration_did_not_reach_have_no_outcome():

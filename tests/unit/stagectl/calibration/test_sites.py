@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from stagectl.calibration import Calibration, DueSection, load_calibration
+from stagectl.calibration.sites import repeated_sites
 from stagectl.errors import ConfigError
 from stagectl.recipe import MoveStep, parse_recipe, plan
 
@@ -53,6 +54,38 @@ def test_an_error_in_the_file_names_its_place(machine, tmp_path, text, reason):
         load_calibration(path, machine)
     assert reason in str(refused.value)
     assert "sites.yaml:" in str(refused.value)
+
+
+class Counted(tuple):
+    """A place that counts how often it is compared."""
+
+    compared = 0
+
+    def __eq__(self, other):
+        Counted.compared += 1
+        return super().__eq__(other)
+
+    __hash__ = tuple.__hash__
+
+
+def test_repeated_sites_name_the_first_one_there():
+    assert repeated_sites(SITES) == []
+    assert repeated_sites([*SITES, SITES[1], SITES[0], SITES[1]]) == [(5, 2), (6, 1), (7, 2)]
+
+
+def test_sites_are_not_compared_each_with_each():
+    places = [Counted((0.001 * i, 0.001 * j)) for i in range(30) for j in range(30)]
+    assert repeated_sites([*places, places[7]]) == [(901, 8)]
+    assert Counted.compared < 2 * len(places)
+
+
+def test_a_grid_of_more_sites_than_a_recipe_may_have_is_refused_by_its_count(machine, tmp_path):
+    path = tmp_path / "sites.yaml"
+    grid = "{origin: [0, 0], pitch: [1.0e-5, 1.0e-5], count: [1000, 1000]}"
+    path.write_text(f"calibrate: c\nsites: {{grid: {grid}}}\n")
+    with pytest.raises(ConfigError, match="more than 100000 sites: 1000000") as refused:
+        load_calibration(path, machine)
+    assert len(refused.value.problems) == 1
 
 
 def test_the_example_fits_the_packaged_machine(machine):

@@ -5,6 +5,7 @@ import pytest
 
 from stagectl.config.machine_file import load_machine
 from stagectl.maps import TrackedPlaces, load_active
+from tests.unit.stagectl.calls import count_calls
 from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, estimate, keep, level
 
 
@@ -39,3 +40,20 @@ def test_in_production_a_site_is_known_on_arrival_and_its_step_is_detected(histo
     answer = places.learn(0, "macro", estimate((1.2 * level("x", GRID[12]), 0.02)), 20.5)
     assert [(s.axis, s.place, s.everywhere) for s in steps] == [("x", GRID[12], False)]
     assert answer.coulomb == pytest.approx(1.2 * level("x", GRID[12]), rel=0.04)
+
+
+def test_sites_of_a_run_are_told_apart_without_comparing_each_with_each(history):
+    calibrate(history)
+    number, _ = keep(history, BEGIN)
+    history.activate(STAGE, number, BEGIN, "activated")
+    known = load_active(history, STAGE, load_machine(), GRID, BEGIN + 120)
+    machine = load_machine()
+
+    def work(count):
+        sites = [(-0.06 + 0.004 * (i % 30), -0.06 + 0.004 * (i // 30)) for i in range(count)]
+        travel = [axis.travel for axis in machine.axes.values()]
+        return count_calls(
+            lambda: TrackedPlaces(known.version.map, ("x", "y"), travel, sites, {}, BEGIN)
+        )
+
+    assert work(600) < 3 * work(300)
