@@ -85,6 +85,8 @@ class Fit:
         covariance: of them, those not solved for at zero, shape (n, n).
         scores: half the gradient of each block's chi-square at the minimum, knots eliminated,
             shape (blocks, n).
+        costs: of each block, what its residual and the wander of its level are improbable by,
+            shape (blocks,).
         chi: sum of the squared whitened residuals over the counted blocks.
         samples: how many they are.
         levels: w at the knots of every block.
@@ -94,6 +96,7 @@ class Fit:
     q: F64
     covariance: F64
     scores: F64
+    costs: F64
     chi: float
     samples: int
     levels: tuple[F64, ...]
@@ -200,7 +203,7 @@ class Problem:
                 raise NoSolutionError("no minimum") from error
         scores = np.zeros((len(counted), len(q)))
         scores[:, index] = now.scores
-        return Fit(q, covariance, scores, now.chi, now.samples, levels, converged)
+        return Fit(q, covariance, scores, now.costs, now.chi, now.samples, levels, converged)
 
     def _step(self, now: _Linear, q: F64, index: NDArray[np.int64], information: F64
               ) -> tuple[F64, float]:  # fmt: skip
@@ -310,6 +313,7 @@ class _Linear:
     def __init__(self, unknowns: int, blocks: int) -> None:
         self.curvature, self.slope = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
         self.scores = np.zeros((blocks, unknowns))
+        self.costs = np.zeros(blocks)
         self.chi, self.cost, self.samples = 0.0, 0.0, 0
         self._back: list[tuple[F64, F64]] = []
 
@@ -330,7 +334,8 @@ class _Linear:
         self.slope += score
         self.scores[number] = score
         self.chi += chi
-        self.cost += chi + float(level @ prior @ level)
+        self.costs[number] = chi + float(level @ prior @ level)
+        self.cost += self.costs[number]
         self.samples += used
         self._back.append((per_unknown, rest))
 

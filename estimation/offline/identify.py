@@ -18,7 +18,7 @@ believed.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -26,10 +26,12 @@ from numpy.typing import NDArray
 
 from estimation.friction import F64, breakaway_travel
 from estimation.offline.fit import MAX_ITERATIONS, Fit, Noise, NoSolutionError, Problem
+from estimation.offline.held_out import BETTER, UNTESTED, Selection, select
 from estimation.offline.records import Samples, joined, record
 from estimation.offline.unknowns import (
     BASE,
     FIGURES,
+    FRICTION,
     MASS,
     RIPPLE,
     Prior,
@@ -44,8 +46,6 @@ TOGETHER = "with its neighbours"
 """Verdict on one k_i or nu_i of a shape that is only determined as a whole."""
 LEAST_LEFT = 0.2
 """Of the blocks, at least this share counts as free to disagree, however much they were asked."""
-FOLDS = 3
-"""Parts of the blocks that are left out in turn."""
 KNOWN_AFTER = 4.0
 """Breakaway travels in one direction after which all elements slip, whatever their state was."""
 
@@ -90,6 +90,8 @@ class Figure:
         value, sigma: after.
         gain: sigma before over sigma after.
         verdict: `ESTIMATED`, `PRIOR`, `BOUND` or `TOGETHER`.
+        held_out: how it predicts moves that were left out, against its prior: `BETTER`,
+            `NO_BETTER`, `WORSE` or `UNTESTED`.
     """
 
     name: str
@@ -100,6 +102,7 @@ class Figure:
     sigma: float
     gain: float
     verdict: str
+    held_out: str = UNTESTED
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +116,8 @@ class Identification:
             held_out: on the blocks left out, with the figures of the others. nan where unknown.
         samples: in motion, that counted.
         blocks: pieces of the records that counted.
+        recommended: friction figures -> values that, with the priors of all others, predict moves
+            that were left out better than the priors alone. They are fitted with those.
     """
 
     reason: str | None
@@ -122,6 +127,7 @@ class Identification:
     held_out: float
     samples: int
     blocks: int
+    recommended: Mapping[str, float] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Figure:
         """A figure by its name.
@@ -203,7 +209,14 @@ def identify(
             sigma = np.where(determined, np.maximum(sigma, again), spread)
         if not fit.converged:  # once more from there
             fit = problem.solve(fit.q, others, fit.levels)
-        held_out = _held_out(problem, fit, others) if fit.converged else math.nan
+        told = Selection(math.nan, {}, UNTESTED)
+        use: dict[str, float] = {}
+        if fit.converged and fit.misfit <= settings.misfit:
+            away = np.abs(u.values(fit.q) - u.values(u.mean)) / np.maximum(sigma, 1e-300)
+            tested = sorted((i for i in FRICTION if others[i]), key=lambda i: float(away[i]))
+            told = select(problem, fit, others, tested)
+            if told.together == BETTER and told.misfit < before.misfit:
+                use = _recommended(problem, fit, others, told)
     except NoSolutionError as problem_found:
         return _refused(u, str(problem_found), samples, sum(problem.counted))
     if not fit.converged:
@@ -213,9 +226,21 @@ def identify(
         reason = f"residual {fit.misfit:.1f} times what noise and wander explain"
         return _refused(u, reason, samples, sum(problem.counted), before.misfit, fit.misfit)
     return Identification(
-        None, _figures(u, fit.q, sigma, verdicts), fit.misfit, before.misfit, held_out, samples,
-        sum(problem.counted),
+        None, _figures(u, fit.q, sigma, verdicts, told.verdicts), fit.misfit, before.misfit,
+        told.misfit, samples, sum(problem.counted), use,
     )  # fmt: skip
+
+
+def _recommended(
+    problem: Problem, fit: Fit, free: NDArray[np.bool_], told: Selection
+) -> dict[str, float]:
+    """The friction figures that are better than their priors, fitted with the others at those."""
+    u = problem.unknowns
+    back = chosen(len(free), tuple(i for i, verdict in told.verdicts.items() if verdict != BETTER))
+    if back.any():
+        fit = problem.solve(np.where(back, u.mean, fit.q), free & ~back, fit.levels)
+    values = u.values(fit.q)
+    return {u.names[i]: float(values[i]) for i in told.verdicts if not back[i]}
 
 
 def _leaning(u: Unknowns, fit: Fit) -> F64:
@@ -260,25 +285,6 @@ def _prior_sigma(u: Unknowns) -> F64:
     return result
 
 
-def _held_out(problem: Problem, fit: Fit, determined: NDArray[np.bool_]) -> float:
-    """Misfit of each third of the blocks under the figures that the other two thirds give."""
-    numbers = np.flatnonzero(problem.counted)
-    if len(numbers) < 2 * FOLDS:
-        return math.nan
-    # Dealt out by speed: every part has its share of slow and of fast moves.
-    numbers = numbers[np.argsort(np.array(problem.speeds)[numbers])]
-    chi, samples = 0.0, 0
-    for fold in range(FOLDS):
-        mine = [False] * problem.blocks
-        theirs = [False] * problem.blocks
-        for place, number in enumerate(numbers):
-            (theirs if place % FOLDS == fold else mine)[number] = True
-        learned = problem.solve(fit.q, determined, fit.levels, mine)
-        seen = problem.solve(learned.q, chosen(len(fit.q), ()), fit.levels, theirs)
-        chi, samples = chi + seen.chi, samples + seen.samples
-    return math.sqrt(chi / max(samples, 1))
-
-
 def _verdicts(u: Unknowns, q: F64, sigma: F64, spread: F64, free: NDArray[np.bool_]) -> list[str]:
     """Verdict on every unknown; the shape of the hysteresis is determined as a whole or not."""
     bound = free & ((q <= u.lower) | (q >= u.upper)) & (u.lower < u.mean)
@@ -292,7 +298,9 @@ def _verdicts(u: Unknowns, q: F64, sigma: F64, spread: F64, free: NDArray[np.boo
     return verdicts
 
 
-def _figures(u: Unknowns, q: F64, sigma: F64, verdicts: Sequence[str]) -> tuple[Figure, ...]:
+def _figures(
+    u: Unknowns, q: F64, sigma: F64, verdicts: Sequence[str], told: Mapping[int, str]
+) -> tuple[Figure, ...]:
     """All unknowns in their units."""
     values, priors, spread = u.values(q), u.values(u.mean), _prior_sigma(u)
     result = []
@@ -303,6 +311,7 @@ def _figures(u: Unknowns, q: F64, sigma: F64, verdicts: Sequence[str]) -> tuple[
             Figure(
                 name, u.units[i], float(priors[i]), float(spread[i]), float(values[i]),
                 float(min(sigma[i], spread[i])), max(gain, 1.0), verdicts[i],
+                told.get(i, UNTESTED),
             )
         )  # fmt: skip
     return tuple(result)
@@ -312,5 +321,5 @@ def _refused(
     u: Unknowns, reason: str, samples: int, blocks: int,
     before: float = math.nan, misfit: float = math.nan,
 ) -> Identification:  # fmt: skip
-    figures = _figures(u, u.mean, _prior_sigma(u), [PRIOR] * len(u.mean))
+    figures = _figures(u, u.mean, _prior_sigma(u), [PRIOR] * len(u.mean), {})
     return Identification(reason, figures, misfit, before, math.nan, samples, blocks)

@@ -29,6 +29,8 @@ FIGURES = (
 COULOMB, VISCOUS, STIFFNESS, RATE, MASS, ALPHA, VS, DELTA, ASYMMETRY, OFFSET, LAG = range(11)
 RIPPLE = (11, 12, 13)
 UNITS = ("N", "N s/m", "N/m", "1/s", "kg", "", "m/s", "", "", "N", "s", "", "", "")
+FRICTION = (COULOMB, VISCOUS, STIFFNESS, RATE, ALPHA, VS, DELTA)
+"""What a machine file has of the friction."""
 BASE = (COULOMB, VISCOUS, MASS, OFFSET, *RIPPLE)
 """Solved for first: the rest is not robust to these being wrong."""
 

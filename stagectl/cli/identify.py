@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -47,6 +48,10 @@ def command(
     curve, direction asymmetry and the shape of the hysteresis (k_i, nu_i), together with mass,
     force offset and lag. A parameter about which the recordings say less than its prior keeps the
     prior and is marked. Recordings with many micro-moves in both directions are most informative.
+
+    "For the machine file" has only values that predict moves better than the machine file's do,
+    moves that they were not estimated from. "held out" says for every value whether it does.
+
     How to read sigma and gain: docs/estimator.md.
     """
     from rich.console import Console
@@ -94,10 +99,12 @@ def _report(
                 },
                 "samples": answer.samples,
                 "blocks": answer.blocks,
+                "recommended": _machine_values(answer),
                 "figures": {
                     f.name: {
                         "unit": f.unit, "prior": f.prior, "prior_sigma": f.prior_sigma,
                         "value": f.value, "sigma": f.sigma, "gain": f.gain, "verdict": f.verdict,
+                        "held_out": f.held_out,
                     }
                     for f in answer.figures
                 },
@@ -150,18 +157,49 @@ def _estimate(figure: Figure) -> tuple[str, str]:
 MACHINE_KEYS = (
     "coulomb", "static_ratio", "stribeck_velocity", "stribeck_shape", "stiffness", "viscous",
 )  # fmt: skip
+_TESTED = (*MACHINE_KEYS, "relaxation_rate")
+_HELD_OUT = {
+    "better": "Better alone on held-out moves, but all together do not predict them better",
+    "no better": "Held-out moves are predicted as well with the prior",
+    "worse": "Held-out moves are predicted better with the prior",
+    "untested": "Not tested, for too few moves to hold any out",
+}
+"""What held-out moves say of estimates that are not recommended."""
+
+
+def _machine_values(answer: Identification) -> dict[str, float]:
+    """What is recommended, by the machine file's keys.
+
+    It has C where the estimate is C/Fc; a new Fc alone keeps that ratio.
+    """
+    found = answer.recommended
+    values = {name: found[name] for name in MACHINE_KEYS if name in found}
+    if "coulomb" in found or "relaxation_rate" in found:
+        rate, coulomb = (
+            found.get(name, answer[name].prior) for name in ("relaxation_rate", "coulomb")
+        )
+        values["attraction"] = rate * coulomb
+    return values
 
 
 def _for_machine_file(answer: Identification) -> list[str]:
-    """The estimates that a machine file has keys for, in its syntax."""
-    values = {n: answer[n].value for n in MACHINE_KEYS if answer[n].verdict in ESTIMATED}
-    if answer["relaxation_rate"].verdict in ESTIMATED:
-        values["attraction"] = answer["relaxation_rate"].value * answer["coulomb"].value
-    if not values:
-        return []
-    pairs = [f"{name}: {value:.4g}" for name, value in values.items()]
-    lines = [", ".join(pairs[i : i + 3]) for i in range(0, len(pairs), 3)]
-    return ["  For the machine file:", *(f"    {line}" for line in lines)]
+    """The recommended values in the machine file's syntax, and what held-out moves say of others.
+
+    At most 80 columns.
+    """
+    pairs = [f"{name}: {value:.4g}" for name, value in _machine_values(answer).items()]
+    rows = [f"    {', '.join(pairs[i : i + 3])}" for i in range(0, len(pairs), 3)]
+    lines = ["  For the machine file:", *rows] if rows else ["  Nothing for the machine file."]
+    for verdict, words in _HELD_OUT.items():
+        names = [
+            f.name
+            for f in answer.figures
+            if f.verdict == ESTIMATED[0] and f.held_out == verdict and f.name in _TESTED
+            and f.name not in answer.recommended
+        ]  # fmt: skip
+        text = f"{words}: {', '.join(names)}"
+        lines += wrap(text, 78, initial_indent="  ", subsequent_indent="    ") if names else []
+    return lines
 
 
 def _summary(answer: Identification) -> list[str]:

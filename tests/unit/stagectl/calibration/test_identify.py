@@ -92,7 +92,7 @@ def test_the_command_prints_what_it_writes(answer):
     printed, report = answer
     assert (report["format"], report["version"]) == ("stagectl-friction", 1)
     assert list(report["axes"]) == ["x"]
-    keys = {"unit", "prior", "prior_sigma", "value", "sigma", "gain", "verdict"}
+    keys = {"unit", "prior", "prior_sigma", "value", "sigma", "gain", "verdict", "held_out"}
     assert all(set(f) == keys for f in report["axes"]["x"]["figures"].values())
     for text in ("static_ratio", "force_offset [N]", "estimated", "held-out moves", "nu_i"):
         assert text in printed
