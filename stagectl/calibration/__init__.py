@@ -1,7 +1,7 @@
 """Calibration: friction measured at fixed sites, and identified from recordings.
 
 `sites` (the file), `sequence` (moves at a site), `due` (when), `slip_in` (into production),
-`outcome` (results), `interrupted` (to be resumed), `identify` (figures of an axis).
+`outcome` and `report` (results), `interrupted` (to be resumed), `identify` (figures of an axis).
 """
 
 from stagectl.calibration.due_sites import due_now, due_sites
@@ -16,11 +16,13 @@ from stagectl.calibration.outcome import (
     site_outcomes,
     visited_sites,
 )
+from stagectl.calibration.report import CalibrationReport, write_calibration_report
 from stagectl.calibration.sequence import SiteSequence
 from stagectl.calibration.sites import Calibration, DueSection, load_calibration
 
 __all__ = [
     "Calibration",
+    "CalibrationReport",
     "DueSection",
     "SiteOutcome",
     "SiteSequence",
@@ -36,4 +38,5 @@ __all__ = [
     "site_outcomes",
     "slip_in_sites",
     "visited_sites",
+    "write_calibration_report",
 ]

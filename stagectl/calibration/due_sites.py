@@ -115,7 +115,7 @@ def _due(
             change, sigma = tracker.off_map(number)
             if abs(change) > 2.0 * sigma:
                 check(abs(math.expm1(change)), limits.change, f"{axis}: {change:+.1%} off the map")
-            check(sigma, limits.uncertainty, f"{axis}: known to {sigma:.1%} only")
+            check(sigma, limits.uncertainty, f"{axis}: uncertain by {sigma:.1%} here")
     passed.sort(reverse=True)
     return DueSite(site, tuple(text for _, text in passed), passed[0][0] if passed else 0.0)
 

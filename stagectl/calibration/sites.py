@@ -28,6 +28,8 @@ from stagectl.recipe import (
 )
 
 DAY = 86400.0
+_LISTED = 20
+"""Problems of sites that are listed."""
 
 
 class DueSection(Section):
@@ -124,7 +126,12 @@ def load_calibration(path: Path, machine: Machine) -> Calibration:
         for number, first in repeated_sites(sites)
     ]
     if problems:
-        raise ConfigError(problems[:20])
+        more = len(problems) - _LISTED
+        if more > 0:
+            problems[_LISTED:] = [
+                document.problem(("sites",), f"and {more} more problems like these")
+            ]
+        raise ConfigError(problems)
     sequence = choose_sequence(machine, file.reach)
     profile = sequence.excursions[0].profile
     text = _RECIPE.format(

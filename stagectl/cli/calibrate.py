@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from stagectl.calibration import Calibration, SiteOutcome, SiteSequence
     from stagectl.history import Pair, StageKey
-    from stagectl.maps import AxisChange, FrictionMap
+    from stagectl.maps import AxisChange, MapVersion
     from stagectl.recipe import Recipe
     from stagectl.run import Resumed, RunRequest
 
@@ -168,11 +168,16 @@ def _measure(
     Returns:
         What ended the calibration early, or None.
     """
-    from stagectl.calibration import site_outcomes, visited_sites
+    from stagectl.calibration import (
+        CalibrationReport,
+        site_outcomes,
+        visited_sites,
+        write_calibration_report,
+    )
     from stagectl.cli.progress import RunProgress
     from stagectl.errors import StagectlError, UnusableInput
     from stagectl.history import StageKey
-    from stagectl.report import resume_command
+    from stagectl.report import friction_map_used, resume_command
     from stagectl.run import Listener, execute
 
     console = console_for(json_out)
@@ -182,7 +187,7 @@ def _measure(
     stage = StageKey(machine.name, request.truth is not None)
     for notice in result.notices:
         console.print(notice, style="yellow", markup=False, soft_wrap=True)
-    built, number, failed = None, None, result.error
+    version, before_it, failed = None, None, result.error
     changes: list[AxisChange] = []
     if failed is None:
         try:
@@ -197,7 +202,10 @@ def _measure(
     sites = request.recipe.sites
     if result.error is not None:  # leave out sites that were not reached
         sites = visited_sites(sites, friction)
+    built = None if version is None else version.map
+    number = None if version is None else version.number
     found = site_outcomes(sites, friction, tuple(machine.axes), built, changes)
+    console.print(f"friction map used: {friction_map_used(result.summary)}", markup=False)
     _print_outcomes(console, found, changes, calibration.sequence)
     if number is not None:
         console.print(
@@ -213,6 +221,15 @@ def _measure(
             markup=False, soft_wrap=True,
         )  # fmt: skip
     write_json(_as_dict(request, number, found, calibration.sequence), json_out)
+    write_calibration_report(
+        request.folder / "report.html",
+        CalibrationReport(
+            request.recipe.name, str(stage), f"{request.started:%Y-%m-%d %H:%M:%S %Z}",
+            None if failed is None else str(failed), friction_map_used(result.summary),
+            len(sites), len(request.recipe.sites), found, changes, calibration.sequence, version,
+            before_it,
+        ),
+    )  # fmt: skip
     return failed
 
 
@@ -229,27 +246,38 @@ def _print_outcomes(
         console.print(line, markup=False, soft_wrap=True)
 
 
-def _new_map(request: RunRequest, stage: StageKey) -> tuple[int, FrictionMap, list[AxisChange]]:
+def _new_map(
+    request: RunRequest, stage: StageKey
+) -> tuple[MapVersion, MapVersion | None, list[AxisChange]]:
     """Build a map and store it in the history.
 
     Returns:
-        Its number, the map, and its changes from the version before.
+        The map, the version before, and the changes from that one.
 
     Raises:
         UnusableInput: there are too few data for a map.
         StagectlError: the history cannot be read or written.
     """
     from stagectl.history import open_history
-    from stagectl.maps import build_map, compare, map_versions, to_json, tracking_settings
+    from stagectl.maps import (
+        MapVersion,
+        build_map,
+        compare,
+        map_versions,
+        to_json,
+        tracking_settings,
+    )
 
     history = open_history(str(request.history), write=True)
     try:
         versions = map_versions(history, stage)
         settings = tracking_settings(request.machine, history, stage)
         built = build_map(history, stage, settings=settings)
-        now = datetime.now(UTC).timestamp()
-        number = history.save_map(stage, now, request.comment or "", to_json(built))
-        return number, built, compare(versions[-1].map, built) if versions else []
+        now, comment = datetime.now(UTC).timestamp(), request.comment or ""
+        number = history.save_map(stage, now, comment, to_json(built))
+        before = versions[-1] if versions else None
+        changes = [] if before is None else compare(before.map, built)
+        return MapVersion(number, now, comment, False, built), before, changes
     finally:
         history.close()
 

@@ -179,6 +179,8 @@ def _print_report(console: Console, report: GapReport, machine: str) -> None:
     if report.gap is not None:
         console.print(gap_table(report.gap, f"Gap of {machine} (rms)"))
     lines = [("where", cell.text) for cell in report.where[:_MAX_CELLS]]
+    if len(report.where) > _MAX_CELLS:
+        lines.append(("", f"and {len(report.where) - _MAX_CELLS} more with smaller shares"))
     for cause in report.causes:
         figures = ", ".join(
             f"{key} {p.value:.4g} ± {p.sigma:.2g} {p.unit}" for key, p in cause.parameters.items()

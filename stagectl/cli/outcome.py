@@ -14,7 +14,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from stagectl.report import interruption, resume_command, verdict
+from stagectl.report import friction_map_used, interruption, resume_command, verdict
 from stagectl.run import RunResult
 from stagectl.store import SPOOL_NAME
 
@@ -28,6 +28,7 @@ def render_outcome(result: RunResult, folder: Path) -> RenderableType:
     """Outcome, move statistics, friction, refused estimates, site verdicts, notices, files."""
     summary = result.summary
     parts: list[RenderableType] = [_headline(result), *_interruptions(summary)]
+    parts.append(Text(f"friction map: {friction_map_used(summary)}"))
     if summary["moves"]:
         parts.append(_moves(result))
     if summary["friction"]:

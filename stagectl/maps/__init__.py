@@ -1,8 +1,8 @@
 """Friction maps over the table, built from the history, kept in versions, tracked in production.
 
 `model` (a map), `build`, `active` and `places` (in a run), `learning` (rates of change),
-`applicable` and `compare` (checks), `place_index` (what is near a place), `snapshot` (for a
-replay), `as_json`, `tables`, `export` and `report` (output).
+`applicable` and `compare` (checks), `place_index` (what is near a place), `surface` (an axis over
+the table), `snapshot` (for a replay), `as_json`, `tables`, `export` and `report` (output).
 """
 
 from stagectl.maps.active import ActiveMap, load_active, map_versions
@@ -19,7 +19,7 @@ from stagectl.maps.learning import tracking_settings
 from stagectl.maps.model import FrictionMap, MapSite, MapVersion, to_json
 from stagectl.maps.place_index import PlaceIndex
 from stagectl.maps.places import SITE_RADIUS, TrackedPlaces
-from stagectl.maps.report import write_map_report
+from stagectl.maps.report import draw_maps, write_map_report
 from stagectl.maps.snapshot import restore_snapshot, take_snapshot
 from stagectl.maps.tables import at_place, changes_table, summary, versions_table
 
@@ -39,6 +39,7 @@ __all__ = [
     "changes_as_json",
     "changes_table",
     "compare",
+    "draw_maps",
     "load_active",
     "map_versions",
     "outdated",

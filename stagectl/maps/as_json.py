@@ -11,6 +11,7 @@ from stagectl.history import Activation, Pair, StageKey
 from stagectl.maps.applicable import Problem
 from stagectl.maps.compare import AxisChange
 from stagectl.maps.model import MapVersion
+from stagectl.maps.surface import surface
 
 VERSION = 1
 
@@ -32,6 +33,7 @@ def version_as_json(version: MapVersion, at: Pair | None = None) -> dict[str, An
         field = axis.field()
         axes[name] = {
             "correlation_length": field.length,
+            "known_to": surface(axis).known_to,
             "figures": {
                 key: {"value": value, "sigma": sigma}
                 for key, (value, sigma) in axis.figures.items()

@@ -37,6 +37,8 @@ class HeatMap:
         unit: beside the scale.
         scale: factor on the numbers of the scale.
         digits: of the scale.
+        limits: lowest and highest value of the scale, for pictures that are compared; default:
+            this one's.
     """
 
     x: F64
@@ -47,6 +49,12 @@ class HeatMap:
     unit: str
     scale: float = 1.0
     digits: int = 2
+    limits: tuple[float, float] | None = None
+
+
+def common_limits(values: Sequence[F64]) -> tuple[float, float]:
+    """Lowest and highest of all values, nan aside: one scale for pictures that are compared."""
+    return min(float(np.nanmin(v)) for v in values), max(float(np.nanmax(v)) for v in values)
 
 
 def draw_heat_map(picture: HeatMap) -> str:
@@ -60,7 +68,7 @@ def draw_heat_map(picture: HeatMap) -> str:
     right = round(left + max(scale * (x1 - x0), _LEAST))
     bottom = round(top + max(scale * (y1 - y0), _LEAST))
     width, height = right + _RIGHT, bottom + _BOTTOM
-    low, high = float(np.nanmin(picture.values)), float(np.nanmax(picture.values))
+    low, high = picture.limits or common_limits([picture.values])
     if not high > low:
         low, high = low - 0.5e-9, high + 0.5e-9
 

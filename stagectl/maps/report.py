@@ -11,17 +11,18 @@ from markupsafe import Markup
 
 from stagectl.history import History, StageKey
 from stagectl.maps.compare import AxisChange, compare
-from stagectl.maps.heat_map import HeatMap, draw_heat_map
+from stagectl.maps.heat_map import HeatMap, common_limits, draw_heat_map
 from stagectl.maps.learning import figure_noise
 from stagectl.maps.model import MapAxis, MapVersion
+from stagectl.maps.surface import surface
 from stagectl.maps.tables import FIGURES, day
 from stagectl.maps.trend_chart import MOST, draw_trend
 from stagectl.store import write_atomically
 
 _STYLE = Path(__file__).parents[1] / "report" / "static" / "report.css"
 _TEMPLATES = Path(__file__).parents[1] / "report" / "templates"
-CELLS = 36
-"""Cells of a heat map along each axis."""
+_LISTED = 10
+"""Changed sites that are listed."""
 
 
 def write_map_report(
@@ -55,6 +56,7 @@ def render(
         lstrip_blocks=True,
     )
     changes = [] if before is None else compare(before.map, version.map)
+    pictures = draw_maps(version, before)
     steps = history.steps(stage, -math.inf if before is None else before.map.date)
     return environment.get_template("map.html.j2").render(
         style=Markup(_STYLE.read_text(encoding="utf-8")),  # noqa: S704  our own file
@@ -64,7 +66,7 @@ def render(
         made=day(version.made),
         date=day(version.map.date),
         axes=[
-            _axis(history, stage, name, axis, _change(changes, name))
+            _axis(history, stage, name, axis, _change(changes, name), pictures[name])
             for name, axis in version.map.axes.items()
         ],
         steps=[
@@ -75,28 +77,59 @@ def render(
     )  # fmt: skip
 
 
+def draw_maps(version: MapVersion, before: MapVersion | None) -> dict[str, list[Markup]]:
+    """Pictures of every axis: its Coulomb force, that of the version before, and what is known.
+
+    The forces of an axis share a scale, and so do the uncertainties of all axes.
+    """
+    now = {name: surface(axis) for name, axis in version.map.axes.items()}
+    then = {} if before is None else {n: surface(a) for n, a in before.map.axes.items() if n in now}
+    doubt = common_limits([found.sigma for found in now.values()])
+    drawn: dict[str, list[Markup]] = {}
+    for name, axis in version.map.axes.items():
+        maps = [(version, axis, now[name])]
+        if before is not None and name in then:
+            maps.append((before, before.map.axes[name], then[name]))
+        forces = common_limits([found.value for _, _, found in maps])
+        pictures = [
+            HeatMap(
+                found.x, found.y, found.value, [site.place for site in of.sites],
+                f"Coulomb force, axis {name}, map {which.number}", "N", limits=forces,
+            )
+            for which, of, found in maps
+        ]  # fmt: skip
+        found = now[name]
+        sites = [site.place for site in axis.sites]
+        pictures.append(
+            HeatMap(found.x, found.y, found.sigma, sites, f"known to (1 sigma), axis {name}", "%",
+                    100.0, 1, doubt)
+        )  # fmt: skip
+        drawn[name] = [
+            Markup(draw_heat_map(picture))  # noqa: S704  numbers and our own words only
+            for picture in pictures
+        ]
+    return drawn
+
+
 def _axis(
-    history: History, stage: StageKey, name: str, axis: MapAxis, change: AxisChange | None
+    history: History,
+    stage: StageKey,
+    name: str,
+    axis: MapAxis,
+    change: AxisChange | None,
+    pictures: list[Markup],
 ) -> dict[str, object]:
-    field = axis.field()
-    places = field.places
-    low, high = places.min(axis=0) - field.edge, places.max(axis=0) + field.edge
-    x, y = (np.linspace(a, b, CELLS) for a, b in zip(low, high, strict=True))
-    nodes = np.stack(np.meshgrid(x, y, indexing="ij"), -1).reshape(-1, 2)
-    found = field.at(nodes)
-    value = np.where(found.inside, found.value, np.nan).reshape(CELLS, CELLS)
-    doubt = np.where(found.inside, found.sigma, np.nan).reshape(CELLS, CELLS)
-    sites = [site.place for site in axis.sites]
+    field, found = axis.field(), surface(axis)
     rates = figure_noise(history, stage, name)
     error, sigma = field.left_out()
     ok = np.isfinite(sigma)
     return {
         "name": name,
-        "sites": len(sites),
+        "sites": len(axis.sites),
         "mean": f"{np.mean([s.coulomb for s in axis.sites]):.3f}",
-        "span": f"{np.nanmin(value):.2f} … {np.nanmax(value):.2f}",
+        "span": f"{np.nanmin(found.value):.2f} … {np.nanmax(found.value):.2f}",
         "length": f"{field.length * 1e3:.0f}",
-        "doubt": f"{np.nanmedian(doubt):.1%}",
+        "doubt": f"{found.known_to:.1%}",
         "left_out": f"{np.sqrt(np.mean(error[ok] ** 2)):.1%}" if ok.any() else "",
         "figures": [
             (
@@ -107,20 +140,15 @@ def _axis(
             )
             for key, (v, s) in axis.figures.items()
         ],
-        "pictures": [
-            Markup(draw_heat_map(picture))  # noqa: S704  numbers and our own words only
-            for picture in (
-                HeatMap(x, y, value, sites, f"Coulomb force, axis {name}", "N"),
-                HeatMap(x, y, doubt, sites, "known to (1 sigma)", "%", 100.0, 1),
-            )
-        ],
+        "pictures": pictures,
         "change": None if change is None else {
             "common": f"{change.common:+.1%}",
             "own": f"{change.own:.1%}",
             "sites": [
                 (_mm(s.place), f"{s.change:+.1%}", f"{s.sigma:.1%}", s.significant)
-                for s in change.sites[:10]
+                for s in change.sites[:_LISTED]
             ],
+            "more": max(len(change.sites) - _LISTED, 0),
         },
         "trends": _trends(history, stage, name, axis),
     }  # fmt: skip

@@ -13,6 +13,7 @@ from rich.table import Table
 from stagectl.history import Activation, StageKey
 from stagectl.maps.compare import AxisChange
 from stagectl.maps.model import MapVersion
+from stagectl.maps.surface import surface
 
 _LISTED = 8
 FIGURES = {
@@ -52,7 +53,7 @@ def summary(version: MapVersion) -> RenderableType:
             f"{values.mean():.3f}",
             f"{values.min() / values.mean() - 1:+.1%}",
             f"{values.max() / values.mean() - 1:+.1%}",
-            f"{np.median([site.sigma for site in axis.sites]):.1%}",
+            f"{surface(axis).known_to:.1%}",
             f"{axis.field().length * 1e3:.0f} mm",
         )
         figures.add_row(
@@ -116,4 +117,6 @@ def changes_table(old: int, new: int, changes: Sequence[AxisChange]) -> Renderab
                 "changed" if site.significant else "",
             )
         parts.append(table)
+        if len(axis.sites) > _LISTED:
+            parts.append(f"  and {len(axis.sites) - _LISTED} more, changed less")
     return Group(*parts) if parts else Group("the two maps have no axis in common")

@@ -57,6 +57,7 @@ def render_report(
         outcome=content.outcome_notice(summary),
         verdict=content.verdict_notice(summary),
         resume=resume_command(summary),
+        friction_map=content.friction_map_used(summary),
         notices=content.notices(summary),
         rows=content.result_rows(summary, axes),
         refused=content.refused_estimates(summary),

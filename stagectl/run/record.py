@@ -110,6 +110,7 @@ class RunRecord:
             "run",
             **request.as_note(),
             map=None if active is None else active.version.number,
+            map_comment="" if active is None else active.version.comment,
             map_then=snapshot,
             history=note_of_run(
                 self._history.entry, None if where is None else without_password(where)

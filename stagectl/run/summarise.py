@@ -111,6 +111,7 @@ def _facts(
         ),
         wafer=entry["wafer"],
         map=run["map"],
+        map_comment=run.get("map_comment", ""),
         steps=tuple(
             {key: e[key] for key in _STEP} for e in notes.events if e["event"] == "level_stepped"
         ),

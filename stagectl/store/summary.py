@@ -91,7 +91,7 @@ class RunFacts:
         resumed: run, start and progress of the run that this one continues, or None.
         retries: stretches that were repeated.
         wafer: or None.
-        map: number of the friction map used, or None.
+        map: number of the friction map used, or None.  map_comment: what its maker said of it.
         steps: of the friction level, in order of time.
         unfiled: numbers of estimates in the history and made, where the history lacks some.
         started: ISO 8601 time with zone, or "".
@@ -114,6 +114,7 @@ class RunFacts:
     retries: Sequence[Retry] = ()
     wafer: str | None = None
     map: int | None = None
+    map_comment: str = ""
     steps: Sequence[Mapping[str, object]] = ()
     unfiled: tuple[int, int] | None = None
     started: str = ""
@@ -179,6 +180,7 @@ def build_summary(
         "limits": facts.limits,
         "interrupted": facts.interrupted,
         "map": facts.map,
+        "map_comment": facts.map_comment or None,
     }
     summary |= {key: value for key, value in optional.items() if value is not None}
     if facts.steps:

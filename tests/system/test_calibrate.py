@@ -113,6 +113,10 @@ def test_a_killed_calibration_goes_on_behind_the_last_site_and_loses_nothing(cal
     ]
     assert {e["severity"] for e in outcome["sites"]} == {"good"}
     assert all(0.0 < e["sigma"] < 0.03 for e in outcome["sites"])
+    report = (folder / "rest" / "report.html").read_text()
+    assert "Calibration weekly" in report
+    assert "friction map used: none" in said
+    assert report.count('<span class="badge good">good</span>') == len(outcome["sites"])
     summary = json.loads((folder / "rest" / "summary.json").read_text())
     assert summary["resumed"]["done"] == 2
     assert {m["site"] for m in summary["moves"] if m["kind"] == "macro"} == {3, 4, 5}
@@ -240,7 +244,10 @@ def test_a_run_goes_by_the_map_and_says_so(calibrated, tmp_path):
     run = ("run", tmp_path / "short.yaml", "--simulate", *where)
     counts = []
     for name, options, number in (("by-map", (), 1), ("alone", ("--map", "none"), None)):
-        stagectl(*run, "--out", tmp_path / name, *options)
+        said = stagectl(*run, "--out", tmp_path / name, *options)
+        used = "none" if number is None else "map 1"
+        assert f"friction map: {used}" in said
+        assert f"<dt>Friction map</dt><dd>{used}" in (tmp_path / name / "report.html").read_text()
         begun = read_notes(tmp_path / name / "recording.h5").events[0]
         assert (begun["event"], begun["map"]) == ("run", number)
         summary = json.loads((tmp_path / name / "summary.json").read_text())

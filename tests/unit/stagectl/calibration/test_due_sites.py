@@ -113,4 +113,4 @@ def test_change_and_uncertainty_make_sites_due(history):
     assert re.fullmatch(r"x: \+[56]\.\d% off the map", found[sites[4]])
     assert due(BEGIN + 300, change=0.2) == {}
     assert due(BEGIN + 86400 * 30, change=0.2).keys() == set(sites)  # nobody has looked since
-    assert all("known to" in reason for reason in due(BEGIN + 300, uncertainty=1e-3).values())
+    assert all("uncertain by" in reason for reason in due(BEGIN + 300, uncertainty=1e-3).values())

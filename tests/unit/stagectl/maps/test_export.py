@@ -49,6 +49,6 @@ def test_sites_grid_estimates_and_page_hold_the_map(history, tmp_path):
     with pytest.raises(UnusableInput, match=r"\.csv or \.parquet"):
         write_table(sites, tmp_path / "sites.xlsx")
     page = render(history, STAGE, version, version)
-    assert page.count("<svg") == 2 * 2 + 50
+    assert page.count("<svg") == 2 * 3 + 50  # with the version before
     assert "a &lt;comment&gt;" in page
     assert "http" not in page.replace("http://www.w3.org", "")

@@ -1,0 +1,91 @@
+"""The page of a calibration."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimation.field import FrictionField
+from stagectl.calibration import CalibrationReport, SiteOutcome, SiteSequence
+from stagectl.calibration.report import render_calibration, verdict, write_calibration_report
+from stagectl.calibration.sequence import Gain
+from stagectl.maps import AxisChange, FrictionMap, MapSite, MapVersion, SiteChange
+from stagectl.maps.model import MapAxis
+
+SITES = ((0.0, 0.0), (0.02, 0.0), (0.02, 0.02), (0.0, 0.02))
+
+
+def version(number, level):
+    values = np.array([level, 1.1 * level, level, 0.95 * level])
+    field = FrictionField(np.array(SITES), values, np.full(4, 0.01))
+    sites = tuple(
+        MapSite(place, float(value), 0.01, 1.7e9, 4)
+        for place, value in zip(SITES, values, strict=True)
+    )
+    built = FrictionMap(None, 1.7e9, {"x": MapAxis(sites, field.nodes, {})})
+    return MapVersion(number, 1.7e9, "", False, built)
+
+
+def outcome(site, severity, change=None, suggestion=""):
+    gain = {"coulomb": Gain(0.3, 0.01)}
+    return SiteOutcome(
+        site, SITES[site - 1], "x", 6.1, 0.012, change, gain, (), severity, suggestion
+    )
+
+
+@pytest.fixture
+def report():
+    outcomes = [
+        outcome(1, "good", 0.001), outcome(2, "act", 0.213, "look for dirt <there>"),
+        outcome(3, "watch", -0.05), outcome(4, "good", 0.0),
+    ]  # fmt: skip
+    changes = [AxisChange("x", 0.04, 0.1, (SiteChange(SITES[1], 0.213, 0.01),))]
+    return CalibrationReport(
+        "weekly", "wafer-xy (simulated)", "2026-11-22", None, "map 3 (after service)", 5, 5,
+        outcomes, changes, SiteSequence((), 1.2, {"x": {"coulomb": Gain(0.3, 0.008)}}),
+        version(4, 6.4), version(3, 6.0),
+    )  # fmt: skip
+
+
+def text_of(html):
+    body = re.sub(r"<style>.*?</style>|<svg.*?</svg>", "", html, flags=re.DOTALL)
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", body))
+
+
+def test_it_has_every_site_its_change_and_its_verdict(report):
+    text = text_of(render_calibration(report))
+    assert "(20.0, 0.0) x 6.100 1.2% +21.3% 4.9 (5.2) act look for dirt &lt;there&gt;" in text
+    assert "axis x: all sites +4.0% since the last map" in text
+    assert "Friction map used map 3 (after service)" in text
+    assert "Compared with map 3" in text
+    assert "Settling" not in text, "that is of production"
+
+
+def test_the_headline_counts_verdicts_the_worst_first(report):
+    assert verdict(report) == (
+        "5 of 5 visits; results by site and axis: 1 to act on, 1 to watch, 2 nothing to do. "
+        "New map 4, compared with map 3."
+    )
+
+
+def test_new_map_and_the_one_before_are_drawn_side_by_side(report):
+    html = render_calibration(report)
+    assert re.findall(r'aria-label="([^"]+)"', html) == [
+        "Coulomb force, axis x, map 4",
+        "Coulomb force, axis x, map 3",
+        "known to (1 sigma), axis x",
+    ]
+
+
+def test_an_interrupted_first_calibration_says_so(report, tmp_path):
+    cut = replace(
+        report, error="axis x: following error", version=None, before=None, changes=[],
+        visited=2, outcomes=report.outcomes[:2], used="none",
+    )  # fmt: skip
+    write_calibration_report(tmp_path / "report.html", cut)
+    text = text_of((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert "interrupted 2 of 5 visits;" in text
+    assert "No new map." in text
+    assert "axis x: following error" in text
+    assert "nothing: there was no map" in text

@@ -1,0 +1,71 @@
+"""One axis of a map over the table: what is drawn and summed up of it."""
+
+import io
+import re
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from stagectl.maps import changes_table, compare, draw_maps, map_versions, summary, version_as_json
+from stagectl.maps.report import render
+from stagectl.maps.surface import surface
+from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, keep
+
+
+@pytest.fixture
+def versions(history):
+    calibrate(history)
+    keep(history, BEGIN)
+    calibrate(history, at=BEGIN + 5000, spot=GRID[7], everywhere=1.3, seed=2)
+    keep(history, BEGIN + 5000)
+    return map_versions(history, STAGE)
+
+
+def printed(part):
+    console = Console(width=120, file=io.StringIO(), record=True)
+    console.print(part)
+    return console.export_text()
+
+
+def scale(picture):
+    """Lowest and highest number beside the colour scale."""
+    numbers = re.findall(r'text-anchor="start">([\d.]+)</text>', picture)
+    return float(numbers[0]), float(numbers[2])
+
+
+def test_known_to_is_one_figure_on_terminal_page_and_json(history, versions):
+    first, second = versions
+    page = render(history, STAGE, second, first)
+    told = version_as_json(second)["axes"]
+    for name, axis in second.map.axes.items():
+        known = surface(axis).known_to
+        assert f"{known:.1%}" in printed(summary(second))
+        assert f"known to {known:.1%}" in page
+        assert told[name]["known_to"] == pytest.approx(known)
+        # Between the sites less is known than at them.
+        assert known > np.median([site.sigma for site in axis.sites])
+
+
+def test_maps_that_are_compared_have_one_scale(versions):
+    first, second = versions
+    drawn = draw_maps(second, first)
+    for name, axis in second.map.axes.items():
+        now, before, _ = drawn[name]
+        assert scale(now) == scale(before)
+        values = [surface(a).value for a in (axis, first.map.axes[name])]
+        low, high = scale(now)
+        assert low == pytest.approx(min(map(np.nanmin, values)), abs=0.006)
+        assert high == pytest.approx(max(map(np.nanmax, values)), abs=0.006)
+    x, y = (scale(drawn[name][-1]) for name in ("x", "y"))
+    assert x == y
+    alone = draw_maps(second, None)
+    assert all(len(pictures) == 2 for pictures in alone.values())
+
+
+def test_lists_that_are_cut_say_how_many_more(history, versions):
+    first, second = versions
+    page = render(history, STAGE, second, first)
+    assert page.count("And 15 more, changed less.") == 2  # of 25 sites, 10 are listed
+    text = printed(changes_table(1, 2, compare(first.map, second.map)))
+    assert text.count("and 17 more, changed less") == 2
