@@ -193,7 +193,7 @@ def _measure(
         try:
             if result.unwritten is not None:
                 raise StagectlError(f"{result.unwritten}, then 'stagectl map build' builds the map")
-            number, built, changes = _new_map(request, stage)
+            version, before_it, changes = _new_map(request, stage)
         except UnusableInput as error:  # such as too few sites
             console.print(f"no new map: {error}", style="yellow", markup=False, soft_wrap=True)
         except StagectlError as error:
