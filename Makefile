@@ -2,46 +2,54 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-STAMP := $(VENV)/.installed
+INSTALLED := $(VENV)/.installed
+DEV := $(VENV)/.installed-dev
 
 .PHONY: run test lint types layers bench mutants clean help
 
 help: ## this list
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
 
-# --group needs pip 25.1, which older Pythons' venvs do not bring.
-$(STAMP): pyproject.toml
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+# What it takes to run. Imported modules compile on first use, so pip need not compile all of them.
+$(INSTALLED): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade 'pip>=25.1'
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable . --group dev
+	$(PIP) --no-compile --editable .
 	@touch $@
 
-run: $(STAMP) ## run the inspection recipe on the virtual stage
+# What it takes to test, beside that. --group needs pip 25.1, which older Pythons' venvs do not bring.
+$(DEV): $(INSTALLED)
+	$(PIP) --upgrade 'pip>=25.1'
+	$(PIP) --group dev
+	@touch $@
+
+run: $(INSTALLED) ## run the inspection recipe on the virtual stage
 	$(BIN)/stagectl run recipes/inspection-20.yaml --simulate --out runs/inspection-20
 
 # First what goes by virtual time, several at a time; then what goes by this machine's clock, alone.
-test: $(STAMP) lint types layers ## lint, types, layers, all tests
+test: $(DEV) lint types layers ## lint, types, layers, all tests
 	STAGECTL_REQUIRE_VCAN= $(BIN)/python -m pytest -m "not real_time" -n auto --maxprocesses 8 --dist loadfile
 	$(BIN)/python -m pytest -m real_time
 
-lint: $(STAMP) ## ruff
+lint: $(DEV) ## ruff
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-types: $(STAMP) ## mypy --strict
+types: $(DEV) ## mypy --strict
 	$(BIN)/mypy
 
-layers: $(STAMP) ## import contracts
+layers: $(DEV) ## import contracts
 	$(BIN)/lint-imports
 
-bench: $(STAMP) ## figures of docs/figures.md, and ratios of the hot paths
+bench: $(DEV) ## figures of docs/figures.md, and ratios of the hot paths
 	$(BIN)/python benchmarks/run_figures.py
 	$(BIN)/python benchmarks/cycle_rate.py
 	$(BIN)/python benchmarks/simulation_rate.py
 	$(BIN)/python benchmarks/cycle_peers.py
 
-mutants: $(STAMP) ## mutants of what must not fail unseen; an hour, on demand
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --group mutants
+mutants: $(DEV) ## mutants of what must not fail unseen; an hour, on demand
+	$(PIP) --group mutants
 	nice -n 19 $(BIN)/mutmut run --max-children 1
 
 clean: ## remove what was built
