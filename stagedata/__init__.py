@@ -1,7 +1,8 @@
 """The data that the other packages exchange: samples, moves, recordings, friction figures.
 
 What two packages share and neither owns lives here, as frozen dataclasses in SI units. Everything
-may import this package; it imports none of the others.
+may import this package; it imports none of the others. `stagedata.compiled` is how all of them
+compile their kernels.
 """
 
 from stagedata.friction import LAWS, MAX_ELEMENTS, FrictionFigures, LawName

@@ -19,7 +19,6 @@ from contextlib import contextmanager
 import hypothesis
 import pytest
 
-from stagectl.kernel_cache import drop_stale
 from tests.starvation import DisturbedError, Watch
 
 REQUIRED = "STAGECTL_REQUIRE_VCAN"
@@ -51,7 +50,6 @@ def vcan_outcome(pytestconfig: pytest.Config) -> Callable[[bool, str], None]:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    drop_stale()
     config.stash[_outcome] = []
     config.stash[_inconclusive] = []
     config.stash[_ran] = False

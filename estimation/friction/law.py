@@ -13,10 +13,9 @@ import math
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
-from estimation.compiled import kernel
+from estimation.compiled import KernelByType, kernel
 
 F64 = NDArray[np.float64]
 
@@ -168,18 +167,9 @@ def register(module: FrictionLaw) -> FrictionLaw:
 
 def _dispatched(name: str) -> Any:
     """A function that calls the one of this name of the law whose constants it is given."""
-
-    def call(law, *arguments):  # type: ignore[no-untyped-def]
-        return getattr(_modules[type(law)], name)(law, *arguments)
-
-    def resolve(law, *_):  # type: ignore[no-untyped-def]
-        module = _modules.get(getattr(law, "instance_class", type(None)))
-        return None if module is None else getattr(module, name).py_func
-
-    # The law's function itself, not a call of it, is what a kernel calls.
-    options: Any = {"error_model": "numpy"}
-    overload(call, strict=False, jit_options=options)(resolve)
-    return call
+    return KernelByType(
+        name, lambda: {kind: getattr(module, name) for kind, module in _modules.items()}
+    )
 
 
 retained = _dispatched("retained")

@@ -16,10 +16,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from estimation.compiled import kernel
 from estimation.friction import F64, REST_BAND
 from estimation.least_squares import gauss_newton_step
 from estimation.offline.model import lead
@@ -348,7 +348,7 @@ class _Linear:
         return [-(per_unknown @ step + rest) for per_unknown, rest in self._back]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def columns(  # type: ignore[no-untyped-def]
     force, jacobian, velocity, acceleration, regressors, measured, others, ripple, slopes, index,
     knots, elements, period,
@@ -404,7 +404,7 @@ def columns(  # type: ignore[no-untyped-def]
     return shifted
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def whitened(rows, used, variances, mass, per_mass):  # type: ignore[no-untyped-def]
     """J'J, J'r, r'r and samples of the whitened rows; a gap in `used` begins a new run.
 
@@ -461,7 +461,7 @@ def whitened(rows, used, variances, mass, per_mass):  # type: ignore[no-untyped-
     return normal, slope, chi, samples
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _take_noise_out(rows, factor, variance, mass):  # type: ignore[no-untyped-def]
     """Column `mass` less the part of the encoder's noise that the residual shows."""
     count, n = rows.shape[0], rows.shape[1] - 1

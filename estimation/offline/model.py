@@ -14,8 +14,9 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
+
+from estimation.compiled import kernel
 
 # The model's figures as a vector; an element's derivatives: by these, its k_i and nu_i, knots.
 COULOMB, STIFFNESS, RATE, ALPHA, VS, DELTA, ASYMMETRY = range(7)
@@ -25,7 +26,7 @@ NO_SUBSTEPS = 4.0
 """Above this many Stribeck velocities, with all elements slipping, a sample is one step."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def lead(  # type: ignore[no-untyped-def]
     theta, springs, shares, forces, slipping, derivative, memory, level, knot_spacing,
     position, velocity, period, band, force, jacobian,

@@ -11,10 +11,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from estimation.compiled import kernel
 from estimation.friction import F64
 from estimation.kinematics import differences
 
@@ -155,7 +155,7 @@ def _ripple(demand: F64 | None, acceleration: F64, period: float) -> F64:
     return np.column_stack([back, 0.5 * (now - older), now - 2.0 * back + older])
 
 
-@numba.njit(cache=True)
+@kernel(error_model="python")
 def _known(position, holes, travel):  # type: ignore[no-untyped-def]
     """Where all elements have slipped since the start or the last hole."""
     count = position.shape[0]

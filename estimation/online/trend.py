@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
 from estimation.compiled import kernel
@@ -133,7 +132,7 @@ def wandered(elapsed: float, hold: float) -> float:
     return (RATE * LASTING) ** 2 * max(2.0 * times - 3.0 + 4.0 * hold - hold**2, 0.0)
 
 
-_wandered = numba.njit(cache=True, inline="always")(wandered)
+_wandered = kernel(inline="always")(wandered)
 
 
 @kernel()

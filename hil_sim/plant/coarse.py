@@ -17,8 +17,6 @@ from __future__ import annotations
 
 import math
 
-import numba
-
 from hil_sim.plant.control import advance_demand, position_loop
 from hil_sim.plant.disturbances import (
     coulomb_factor,
@@ -32,9 +30,10 @@ from hil_sim.plant.disturbances import (
 from hil_sim.plant.encoder import read_encoder
 from hil_sim.plant.gms import slip_step
 from hil_sim.plant.stribeck import stribeck
+from stagedata.compiled import kernel
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _decay(y):  # type: ignore[no-untyped-def]
     """exp(-y) for y >= 0, to 1e-9 for small y."""
     if y > 0.05:
@@ -42,7 +41,7 @@ def _decay(y):  # type: ignore[no-untyped-def]
     return 1.0 - y * (1.0 - y * (0.5 - y * (1.0 / 6.0 - y / 24.0)))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def advance_coarsely(  # type: ignore[no-untyped-def]
     plant, control, state, loop, forces, slipping, shares, arena, period, normals, first, ticks
 ):  # fmt: skip

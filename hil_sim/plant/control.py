@@ -9,8 +9,9 @@ a first-order lag, is integrated with the plant.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
+
+from stagedata.compiled import kernel
 
 CONTROL_DTYPE = np.dtype(
     [
@@ -56,7 +57,7 @@ HELD_AT_POSITION = (
 """Fields of the state that are set to the encoder's reading when the loop is closed."""
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def advance_demand(loop):  # type: ignore[no-untyped-def]
     """Advance one tick on the linear ramp to the pair commanded last [m, N]."""
     if loop.ramp_done >= loop.ramp_ticks:
@@ -67,7 +68,7 @@ def advance_demand(loop):  # type: ignore[no-untyped-def]
     loop.offset = loop.from_force + (loop.to_force - loop.from_force) * share
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def cascade(control, loop, encoder, period):  # type: ignore[no-untyped-def]
     """One tick of a P position loop over a PI velocity loop, whose gain is `kd`.
 
@@ -97,7 +98,7 @@ def cascade(control, loop, encoder, period):  # type: ignore[no-untyped-def]
     return error
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def position_loop(control, loop, encoder, period):  # type: ignore[no-untyped-def]
     """One tick of the loop: set `output` [N], return the following error [m].
 

@@ -11,13 +11,12 @@ from __future__ import annotations
 
 import math
 
-import numba
-
 from hil_sim.plant.disturbances import coulomb_factor
 from hil_sim.plant.stribeck import stribeck
+from stagedata.compiled import kernel
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def hold(p, s, v, dt):  # type: ignore[no-untyped-def]
     """Velocity of an axis after a step of `dt` [s]; sets its friction force.
 

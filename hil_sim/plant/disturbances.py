@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 
-import numba
+from stagedata.compiled import kernel
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _table(arena, offset, low, inverse, count, x):  # type: ignore[no-untyped-def]
     """Value and slope at x by cubic interpolation (Catmull-Rom); held at the ends.
 
@@ -35,7 +35,7 @@ def _table(arena, offset, low, inverse, count, x):  # type: ignore[no-untyped-de
     return ((a * t + b) * t + c) * t + p1, ((3.0 * a * t + 2.0 * b) * t + c) * inverse
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _over_time(arena, offset, inverse, count, t):  # type: ignore[no-untyped-def]
     """Value and rate at t [s] by linear interpolation; held at the ends."""
     u = t * inverse
@@ -49,7 +49,7 @@ def _over_time(arena, offset, inverse, count, t):  # type: ignore[no-untyped-def
     return first + change * (u - cell), change * inverse
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _field(arena, offset, x, y):  # type: ignore[no-untyped-def]
     """Factor at (x, y) [m], bilinear, held at the edges; and the offset of the next field."""
     rows = int(arena[offset])
@@ -69,7 +69,7 @@ def _field(arena, offset, x, y):  # type: ignore[no-untyped-def]
     return value, offset + 6 + rows * columns
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def refresh(p, s, across, arena, output, period):  # type: ignore[no-untyped-def]
     """Prepare a control tick, in one long function: passing the arena on costs more than the work.
 
@@ -146,7 +146,7 @@ def refresh(p, s, across, arena, output, period):  # type: ignore[no-untyped-def
     s.push_rate = rate
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def delayed(p, s, arena, substep):  # type: ignore[no-untyped-def]
     """Input of the current loop in this substep [N], after the dead time."""
     if p.history < 0:
@@ -155,14 +155,14 @@ def delayed(p, s, arena, substep):  # type: ignore[no-untyped-def]
     return share * s.later + (1.0 - share) * s.late
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def coulomb_factor(p, s, direction):  # type: ignore[no-untyped-def]
     """Factor on Fc at the present position, time and direction."""
     value = s.coulomb + s.coulomb_slope * (s.position - s.place)
     return max(value, 0.0) * (p.coulomb_forward if direction > 0.0 else p.coulomb_backward)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def drive(p, s, arena, since, motor_force, resistance):  # type: ignore[no-untyped-def]
     """Acceleration of the carriage relative to the base [m/s^2], without coupling.
 
@@ -213,7 +213,7 @@ def drive(p, s, arena, since, motor_force, resistance):  # type: ignore[no-untyp
     return acceleration
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def over_velocity(arena, p, v):  # type: ignore[no-untyped-def]
     """Force at velocity v [m/s], linear between nodes at ± (i / scale)^2 [N]."""
     half = p.velocity_nodes
@@ -229,7 +229,7 @@ def over_velocity(arena, p, v):  # type: ignore[no-untyped-def]
     return first + (last - first) * (abs(v) - low) / (high - low)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def solve_jointly(plant, state, arena, dt):  # type: ignore[no-untyped-def]
     """Replace the kicks of a step `dt` [s] by those with coupling, and update `net`."""
     count = plant.shape[0]
@@ -242,7 +242,7 @@ def solve_jointly(plant, state, arena, dt):  # type: ignore[no-untyped-def]
         state[a].net -= arena[at + 4 + 2 * a + 1 - a] * state[1 - a].kick / dt
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def swing(p, s, arena, dt):  # type: ignore[no-untyped-def]
     """Advance oscillators on the carriage and bases by `dt` [s], after the kick."""
     if p.hanging_count > 0:
@@ -259,7 +259,7 @@ def swing(p, s, arena, dt):  # type: ignore[no-untyped-def]
         arena[at + 3] += dt * arena[at + 4]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def drag(p, arena, dx):  # type: ignore[no-untyped-def]
     """Advance the hysteretic elements by a displacement [m]; the change of their force [N]."""
     change = 0.0

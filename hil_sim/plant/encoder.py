@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import numba
+from stagedata.compiled import kernel
 
 _VELOCITY_TIME = 1e-3  # low-pass time constant of the velocity that 0x606C reports [s]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def read_encoder(plant, state, period, normal):  # type: ignore[no-untyped-def]
     """Read the encoder of one axis, quantised and with noise, and filter its velocity.
 

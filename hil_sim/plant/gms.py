@@ -9,9 +9,10 @@ F_inf = sgn(v) nu_i s(v) Fc.  Viscous friction is the plant's business.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from stagedata.compiled import kernel
 
 F64 = NDArray[np.float64]
 
@@ -44,7 +45,7 @@ def balance(elements: int, static: float, force: float) -> F64:
     return forces
 
 
-@numba.njit(cache=True, inline="always", error_model="numpy")
+@kernel(inline="always")
 def slip_step(
     forces: F64,
     slipping: NDArray[np.bool_],

@@ -15,8 +15,6 @@ from __future__ import annotations
 
 import math
 
-import numba
-
 from hil_sim.plant.coarse import advance_coarsely
 from hil_sim.plant.control import advance_demand, position_loop
 from hil_sim.plant.coulomb import hold
@@ -34,9 +32,10 @@ from hil_sim.plant.friction import COULOMB, GMS
 from hil_sim.plant.gms import slip_step
 from hil_sim.plant.stribeck import stribeck
 from hil_sim.settings import SUBSTEPS
+from stagedata.compiled import kernel
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def command(loop, position, force, ticks):  # type: ignore[no-untyped-def]
     """Ramp demand and force offset of one axis linearly to this pair [m, N] within `ticks`.
 
@@ -50,7 +49,7 @@ def command(loop, position, force, ticks):  # type: ignore[no-untyped-def]
     loop.ramp_done = 0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def step(  # type: ignore[no-untyped-def]
     plant, control, state, loop, forces, slipping, shares, arena, period, normals, first, ticks,
     orders, report,
@@ -81,7 +80,7 @@ def step(  # type: ignore[no-untyped-def]
         report[a, 4] = state[a].worst_error
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def _kick(p, s, arena, substep, dt):  # type: ignore[no-untyped-def]
     """Set `kick`, the change of velocity [m/s] of an axis with ports in this substep of `dt` [s].
 
@@ -92,7 +91,7 @@ def _kick(p, s, arena, substep, dt):  # type: ignore[no-untyped-def]
     s.kick = dt * drive(p, s, arena, substep * dt, s.motor_force, resistance)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel()
 def advance(  # type: ignore[no-untyped-def]
     plant, control, state, loop, forces, slipping, shares, arena, period, substeps, normals, first,
     ticks,
@@ -192,7 +191,7 @@ def advance(  # type: ignore[no-untyped-def]
                 read_encoder(p, s, period, 0.0)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel(nogil=True)
 def run_demands(  # type: ignore[no-untyped-def]
     plant, control, state, loop, forces, slipping, shares, arena, period, substeps, ticks, normals,
     demand, offset, unit, position_out, force_out,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numba
+from stagedata.compiled import kernel
 
 
-@numba.njit(cache=True, inline="always", error_model="numpy")
+@kernel(inline="always")
 def stribeck(velocity: float, static_ratio: float, stribeck_velocity: float, shape: float) -> float:
     """s(v) = 1 + alpha exp(-|v/vs|^delta): the Stribeck curve over the Coulomb level."""
     ratio = abs(velocity) / stribeck_velocity

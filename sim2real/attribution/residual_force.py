@@ -13,12 +13,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from hil_sim.settings import StageSettings
 from sim2real.fitting import AxisModel, compose_stage
 from sim2real.gap import Measured, subtract_signals
+from stagedata.compiled import kernel
 
 F64 = NDArray[np.float64]
 Regressors = Callable[[F64, F64, float], F64]
@@ -118,7 +118,7 @@ def stop_operators(position: F64, widths: F64) -> F64:
     return np.asarray(_run_stop_operators(np.ascontiguousarray(position), widths))
 
 
-@njit(cache=True)
+@kernel(error_model="python")
 def _run_stop_operators(position: F64, widths: F64) -> F64:
     """Stop operators float64[T, K] of positions float64[T] [m] and widths float64[K] [m]."""
     out = np.zeros((len(position), len(widths)))

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from stagedata.compiled import kernel
 
 F64 = NDArray[np.float64]
 
@@ -38,7 +39,7 @@ class Gains:
     level: F64
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel(error_model="python", nogil=True)
 def propagate_covariance(covariance, transition, noise):  # type: ignore[no-untyped-def]
     """P <- T P T' + diag(noise), in place.
 
@@ -64,7 +65,7 @@ def propagate_covariance(covariance, transition, noise):  # type: ignore[no-unty
         covariance[i, i] += noise[i]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel(error_model="python", nogil=True)
 def fill_rate_matrix(matrix, mass, viscous, loop, tangent, relaxation, goal, slope):  # type: ignore[no-untyped-def]
     """Rate matrix of the error states under the closed loop, with sticking and slipping friction.
 
@@ -91,7 +92,7 @@ def fill_rate_matrix(matrix, mass, viscous, loop, tangent, relaxation, goal, slo
     matrix[3, 4] = relaxation * goal
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel(error_model="python", nogil=True)
 def transfer_slip(transition, force, level, before, slipped, goal):  # type: ignore[no-untyped-def]
     """Move error states between sticking and slipping elements after a period.
 
@@ -128,7 +129,7 @@ def transfer_slip(transition, force, level, before, slipped, goal):  # type: ign
         level[3] -= moved
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel(error_model="python", nogil=True)
 def discretise(matrix, duration, transition, force, level, goal_rate, mass):  # type: ignore[no-untyped-def]
     """Transition over `duration` in four second-order steps, and responses to unit inputs.
 
@@ -182,7 +183,7 @@ def discretise(matrix, duration, transition, force, level, goal_rate, mass):  # 
                 target[i] = column[i]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel(error_model="python", nogil=True)
 def _respond(transition, inputs, gain, deviation, signal):  # type: ignore[no-untyped-def]
     """Normalised innovations that an unmodelled input leaves.
 

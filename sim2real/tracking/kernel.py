@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +21,7 @@ from sim2real.tracking.error_states import (
     transfer_slip,
 )
 from stagedata import BoolArray
+from stagedata.compiled import kernel
 
 F64 = NDArray[np.float64]
 Record = NDArray[np.void]
@@ -126,7 +126,7 @@ class Filter(NamedTuple):
     level: F64
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel(error_model="python", nogil=True)
 def track(mechanics, recorded, deviations, is_fresh, tracked, filter_arrays):  # type: ignore[no-untyped-def]
     """Track every axis over K SYNCs; all results are written in place.
 
@@ -184,7 +184,7 @@ def track(mechanics, recorded, deviations, is_fresh, tracked, filter_arrays):  #
                 )  # fmt: skip
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel(error_model="python", nogil=True)
 def _update_covariance(covariance, spread, gain):  # type: ignore[no-untyped-def]
     """Kalman gain float64[5] [1/m of innovation] and P <- P - K S K', both in place.
 
@@ -200,7 +200,7 @@ def _update_covariance(covariance, spread, gain):  # type: ignore[no-untyped-def
             covariance[i, j] -= gain[i] * spread * gain[j]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel(error_model="python", nogil=True)
 def _correct(mechanics, a, innovation, gain, slipped):  # type: ignore[no-untyped-def]
     """Move simulated axis `a` to the encoder.
 
@@ -232,7 +232,7 @@ def _correct(mechanics, a, innovation, gain, slipped):  # type: ignore[no-untype
     s.friction = total
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel(error_model="python", nogil=True)
 def _slip_state(mechanics, a):  # type: ignore[no-untyped-def]
     """Share of the Coulomb force that slips [1] and tangent stiffness of what sticks [N/m]."""
     m = mechanics
@@ -247,7 +247,7 @@ def _slip_state(mechanics, a):  # type: ignore[no-untyped-def]
     return slipped, tangent
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel(error_model="python", nogil=True)
 def _propagate(mechanics, a, friction, deviations, filter_arrays, k, covariance):  # type: ignore[no-untyped-def]
     """Covariance of axis `a` from SYNC k to k + 1, with transition and inputs of that period.
 

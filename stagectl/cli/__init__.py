@@ -58,9 +58,7 @@ def cli() -> None:
 def main() -> None:
     """Entry point of the `stagectl` command."""
     from stagectl.errors import StagectlError
-    from stagectl.kernel_cache import drop_stale
 
-    drop_stale()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")  # the terminal may lack a character such as µ

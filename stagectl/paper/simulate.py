@@ -12,7 +12,6 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
@@ -20,6 +19,7 @@ from scipy.optimize import brentq
 from estimation.trajectory import Limits, plan
 from hil_sim.plant import element_shares, slip_step, stribeck
 from stagectl.paper import published
+from stagedata.compiled import kernel
 
 F64 = NDArray[np.float64]
 Profile = Literal["sine", "jerk-limited"]
@@ -171,7 +171,7 @@ def simulate(setup: Setup) -> Record:
     return Record(setup.rate, time, wanted, position, force, slipping)
 
 
-@numba.njit(cache=True)
+@kernel(error_model="python")
 def _run(
     figures: F64,
     shares: F64,

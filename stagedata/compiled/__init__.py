@@ -1,0 +1,14 @@
+"""How the kernels of all packages are compiled, and where they are kept.
+
+- `kernels`: the decorator;
+- `libraries`: from kernels to machine code, one optimisation for each entry point;
+- `cache`, `stamp`: kept on disk, judged by content;
+- `target`: the processor they are compiled for.
+
+Loads numba; nothing else of `stagedata` does.
+"""
+
+from stagedata.compiled.cache import SHIPPED, kernel_folder, watch_compiling
+from stagedata.compiled.kernels import Kernel, KernelByType, kernel
+
+__all__ = ["SHIPPED", "Kernel", "KernelByType", "kernel", "kernel_folder", "watch_compiling"]

@@ -1,0 +1,213 @@
+"""Where compiled kernels are kept: one file for each kernel and the types it is called with.
+
+A file is named after all that it depends on: the kernel's code (`stamp`), the types, the processor,
+the versions of Python and numba. So a file is never out of date, and only one that is missing is
+compiled. It is looked for among those that came with the installation, then in the folder for new
+ones: that of NUMBA_CACHE_DIR, the `__pycache__` beside this file, or the user's cache.
+
+Of several processes that miss a file, one compiles and the others wait for it.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import os
+import pickle
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import llvmlite
+import llvmlite.binding as llvm
+import numba
+from numba.core import types
+from numba.core.caching import _Cache
+from numba.core.compiler import CompileResult
+from numba.core.runtime import rtsys
+from numba.core.serialize import dumps
+from numba.core.sigutils import normalize_signature
+
+from stagedata.compiled.stamp import stamp
+
+SHIPPED = Path(__file__).parent / "shipped"
+"""Kernels that came with the installation."""
+KEPT = 4
+"""So many versions of a kernel are kept, for who goes back and forth between them."""
+
+_watchers: list[Callable[[str], None]] = []
+"""Told before a kernel is compiled: its name."""
+
+
+def watch_compiling(told: Callable[[str], None]) -> None:
+    """Have `told` called with a kernel's name before it is compiled or another process awaited."""
+    _watchers.append(told)
+
+
+@cache
+def kernel_folder() -> Path:
+    """Where new kernels are kept."""
+    if numba.config.CACHE_DIR:
+        return Path(numba.config.CACHE_DIR, "stagectl")
+    beside = Path(__file__).parent / "__pycache__"
+    with suppress(OSError):
+        beside.mkdir(exist_ok=True)
+        tempfile.TemporaryFile(dir=beside).close()
+        return beside
+    return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "stagectl"
+
+
+class KernelCache(_Cache):
+    """Of one kernel, as numba asks for it.
+
+    Args:
+        function: the kernel in Python.
+        options: numba's for it.
+    """
+
+    def __init__(self, function: Any, options: Mapping[str, Any]) -> None:
+        self._function = function
+        self._options = options
+        self._enabled = True
+        self._claim: BinaryIO | None = None
+
+    @property
+    def cache_path(self) -> str:
+        """The folder for new files."""
+        return str(kernel_folder())
+
+    def enable(self) -> None:
+        """Keep what is compiled from now on."""
+        self._enabled = True
+
+    def disable(self) -> None:
+        """Neither keep nor load."""
+        self._enabled = False
+
+    def flush(self) -> None:
+        """Forget all that is kept of this kernel."""
+        for path in kernel_folder().glob(f"{self._name}-*"):
+            path.unlink(missing_ok=True)
+
+    @property
+    def _name(self) -> str:
+        return f"{self._function.__module__}.{self._function.__qualname__}"
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The kernel for these types; None if it is not kept, and this process is to compile it."""
+        if not self._enabled:
+            return None
+        name = self._file(sig, target_context.codegen())
+        found = _read(SHIPPED / name) or _read(kernel_folder() / name)
+        if found is None:
+            for told in _watchers:
+                told(self._name)
+            self._claim = _claim(kernel_folder(), name)
+            found = _read(kernel_folder() / name)  # by now, if another process compiled it
+        return None if found is None else _rebuild(found, target_context)
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the kernel; without room or permission it is compiled again next time."""
+        if self._enabled:
+            name = self._file(sig, data.codegen)
+            with suppress(OSError):
+                _write(kernel_folder() / name, _reduce(data))
+                _drop_older(kernel_folder(), name.rpartition("-")[0])
+
+    @contextmanager
+    def claimed(self) -> Iterator[None]:
+        """Within it this process may be the one that compiles."""
+        try:
+            yield
+        finally:
+            if self._claim is not None:
+                self._claim.close()
+                self._claim = None
+
+    def _file(self, sig: Any, codegen: Any) -> str:
+        """Name of the file: kernel, types and processor, code."""
+        args, _ = normalize_signature(sig)
+        called = f"{[_describe(kind) for kind in args]} {codegen.magic_tuple()} {_made_by()}"
+        short = hashlib.sha256(called.encode()).hexdigest()[:16]
+        return f"{self._name}-{short}-{stamp(self._function, self._options).hex()[:32]}.kernel"
+
+
+@cache
+def _made_by() -> str:
+    """What compiles: other versions or other rules give other code."""
+    rules = (Path(__file__).parent / "libraries.py").read_bytes()
+    return repr(
+        (sys.implementation.cache_tag, numba.__version__, llvmlite.__version__,
+         numba.config.OPT, hashlib.sha256(rules).hexdigest())
+    )  # fmt: skip
+
+
+def _describe(kind: Any) -> str:
+    """A numba type in full: the name of a named tuple's type leaves out which one it is."""
+    if isinstance(kind, types.BaseTuple):
+        named = getattr(kind, "instance_class", tuple)
+        return f"{named.__module__}.{named.__qualname__}({', '.join(map(_describe, kind))})"
+    return str(kind)
+
+
+def _reduce(compiled: Any) -> bytes:
+    """A compiled kernel as bytes, with the names of the functions that it calls in memory."""
+    module = compiled.library._final_module
+    outside = tuple(
+        fn.name for fn in module.functions
+        if fn.is_declaration and not fn.name.startswith("llvm.")
+    )  # fmt: skip
+    data: bytes = dumps((outside, compiled._reduce()))
+    return data
+
+
+def _rebuild(data: bytes, target_context: Any) -> Any:
+    """The compiled kernel, ready to be called.
+
+    numba loads all that it can compile with before it loads a kernel. Its runtime is enough, unless
+    the kernel calls a function that comes with the rest.
+    """
+    outside, reduced = pickle.loads(data)  # noqa: S301  (written by this program, in its own folder)
+    rtsys.initialize(target_context)
+    if not all(llvm.address_of_symbol(name) for name in outside):
+        target_context.refresh()
+    return CompileResult._rebuild(target_context, *reduced)
+
+
+def _read(path: Path) -> bytes | None:
+    """Content of a file; None if there is none, or only a part of one."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    digest, data = content[:32], content[32:]
+    return data if hashlib.sha256(data).digest() == digest else None
+
+
+def _write(path: Path, data: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
+        file.write(hashlib.sha256(data).digest() + data)
+    Path(file.name).replace(path)
+
+
+def _drop_older(folder: Path, kernel: str) -> None:
+    """Remove all but the newest files of a kernel for the same types and processor."""
+    files = sorted(folder.glob(f"{kernel}-*.kernel"), key=lambda path: path.stat().st_mtime)
+    for path in files[:-KEPT]:
+        path.unlink(missing_ok=True)
+
+
+def _claim(folder: Path, name: str) -> BinaryIO | None:
+    """Wait until no other process compiles this kernel; until it is closed, none other does."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = (folder / f"{name.partition('-')[0]}.lock").open("wb")
+        fcntl.flock(file, fcntl.LOCK_EX)
+    except OSError:  # not on this file system: then both compile
+        return None
+    return file
