@@ -13,20 +13,21 @@ import platform
 import llvmlite.binding as llvm
 import numba
 
-_LEVEL = "x86-64-v3"
-"""What x86-64 processors have had since 2013 (AVX2, fused multiply-add); of those without, each has
-kernels of its own."""
-_NEEDS = ("avx2", "fma", "bmi", "bmi2", "f16c", "lzcnt", "movbe")
+_LEVELS = {
+    "x86_64": ("x86-64-v3", ("avx2", "fma", "bmi", "bmi2", "f16c", "lzcnt", "movbe")),
+    "aarch64": ("generic", ()),
+}
+"""Family -> level, and what a processor must have for it. x86-64-v3 is of 2013: AVX2, fused
+multiply-add; a processor without has kernels of its own."""
 
 
 def choose_processor() -> None:
     """Have numba compile for it; before the first compilation of this process."""
     if "NUMBA_CPU_NAME" in os.environ or "NUMBA_CPU_FEATURES" in os.environ:
         return
-    if platform.machine() != "x86_64":
-        return
+    level, needs = _LEVELS.get(platform.machine(), ("", ()))
     features = llvm.get_host_cpu_features()
-    if all(features.get(name) for name in _NEEDS):
-        os.environ["NUMBA_CPU_NAME"] = _LEVEL
+    if level and all(features.get(name) for name in needs):
+        os.environ["NUMBA_CPU_NAME"] = level
         os.environ["NUMBA_CPU_FEATURES"] = ""
         numba.config.reload_config()
