@@ -11,8 +11,8 @@ import click
 
 from stagectl.cli.console import console_for
 from stagectl.cli.options import (
-    FILE,
     JSON_OUT,
+    RECIPE,
     is_json_on_stdout,
     run_by_options,
     write_json,
@@ -32,7 +32,7 @@ _STYLES = {"good": "green", "watch": "yellow", "act": "red", "failed": "red"}
 
 
 @click.command
-@click.argument("sites", type=FILE)
+@click.argument("sites", type=RECIPE)
 @click.option("--due", is_flag=True, help="Only sites that are due by the limits in SITES.")
 @stage_options
 @click.option("--history", metavar="FILE|URL", help="As for 'stagectl run'.")

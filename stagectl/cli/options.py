@@ -11,8 +11,39 @@ from typing import Any
 
 import click
 
+DATA = Path(__file__).parents[1] / "data"
 FILE = click.Path(path_type=Path, dir_okay=True)
 """A file to read. Whoever reads it checks that it can be read, and has the better message."""
+
+
+class _Packaged(click.Path):
+    """A file to read, or one of those that come with the program.
+
+    Args:
+        folder: of these, in `stagectl/data`.
+    """
+
+    def __init__(self, folder: str) -> None:
+        super().__init__(path_type=Path, dir_okay=True)
+        self._folder = folder
+
+    def convert(
+        self,
+        value: str | os.PathLike[str],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> str | bytes | os.PathLike[str]:
+        """The file; if there is none, the packaged NAME, NAME.yaml or FOLDER/NAME.yaml."""
+        path = Path(value)
+        if not path.exists() and path.parent in (Path(), Path(self._folder)):
+            packaged = DATA / self._folder / f"{path.name.removesuffix('.yaml')}.yaml"
+            if packaged.is_file():
+                return packaged
+        return path
+
+
+RECIPE = _Packaged("recipes")
+"""A recipe or calibration file."""
 
 
 class _Output(click.Path):

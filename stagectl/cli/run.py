@@ -12,6 +12,7 @@ from stagectl.cli.console import console_for
 from stagectl.cli.options import (
     FILE,
     JSON_OUT,
+    RECIPE,
     NumberRange,
     is_json_on_stdout,
     run_by_options,
@@ -27,7 +28,7 @@ DEFAULT_BUDGET = 5.0
 
 
 @click.command
-@click.argument("recipe", type=FILE)
+@click.argument("recipe", type=RECIPE)
 @stage_options
 @click.option(
     "--compensation",
@@ -83,7 +84,7 @@ DEFAULT_BUDGET = 5.0
 )
 @click.option(
     "--calibrate",
-    type=FILE,
+    type=RECIPE,
     metavar="SITES",
     help="Also measure due calibration sites of this file between sites, within --budget.",
 )
@@ -123,6 +124,7 @@ def command(
     """Run RECIPE: a macro-move to each site, a micro-move onto its mark, an exposure.
 
     The friction estimate is updated after every move; the feedforward of the next one uses it.
+    RECIPE is a file, or the name of one that comes with stagectl, such as inspection-20.
 
     \b
     On a virtual stage, without hardware:

@@ -1,0 +1,45 @@
+"""Compiled kernels for a wheel: those that a run and a diagnosis of it use.
+
+They are compiled for the processor that `stagedata.compiled.target` chooses, and used where the
+versions of Python and numba are those of the build; elsewhere kernels are compiled on first use.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+RUN = ("run", "inspection-20", "--simulate", "--out", "run")
+DIAGNOSE = ("gap", "diagnose", "run/recording.h5")
+
+
+class WheelKernels(BuildHookInterface):
+    """A build hook of hatchling."""
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Compile them into a folder of their own, and have them put into the wheel."""
+        if version == "editable":
+            return
+        self._folder = tempfile.TemporaryDirectory()
+        folder = Path(self._folder.name)
+        for command in (RUN, DIAGNOSE):
+            subprocess.run(
+                [sys.executable, "-m", "stagectl", *command],
+                cwd=folder, check=True, stdout=subprocess.DEVNULL,
+                env=os.environ | {"NUMBA_CACHE_DIR": self._folder.name, "PYTHONPATH": self.root},
+            )  # fmt: skip
+        for path in sorted(folder.rglob("*.kernel")):
+            build_data["force_include"][str(path)] = f"stagedata/compiled/shipped/{path.name}"
+        build_data["pure_python"] = False
+        build_data["infer_tag"] = True
+
+    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
+        """Remove the folder."""
+        if version != "editable":
+            self._folder.cleanup()
