@@ -16,6 +16,7 @@ axis, key or object, and cause. The command line prints only that. Exceptions of
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterable
 from typing import ClassVar
 
@@ -50,6 +51,27 @@ class UnusableInput(StagectlError):  # noqa: N818
     """An unusable input other than a configuration file: names file, place and cause."""
 
     exit_code: ClassVar[int] = 2
+
+
+_WRONG_PATH = frozenset(
+    (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EISDIR,
+     errno.ENAMETOOLONG, errno.ELOOP)
+)  # fmt: skip
+
+
+def failure_to_write(text: str, error: OSError) -> StagectlError:
+    """What to raise where a file or folder cannot be written.
+
+    Args:
+        text: names it.
+        error: of the system.
+
+    Returns:
+        `UnusableInput` where another path would do (no permission, no such folder); otherwise, as
+        for a full disk, `StagectlError`.
+    """
+    kind = UnusableInput if error.errno in _WRONG_PATH else StagectlError
+    return kind(f"{text}: {error.strerror or error}")
 
 
 class RunFault(StagectlError):  # noqa: N818

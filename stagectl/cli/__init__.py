@@ -1,8 +1,9 @@
 """The command line. Each command is imported only when it is called.
 
-Exit codes: 0 success, 1 other failure, 2 unusable input, 3 fault of the stage, 4 a complete run
-that misses the recipe's limits, 130 stopped by the operator. Error messages are one line each and
-go to standard error.
+Exit codes: 0 success, 1 other failure, 2 unusable input (a file or folder that cannot
+be written included), 3 fault of the stage, 4 a complete run
+that misses the recipe's limits, 130 stopped by the operator. Error messages are one line each,
+without control characters, and go to standard error.
 """
 
 from __future__ import annotations
@@ -39,6 +40,10 @@ COMMANDS = {
 }
 
 
+_LONGEST = 4000
+"""Characters of an error message that are shown."""
+
+
 @click.group(cls=LazyGroup, lazy=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="stagectl")
 def cli() -> None:
@@ -57,7 +62,8 @@ def cli() -> None:
 
 def main() -> None:
     """Entry point of the `stagectl` command."""
-    from stagectl.errors import StagectlError
+    from stagectl.errors import StagectlError, failure_to_write
+    from stagectl.plain_text import one_line
 
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
@@ -75,15 +81,16 @@ def main() -> None:
     except click.ClickException as problem:
         context = getattr(problem, "ctx", None)
         hint = f" (see '{context.command_path} --help')" if context is not None else ""
-        click.echo(f"stagectl: {' '.join(problem.format_message().split())}{hint}", err=True)
+        text = one_line(" ".join(problem.format_message().split()), _LONGEST)
+        click.echo(f"stagectl: {text}{hint}", err=True)
         sys.exit(problem.exit_code)
     except StagectlError as problem:
         for line in str(problem).splitlines() or [type(problem).__name__]:
-            click.echo(f"stagectl: {line}", err=True)
+            click.echo(f"stagectl: {one_line(line, _LONGEST)}", err=True)
         sys.exit(problem.exit_code)
     except BrokenPipeError:
         sys.exit(1)
     except OSError as problem:
-        where = f"{problem.filename}: " if problem.filename else ""
-        click.echo(f"stagectl: {where}{problem.strerror or problem}", err=True)
-        sys.exit(1)
+        failure = failure_to_write(str(problem.filename or "system"), problem)
+        click.echo(f"stagectl: {one_line(failure, _LONGEST)}", err=True)
+        sys.exit(failure.exit_code)

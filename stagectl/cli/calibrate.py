@@ -176,7 +176,7 @@ def _measure(
     )
     from stagectl.cli.progress import RunProgress
     from stagectl.errors import StagectlError, UnusableInput
-    from stagectl.history import StageKey
+    from stagectl.history import StageKey, is_server, without_password
     from stagectl.report import friction_map_used, resume_command
     from stagectl.run import Listener, execute
 
@@ -208,9 +208,11 @@ def _measure(
     console.print(f"friction map used: {friction_map_used(result.summary)}", markup=False)
     _print_outcomes(console, found, changes, calibration.sequence)
     if number is not None:
+        where = str(request.history)
+        where = without_password(where) if is_server(where) else where
         console.print(
-            f"map {number} stored in {request.history}; 'stagectl map activate {number} --history "
-            f"{request.history}' puts it into use",
+            f"map {number} stored in {where}; 'stagectl map activate {number} --history "
+            f"{where}' puts it into use",
             markup=False, soft_wrap=True,
         )  # fmt: skip
     elif result.error is not None:

@@ -101,7 +101,7 @@ def _open_history(
         if len(stages) != 1:
             found = ", ".join(map(str, known)) or "nothing"
             hint = "not among them" if not stages else "which one? --stage, --simulated or --real"
-            raise UnusableInput(f"{where}: has {found}: {hint}")
+            raise UnusableInput(f"{history.name}: has {found}: {hint}")
         if write:
             history.close()
             history = open_history(where, write=True)

@@ -22,6 +22,15 @@ class LazyGroup(click.Group):
         super().__init__(*args, **keywords)
         self._lazy = lazy
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Refuse control characters: names from the command line are printed, and go into files."""
+        from stagectl.plain_text import find_control
+
+        for number, text in enumerate(args, 1):
+            if (reason := find_control(text)) is not None:  # not shown: it may be a password
+                raise click.UsageError(f"argument {number} {reason}", ctx)
+        return super().parse_args(ctx, args)
+
     def list_commands(self, ctx: click.Context) -> list[str]:
         """All commands, in the order given."""
         return list(self._lazy)

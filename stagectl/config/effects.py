@@ -12,8 +12,8 @@ from hil_sim.settings import SUBSTEPS, AxisSettings
 from stagectl.config.machine import Effect as Wanted
 from stagectl.config.machine import Machine
 from stagectl.config.validation import sort_problems, suggest
-from stagectl.config.yaml_nodes import one_line
 from stagectl.errors import ConfigError
+from stagectl.plain_text import one_line
 
 _MAX_VALUE = 1e15  # of any parameter, SI: keeps all results finite
 _TRIAL = 1.0  # duration for which the ports are checked [s], arbitrary

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Protocol
 
 from drivers.settings import HOST_NODE
-from stagectl.config.plausible import find_implausible
+from stagectl.config.plausible import find_contradictions, find_implausible
 from stagectl.config.yaml_nodes import Document
 from stagedata import LAWS
 
@@ -55,10 +55,14 @@ def check_machine(machine: Machine, document: Document) -> list[str]:
             refuse((*at, *key), reason)
         if implausible:  # other problems would only follow from it
             continue
+        before = len(problems)
         _check_ranges(axis, at, refuse)
         _check_homing(axis, at, refuse)
         _check_drive(axis.drive, (*at, "drive"), refuse)
         _check_friction(axis.plant.friction, (*at, "plant", "friction"), refuse)
+        if len(problems) == before:  # else contradictions may only follow from it
+            for key, reason in find_contradictions(axis):
+                refuse((*at, *key), reason)
         sync, period = machine.bus.sync_period, axis.drive.control_period
         if period > sync or not _whole(sync / period):
             refuse(

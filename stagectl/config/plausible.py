@@ -1,7 +1,9 @@
-"""Plausible ranges of machine parameters: beyond them, physics or arithmetic fails.
+"""Plausible machine parameters: each within a range, and together a machine that can move.
 
 The ranges are wide, some decades beyond any stage ever built: mistaken units are found by their
-dimension, and the ranges of a drive's integers are in `stagectl.config.machine_checks`.
+dimension, and the ranges of a drive's integers are in `stagectl.config.machine_checks`. Together,
+the drive must have the force to move and to stop the axis, and each length must be within the next
+larger one, so that no threshold is always or never exceeded.
 """
 
 from __future__ import annotations
@@ -57,6 +59,51 @@ def find_implausible(axis: Axis) -> Iterator[tuple[tuple[str, ...], str]]:
             yield path, f"must be at least {least:g} {unit}, is {value:g}"
         elif value is not None and value > greatest:
             yield path, f"must be at most {greatest:g}{f' {unit}' if unit else ''}, is {value:g}"
+
+
+def find_contradictions(axis: Axis) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Keys within the axis of values that contradict others, and why."""
+    yield from _lacking_force(axis)
+    yield from _disordered_lengths(axis)
+
+
+def _lacking_force(axis: Axis) -> Iterator[tuple[tuple[str, ...], str]]:
+    """The drive must have the force to move the axis, and to stop it within its travel."""
+    limits, plant, friction = axis.limits, axis.plant, axis.plant.friction
+    peak, span = axis.drive.peak_force, axis.travel[1] - axis.travel[0]
+    has = f"the drive has {peak:g} N at most (drive.peak_force)"
+    breakaway = friction.coulomb * (1.0 + max(friction.static_ratio, 0.0))
+    drag = friction.viscous * limits.velocity
+    stop = plant.mass * limits.velocity**2 / (2.0 * peak)
+    if breakaway >= peak:
+        yield ("plant", "friction", "coulomb"), f"breakaway takes {breakaway:.4g} N; {has}"
+    if drag >= peak:
+        reason = f"at limits.velocity, {limits.velocity:g} m/s, it is {drag:.4g} N; {has}"
+        yield ("plant", "friction", "viscous"), reason
+    if stop > span > 0.0:
+        reason = f"{plant.mass:g} kg at {limits.velocity:g} m/s need {stop:.3g} m to stop"
+        yield ("plant", "mass"), f"{reason}, the travel is {span:g} m; {has}"
+
+
+def _disordered_lengths(axis: Axis) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Resolution and target window are within the following error, and that within the travel."""
+    span, limit = axis.travel[1] - axis.travel[0], axis.limits.following_error
+    if span > 0.0 and limit >= span:
+        reason = f"{limit:g} m is never exceeded within the travel of {span:g} m"
+        yield ("limits", "following_error"), reason
+    error = f"limits.following_error, {limit:g} m"
+    for key, length in (
+        (("encoder", "increment"), axis.encoder.increment),
+        (("encoder", "noise"), axis.encoder.noise),
+        (("limits", "position_window"), axis.limits.position_window),
+    ):
+        if length >= limit:
+            yield key, f"{length:g} m must be below {error}"
+    friction = axis.plant.friction
+    if friction.stiffness is not None and friction.coulomb / friction.stiffness >= span > 0.0:
+        presliding = friction.coulomb / friction.stiffness
+        reason = f"presliding over {presliding:.4g} m (coulomb / stiffness) exceeds the travel"
+        yield ("plant", "friction", "stiffness"), reason
 
 
 def _value(node: object, path: tuple[str, ...]) -> float | None:

@@ -14,8 +14,9 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from stagectl.config.yaml_nodes import Document, describe_value, one_line
+from stagectl.config.yaml_nodes import Document, describe_value
 from stagectl.errors import ConfigError
+from stagectl.plain_text import one_line
 
 MAX_PROBLEMS = 100
 """Problems that are listed; the rest is only counted."""

@@ -4,7 +4,8 @@ libyaml (`yaml.CSafeLoader`) parses the file into events; the values are made he
 core rules. PyYAML's own rules (YAML 1.1) would read `1e-8` as a string, `on` as true and `010` as
 8, and let the last of two equal keys win. Numbers are decimal and finite; keys are strings and
 unique; anchors, aliases, tags and further documents are refused. Size, depth and number of values
-are limited before anything is built, so no file can exhaust the host.
+are limited before anything is built, so no file can exhaust the host. Texts with control characters
+are refused: names end up in folders, on terminals and in databases.
 
 Octal and hexadecimal numbers, dates, binary data and merge keys are not supported: they remain
 strings and are refused where a number is expected.
@@ -23,6 +24,7 @@ import yaml
 from yaml import events
 
 from stagectl.errors import ConfigError
+from stagectl.plain_text import find_control, one_line
 
 MAX_BYTES: Final = 4 * 1024 * 1024
 MAX_DEPTH: Final = 32
@@ -108,12 +110,6 @@ class Document:
                 continue  # a validator's tag
             path += f"[{part + 1}]" if isinstance(part, int) else f".{part}"
         return format_problem(self.name, mark, path.removeprefix("."), reason)
-
-
-def one_line(text: object, limit: int = 80) -> str:
-    """The text on one line, without control characters, of at most `limit` characters."""
-    line = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in str(text))
-    return line if len(line) <= limit else line[: limit - 3] + "..."
 
 
 def format_problem(name: str, mark: Mark | None, key: str, reason: str) -> str:
@@ -272,6 +268,9 @@ class _Builder:
 
     def _scalar(self, event: events.ScalarEvent, key: str) -> object:
         text = str(event.value)
+        if (reason := find_control(text)) is not None:
+            self._problem(event, key, reason)
+            return one_line(text)
         if event.implicit and not event.implicit[0]:  # quoted or block: always a string
             return text
         if text in _WORDS:

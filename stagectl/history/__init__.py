@@ -1,20 +1,15 @@
 """The friction history: every estimate with time and place, in SQLite or PostgreSQL.
 
-`port` (what the program sees), `records` (rows), `opening` (which history), `sql` on `database` or
-`postgres`, `writer` (a thread), `notes` and `filing` (from recordings), `measured` (levels).
+`port` (what the program sees), `records` (rows), `address` and `opening` (which history), `sql` on
+`database` or `postgres`, `writer` (a thread), `notes` and `filing` (from recordings), `measured`
+(levels).
 """
 
+from stagectl.history.address import is_server, without_password
 from stagectl.history.filing import file_run, file_unfiled_runs, runs_in
 from stagectl.history.measured import measured_level, misfit_error
 from stagectl.history.notes import note_of_estimate, note_of_run, step_record
-from stagectl.history.opening import (
-    FILE_NAME,
-    default_history,
-    is_server,
-    open_existing,
-    open_history,
-    without_password,
-)
+from stagectl.history.opening import FILE_NAME, default_history, open_existing, open_history
 from stagectl.history.port import History
 from stagectl.history.records import (
     F64,

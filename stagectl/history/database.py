@@ -73,7 +73,7 @@ class SqliteDatabase:
                 timeout=BUSY_TIMEOUT, cached_statements=64,
             )  # fmt: skip
         except sqlite3.Error as error:
-            raise StagectlError(f"{path}: cannot open the history: {error}") from error
+            raise _refusal(self.name, error) from error
         try:
             self._check(write)
         except BaseException:
@@ -167,5 +167,5 @@ def _refusal(name: str, error: sqlite3.Error) -> StagectlError:
         return StagectlError(f"{name}: another program is writing to it")
     if "unable to open" in str(error) or "readonly" in str(error):
         folder = Path(name).absolute().parent
-        return StagectlError(f"{name}: {error}; can it, and its folder {folder}, be written?")
+        return UnusableInput(f"{name}: {error}; can it, and its folder {folder}, be written?")
     return StagectlError(f"{name}: {error}")

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING
-from urllib.parse import unquote
 
+from stagectl.history.address import is_server
 from stagectl.history.port import History, NoHistory
 
 if TYPE_CHECKING:
@@ -15,35 +14,13 @@ if TYPE_CHECKING:
 FILE_NAME = "stage.db"
 OFF = "none"
 """In place of a path: no history."""
-_USER = re.compile(r"(?P<user>[^@/:]*)[^@/]*@")  # as in libpq
-_PASSWORDS = ("password", "sslpassword")
-
-
-def is_server(where: str) -> bool:
-    """Whether `where` is a PostgreSQL URL, not a path."""
-    return where.startswith(("postgresql://", "postgres://"))
-
-
-def without_password(where: str) -> str:
-    """The history's name for a recording: an absolute path, or a URL without password.
-
-    libpq finds the password in PGPASSWORD or ~/.pgpass.
-    """
-    if not is_server(where):
-        return str(Path(where).absolute())
-    scheme, _, rest = where.partition("://")
-    if given := _USER.match(rest):
-        rest = f"{given['user']}@{rest[given.end() :]}"
-    rest, _, query = rest.partition("?")
-    options = [o for o in query.split("&") if unquote(o.partition("=")[0]) not in _PASSWORDS]
-    return f"{scheme}://{rest}" + (f"?{'&'.join(options)}" if query and options else "")
 
 
 def open_history(where: str, write: bool = False) -> History:
     """Open the history in a file or on a server.
 
     Args:
-        where: path of a `stage.db`, or postgresql://...
+        where: path of a `stage.db`, or the address of a server.
         write: create it if necessary, and migrate its tables.
 
     Raises:

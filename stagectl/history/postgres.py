@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from stagectl.errors import StagectlError, UnusableInput
+from stagectl.history.address import UNNAMED, hide_passwords, shown_address
 from stagectl.history.port import NoHistory
 from stagectl.history.schema import MIGRATIONS, READABLE
 from stagectl.history.watchdog import Watchdog
@@ -25,6 +26,10 @@ STATEMENT_TIMEOUT = 10
 """For a statement [s]; the server ends it."""
 PATIENCE = 12
 """For an answer [s]; after that the server or the network hangs, and the connection is cut."""
+_ADDRESS = (
+    "the address cannot be used: write postgresql://USER@HOST:PORT/DATABASE, special characters as "
+    "%20 and the like, the password in PGPASSWORD or ~/.pgpass"
+)
 _LOCK = 0x53544743  # advisory lock during a migration
 
 
@@ -32,7 +37,7 @@ class PostgresDatabase:
     """A connection to a server.
 
     Args:
-        url: postgresql://user@host/database, as for libpq.
+        url: postgresql://user@host/database, or any other form of libpq.
         write: False opens it for reading only.
 
     Raises:
@@ -57,7 +62,11 @@ class PostgresDatabase:
                 options=f"-c search_path=stagectl -c statement_timeout={STATEMENT_TIMEOUT}s",
             )  # fmt: skip
         except psycopg.Error as error:
-            raise StagectlError(f"{_without_password(url)}: {_one_line(error)}") from error
+            name = shown_address(url)
+            if name == UNNAMED:  # libpq's message quotes what it takes for a port or a key
+                raise UnusableInput(f"{name}: {_ADDRESS}") from None
+            reason = hide_passwords(_one_line(error), url)
+            raise StagectlError(f"{name}: {reason}") from None
         self._watchdog = Watchdog(self._connection.fileno(), PATIENCE)
         info = self._connection.info
         self.name = f"postgresql://{info.host}:{info.port}/{info.dbname}"
@@ -149,10 +158,3 @@ def _psycopg_marks(sql: str) -> Any:
 
 def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
-
-
-def _without_password(url: str) -> str:
-    """A URL without its credentials, for a message."""
-    scheme, mark, rest = url.partition("://")
-    rest = rest.partition("?")[0]  # options may hold a password, too
-    return f"{scheme}{mark}{rest.rpartition('@')[2]}" if mark else "PostgreSQL"

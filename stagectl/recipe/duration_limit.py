@@ -14,7 +14,7 @@ from stagectl.recipe.model import ListedMarks, NoMark, Profile, Recipe, Simulate
 from stagectl.recipe.plan import DwellStep, ExciteStep, ExposeStep, MoveStep, SettleStep, plan
 
 MAX_MOVE: Final = 3600.0
-"""Longest move [s]: all its setpoints are computed at once."""
+"""Longest move [s]: all its setpoints are computed at once. Nothing is waited for any longer."""
 MAX_RUN: Final = 43_200.0
 """Longest run [s]: the capacity of a recording at 1 kHz."""
 _PLUGIN_REACH: Final = 1e-4  # m; bound of a micro-move onto a plug-in's mark

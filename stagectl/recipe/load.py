@@ -17,7 +17,7 @@ from stagectl.config.validation import sort_problems, suggest, validate
 from stagectl.config.yaml_nodes import Document, load_document, parse_document
 from stagectl.errors import ConfigError
 from stagectl.recipe import schema
-from stagectl.recipe.duration_limit import why_too_long
+from stagectl.recipe.duration_limit import MAX_MOVE, why_too_long
 from stagectl.recipe.fiducial import ENTRY_POINTS
 from stagectl.recipe.model import (
     MAX_STEPS,
@@ -81,6 +81,8 @@ def _recipe(document: Document, machine: Machine) -> Recipe:
     fiducial = check.read_fiducial(file.fiducial, len(sites))
     check.check_keys(file)
     check.check_settle(file.settle)
+    check.check_below_following_error(("settle", "window"), file.settle.window)
+    check.check_below_following_error(("limits", "peak_error"), file.limits.peak_error)
     check.check_travel(sites, places, fiducial)
     moves = check.read_moves(file.moves or [], macro, micro, ("moves",))
     check.check_path(moves)
@@ -155,6 +157,16 @@ class _Check:
             self.refuse(("settle", "window"), f"is below the encoder increment, {coarse:g} m")
         if settle.timeout < settle.hold:
             self.refuse(("settle", "timeout"), f"is shorter than hold, {settle.hold:g} s")
+        elif settle.timeout > MAX_MOVE:
+            reason = f"{settle.timeout:g} s is longer than the longest move, {MAX_MOVE:g} s"
+            self.refuse(("settle", "timeout"), reason)
+
+    def check_below_following_error(self, location: Location, length: float | None) -> None:
+        """Refuse a window that no axis can leave without a following error fault."""
+        least, name = min((axis.limits.following_error, name) for name, axis in self.axes)
+        if length is not None and length >= least:
+            reason = f"{length:g} m is never exceeded: axis {name} faults at {least:g} m"
+            self.refuse(location, f"{reason} (limits.following_error)")
 
     def read_profile(
         self, section: schema.ProfileSection, at: Location, only: int | None = None
@@ -174,6 +186,12 @@ class _Check:
             ]
             if over:
                 self.refuse((*at, key), f"{wanted:g} is above the limit of axis {', '.join(over)}")
+        for index, (name, axis) in enumerate(self.axes):
+            force, peak = axis.plant.mass * profile.acceleration, axis.drive.peak_force
+            allowed = profile.acceleration <= axis.limits.acceleration
+            if only in (None, index) and allowed and force > peak:
+                reason = f"{profile.acceleration:g} takes {force:.4g} N on axis {name}"
+                self.refuse((*at, "acceleration"), f"{reason}, whose drive has {peak:g} N at most")
 
     def read_sites(self, sites: object) -> tuple[tuple[Pair, ...], list[Place]]:
         """The sites in the order of visits, and for each a function that places its problems."""

@@ -12,8 +12,9 @@ from pathlib import Path
 
 from stagectl.config.units import LENGTH, parse_quantity
 from stagectl.config.validation import suggest
-from stagectl.config.yaml_nodes import Mark, describe_value, format_problem, one_line, read_text
+from stagectl.config.yaml_nodes import Mark, describe_value, format_problem, read_text
 from stagectl.errors import ConfigError
+from stagectl.plain_text import one_line
 from stagectl.recipe.model import Pair
 
 MAX_ROWS = 100_000

@@ -6,7 +6,7 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-from stagectl.errors import StagectlError
+from stagectl.errors import failure_to_write
 
 
 def write_atomically(
@@ -38,4 +38,4 @@ def write_atomically(
         if part != path:
             with suppress(OSError):  # it may not exist, or not be ours to remove
                 part.unlink()
-        raise StagectlError(f"{path}: cannot write the {what}: {error.strerror}") from error
+        raise failure_to_write(f"{path}: cannot write the {what}", error) from error

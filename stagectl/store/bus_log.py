@@ -23,7 +23,7 @@ from types import TracebackType
 from typing import BinaryIO
 
 from drivers.settings import HOST_NODE
-from stagectl.errors import StagectlError, UnusableInput
+from stagectl.errors import StagectlError, UnusableInput, failure_to_write
 from stagectl.store.journal import FILE_NAME, locked_journal
 
 LOG_NAME = "bus.asc"
@@ -79,7 +79,7 @@ class BusLog:
             self._file = self._spool.open("wb", buffering=1 << 16)
             self._file.write(_HEAD.pack(_MAGIC, round(started.timestamp() * 1e6), host_node))
         except OSError as error:
-            raise StagectlError(f"{self._spool}: cannot create: {error.strerror}") from error
+            raise failure_to_write(f"{self._spool}: cannot create", error) from error
         self._write = self._file.write
         self._pack = _FRAME.pack
         self._zone = started.tzinfo
@@ -212,7 +212,7 @@ def convert_spool(spool: Path, path: Path, zone: object = None) -> str | None:
     except OSError as error:
         with suppress(OSError):  # leaves the space to the recording
             part.unlink()
-        raise StagectlError(f"{path}: cannot write: {error.strerror}") from error
+        raise failure_to_write(f"{path}: cannot write", error) from error
 
 
 def _header(date: str) -> bytes:

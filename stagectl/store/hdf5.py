@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from stagectl.errors import UnusableInput
+from stagectl.plain_text import find_control, one_line
 
 MAX_SAMPLES = 50_000_000
 """14 hours at 1 kHz; a larger declared size means a damaged file."""
@@ -34,11 +35,12 @@ def open_hdf5(path: Path | str) -> Iterator[h5py.File]:
         with h5py.File(path, "r") as file:
             yield file
     except UnusableInput as error:
-        raise UnusableInput(f"{path}: {error}") from error
+        raise UnusableInput(f"{path}: {one_line(error, 400)}") from error
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
         # h5py raises any of these for a damaged file.
         raise UnusableInput(
-            f"{path}: not a readable HDF5 file (damaged or truncated): {reason_of(error)}"
+            f"{path}: not a readable HDF5 file (damaged or truncated): "
+            f"{one_line(reason_of(error), 400)}"
         ) from error
 
 
@@ -63,6 +65,22 @@ def read_text(file: h5py.File, name: str, default: str | None = None) -> str:
     except UnicodeError:
         raise UnusableInput(f"attribute {name}: not UTF-8 text") from None
     return value
+
+
+def read_line(file: h5py.File, name: str, default: str | None = None) -> str:
+    """As `read_text`, of one line without control characters."""
+    text = read_text(file, name, default)
+    if (reason := find_control(text)) is not None:
+        raise UnusableInput(f"attribute {name}: {reason}")
+    return text
+
+
+def member_names(group: h5py.Group) -> Iterator[str]:
+    """The names in a group, which messages and reports show."""
+    for name in group:
+        if (reason := find_control(name)) is not None:
+            raise UnusableInput(f"{group.name}: the name {one_line(name)!r} {reason}")
+        yield name
 
 
 def _member(group: h5py.Group, name: str) -> object:

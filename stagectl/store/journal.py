@@ -25,7 +25,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from stagectl.errors import StagectlError, UnusableInput
+from stagectl.errors import StagectlError, UnusableInput, failure_to_write
 from stagedata import Move
 
 FILE_NAME = "recording.journal"
@@ -155,7 +155,7 @@ class Journal:
                 f"{self.path}: the journal of another run; recover it first"
             ) from None
         except OSError as error:
-            raise StagectlError(f"{self.path}: cannot create: {error.strerror}") from error
+            raise failure_to_write(f"{self.path}: cannot create", error) from error
         fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         self._write(MAGIC + json.dumps(asdict(header)).encode() + b"\n")
         os.fsync(self._fd)

@@ -14,9 +14,10 @@ from stagectl.store.bus_log import DIGEST_LINE, HEAD_END
 MAX_FRAMES = 50_000_000
 
 _LINE = re.compile(
-    r"\s*(\d{1,12})\.(\d{6})\s+1\s+"
-    r"(?:(?P<error>ErrorFrame)|(?P<id>[0-9A-F]{1,8})(?P<extended>x?)\s+(?P<way>Tx|Rx)\s+d\s+"
-    r"(?P<length>[0-8])(?P<data>(?:\s+[0-9A-F]{2})*))\s*"
+    r" *(\d{1,12})\.(\d{6}) +1 +"
+    r"(?:(?P<error>ErrorFrame)|(?P<id>[0-9A-F]{1,8})(?P<extended>x?) +(?P<way>Tx|Rx) +d +"
+    r"(?P<length>[0-8])(?P<data>(?: +[0-9A-F]{2})*)) *",
+    re.ASCII,
 )
 _HEADER = ("date ", "base hex ", "internal events ", "Begin Triggerblock", "End TriggerBlock", "//")
 
@@ -79,8 +80,8 @@ def read_log(path: Path) -> LoggedBus:
 
 def _frames(text: str, path: Path) -> Iterator[LoggedFrame]:
     last = 0
-    for number, line in enumerate(text.splitlines(), 1):
-        if not line.strip() or line.startswith(_HEADER) or line.endswith("Start of measurement"):
+    for number, line in enumerate(text.split("\n"), 1):
+        if not line.strip(" ") or line.startswith(_HEADER) or line.endswith("Start of measurement"):
             continue
         match = _LINE.fullmatch(line)
         if match is None:

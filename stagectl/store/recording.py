@@ -19,14 +19,17 @@ import numpy as np
 import numpy.typing as npt
 
 from stagectl.errors import StagectlError, UnusableInput
+from stagectl.plain_text import one_line
 from stagectl.store.atomic import write_atomically
 from stagectl.store.hdf5 import (
     check_unit,
+    member_names,
     open_group,
     open_hdf5,
     read_array,
     read_floats,
     read_integers,
+    read_line,
     read_text,
     reason_of,
 )
@@ -69,13 +72,13 @@ def read_recording(path: Path | str) -> Recording:
             sample = int(np.argmax(np.diff(time) <= 0)) + 1
             raise UnusableInput(f"/time: sample {sample}: not later than the one before")
         group = open_group(file, "axes")
-        axes = {name: _axis(group, name, len(time)) for name in group}
+        axes = {name: _axis(group, name, len(time)) for name in member_names(group)}
         if not axes:
             raise UnusableInput("/axes: no axis")
         return Recording(
             machine=machine,
             recipe=read_text(file, "recipe", default=""),
-            started=read_text(file, "started", default=""),
+            started=read_line(file, "started", default=""),
             time=time,
             axes=axes,
             moves=_moves(file, tuple(axes), len(time)),
@@ -104,7 +107,7 @@ def read_ledger(path: Path | str) -> CycleLedger | None:
         return CycleLedger(
             arrival={
                 name: read_floats(group, name, len(late), finite=False)  # nan where missed
-                for name in group
+                for name in member_names(group)
             },
             late=late.astype(np.bool_),
             sync=_optional(file, "cycle/sync", len(late)),
@@ -163,10 +166,10 @@ def read_notes(path: Path | str) -> RunNotes:
         return RunNotes(
             recipe=read_text(file, "recipe", default=""),
             machine=read_text(file, "machine"),
-            started=read_text(file, "started", default=""),
-            outcome=read_text(file, "outcome", default=""),
+            started=read_line(file, "started", default=""),
+            outcome=read_line(file, "outcome", default=""),
             events=tuple(events),
-            fault=read_text(file, "fault", default="") or None,
+            fault=one_line(read_text(file, "fault", default=""), 4000) or None,
         )
 
 
@@ -272,11 +275,11 @@ def _move_table(recording: Recording) -> npt.NDArray[np.void]:
 
 
 def _check_format(file: h5py.File) -> None:
-    if read_text(file, "format", default="") != FORMAT:
+    if read_line(file, "format", default="") != FORMAT:
         raise UnusableInput(f"attribute format: not {FORMAT!r}, so not a recording of ours")
     version = file.attrs.get("version")
     if not isinstance(version, int | np.integer) or version < 1:
-        raise UnusableInput(f"attribute version: must be a whole number from 1, is {version}")
+        raise UnusableInput(f"attribute version: must be a whole number from 1, is {version!r}")
     if version > VERSION:
         raise UnusableInput(
             f"attribute version: {version} is newer than this program reads ({VERSION})"

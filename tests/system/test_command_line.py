@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import h5py
 import pytest
 
 from stagectl.cli import COMMANDS
@@ -427,6 +428,45 @@ def test_what_could_not_be_written_is_refused_before_the_work(stagectl, tmp_path
     assert done.returncode == 2
     assert "--json" in done.stderr
     assert str(tmp_path) in done.stderr
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["run", RECIPE, "--simulate", "--out", "{}/run"],
+        ["run", RECIPE, "--simulate", "--out", "{out}", "--history", "{}/stage.db"],
+        ["run", RECIPE, "--dry-run", "--json", "{}/plan.json"],
+        ["calibrate", "{sites}", "--simulate", "--out", "{}/run"],
+        ["paper", "--out", "{}/page.md"],
+        ["map", "show", "--history", "{}/stage.db"],
+        ["recover", "{}/run"],
+        ["replay", "{}/run"],
+    ],
+)
+def test_a_folder_that_cannot_be_used_is_unusable_input(stagectl, tmp_path, command):
+    (tmp_path / "file").touch()
+    (tmp_path / "sites.yaml").write_text("calibrate: c\nsites: [[0, 0], [0.01, 0]]\n")
+    names = {"out": tmp_path / "out", "sites": tmp_path / "sites.yaml"}
+    done = stagectl(*(str(part).format(tmp_path / "file", **names) for part in command))
+    assert done.returncode == 2, done.stderr
+    assert str(tmp_path / "file") in done.stderr
+    assert len([line for line in done.stderr.splitlines() if line.startswith("stagectl: ")]) == 1
+
+
+def test_control_characters_of_the_command_line_are_refused(stagectl, tmp_path):
+    done = stagectl("run", RECIPE, "--simulate", "--out", tmp_path / "\x1b[31mred")
+    assert done.returncode == 2
+    assert "argument 5 holds the control character U+001B" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_message_has_no_control_characters(stagectl, tmp_path):
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file.attrs.update(format="stagectl-recording", version="1\n\x1b[31m2")
+    done = stagectl("gap", "measure", tmp_path / "r.h5")
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.isprintable()
 
 
 def test_a_mistyped_command_has_a_neighbour(stagectl):

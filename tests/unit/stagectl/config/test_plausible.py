@@ -49,7 +49,6 @@ def test_implausible_values_are_one_line_at_their_place(
     ("old", "new"),
     [
         ("mass: 8.0", "mass: 5 g"),  # a piezo stage's carriage
-        ("mass: 8.0", "mass: 2.0e+4"),  # a gantry
         ("coulomb: 6.0", "coulomb: 1.0e-6"),  # an air bearing
         ("viscous: 20.0", "viscous: 0.0"),
         ("increment: 1.0e-9", "increment: 1.0e-12"),  # an interferometer
@@ -62,3 +61,64 @@ def test_implausible_values_are_one_line_at_their_place(
 )
 def test_values_of_unusual_stages_are_accepted(old: str, new: str) -> None:
     parse_machine(GOOD.replace(old, new), "m")
+
+
+def test_a_gantry_with_the_motor_it_needs_is_accepted() -> None:
+    text = GOOD.replace("mass: 8.0", "mass: 2.0e+4")
+    text = text.replace("rated_force: 40.0", "rated_force: 20 kN")
+    parse_machine(text.replace("peak_force: 120.0", "peak_force: 60 kN"), "m")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key_and_reason"),
+    [
+        (
+            "mass: 8.0",
+            "mass: ^80000.0",
+            "axes.x.plant.mass: 80000 kg at 1 m/s need 333 m to stop, the travel is 0.3 m; "
+            "the drive has 120 N at most (drive.peak_force)",
+        ),
+        (
+            "coulomb: 6.0",
+            "coulomb: ^90.0",
+            "axes.x.plant.friction.coulomb: breakaway takes 126 N; "
+            "the drive has 120 N at most (drive.peak_force)",
+        ),
+        (
+            "viscous: 20.0",
+            "viscous: ^200.0",
+            "axes.x.plant.friction.viscous: at limits.velocity, 1 m/s, it is 200 N; "
+            "the drive has 120 N at most (drive.peak_force)",
+        ),
+        (
+            "stiffness: 6.0e5",
+            "stiffness: ^6.0",
+            "axes.x.plant.friction.stiffness: presliding over 1 m (coulomb / stiffness) exceeds "
+            "the travel",
+        ),
+        (
+            "following_error: 0.001",
+            "following_error: ^0.5",
+            "axes.x.limits.following_error: 0.5 m is never exceeded within the travel of 0.3 m",
+        ),
+        (
+            "following_error: 0.001",
+            "following_error: 0.001, position_window: ^0.01",
+            "axes.x.limits.position_window: 0.01 m must be below limits.following_error, 0.001 m",
+        ),
+        (
+            "increment: 1.0e-9",
+            "increment: ^0.01",
+            "axes.x.encoder.increment: 0.01 m must be below limits.following_error, 0.001 m",
+        ),
+        (
+            "noise: 1.0e-9",
+            "noise: ^1.0",
+            "axes.x.encoder.noise: 1 m must be below limits.following_error, 0.001 m",
+        ),
+    ],
+)
+def test_figures_that_contradict_each_other_are_refused(
+    check_refused, old: str, new: str, key_and_reason: str
+) -> None:
+    check_refused(old, new, key_and_reason)

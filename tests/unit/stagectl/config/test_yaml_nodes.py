@@ -178,3 +178,28 @@ def test_random_bytes_are_a_document_or_a_problem() -> None:
         refused += bool(lines)
         assert all(line.startswith("f.yaml") and "\n" not in line for line in lines)
     assert refused > 50
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ('"stage\\0"', "U+0000"),
+        ('"\\e[31mred"', "U+001B"),
+        ('"two\\nlines"', "U+000A"),
+        ('"\\u202Eesrever"', "U+202E"),
+        ("|\n  two\n  lines", "U+000A"),
+    ],
+)
+def test_a_text_with_a_control_character_is_refused(text: str, code: str) -> None:
+    assert problems(f"a: {text}") == (f"f.yaml:1:4: a: holds the control character {code}",)
+
+
+def test_a_key_with_a_control_character_is_refused() -> None:
+    (problem,) = problems('"a\\e": 1')
+    assert problem.endswith("holds the control character U+001B")
+    assert problem.isprintable()
+
+
+@pytest.mark.parametrize("text", ["\u00b5-stage", "\u30b9\u30c6\u30fc\u30b8", "10\u00a0nm"])
+def test_other_characters_of_any_language_are_accepted(text: str) -> None:
+    assert value(f'"{text}"') == text

@@ -54,7 +54,16 @@ def test_a_bus_failure_is_in_the_log(tmp_path):
     assert read_log(path).frames[1].failed
 
 
-@pytest.mark.parametrize("line", ["rubbish", "0.1 1 201 Tx d 1 00", "0.000001 1 201 Tx d 9 00"])
+@pytest.mark.parametrize(
+    "line",
+    [
+        "rubbish",
+        "0.1 1 201 Tx d 1 00",
+        "0.000001 1 201 Tx d 9 00",
+        "0.000001 1 201 Tx d 2 00\x1f00",
+        "\x1c",
+    ],
+)
 def test_a_line_of_another_form_is_named(tmp_path, line):
     path = tmp_path / "bus.asc"
     with BusLog(path, STARTED) as log:

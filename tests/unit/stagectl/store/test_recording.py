@@ -232,3 +232,23 @@ def test_a_failed_write_keeps_the_old_file_and_no_part_file(path: Path, tmp_path
     with pytest.raises(StagectlError, match="cannot write"):
         write_recording(small_recording(seed=2), tmp_path / "copy.h5")
     assert (tmp_path / "copy.h5").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value"),
+    [("version", "1\n2"), ("started", "2026\x1b[31m"), ("format", "a\nb")],
+)
+def test_an_attribute_with_a_control_character_is_one_line(path, attribute, value):
+    with h5py.File(path, "a") as file:
+        file.attrs[attribute] = value
+    with pytest.raises(UnusableInput, match=attribute) as caught:
+        read_recording(path)
+    assert str(caught.value).isprintable()
+
+
+def test_the_name_of_an_axis_has_no_control_character(path):
+    with h5py.File(path, "a") as file:
+        file.move("axes/x", "axes/x\x1b")
+    with pytest.raises(UnusableInput, match="the control character U\\+001B") as caught:
+        read_recording(path)
+    assert str(caught.value).isprintable()

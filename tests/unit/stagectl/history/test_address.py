@@ -1,0 +1,67 @@
+"""Passwords in the address of a history: in no message and no recording."""
+
+from __future__ import annotations
+
+import pytest
+
+from stagectl.errors import StagectlError
+from stagectl.history import is_server, open_history, without_password
+from stagectl.history.address import shown_address
+
+psycopg = pytest.importorskip("psycopg")
+
+
+@pytest.mark.parametrize(
+    "where",
+    [
+        "postgresql://u:open sesame@localhost:1/db",
+        "postgresql://u:open%20sesame@localhost:1/db",
+        "postgresql://u:open/sesame@localhost:1/db",
+        "postgresql://u:12/sesame@localhost:1/db",
+        "postgresql://u:open@sesame@localhost:1/db",
+        "postgresql://u:open?sesame@localhost:1/db",
+        "postgresql://localhost:1/db?password=open sesame",
+        "host=localhost port=1 user=u password='open sesame' dbname=db",
+        "host=localhost port=1 user=u password = 'open sesame' dbname=db",
+        "host=localhost port=1 user=u password='open sesame dbname=db",
+        "host=localhost port=1 user=u password=open sesame dbname=db",
+        "password='open sesame' hast=localhost",
+        "mysql://u:open sesame@localhost/db",
+        "POSTGRESQL://u:open sesame@localhost/db",
+    ],
+)
+@pytest.mark.parametrize("write", [True, False])
+def test_no_form_of_an_address_shows_its_password(where: str, write: bool) -> None:
+    with pytest.raises(StagectlError) as caught:
+        open_history(where, write)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert "open" not in text.replace("open_", "")
+    assert "sesame" not in text
+
+
+@pytest.mark.parametrize(
+    ("where", "shown"),
+    [
+        ("runs/stage.db", "runs/stage.db"),
+        ("postgresql://u:secret@h:5433/db", "postgresql://h:5433/db"),
+        ("postgresql:///db?host=/tmp/x", "postgresql:///tmp/x/db"),
+        ("host=h dbname=db user=u password='a b'", "postgresql://h/db"),
+        ("host='", "PostgreSQL"),
+    ],
+)
+def test_messages_name_the_server_and_nothing_else(where: str, shown: str) -> None:
+    assert shown_address(where) == shown
+
+
+def test_key_value_pairs_are_recorded_without_passwords() -> None:
+    where = r"host=h dbname='my db' user=u password='it\'s' sslpassword=x"
+    assert is_server(where)
+    assert psycopg.conninfo.conninfo_to_dict(without_password(where)) == {
+        "host": "h", "dbname": "my db", "user": "u",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("where", ["stage.db", "runs/host=1.db", "/var/my password/stage.db"])
+def test_a_path_is_a_path(where: str) -> None:
+    assert not is_server(where)
