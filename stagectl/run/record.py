@@ -38,18 +38,20 @@ from stagectl.sequencer import (
     StretchDone,
 )
 from stagectl.store import (
+    LOG_NAME,
     RECORDING_NAME,
     AxisScaling,
     Journal,
     JournalHeader,
+    find_log,
     finite,
     read_journal_notes,
     recover_journal,
 )
 from stagedata import AxisSignals, Move, Recording
 
-OUTPUTS = ("recording.h5", "summary.json", "report.html", "bus.asc")
-"""Files of a run."""
+OUTPUTS = ("recording.h5", "summary.json", "report.html")
+"""Files of a run, besides its bus log."""
 _ESTIMATED_AS = {"attraction": "relaxation_rate"}
 """Figures that the estimator has in another form."""
 
@@ -251,10 +253,13 @@ class RunRecord:
 
 def _set_aside_files(folder: Path) -> None:
     """Move the files of an earlier run to `previous/`, so as not to mistake them for this one's."""
-    old = [folder / name for name in OUTPUTS if (folder / name).exists()]
+    log = find_log(folder / LOG_NAME)
+    old = [*(folder / name for name in OUTPUTS if (folder / name).exists()), *log]
     if old:
         previous = folder / "previous"
         previous.mkdir(exist_ok=True)
+        for earlier in find_log(previous / LOG_NAME) if log else ():
+            earlier.unlink()
         for path in old:
             path.replace(previous / path.name)
 

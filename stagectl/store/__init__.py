@@ -1,12 +1,13 @@
 """Files of a run: journal, recording, summary, bus log.
 
 `journal` (while the run goes on), `recovery` (from there to the recording), `recording` (HDF5;
-`hdf5`, `ledger`), `bus_log` and `log_reader`, `summary`, `foreign` and `columns` (data of other
-programs), `atomic`.
+`hdf5`, `ledger`), `bus_log` (`frame_spool`, `asc_log`) and `log_reader`, `summary`, `foreign` and
+`columns` (data of other programs), `atomic`.
 """
 
+from stagectl.store.asc_log import LOG_NAME, find_log
 from stagectl.store.atomic import write_atomically
-from stagectl.store.bus_log import LOG_NAME, SPOOL_NAME, BusLog, recover_log
+from stagectl.store.bus_log import SPOOL_NAME, BusLog, recover_log
 from stagectl.store.foreign import import_recording
 from stagectl.store.journal import (
     FILE_NAME,
@@ -64,6 +65,7 @@ __all__ = [
     "RunFacts",
     "RunNotes",
     "build_summary",
+    "find_log",
     "finite",
     "import_recording",
     "read_journal_notes",

@@ -1,15 +1,17 @@
-"""Reads the bus log of a run (`bus.asc`) and computes its digest."""
+"""Reads the bus log of a run, `bus.asc` or its compressed parts, and computes its digest."""
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 import re
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from stagectl.errors import UnusableInput
-from stagectl.store.bus_log import DIGEST_LINE, HEAD_END
+from stagectl.store.asc_log import DIGEST_LINE, END, HEAD_END, find_log
 
 MAX_FRAMES = 50_000_000
 
@@ -50,8 +52,9 @@ class LoggedBus:
 
     Attributes:
         frames: in order.
-        digest: SHA-256 of the frames' lines, in hex.
-        stated: digest that the log states, or None.
+        digest: SHA-256 of the frames' lines, in hex; of all parts, as if they were one file.
+        stated: digest that the log states, or None; where a part states another one than its own,
+            the one that this part states.
     """
 
     frames: tuple[LoggedFrame, ...]
@@ -62,24 +65,38 @@ class LoggedBus:
 def read_log(path: Path) -> LoggedBus:
     """Read a log written by `bus_log`.
 
+    Args:
+        path: of `bus.asc`, also where its parts are there instead.
+
     Raises:
-        UnusableInput: there is none, or a line has another form; names the line.
+        UnusableInput: there is none, a part is missing, or a line has another form; names the line.
     """
+    files = find_log(path) or [path]
+    frames: list[LoggedFrame] = []
+    whole, wrong, complete = hashlib.sha256(), None, True
+    for file in files:
+        body, mark, stated = _read_text(file).partition(DIGEST_LINE)
+        frames.extend(_frames(body, file, frames[-1].time_ns if frames else 0))
+        lines = body.partition(HEAD_END)[2].encode("ascii")
+        whole.update(lines if file is files[-1] else lines.removesuffix(END))
+        complete = complete and bool(mark)
+        if mark and stated.strip() != hashlib.sha256(lines).hexdigest():
+            wrong = wrong or stated.strip()
+    digest = whole.hexdigest()
+    return LoggedBus(tuple(frames), digest, (wrong or digest) if complete else None)
+
+
+def _read_text(file: Path) -> str:
     try:
-        text = path.read_text(encoding="ascii")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not a bus log"
-        raise UnusableInput(f"{path}: {reason}") from error
-    body, mark, stated = text.partition(DIGEST_LINE)
-    return LoggedBus(
-        tuple(_frames(body, path)),
-        hashlib.sha256(body.partition(HEAD_END)[2].encode("ascii")).hexdigest(),
-        stated.strip() if mark else None,
-    )
+        data = file.read_bytes()
+        text = gzip.decompress(data) if file.suffix == ".gz" else data
+        return text.decode("ascii").replace("\r\n", "\n")
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else None
+        raise UnusableInput(f"{file}: {reason or 'not a bus log'}") from error
 
 
-def _frames(text: str, path: Path) -> Iterator[LoggedFrame]:
-    last = 0
+def _frames(text: str, path: Path, last: int) -> Iterator[LoggedFrame]:
     for number, line in enumerate(text.split("\n"), 1):
         if not line.strip(" ") or line.startswith(_HEADER) or line.endswith("Start of measurement"):
             continue

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+import time
 from datetime import UTC, datetime
 
 import h5py
@@ -20,6 +21,7 @@ from stagectl.recipe import parse_recipe
 from stagectl.run import Listener, RunRequest, execute
 from stagectl.run.replay import replay
 from stagectl.sequencer import Mode, MoveStarted
+from stagectl.store import BusLog, read_log
 from tests.system.short_recipe import short_recipe
 
 RECIPE = short_recipe((0.004, -0.003), (0.01, 0.002))
@@ -55,6 +57,20 @@ def edit(path, pattern, replacement, occurrence):
     lines[chosen] = re.sub(pattern, replacement, lines[chosen])
     path.write_text("".join(lines))
     return chosen - 4  # five lines come before the first frame
+
+
+def test_a_log_in_parts_is_replayed_like_one_file(folder, tmp_path):
+    seal = read_log(folder / "bus.asc").digest
+    frames = read_log(folder / "bus.asc").frames
+    (folder / "bus.asc").unlink()
+    with BusLog(folder / "bus.asc", datetime.now(UTC), part_frames=len(frames) // 2) as log:
+        for number, frame in enumerate(frames):
+            log.tap(frame.time_ns, frame.can_id, frame.data)
+            while number == len(frames) // 4 and not (folder / "bus-002.frames").exists():
+                time.sleep(0.001)
+    assert not (folder / "bus.asc").exists()
+    result = replay(folder)
+    assert (result.difference, result.sealed, result.digest) == (None, True, seal)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from stagectl.errors import UnusableInput
 from stagectl.store import BusLog, LoggedFrame, read_log
-from stagectl.store.bus_log import BUS_FAILED
+from stagectl.store.asc_log import BUS_FAILED
 
 STARTED = datetime(2026, 11, 2, 8, 5, 6, tzinfo=UTC)
 FRAMES = st.lists(

@@ -1,0 +1,164 @@
+"""Long runs: the spool in parts, compressed while the run goes on, and the log made of them."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import os
+import shutil
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+
+import can
+import pytest
+
+from stagectl.errors import UnusableInput
+from stagectl.store import BusLog, read_log, recover_log
+from stagectl.store.frame_spool import PART_FRAMES
+
+STARTED = datetime(2026, 11, 2, 8, 5, 6, 7000, tzinfo=UTC)
+PART = 1000
+DEADLINE = 600.0  # only ends a wait that would otherwise never end
+
+
+def wait_for(path: Path) -> None:
+    ends = time.monotonic() + DEADLINE
+    while not path.exists():
+        assert time.monotonic() < ends
+        time.sleep(0.001)
+
+
+def tap(log: BusLog, folder: Path, first: int, count: int) -> None:
+    """Frames of a long run, slowly enough for the thread that opens the next part."""
+    for k in range(first, first + count):
+        log.tap(k * 1000, 0x181, k.to_bytes(8, "little"))
+        if k % PART == PART // 2:
+            wait_for(folder / f"bus-{k // PART + 2:03}.frames")
+
+
+def in_one_file(folder: Path, count: int) -> BusLog:
+    folder.mkdir()
+    with BusLog(folder / "bus.asc", STARTED) as log:
+        for k in range(count):
+            log.tap(k * 1000, 0x181, k.to_bytes(8, "little"))
+    return log
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_long_log_is_kept_in_compressed_parts_with_the_digest_of_one_file(tmp_path: Path):
+    long, short = tmp_path / "long", in_one_file(tmp_path / "short", 2500)
+    long.mkdir()
+    with BusLog(long / "bus.asc", STARTED, part_frames=PART) as log:
+        tap(log, long, 0, 2500)
+    assert log.failure is None
+    assert names(long) == ["bus-001.asc.gz", "bus-002.asc.gz", "bus-003.asc.gz"]
+    assert log.digest == short.digest
+    whole, other = read_log(long / "bus.asc"), read_log(tmp_path / "short" / "bus.asc")
+    assert whole == other
+    assert whole.stated == whole.digest == log.digest
+
+
+def test_every_part_is_a_log_that_can_tools_read(tmp_path: Path):
+    with BusLog(tmp_path / "bus.asc", STARTED, part_frames=PART) as log:
+        tap(log, tmp_path, 0, 1200)
+    seen: list[can.Message] = []
+    for name in names(tmp_path):
+        with can.LogReader(tmp_path / name) as reader:
+            seen += list(reader)
+        *above, last = gzip.decompress((tmp_path / name).read_bytes()).splitlines(keepends=True)
+        assert last.split()[-1].decode() == hashlib.sha256(b"".join(above[5:])).hexdigest()
+    assert [int.from_bytes(m.data, "little") for m in seen] == list(range(1200))
+    assert seen[-1].timestamp - seen[0].timestamp == pytest.approx(1199e-6)
+
+
+def test_a_run_of_one_part_is_one_file(tmp_path: Path):
+    assert PART_FRAMES > 1_000_000
+    with BusLog(tmp_path / "bus.asc", STARTED, part_frames=PART) as log:
+        tap(log, tmp_path, 0, PART - 1)
+    assert names(tmp_path) == ["bus.asc"]
+
+
+def test_a_killed_long_run_loses_only_its_last_block(tmp_path: Path):
+    live, killed = tmp_path / "live", tmp_path / "killed"
+    live.mkdir()
+    with BusLog(live / "bus.asc", STARTED, part_frames=PART) as log:
+        tap(log, live, 0, 2500)
+        wait_for(live / "bus.frames.gz")
+        wait_for(live / "bus-002.frames.gz")
+        shutil.copytree(live, killed, ignore=shutil.ignore_patterns("*.part"))
+    (killed / "bus-002.frames.gz.part").write_bytes(b"cut")  # as if killed while compressing
+    (killed / "bus-002.frames").write_bytes(
+        gzip.decompress((killed / "bus-002.frames.gz").read_bytes())
+    )
+    assert recover_log(killed) == killed / "bus-001.asc.gz"
+    frames = read_log(killed / "bus.asc").frames
+    assert len(frames) >= 2 * PART
+    assert frames == read_log(live / "bus.asc").frames[: len(frames)]
+    assert recover_log(killed) is None
+    assert [name for name in names(killed) if "frames" in name] == ["bus-002.frames.gz.part"]
+
+
+def test_the_next_run_keeps_the_parts_of_a_killed_one(tmp_path: Path):
+    made, folder = tmp_path / "made", tmp_path / "run"
+    made.mkdir()
+    with BusLog(made / "bus.asc", STARTED, part_frames=PART) as log:
+        tap(log, made, 0, 1500)
+        wait_for(made / "bus.frames.gz")
+        shutil.copytree(made, folder, ignore=shutil.ignore_patterns("*.part"))
+    (folder / "bus-002.frames").write_bytes(b"")  # killed before its first block
+    with BusLog(folder / "bus.asc", STARTED) as log:
+        log.tap(0, 0x200, b"")
+    assert len(read_log(folder / "bus-recovered.asc").frames) == PART
+    assert [frame.can_id for frame in read_log(folder / "bus.asc").frames] == [0x200]
+
+
+def test_the_cycle_does_not_wait_for_a_compression_that_hangs(tmp_path: Path):
+    pipe = tmp_path / "bus.frames.gz.part"
+    os.mkfifo(pipe)  # opening it for writing hangs until somebody reads
+    with BusLog(tmp_path / "bus.asc", STARTED, part_frames=PART) as log:
+        tap(log, tmp_path, 0, 1500)
+        for k in range(1500, 6000):
+            log.tap(k * 1000, 0x181, k.to_bytes(8, "little"))
+        os.close(os.open(pipe, os.O_RDONLY | os.O_NONBLOCK))  # a broken pipe, like a full disk
+    assert log.failure is None
+    assert log.digest == in_one_file(tmp_path / "short", 6000).digest
+
+
+def test_a_full_disk_leaves_the_parts_uncompressed(tmp_path: Path):
+    (tmp_path / "bus.frames.gz.part").symlink_to("/dev/full")
+    with BusLog(tmp_path / "bus.asc", STARTED, part_frames=PART) as log:
+        tap(log, tmp_path, 0, 2500)
+    assert log.failure is None
+    assert len(read_log(tmp_path / "bus.asc").frames) == 2500
+
+
+def test_a_missing_part_is_named(tmp_path: Path):
+    with BusLog(tmp_path / "bus.asc", STARTED, part_frames=PART) as log:
+        tap(log, tmp_path, 0, 2500)
+    (tmp_path / "bus-002.asc.gz").unlink()
+    with pytest.raises(UnusableInput, match=r"bus-002\.asc\.gz: no such file"):
+        read_log(tmp_path / "bus.asc")
+
+
+def test_a_changed_part_and_a_damaged_one_are_noticed(tmp_path: Path):
+    with BusLog(tmp_path / "bus.asc", STARTED, part_frames=PART) as log:
+        tap(log, tmp_path, 0, 1500)
+    part = tmp_path / "bus-001.asc.gz"
+    text = gzip.decompress(part.read_bytes())
+    part.write_bytes(gzip.compress(text.replace(b" 03 00 ", b" 04 00 ", 1)))
+    changed = read_log(tmp_path / "bus.asc")
+    assert changed.digest not in (changed.stated, log.digest)
+    part.write_bytes(gzip.compress(text)[:-20])
+    with pytest.raises(UnusableInput, match=r"bus-001\.asc\.gz: not a bus log"):
+        read_log(tmp_path / "bus.asc")
+
+
+def test_a_damaged_compressed_spool_is_refused(tmp_path: Path):
+    (tmp_path / "bus.frames.gz").write_bytes(gzip.compress(b"stgspool" + bytes(500))[:-20])
+    with pytest.raises(UnusableInput, match=r"bus\.frames"):
+        recover_log(tmp_path)
+    assert names(tmp_path) == ["bus.frames.gz"]
