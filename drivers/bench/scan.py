@@ -7,7 +7,7 @@ host that uses SDO at the same time may receive answers to our requests.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from canopen import SdoAbortedError, SdoCommunicationError
@@ -66,19 +66,23 @@ class Found:
             self.heard.append(how)
 
 
-def scan(network: Network, ask: bool = True, listen: float = LISTEN) -> list[Found]:
+def scan(
+    network: Network, ask: bool = True, listen: float = LISTEN, expected: Iterable[int] = ()
+) -> list[Found]:
     """All nodes that are heard within `listen` [s] or answer an SDO, ordered by node id.
 
     Args:
         network: of the bus, which nothing else reads.
         ask: whether to send SDO requests; False only listens.
-        listen: time to listen [s]; twice with requests.
+        listen: time to listen [s]; twice with requests, three times if an expected node is missing.
+        expected: node ids that are asked once more if they do not answer.
 
     Raises:
         BusError: the bus fails.
     """
     nodes: dict[int, Found] = {}
     answers: dict[int, int] = {}
+    again: list[int] = []
 
     def heartbeat(node: int) -> Callable[[int, bytearray, float], None]:
         def on_frame(can_id: int, data: bytearray, timestamp: float) -> None:
@@ -108,19 +112,27 @@ def scan(network: Network, ask: bool = True, listen: float = LISTEN) -> list[Fou
     try:
         network.pump(listen)
         if ask:
-            for node in range(1, 128):
-                network.send_message(0x600 + node, struct.pack("<BHB4x", 0x40, 0x1000, 0))
-                network.pump(_PACE)  # a CAN controller's queue holds few frames
-            network.pump(listen)
+            _ask(network, range(1, 128), listen)
+            again = [node for node in expected if node not in answers]
+            if again:
+                _ask(network, again, listen)
     finally:
         for can_id, callback in callbacks:
             network.unsubscribe(can_id, callback)
     found = [nodes[n] for n in sorted(nodes)]
     for one in found:
-        one.doubled = answers.get(one.node, 0) > 1
+        one.doubled = answers.get(one.node, 0) > (2 if one.node in again else 1)
         if one.node in answers:
             _identify(network, one)
     return found
+
+
+def _ask(network: Network, nodes: Iterable[int], listen: float) -> None:
+    """Requests the device type of nodes, and listens for the answers [s]."""
+    for node in nodes:
+        network.send_message(0x600 + node, struct.pack("<BHB4x", 0x40, 0x1000, 0))
+        network.pump(_PACE)  # a CAN controller's queue holds few frames
+    network.pump(listen)
 
 
 def _identify(network: Network, found: Found) -> None:

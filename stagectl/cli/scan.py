@@ -26,26 +26,30 @@ def command(bench: Bench, passive: bool, listen: float, json_out: Path | None) -
 
     Nodes are found by boot-up message, by heartbeat, and by an SDO read of the device type
     (0x1000) from every node id. Nothing is written and nothing moves.
+
+    Exit code 1 if a node of the machine file does not answer, asked twice; with --passive, nothing
+    is asked and the exit code is 0.
     """
     from drivers.bench import scan
 
     with bench.observer() as network:
-        found = scan(network, ask=not passive, listen=listen)
+        axes = {axis.node: axis.name for axis in bench.axes}
+        found = scan(network, ask=not passive, listen=listen, expected=axes)
         label, host = network.label, network.other_host.found
-    axes = {axis.node: axis.name for axis in bench.axes}
+    missing = [node for node in axes if all(one.node != node for one in found)]
     write_json([_entry(node, axes) for node in found], json_out)
-    if is_json_on_stdout(json_out):
-        return
-    from rich.console import Console
+    if not is_json_on_stdout(json_out):
+        from rich.console import Console
 
-    Console().print(_table(found, axes, label))
+        Console().print(_table(found, axes, label))
     if host is not None:
         click.echo(f"another host is active on this bus: {host} was heard", err=True)
-    for node, name in axes.items():
-        if all(one.node != node for one in found):
-            click.echo(
-                f"axis {name}: node {node} of {bench.machine.source} was not heard", err=True
-            )
+    how = "was not heard" if passive else "was not heard, asked twice"
+    for node in missing:
+        text = f"axis {axes[node]}: node {node} of {bench.machine.source} {how}"
+        click.echo(text, err=True)
+    if missing and not passive:
+        raise click.exceptions.Exit(1)
 
 
 def _entry(node: Found, axes: dict[int, str]) -> dict[str, Any]:

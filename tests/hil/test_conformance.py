@@ -308,6 +308,16 @@ def test_scan_listens_and_asks(machine: Machine) -> None:
         assert scan(bus)[0].error_code == 0x7305
 
 
+def test_scan_asks_twice_who_is_expected_and_does_not_answer(machine: Machine) -> None:
+    with network(machine) as (bus, _):
+        asked: list[int] = []
+        bus.tap = lambda t, can_id, data: asked.append(can_id)
+        found = scan(bus, expected=(1, 2, 9))
+        assert asked.count(0x609) == 2
+        assert asked.count(0x60A) == 1
+        assert [f.node for f in found] == [1, 2]
+
+
 def test_scan_finds_two_devices_with_one_id(machine: Machine) -> None:
     with network(machine) as (bus, _):
         twin = stage_settings(machine)
