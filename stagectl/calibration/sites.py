@@ -99,7 +99,7 @@ fiducial: {{source: simulated, range: {reach!r}}}
 """
 
 
-def load_calibration(path: Path, machine: Machine) -> Calibration:
+def load_calibration(path: Path | str, machine: Machine) -> Calibration:
     """Load a calibration and check it against the machine, as a recipe.
 
     Raises:
@@ -110,7 +110,7 @@ def load_calibration(path: Path, machine: Machine) -> Calibration:
     if isinstance(file.sites, schema.GridSites) and math.prod(file.sites.grid.count) > MAX_SITES:
         reason = f"more than {MAX_SITES} sites: {math.prod(file.sites.grid.count)}"
         raise ConfigError(document.problem(("sites", "grid", "count"), reason))
-    sites = _sites(file, path)
+    sites = _sites(file, Path(path))
     problems = [
         document.problem(
             ("sites",),

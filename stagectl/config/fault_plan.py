@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from hil_sim.bus import faults as sim
 
 
-def load_faults(path: Path, machine: Machine, seed: int) -> sim.FaultPlan:
+def load_faults(path: Path | str, machine: Machine, seed: int) -> sim.FaultPlan:
     """The faults of a file, for a machine.
 
     Args:

@@ -12,7 +12,7 @@ from stagectl.config.yaml_nodes import Document, load_document, parse_document
 from stagectl.errors import ConfigError
 
 
-def load_machine(path: Path | None = None) -> Machine:
+def load_machine(path: Path | str | None = None) -> Machine:
     """The machine of a file; None means the packaged `wafer-xy`.
 
     Raises:

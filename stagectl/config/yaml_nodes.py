@@ -161,13 +161,13 @@ def read_text(path: Path) -> str:
         raise ConfigError(format_problem(name, mark, "", reason)) from None
 
 
-def load_document(path: Path) -> Document:
+def load_document(path: Path | str) -> Document:
     """Read and parse a file.
 
     Raises:
         ConfigError: the file cannot be read, or is not YAML as defined here.
     """
-    return parse_document(read_text(path), str(path))
+    return parse_document(read_text(Path(path)), str(path))
 
 
 def parse_document(text: str, name: str) -> Document:

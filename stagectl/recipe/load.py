@@ -54,7 +54,7 @@ LEAST_PERIODS = 4
 MOTION_KEYS = ("velocity", "acceleration", "jerk")
 
 
-def load_recipe(path: Path, machine: Machine) -> Recipe:
+def load_recipe(path: Path | str, machine: Machine) -> Recipe:
     """The recipe of a file, checked against the machine.
 
     Raises:

@@ -6,8 +6,10 @@ import hashlib
 import threading
 from typing import Any
 
+import can
 import canopen
 import numpy as np
+import pytest
 
 from drivers.stage import Stage
 from hil_sim.bus import LockstepBus, World
@@ -86,3 +88,47 @@ def test_no_thread_is_started(virtual_stage: Stage, hold: Any) -> None:
     virtual_stage.stream(*hold(virtual_stage, 50))
     virtual_stage.idle(0.5)
     assert threading.active_count() == before
+
+
+homed: list[Stage] = []
+
+
+@pytest.mark.parametrize("step", [1, 2, 3])
+def test_one_stage_for_a_module_is_homed_once(module_stage: Stage, hold: Any, step: int) -> None:
+    homed.append(module_stage)
+    assert homed == [module_stage] * step  # the same one
+    start = np.array(module_stage.targets)
+    s = np.linspace(0.0, 1.0, 201)[1:, None]
+    demand = start + 1e-4 * s**3 * (10 - 15 * s + 6 * s**2)
+    module_stage.stream(demand, np.zeros_like(demand))
+    np.testing.assert_allclose(module_stage.targets, start + 1e-4, atol=2e-9)
+
+
+@pytest.mark.real_time
+def test_a_master_with_a_notifier_thread_finds_the_drives(
+    served_drives: dict[str, str], stage_machine: Any
+) -> None:
+    _, axes = driver_settings(stage_machine)
+    network = canopen.Network()
+    network.connect(**served_drives)  # starts a can.Notifier
+    try:
+        node = network.add_node(axes[0].node, str(axes[0].eds))
+        assert node.sdo[0x1000].raw == 0x00020192
+        booted = threading.Event()
+        node.nmt.add_heartbeat_callback(lambda state: booted.set() if state == 0 else None)
+        node.nmt.state = "RESET"
+        assert booted.wait(60.0)
+    finally:
+        network.disconnect()
+
+
+@pytest.mark.real_time
+def test_a_plain_notifier_hears_the_drives(served_drives: dict[str, str]) -> None:
+    heard = can.BufferedReader()
+    with can.Bus(**served_drives) as bus:  # type: ignore[arg-type]
+        notifier = can.Notifier(bus, [heard])
+        bus.send(can.Message(arbitration_id=0, data=[0x81, 2], is_extended_id=False))
+        message = heard.get_message(60.0)
+        notifier.stop()
+    assert message is not None
+    assert (message.arbitration_id, bytes(message.data)) == (0x702, b"\0")

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from stagectl.config import load_machine
+from stagectl.config.fault_plan import load_faults
 from stagectl.errors import ConfigError
 
 GOOD = load_machine().text
@@ -36,3 +37,12 @@ def test_a_missing_file_a_directory_and_an_empty_file_are_refused(tmp_path: Path
         with pytest.raises(ConfigError) as caught:
             load_machine(path)
         assert caught.value.problems == (f"{path}{reason}",)
+
+
+def test_files_may_be_named_by_text(tmp_path):
+    (tmp_path / "m.yaml").write_text(load_machine().text)
+    machine = load_machine(str(tmp_path / "m.yaml"))
+    assert machine == load_machine(tmp_path / "m.yaml")
+    path = tmp_path / "f.yaml"
+    path.write_text("faults: [{fault: drop, frame: tpdo1, axis: x, probability: 0.002}]\n")
+    assert load_faults(str(path), machine, 1) == load_faults(path, machine, 1)
