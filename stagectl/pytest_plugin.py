@@ -86,9 +86,11 @@ def served_drives(stage_machine: Machine, stage_seed: int) -> Iterator[dict[str,
     import can
 
     from hil_sim.bus import serve
+    from hil_sim.plant import warm_up
+    from stagectl.config import stage_settings
 
+    warm_up(stage_settings(stage_machine))  # compiles now, not when a master waits for an answer
     drives = _drives(stage_machine, stage_seed)
-    drives.plant.advance_to(1_000_000)  # compiles now, not at the first SYNC
     stop, where = (
         threading.Event(),
         {"interface": "virtual", "channel": f"pytest-{next(_channels)}"},
@@ -96,7 +98,7 @@ def served_drives(stage_machine: Machine, stage_seed: int) -> Iterator[dict[str,
     with can.Bus(**where) as theirs, can.Bus(**where) as ours:  # type: ignore[arg-type]
         thread = threading.Thread(target=serve, args=(drives, theirs, stop), daemon=True)
         thread.start()
-        for _ in drives.drives:
+        for _ in stage_machine.axes:
             ours.recv()
         yield where
         stop.set()

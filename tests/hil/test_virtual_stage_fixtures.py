@@ -127,6 +127,7 @@ def test_a_plain_notifier_hears_the_drives(served_drives: dict[str, str]) -> Non
     heard = can.BufferedReader()
     with can.Bus(**served_drives) as bus:  # type: ignore[arg-type]
         notifier = can.Notifier(bus, [heard])
+        assert heard.get_message(0.0) is None  # the drives have booted before
         bus.send(can.Message(arbitration_id=0, data=[0x81, 2], is_extended_id=False))
         message = heard.get_message(60.0)
         notifier.stop()
