@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,10 +117,10 @@ def search_effects(
         current = path[-1].fitted if depth else problem.nominal_fit()
         problem.rescale(current.residual)
         is_open = path[-1].gap > _OPEN * FLOOR_LEVEL
+        scanned = partial(_advance, progress, depth)
         candidates, columns = _candidates(
-            problem, current, library, is_open, found if depth == 0 else None, promising
+            problem, current, library, is_open, found if depth == 0 else None, promising, scanned
         )
-        progress((depth + 0.4) / MOST_EFFECTS)
         if not candidates:
             break
         beside = [current.model.added(start.term) for start in candidates]
@@ -177,6 +179,11 @@ def refit_beside(found: AxisSearch, others: Sequence[AxisSettings]) -> None:
     ]
 
 
+def _advance(progress: Callable[[float], object], depth: int, scanned: float) -> None:
+    """The scan takes the first four tenths of the search for one more effect."""
+    progress((depth + 0.4 * scanned) / MOST_EFFECTS)
+
+
 def _candidates(
     problem: AxisProblem,
     current: Fitted,
@@ -184,18 +191,26 @@ def _candidates(
     is_open: bool,
     found: AxisSearch | None = None,
     promising: dict[str, Effect] | None = None,
+    progress: Callable[[float], object] = lambda _: None,
 ) -> tuple[list[Start], F64]:
     """Starts of the most promising effects, and derivatives by the base parameters.
 
     `found` records the results of the scan; `promising` gains the effects worth considering
-    again.
+    again. `progress` is called with the share of the effects scanned, from any thread.
     """
     columns = problem.base_columns(current.model, current.residual)
     scanner = Scanner(
         problem, current.model, current.residual, columns, problem.weights(current.residual)
     )
     others = {n: effect for n, effect in library.items() if n not in current.model.names()}
-    scanned = problem.workers.map(lambda effect: scanner.best(effect, 2), others.values())
+    done = count(1)
+
+    def scan(effect: Effect) -> list[Start]:
+        best = scanner.best(effect, 2)
+        progress(next(done) / len(others))
+        return best
+
+    scanned = problem.workers.map(scan, others.values())
     starts: list[Start] = []
     for name, tried in zip(others, scanned, strict=True):
         starts += tried

@@ -5,6 +5,7 @@ for effects, and `verdict` draws the conclusions into a `GapReport`.
 """
 
 from sim2real.diagnosis.examination import (
+    PHASES,
     Examination,
     Progress,
     examine,
@@ -15,6 +16,7 @@ from sim2real.diagnosis.procedure import diagnose
 from sim2real.diagnosis.verdict import Diagnosis
 
 __all__ = [
+    "PHASES",
     "Diagnosis",
     "Examination",
     "Progress",

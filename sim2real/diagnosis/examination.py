@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -43,6 +44,8 @@ _LARGEST = 1e15
 _T = TypeVar("_T")
 Progress = Callable[[str, int, int], object]
 """Called with (what is being done, steps done, all steps)."""
+PHASES = ("channels", "floor and gap", "where", "effects", "shapes", "held-out moves")
+"""What is being done, in order."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,6 +106,7 @@ def examine(
     for number, recording in enumerate(recordings):
         progress("channels", number, len(recordings))
         audits.append(_name_errors(recording, lambda r: audit_channels(r, settings)))
+    progress("channels", len(recordings), len(recordings))
     findings = _merge_findings([*repaired, *(list(audit.findings) for audit in audits)])
     misleading = [f for a in audits for f in a.misleading]
     beyond = [f for f in misleading if f.finding in UNCORRECTABLE]
@@ -129,10 +133,14 @@ def _with_gap(
     """
     settings, measured = examined.settings, []
     for number, recording in enumerate(recordings):
-        progress("floor and gap", number, len(recordings))
+
+        def simulated(done: int, draws: int, before: int = number) -> None:
+            progress("floor and gap", before * draws + done, len(recordings) * draws)
+
+        compare = partial(compare_with_model, settings=settings, progress=simulated)
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                found = _name_errors(recording, lambda r: compare_with_model(r, settings))
+                found = _name_errors(recording, compare)
         except ValueError:
             if examined.insufficient is None:
                 raise

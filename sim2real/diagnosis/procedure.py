@@ -33,7 +33,7 @@ from sim2real.fitting import (
     Workers,
     compose_stage,
 )
-from sim2real.shrinkage import FOLDS, HeldOut, axis_gap
+from sim2real.shrinkage import HeldOut, axis_gap
 from sim2real.tracking import Tracker, needs_other_axes
 
 _FREE_FORM = 0.5
@@ -78,8 +78,10 @@ def diagnose(
         progress("shapes", 2, 3)
         drop_ineffective(searches, examined.measured, settings)
         list(pool.map(lambda name: stage.fit_repeats(name, searches[name].best.model), names))
-        progress("held-out moves", 0, FOLDS)
-        held_out = HeldOut(examined.measured, settings, searches, pool)
+        progress("shapes", 3, 3)
+        held_out = HeldOut(
+            examined.measured, settings, searches, pool, partial(progress, "held-out moves")
+        )
     return conclude(examined, plain, searches, held_out)
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import count
 from typing import Protocol
 
 import numpy as np
@@ -53,12 +54,16 @@ class HeldOut:
         settings: StageSettings,
         searches: Mapping[str, FittedAxis],
         pool: ThreadPoolExecutor,
+        progress: Callable[[int, int], object] = lambda *_: None,
     ) -> None:
         self.measured = measured
         self._settings = settings
         self.moves = [split_moves(m.replay.recording, m.replay.period) for m in measured]
         best = {name: found.best.model for name, found in searches.items()}
         folds = [self._masks(fold) for fold in range(FOLDS)]
+        fits = FOLDS * len(searches)
+        progress(0, fits)
+        numbers = count(1)  # from any thread
 
         def refitted(name: str) -> list[AxisModel]:
             found = searches[name]
@@ -75,6 +80,7 @@ class HeldOut:
                 # What a model cannot explain may distort its fit, even on the moves fitted.
                 distorted = not found.is_complete and gap(model) > gap(found.best.model)
                 out.append(found.best.model if distorted else model)
+                progress(next(numbers), fits)
             return out
 
         by_axis = dict(zip(searches, pool.map(refitted, searches), strict=True))

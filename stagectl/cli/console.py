@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -44,3 +44,20 @@ def progress_bar(console: Console, activity: str) -> Iterator[ProgressUpdate]:
         yield lambda what, done, total: bar.update(
             task, description=what, completed=done, total=total
         )
+
+
+def join_phases(phases: Sequence[str], update: ProgressUpdate) -> ProgressUpdate:
+    """Progress of several phases on one bar that never goes back; each has an equal share of it.
+
+    Args:
+        phases: the names that the progress is reported under, in order.
+        update: of the bar.
+    """
+    furthest = 0
+
+    def advance(what: str, done: int, total: int) -> None:
+        nonlocal furthest
+        furthest = max(furthest, round(100 * (phases.index(what) + done / max(total, 1))))
+        update(what, furthest, 100 * len(phases))
+
+    return advance

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from stagectl.cli.console import console_for, progress_bar
+from stagectl.cli.console import console_for, join_phases, progress_bar
 from stagectl.cli.options import FILE, JSON_OUT, OUTPUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
@@ -155,6 +155,7 @@ def _read(lines: Path | None) -> list[tuple[dict[str, Any], Outcome]]:
 def _run_one(setup: Setup, number: int, trials: int, console: Console) -> Outcome:
     """Run one trial and print it."""
     from sim2real.blind import describe_reported, describe_truth, draw_trial, is_wrong, run_trial
+    from sim2real.diagnosis import PHASES
 
     def say(text: str, style: str = "") -> None:
         console.print(text, markup=False, highlight=False, soft_wrap=True, style=style)
@@ -163,10 +164,10 @@ def _run_one(setup: Setup, number: int, trials: int, console: Console) -> Outcom
     with progress_bar(console, f"{name}: drawing") as update:
         trial = draw_trial(setup, number)
         say(f"trial {number}  sealed {trial.sealed.digest}")
-        outcome = run_trial(
-            setup, trial, time.perf_counter, time.process_time,
-            lambda what, done, total: update(f"{name}: {what}", done, total),
-        )  # fmt: skip
+        named = join_phases(
+            PHASES, lambda what, done, total: update(f"{name}: {what}", done, total)
+        )
+        outcome = run_trial(setup, trial, time.perf_counter, time.process_time, named)
     say(f"  key {trial.sealed.text}\n  nonce {trial.sealed.nonce}")
     missed = is_wrong(outcome)
     say(

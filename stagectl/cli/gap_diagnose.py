@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from stagectl.cli.console import console_for, progress_bar
+from stagectl.cli.console import console_for, join_phases, progress_bar
 from stagectl.cli.gap_measure import gap_table, machine_of
 from stagectl.cli.options import FILE, JSON_OUT, OUTPUT, is_json_on_stdout, write_json
 
@@ -84,7 +84,7 @@ def diagnose(
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from hil_sim.effects.library import EffectError, library
     from sim2real import diagnosis
-    from sim2real.diagnosis import examine
+    from sim2real.diagnosis import PHASES, examine
     from sim2real.report import NO_GAP
     from stagectl.config import stage_settings
     from stagectl.errors import ConfigError, UnusableInput
@@ -95,7 +95,8 @@ def diagnose(
     settings = stage_settings(model)
     tolerance = {name: axis.plant.tolerance for name, axis in model.axes.items()}
     console = console_for(json_out)
-    with progress_bar(console, "reading") as progress:
+    with progress_bar(console, "reading") as update:
+        progress = join_phases(PHASES, update)
         try:
             effects = library()
             examined = examine(recorded, settings, correct=correct, progress=progress)

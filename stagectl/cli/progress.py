@@ -1,22 +1,27 @@
-"""Progress display of a run: site, phase, settling and friction so far.
+"""Progress display of a run: site, what it waits for, time left, settling and friction so far.
 
-Redrawn on events, not by a thread, so nothing here competes with the SYNC cycle. A closed pipe or a
-lost terminal does not stop the stage.
+A thread of its own draws and prints: the caller, which sends SYNC, only hands over. A terminal that
+is stopped (Ctrl-S) or gone, or a full pipe, does not delay the stage.
 """
 
 from __future__ import annotations
 
+import threading
+import time
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
+from queue import Empty, SimpleQueue
 from types import TracebackType
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Column
 
-from stagectl.recipe import MoveStep, Recipe, plan
+from stagectl.recipe import MoveStep, Recipe, plan_from
 from stagectl.sequencer import (
     DriveLimited,
     Event,
-    Exposed,
     FrictionUpdated,
     LevelStepped,
     MarkNotFound,
@@ -24,10 +29,15 @@ from stagectl.sequencer import (
     Retrying,
     Settled,
     Stopping,
+    StretchDone,
+    Waiting,
 )
 
-REDRAW = 0.1
-"""Shortest time between two redraws [s]."""
+REDRAW = 0.25
+"""Time between two redraws [s]."""
+PATIENCE = 2.0
+"""At the end a screen that takes nothing is waited for so long [s]."""
+_LONG = 1.0  # s; shorter waits are not worth a figure
 _SCREEN_GONE = (OSError, SystemExit)
 """What rich raises when the screen is gone; a closed pipe makes it end the program."""
 
@@ -39,31 +49,43 @@ class RunProgress:
         console: to draw on; unless it is a terminal, only warnings are printed.
         recipe: to be run.
         axes: their names.
+        done: completed stretches of the recipe, which are not run again.
+        clock: seconds, for the time left.
     """
 
-    def __init__(self, console: Console, recipe: Recipe, axes: tuple[str, ...]) -> None:
-        self._console = console
+    def __init__(
+        self,
+        console: Console,
+        recipe: Recipe,
+        axes: tuple[str, ...],
+        done: int = 0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._console, self._clock = console, clock
         self._sites = len(recipe.sites)
         self._settling = ""
         self._friction: dict[str, str] = dict.fromkeys(axes, "")
         self._progress = Progress(
             TextColumn("{task.description}"),
-            BarColumn(bar_width=24),
+            BarColumn(bar_width=16),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
+            TextColumn("{task.fields[left]}", table_column=Column(min_width=10, no_wrap=True)),
             TextColumn("{task.fields[known]}", style="dim"),
             console=console,
             auto_refresh=False,
             transient=True,
             disable=not console.is_terminal,
         )
-        moves = sum(isinstance(step, MoveStep) for step in plan(recipe))
-        self._task = self._progress.add_task("starting", total=moves, known="")
-        self._begun = 0
-        self._redraw_at = 0.0
+        self._moves = sum(isinstance(step, MoveStep) for step in plan_from(recipe, done))
+        self._task = self._progress.add_task("starting", total=self._moves, left="", known="")
+        self._begun = self._stretch = 0
+        self._first_move: float | None = None
+        self._queue: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        self._thread = threading.Thread(target=self._draw_all, name="progress", daemon=True)
 
     def __enter__(self) -> RunProgress:
-        self._progress.start()
+        self._thread.start()
         return self
 
     def __exit__(
@@ -72,22 +94,50 @@ class RunProgress:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self._queue.put(None)
+        self._thread.join(PATIENCE)
+
+    def phase(self, text: str) -> None:
+        """Show a phase of the run before or after its moves; never waits."""
+        self._queue.put(partial(self._show, text))
+
+    def event(self, event: Event) -> None:
+        """Show an event of the run; never waits."""
+        self._queue.put(partial(self._take, event, self._clock()))
+
+    def _draw_all(self) -> None:
+        """Take what was handed over, and redraw: the clock runs without events, too."""
+        wait = REDRAW if self._console.is_terminal else None
+        with suppress(*_SCREEN_GONE):
+            self._progress.start()
+        redraw_at = 0.0
+        while True:
+            with suppress(*_SCREEN_GONE, Empty):
+                job = self._queue.get(timeout=wait)
+                if job is None:
+                    break
+                job()
+            with suppress(*_SCREEN_GONE):
+                if wait is not None and time.monotonic() >= redraw_at:
+                    redraw_at = time.monotonic() + REDRAW
+                    self._progress.refresh()
         with suppress(*_SCREEN_GONE):
             self._progress.stop()
 
-    def phase(self, text: str) -> None:
-        """Show a phase of the run before or after its moves."""
-        self._draw(text)
-
-    def event(self, event: Event) -> None:
-        """Show an event of the run."""
+    def _take(self, event: Event, now: float) -> None:
         match event:
             case DriveLimited(text=text):
                 self._warn(text)
             case MoveStarted():
+                self._first_move = now if self._first_move is None else self._first_move
                 self._begun += 1
-                self._draw(f"{self._where(event.site)}{event.kind}-move", self._begun - 1)
+                self._count(self._begun - 1, now)
+                self._show(f"{self._where(event.site)}{event.kind}-move")
+            case Waiting(site=site, reason=reason, most=most):
+                limit = "" if most is None or most < _LONG else f", at most {most:g} s"
+                self._show(f"{self._where(site)}{reason}{limit}")
             case Settled():
+                self._count(self._begun, now)
                 took = f"{event.duration * 1e3:.0f} ms"
                 self._settling = f"settled in {took}" if event.settled else f"not settled in {took}"
                 if not event.settled:
@@ -98,11 +148,15 @@ class RunProgress:
                 mark = "" if event.estimate.accepted else "?"
                 level = event.estimate.friction.coulomb
                 self._friction[event.axis] = f"Fc {event.axis} {level:.3g} N{mark}"
-            case Exposed():
-                self._draw(f"{self._where(event.site)}exposed", self._begun)
+            case StretchDone():
+                self._stretch = self._begun
+                self._count(self._begun, now)
             case MarkNotFound():
+                self._moves -= 1
+                self._progress.update(self._task, total=self._moves)
                 self._warn(f"site {event.site}: mark not found, no micro-move")
             case Retrying():
+                self._begun = self._stretch
                 what = "site" if self._sites else "move"
                 self._warn(
                     f"{what} {event.stretch}: {event.fault}; restarting "
@@ -112,21 +166,28 @@ class RunProgress:
                 where = "everywhere" if everywhere else f"at ({x * 1e3:.3f}, {y * 1e3:.3f}) mm"
                 self._warn(f"friction of axis {axis} stepped by {change:+.0%} {where}")
             case Stopping():
-                self._draw(f"stopping: {event.reason}")
+                self._show(f"stopping: {event.reason}")
 
     def _where(self, site: int | None) -> str:
         return "" if site is None else f"site {site}/{self._sites} "
 
     def _warn(self, text: str) -> None:
         """Print what the operator must know, on a terminal or in a log."""
-        with suppress(*_SCREEN_GONE):
-            self._progress.console.print(text, style="yellow", markup=False, highlight=False)
+        self._progress.console.print(text, style="yellow", markup=False, highlight=False)
 
-    def _draw(self, words: str, done: int | None = None) -> None:
+    def _show(self, words: str) -> None:
         known = ", ".join(part for part in (self._settling, *self._friction.values()) if part)
-        self._progress.update(self._task, description=words, completed=done, known=known)
-        now = self._progress.get_time()
-        if now >= self._redraw_at:
-            self._redraw_at = now + REDRAW
-            with suppress(*_SCREEN_GONE):
-                self._progress.refresh()
+        self._progress.update(self._task, description=words, known=known)
+
+    def _count(self, done: int, now: float) -> None:
+        self._progress.update(self._task, completed=done)
+        if done and self._first_move is not None:  # as long per move as so far
+            left = (now - self._first_move) / done * (self._moves - done)
+            self._progress.update(self._task, left=f"{clock_time(left)} left")
+
+
+def clock_time(seconds: float) -> str:
+    """A duration as on a clock, `1:02:03` or `2:03`."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"

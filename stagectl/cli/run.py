@@ -235,7 +235,8 @@ def _run(request: RunRequest, json_out: Path | None) -> None:
     from stagectl.run import Listener, execute
 
     console = console_for(json_out)
-    with RunProgress(console, request.recipe, tuple(request.machine.axes)) as progress:
+    done = 0 if request.resumed is None else request.resumed.done
+    with RunProgress(console, request.recipe, tuple(request.machine.axes), done) as progress:
         result = execute(request, Listener(progress.phase, progress.event, stop_on_signal))
     write_json(result.summary, json_out)
     console.print(render_outcome(result, request.folder), crop=False)

@@ -193,6 +193,7 @@ class _Session:
                     listener.event(DriveLimited(text))
                 listener.phase("homing")
                 stage.home()
+                listener.phase("enabling the drives")
                 stage.enable()
                 record.note_limitations((*stage.limitations, *stage.notices))
                 record.temperature = stage_temperature(

@@ -27,6 +27,7 @@ from stagectl.sequencer.events import (
     StopNoticed,
     Stopping,
     StretchDone,
+    Waiting,
 )
 from stagectl.sequencer.fresh_places import FreshPlaces
 from stagectl.sequencer.mover import MovingAxis
@@ -70,6 +71,7 @@ __all__ = [
     "StopNoticed",
     "Stopping",
     "StretchDone",
+    "Waiting",
     "arrival",
     "judge",
     "make_compensation",

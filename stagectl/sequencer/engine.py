@@ -35,6 +35,7 @@ from stagectl.sequencer.events import (
     StopNoticed,
     Stopping,
     StretchDone,
+    Waiting,
 )
 from stagectl.sequencer.excitation import excitation_setpoints
 from stagectl.sequencer.mover import Mover, MovingAxis, StagePort
@@ -156,9 +157,11 @@ class Engine:
             case FiducialStep():
                 self._find_mark(step.site)
             case ExposeStep():
+                self._on_event(Waiting(self._site, "exposing", step.duration))
                 self._hold(step.duration)
                 self._on_event(Exposed(self._site))
             case DwellStep():
+                self._on_event(Waiting(self._site, "dwelling", step.duration))
                 self._hold(step.duration)
             case DoneStep():
                 self._on_event(StretchDone(step.number, step.site))
@@ -203,6 +206,7 @@ class Engine:
         return self._mover.on_grid(wanted)
 
     def _find_mark(self, site: int) -> None:
+        self._on_event(Waiting(site, "looking for the mark", None))
         x, y = self._site_position
         found = self._fiducial.find(site, (x, y))
         self._mark = None if found is None else (x + found[0], y + found[1])
@@ -215,6 +219,7 @@ class Engine:
             return
         attempts = 1 + (MAX_RETRIES if step.on_timeout == "retry" else 0)
         for _ in range(attempts):
+            self._on_event(Waiting(move.site, "settling", max(step.timeout, step.hold)))
             waited, settled = self._wait(step)
             self._on_event(Settled(move.site, move.kind, waited, settled))
             if settled or step.on_timeout == "continue":

@@ -24,6 +24,21 @@ class MoveStarted:
 
 
 @dataclass(frozen=True, slots=True)
+class Waiting:
+    """The stage holds still.
+
+    Attributes:
+        site: from 1, None outside sites.
+        reason: in a word: "settling".
+        most: longest wait [s]; None where it is unknown.
+    """
+
+    site: int | None
+    reason: str
+    most: float | None
+
+
+@dataclass(frozen=True, slots=True)
 class Settled:
     """The wait after a move has ended.
 
@@ -155,6 +170,7 @@ class LevelStepped:
 Event = (
     DriveLimited
     | MoveStarted
+    | Waiting
     | Settled
     | FrictionUpdated
     | Exposed

@@ -10,7 +10,7 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.diagnosis import Diagnosis, diagnose, examine
+from sim2real.diagnosis import PHASES, Diagnosis, diagnose, examine
 from stagedata import Recording
 from tests.unit.sim2real.conftest import TOLERANCE, stage_with
 
@@ -34,6 +34,23 @@ def test_an_effect_is_named_with_its_figures(nominal: tuple[Recording, StageSett
     assert found.report.gap_closed > 0.9
 
 
+def test_progress_is_told_in_every_phase(nominal: tuple[Recording, StageSettings]) -> None:
+    recording, settings = stage_with(nominal, 11, y={"dead_time": {"delay": 4e-4}}), nominal[1]
+    known = {name: library()[name] for name in ("dead_time", "payload_mass", "force_offset")}
+    told: dict[str, list[float]] = {}
+
+    def progress(what: str, done: int, total: int) -> None:
+        told.setdefault(what, []).append(done / total)
+
+    examined = examine([recording], settings, progress=progress)
+    diagnose(examined, TOLERANCE, known, progress=progress)
+    assert tuple(told) == PHASES
+    assert all(max(shares) <= 1.0 for shares in told.values())
+    finished = {what for what, shares in told.items() if max(shares) == 1.0}
+    assert finished >= {"channels", "floor and gap", "shapes", "held-out moves"}
+    assert any(0.0 < share < 0.1 for share in told["effects"]), "while the effects are scanned"
+
+
 @pytest.fixture
 def heard() -> Iterator[None]:
     """Ctrl-C is heard, also where these tests were started in the background, which ignores it."""
@@ -51,7 +68,7 @@ def test_ctrl_c_ends_the_searches(nominal: tuple[Recording, StageSettings]) -> N
 
     def interrupt(what: str, steps: int, total: int) -> None:
         done.append(steps)
-        if steps:
+        if steps and not any(done[:-1]):
             pthread_kill(threading.main_thread().ident or 0, SIGINT)
 
     with pytest.raises(KeyboardInterrupt):

@@ -30,6 +30,7 @@ from stagectl.sequencer import (
     MovingAxis,
     Settled,
     Stopping,
+    Waiting,
     make_compensation,
 )
 from stagedata import Move, Samples
@@ -128,7 +129,9 @@ def test_a_site_goes_macro_settle_learn_micro_settle_expose():
     assert moves[1].target == {"x": pytest.approx(0.02003), "y": pytest.approx(0.00998)}
     assert moves[1].origin == moves[0].target
     assert marks.asked == [(1, (0.02, 0.01)), (2, (0.04, 0.01))]
-    kinds = [type(e) for e in events]
+    waits = [e.reason for e in events if isinstance(e, Waiting)]
+    assert waits == ["settling", "looking for the mark", "settling", "exposing"] * 2
+    kinds = [type(e) for e in events if not isinstance(e, Waiting)]
     # The macro-move has been learned from before the micro-move begins.
     first = kinds.index(FrictionUpdated)
     assert kinds[:first] == [MoveStarted, Settled, MarkFound]
