@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Column
 
-from stagectl.recipe import MoveStep, Recipe, plan_from
+from stagectl.recipe import ExciteStep, MoveStep, Recipe, plan_from
 from stagectl.sequencer import (
     DriveLimited,
     Event,
@@ -77,7 +77,7 @@ class RunProgress:
             transient=True,
             disable=not console.is_terminal,
         )
-        self._moves = sum(isinstance(step, MoveStep) for step in plan_from(recipe, done))
+        self._moves = sum(isinstance(step, MoveStep | ExciteStep) for step in plan_from(recipe, done))
         self._task = self._progress.add_task("starting", total=self._moves, left="", known="")
         self._begun = self._stretch = 0
         self._first_move: float | None = None
