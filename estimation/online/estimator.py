@@ -87,6 +87,7 @@ class SplitHorizonEstimator:
         self.state = state
         self._start = friction
         self._belief = Belief.at_start(settings.belief, friction)
+        self._local = 1.0  # Coulomb force where the axis is, over the one that is estimated
         self._known = state is not None
         self._moves_to_trust = 0
         self._end: float | None = None
@@ -172,6 +173,17 @@ class SplitHorizonEstimator:
         if self.state is not None:
             self.state.rescale(factor)
 
+    def scale_coulomb(self, factor: float) -> None:
+        """The next move ends where the Coulomb force is known to be `factor` times the figure.
+
+        The figure that is estimated stays that of factor 1; the internal forces are scaled. The
+        move's data have to be corrected to its end, as for `expect`.
+        """
+        if self.state is not None:
+            self.state.rescale(factor / self._local)
+        self._local = factor
+        self._axis["unit"][COULOMB] = self._start.coulomb * factor
+
     def forget_state(self) -> None:
         """The axis has moved unobserved: its friction state is unknown, as before the first move.
 
@@ -188,7 +200,7 @@ class SplitHorizonEstimator:
         elapsed = 0.0 if self._end is None else max(time - self._end, 0.0)
         keep = math.exp(-elapsed / self.settings.belief.correlation_time)
         friction = self.friction
-        level = 1.0 + keep * float(self._belief.mean[LEVEL])
+        level = self._local * (1.0 + keep * float(self._belief.mean[LEVEL]))
         if self._carried is not None:
             level *= math.exp(self._trend.carry(self._carried, time)[0])
         return replace(friction, coulomb=friction.coulomb * level)
@@ -280,7 +292,8 @@ class SplitHorizonEstimator:
         if outcome.verdict != ACCEPTED or outcome.slide == 0:
             return None
         model = model_at(self._start, outcome.mean)
-        model = replace(model, coulomb=model.coulomb * (1.0 + float(outcome.mean[LEVEL])))
+        level = self._local * (1.0 + float(outcome.mean[LEVEL]))
+        model = replace(model, coulomb=model.coulomb * level)
         speed = float(np.nanmax(np.abs(np.diff(move.position)))) / self.settings.period
         before = self.effective(move.time)
         change = (model.coulomb + model.viscous * speed) / (

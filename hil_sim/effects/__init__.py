@@ -4,6 +4,6 @@ One module per effect: `Effect` is what it implements, `EffectPorts` where it en
 `library` lists those installed. How to add one: docs/sim-to-real.md.
 """
 
-from hil_sim.effects.effect import AppliedEffect, Effect, Parameter
+from hil_sim.effects.effect import AppliedEffect, Compensation, Effect, Parameter
 
-__all__ = ["AppliedEffect", "Effect", "Parameter"]
+__all__ = ["AppliedEffect", "Compensation", "Effect", "Parameter"]

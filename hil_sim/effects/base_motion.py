@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect
+from hil_sim.effects.effect import Compensation, Effect
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.effects.vibration_mode import mode_parameters
 
@@ -33,6 +33,10 @@ class BaseMotion(Effect):
     remedy = (
         "Use a heavier base, stiffer or active isolators, or feed the reaction forward; lower "
         "jerk excites it less."
+    )
+    compensation = Compensation(
+        "the base's swing under the demanded acceleration is fed forward, at rest too",
+        "estimation.known_effects.inverses:base_motion",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -35,6 +35,10 @@ class CableHysteresis(Effect):
     remedy = (
         "Use cables made for continuous flexing, fixed so that nothing rubs; otherwise add the "
         "element to the friction of the feedforward."
+    )
+    compensation = Compensation(
+        "fed forward from a state that follows the measured positions",
+        "estimation.known_effects.inverses:cable_hysteresis",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -24,6 +24,10 @@ class CableStiffness(Effect):
     equation = "F_d += stiffness (x - center)"
     enters = "A disturbance force proportional to position."
     remedy = "Route the cables in a longer, softer loop, or feed the spring force forward."
+    compensation = Compensation(
+        "fed forward along the planned path",
+        "estimation.known_effects.inverses:cable_stiffness",
+    )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
         """See `Effect.apply`."""

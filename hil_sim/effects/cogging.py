@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -31,6 +31,10 @@ class Cogging(Effect):
     remedy = (
         "Measure it once at creep speed and feed it forward over position; ironless motors have "
         "hardly any."
+    )
+    compensation = Compensation(
+        "fed forward along the planned path",
+        "estimation.known_effects.inverses:cogging",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

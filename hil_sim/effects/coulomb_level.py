@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -27,6 +27,10 @@ class CoulombLevel(Effect):
     remedy = (
         "Re-identify the friction level (a calibration move is enough); if it has risen, check "
         "lubrication, wipers and preload."
+    )
+    compensation = Compensation(
+        "in the figures that the host starts from",
+        "estimation.known_effects.inverses:coulomb_level",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

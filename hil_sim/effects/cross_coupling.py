@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -32,6 +32,10 @@ class CrossCoupling(Effect):
     remedy = (
         "Feed the demanded acceleration of the other axis forward with this mass; square the axes "
         "and balance the load."
+    )
+    compensation = Compensation(
+        "fed forward from the other axis' demanded acceleration",
+        "estimation.known_effects.inverses:cross_coupling",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -33,6 +33,10 @@ class CurrentBandwidth(Effect):
     remedy = (
         "Retune the current loop for this motor and disable demand filters; until then, evaluate "
         "the feedforward further ahead."
+    )
+    compensation = Compensation(
+        "the feedforward leads by the lag of this current loop",
+        "estimation.known_effects.inverses:current_bandwidth",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

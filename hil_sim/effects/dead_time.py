@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -35,6 +35,10 @@ class DeadTime(Effect):
     remedy = (
         "Shorten cycle times and filters; evaluate the feedforward ahead by the delay, and lower "
         "the loop gains if the margins are small."
+    )
+    compensation = Compensation(
+        "the feedforward leads by it",
+        "estimation.known_effects.inverses:dead_time",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

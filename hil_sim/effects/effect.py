@@ -1,9 +1,9 @@
 """What an effect is: a physical term that the simulator can add to an axis.
 
 An effect is an object of a subclass of `Effect`: name, parameters with units and the ranges that
-real stages show, equation, usual remedy, and `apply`, which writes the term into the plant's ports
-(`hil_sim.effects.ports`). Names, keys, ranges and equations of the library:
-docs/formats/effects.md.
+real stages show, equation, usual remedy, how a host that knows it makes up for it, and `apply`,
+which writes the term into the plant's ports (`hil_sim.effects.ports`). Names, keys, ranges and
+equations of the library: docs/formats/effects.md.
 """
 
 from __future__ import annotations
@@ -96,6 +96,21 @@ class Parameter:
         return None
 
 
+@dataclass(frozen=True, slots=True)
+class Compensation:
+    """Whether and how a host makes up for an effect that its machine file names.
+
+    Attributes:
+        text: a clause: how, or why not.
+        inverse: the host's own equation as "module:function", called with
+            `estimation.known_effects.KnownTerms` and the value of each key; it shares no code with
+            `Effect.apply`. None: not compensated.
+    """
+
+    text: str
+    inverse: str | None = None
+
+
 class Effect(ABC):
     """A physical term with a name; the class docstring says what causes it on real stages.
 
@@ -106,6 +121,7 @@ class Effect(ABC):
         equation: as in docs/formats/effects.md.
         enters: how it enters the plant, in a sentence.
         remedy: what is usually done about it, in a sentence.
+        compensation: what a host does about it that knows it.
         searched: a diagnosis searches for it. False if an ordinary recording cannot show it: the
             parameter is a seed, the place is off the path.
     """
@@ -116,6 +132,7 @@ class Effect(ABC):
     equation: ClassVar[str]
     enters: ClassVar[str]
     remedy: ClassVar[str]
+    compensation: ClassVar[Compensation] = Compensation("its package does not say how")
     searched: ClassVar[bool] = True
 
     @abstractmethod

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -37,6 +37,7 @@ class FloorVibration(Effect):
         "Find the source by switching pumps and fans off one by one; decouple it, or improve the "
         "isolation of the machine."
     )
+    compensation = Compensation("its phase is another in every run")
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
         """See `Effect.apply`."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -27,6 +27,10 @@ class ForceConstant(Effect):
     remedy = (
         "Measure force against current with a load cell, check the commutation offset, and "
         "correct the drive's force scaling."
+    )
+    compensation = Compensation(
+        "the force demand is divided by it",
+        "estimation.known_effects.inverses:force_constant",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

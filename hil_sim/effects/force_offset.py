@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -25,6 +25,10 @@ class ForceOffset(Effect):
     equation = "F_d += force (tilt, cable pull)"
     enters = "A constant disturbance force."
     remedy = "Level the machine, route cables and hoses without pull, or feed the force forward."
+    compensation = Compensation(
+        "fed forward, and told from friction at rest",
+        "estimation.known_effects.inverses:force_offset",
+    )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
         """See `Effect.apply`."""

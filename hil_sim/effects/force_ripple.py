@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -42,6 +42,10 @@ class ForceRipple(Effect):
     remedy = (
         "Correct the commutation angle first; then scale the force demand with a table over "
         "position."
+    )
+    compensation = Compensation(
+        "the force demand is divided by it along the planned path",
+        "estimation.known_effects.inverses:force_ripple",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

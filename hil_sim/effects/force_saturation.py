@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -38,6 +38,10 @@ class ForceSaturation(Effect):
     remedy = (
         "Keep the acceleration below the force where the curve bends, or invert the curve in the "
         "force demand; check cooling and bus voltage."
+    )
+    compensation = Compensation(
+        "the force demand is bent the other way",
+        "estimation.known_effects.inverses:force_saturation",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -34,6 +34,10 @@ class FrictionAsymmetry(Effect):
     remedy = (
         "Compensate with one level per direction; check the alignment of the carriages and the "
         "routing of the cable chain."
+    )
+    compensation = Compensation(
+        "one Coulomb force per direction in the friction model",
+        "estimation.known_effects.inverses:friction_asymmetry",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

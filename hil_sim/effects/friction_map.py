@@ -8,7 +8,7 @@ from math import erf
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import POSITION_MARGIN, EffectPorts
 from hil_sim.settings import AxisSettings
 
@@ -79,6 +79,10 @@ class FrictionMap(Effect):
     equation = "Fc * (1 + amplitude g(x, y)), g smooth over both axes, within +-1, drawn from seed"
     enters = "A factor on Fc over the positions of both axes."
     remedy = "Calibrate a few dozen sites and use the friction map in the feedforward."
+    compensation = Compensation(
+        "a factor on the Coulomb force of the friction model along the planned path",
+        "estimation.known_effects.inverses:friction_map",
+    )
     searched = False
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

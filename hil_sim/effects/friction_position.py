@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -37,6 +37,10 @@ class FrictionPosition(Effect):
     remedy = (
         "Clean and relubricate there; if it remains, use a friction map in the feedforward and "
         "plan to replace the rail."
+    )
+    compensation = Compensation(
+        "a factor on the Coulomb force of the friction model along the planned path",
+        "estimation.known_effects.inverses:friction_position",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

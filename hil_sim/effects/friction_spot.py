@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import POSITION_MARGIN, EffectPorts
 
 
@@ -31,6 +31,10 @@ class FrictionSpot(Effect):
     equation = "Fc * (1 + amplitude exp(-((x - center)² + (y - other)²)/width²/2))"
     enters = "A factor on Fc over the positions of both axes."
     remedy = "Clean the spot, then run `stagectl calibrate` to update the friction map."
+    compensation = Compensation(
+        "a factor on the Coulomb force of the friction model along the planned path",
+        "estimation.known_effects.inverses:friction_spot",
+    )
     searched = False  # along a path it is a `friction_position`
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import AxisSettings
 
@@ -34,6 +34,10 @@ class PayloadMass(Effect):
     remedy = (
         "Weigh the load or identify the mass from accelerations, and correct it in the "
         "machine file; the feedforward uses it."
+    )
+    compensation = Compensation(
+        "in the mass of the feedforward",
+        "estimation.known_effects.inverses:payload_mass",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -32,6 +32,10 @@ class PreslidingStiffness(Effect):
     remedy = (
         "Re-identify sigma0 from micro-moves and reversals; if it has fallen, check preload and "
         "wear of the guide."
+    )
+    compensation = Compensation(
+        "in the figures that the host starts from",
+        "estimation.known_effects.inverses:presliding_stiffness",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

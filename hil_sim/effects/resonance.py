@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect
+from hil_sim.effects.effect import Compensation, Effect
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.effects.vibration_mode import mode_parameters
 
@@ -34,6 +34,9 @@ class Resonance(Effect):
     remedy = (
         "Stiffen or damp the joint; until then, use a notch filter at that frequency and lower "
         "jerk."
+    )
+    compensation = Compensation(
+        "it swings beyond the bandwidth of the position loop, and the encoder sees one part only"
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

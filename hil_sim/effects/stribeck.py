@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -32,6 +32,10 @@ class Stribeck(Effect):
     remedy = (
         "Re-identify alpha from slow reversals; if the peak is large, relubricate, run the guides "
         "in, or keep the axis moving between sites."
+    )
+    compensation = Compensation(
+        "in the figures that the host starts from",
+        "estimation.known_effects.inverses:stribeck",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

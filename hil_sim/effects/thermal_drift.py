@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -32,6 +32,10 @@ class ThermalDrift(Effect):
     equation = "Fc * (1 + amplitude exp(-t/time_constant))"
     enters = "A factor on Fc over time."
     remedy = "Warm the axis up before production, or track the friction level from move to move."
+    compensation = Compensation(
+        "a factor on the Coulomb force of the friction model over time",
+        "estimation.known_effects.inverses:thermal_drift",
+    )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
         """See `Effect.apply`."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -32,6 +32,10 @@ class ViscousDamping(Effect):
     remedy = (
         "Re-identify sigma_v from moves at several speeds; if the lubricant causes it, warm the "
         "axis up before production."
+    )
+    compensation = Compensation(
+        "in the figures that the host starts from",
+        "estimation.known_effects.inverses:viscous_damping",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

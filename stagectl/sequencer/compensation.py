@@ -30,12 +30,15 @@ from estimation.friction import (
     state_after,
     varying_feedforward,
 )
+from estimation.known_effects import KnownTerms, known_figures
 from estimation.move import MoveData
 from estimation.online import Estimate, SplitHorizonEstimator
 from estimation.sampled_force import kink_share, with_mean_force
 from estimation.trajectory import Limits, Trajectory, plan
 from stagectl.config.host_model import estimator_settings, kink_delay
+from stagectl.config.known_effects import axis_as_known, known_terms
 from stagectl.config.machine import Axis, Machine
+from stagectl.sequencer.known_axis import KnownAxis
 from stagedata import FrictionFigures
 
 TAKE_OVER = 0.1
@@ -76,16 +79,18 @@ class AxisCompensation:
 
     Args:
         axis: as the host believes it to be.
-        friction: model to start from.
+        friction: model to start from, with what is known of its figures.
         mode: what the offsets consist of.
         period: Ts [s].
         drift: relative 1-sigma per move of the figures by name, where a friction map accounts for
             the Coulomb force over the table; None without a map. See
             `config.host_model.estimator_settings`.
+        terms: effects that are known of the axis; None for none.
 
     Attributes:
         mode: what the offsets consist of.
         estimator: of the friction figures, with the friction state.
+        known: known effects along the moves; None for none.
     """
 
     def __init__(
@@ -95,8 +100,11 @@ class AxisCompensation:
         mode: Mode,
         period: float,
         drift: Mapping[str, float] | None = None,
+        terms: KnownTerms | None = None,
     ) -> None:
         self.mode = mode
+        if terms is not None:
+            axis = axis_as_known(axis, terms)
         self.estimator = SplitHorizonEstimator(
             friction,
             estimator_settings(axis, period, drift),
@@ -105,10 +113,16 @@ class AxisCompensation:
         self._mass, self._period = axis.plant.mass, period
         drive = axis.drive
         lag = 1.0 / (2.0 * math.pi * drive.current_bandwidth)
-        self._ahead = lag + drive.control_period / 2.0
+        self._ahead = lag + drive.control_period / 2.0 + (0.0 if terms is None else terms.delay)
         self._kink = kink_share(period, kink_delay(drive))
         # Friction state where a move to another place began, in that place's forces.
         self._departure: FrictionState | None = None
+        self._number = 0
+        self._local = 1.0  # factor on Fc where the current move ends
+        self.known: KnownAxis | None = None
+        if terms is not None:
+            lead = period - drive.control_period
+            self.known = KnownAxis(terms, self._mass, period, lead, self._ahead, drive.peak_force)
 
     def force_offsets(
         self,
@@ -135,9 +149,11 @@ class AxisCompensation:
         force = mass_feedforward(self._mass, trajectory, samples, self._period, self._ahead)
         if self.mode is Mode.NONE:
             return rest_offset + force
-        state = self.estimator.at_rest(position, rest_force, moment)
+        known = self.known
+        held = rest_force if known is None else known.friction_at_rest(rest_force, position)
+        state = self.estimator.at_rest(position, held, moment)
         friction = self.estimator.effective(moment + trajectory.duration / 2.0)
-        departure = None if variation is None else self._state_at_departure(rest_force)
+        departure = None if variation is None else self._state_at_departure(held)
         if variation is None or departure is None:
             force += friction_feedforward(
                 friction, state, trajectory, samples, self._period, self._ahead
@@ -146,6 +162,8 @@ class AxisCompensation:
             force += varying_feedforward(
                 friction, departure, variation, trajectory, self._period, self._ahead
             )
+        if known is not None:
+            force = known.offsets(held, force)
         if trajectory.duration >= TAKE_OVER:
             share = np.arange(1, samples + 1) * (self._period / trajectory.duration)
             share = np.clip(share, 0.0, 1.0)
@@ -197,6 +215,9 @@ class AxisCompensation:
             force += varying_feedforward(
                 preview.friction, state, variation, trajectory, self._period, self._ahead, sent
             )
+        if self.known is not None:
+            now = self._mass * trajectory.sample(np.array([sent * self._period]))[2]
+            force = self.known.offsets(float(now[0]) + preview.state.total, force, sent)
         return np.concatenate([offsets[:sent], offsets[sent - 1] + force])
 
     def stop_offsets(
@@ -237,6 +258,52 @@ class AxisCompensation:
     def forget_state(self) -> None:
         """The stage has been without power: its friction state is unknown, the figures stand."""
         self.estimator.forget_state()
+        if self.known is not None:
+            self.known.forget()
+
+    def begin_known(
+        self, number: int, motion: Trajectory, across: Trajectory | None, demand: F64, moment: float
+    ) -> None:
+        """Predict known effects along the coming move.
+
+        Args:
+            number: of this axis.
+            motion: its demand.
+            across: demand of the other axis.
+            demand: setpoints of all axes [m], shape (K, n).
+            moment: time of the rest before the move [s].
+        """
+        self._number = number
+        known = self.known
+        if known is None:
+            return
+        known.plan(motion, across, len(demand))
+        if known.terms.has_coulomb_factor:
+            if self._departure is None:
+                self._departure = self._state_now()
+            self._local = known.coulomb_at(demand[-1], number, moment + motion.duration)
+            self.estimator.scale_coulomb(self._local)
+
+    def with_known_coulomb(self, variation: F64 | None, path: F64, time: F64) -> F64 | None:
+        """The variation of Fc along a path with what is known of it; None: it is the same.
+
+        Args:
+            variation: without, shape (K,); None: none.
+            path: positions of all axes [m], shape (K, n).
+            time: of the stage [s], shape (K,).
+        """
+        known = self.known
+        if known is None or not known.terms.has_coulomb_factor:
+            return variation
+        factor = known.coulomb(path, self._number, time) / self._local
+        return factor - 1.0 if variation is None else factor * (1.0 + variation) - 1.0
+
+    def _state_now(self) -> FrictionState:
+        """A copy of the friction state; relaxed where it is unknown."""
+        state = self.estimator.state
+        if state is None:
+            return FrictionState.relaxed(count_states(self.estimator.friction))
+        return state.copy()
 
     def expect_at_target(
         self, coulomb: float, sigma: float, level: tuple[float, float] | None = None
@@ -248,12 +315,7 @@ class AxisCompensation:
             sigma: its standard deviation [N].
             level: the wander w and its standard deviation; None: unknown.
         """
-        state = self.estimator.state
-        self._departure = (
-            FrictionState.relaxed(count_states(self.estimator.friction))
-            if state is None
-            else state.copy()
-        )
+        self._departure = self._state_now()
         self.estimator.expect(coulomb, sigma, level)
 
     def correct_at_place(
@@ -329,23 +391,30 @@ def make_compensation(
     """
     source = truth if mode is Mode.ORACLE and truth is not None else machine
     scale = scale if source is machine else 1.0
-    made = tuple(
-        AxisCompensation(
-            axis,
-            source.axes[name].plant.friction.figures.scaled(scale),
-            mode,
-            machine.bus.sync_period,
-            None if drift is None else drift.get(name, {}),
+    terms = {} if mode is Mode.NONE else known_terms(machine)
+    of_figures = terms if source is machine else known_terms(source)
+    made = []
+    for name, axis in machine.axes.items():
+        figures = source.axes[name].plant.friction.figures.scaled(scale)
+        if name in of_figures:
+            figures = known_figures(of_figures[name], figures)
+        made.append(
+            AxisCompensation(
+                axis,
+                figures,
+                mode,
+                machine.bus.sync_period,
+                None if drift is None else drift.get(name, {}),
+                terms.get(name),
+            )
         )
-        for name, axis in machine.axes.items()
-    )
     if mode is Mode.ESTIMATED and known is not None:
         for name, compensation in zip(machine.axes, made, strict=True):
             if name in known:
                 compensation.estimator.believe(known[name])
     for axis in {axis.plant.friction.model: axis for axis in machine.axes.values()}.values():
         _compile_kernels(axis, machine.bus.sync_period)
-    return made
+    return tuple(made)
 
 
 def _compile_kernels(axis: Axis, period: float) -> None:

@@ -25,6 +25,7 @@ from estimation.move import MoveData
 from estimation.trajectory import Limits, Trajectory, plan, plan_stop
 from stagectl.sequencer.compensation import AxisCompensation, Learned
 from stagectl.sequencer.following_error import check_following_error
+from stagectl.sequencer.known_axis import REST_SAMPLES, SAMPLES_BEFORE_MOVE
 from stagectl.sequencer.move_data import prepare_move_data
 from stagectl.sequencer.path_friction import PathFriction
 from stagectl.sequencer.places import Places
@@ -34,10 +35,6 @@ from stagedata import Move, Samples
 F64 = NDArray[np.float64]
 Until = Callable[[tuple[float, ...]], bool]
 
-REST_SAMPLES = 5
-"""The force at rest is the mean of this many samples."""
-SAMPLES_BEFORE_MOVE = 2
-"""Samples at rest at the start of a move's record."""
 LEAST_VALID = 3
 """Fewer valid samples than this make no record to learn from."""
 SHORT_MOTION = 0.5
@@ -107,7 +104,7 @@ class Mover:
         self.samples = 0
         self.move: Move | None = None
         self._stage, self._axes, self._period, self._stop = stage, tuple(axes), period, stop
-        self._friction = PathFriction([axis.compensation for axis in axes], places)
+        self._friction = PathFriction([axis.compensation for axis in axes], places, period)
         self._short_motion: list[bool] = []
         self._reset()
 
@@ -176,7 +173,7 @@ class Mover:
         if len(self._latest):
             self._rest_force = mean_force(self._latest)
         demand = _setpoints(motion, count, self._period)
-        self._friction.begin(target if place is None else place, demand, self.time)
+        self._friction.begin(target if place is None else place, motion, demand, self.time)
         offset = self._force_offsets(motion, count)
         names = [axis.name for axis in self._axes]
         self.move = Move(
@@ -279,8 +276,7 @@ class Mover:
             [axis.mass for axis in self._axes],
             self._period,
         )
-        self._friction.measure(path)
-        return records
+        return self._friction.measure(records, path)
 
     def hold(self, duration: float, until: Until | None = None) -> bool:
         """Hold the target for `duration` [s] at most.
@@ -295,9 +291,9 @@ class Mover:
         left = round(duration / self._period)
         while left > 0:
             count = min(_BLOCK, left)
-            done = self._stream(
-                np.tile(self.target, (count, 1)), np.tile(self._offset, (count, 1)), until
-            )
+            offset = self._friction.hold_offsets(self._offset, count)
+            done = self._stream(np.tile(self.target, (count, 1)), offset, until)
+            self._offset = self._friction.held(self._offset, offset, done)
             if done < count:
                 return True
             left -= count

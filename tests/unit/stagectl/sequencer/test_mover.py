@@ -75,6 +75,8 @@ class Echo:
 class Notes:
     """Stands in for the compensation, and keeps what it is given."""
 
+    known = None
+
     def __init__(self, revise_at=math.inf):
         self.moves, self.moments, self.asked = [], [], []
         self.revise_at = revise_at

@@ -1,0 +1,25 @@
+"""What the host knows of an axis beside its friction, and how it is made up for.
+
+`inverses` says for each effect by name what it adds to the `KnownTerms` of its axis; the equations
+are the host's own, and share nothing with the simulator's.
+"""
+
+from estimation.known_effects.coulomb import coulomb_factor, directions
+from estimation.known_effects.figures import known_figures
+from estimation.known_effects.forces import ForceState, KnownForces, Path
+from estimation.known_effects.motor import delivered_force, force_to_demand
+from estimation.known_effects.terms import F64, Base, KnownTerms
+
+__all__ = [
+    "F64",
+    "Base",
+    "ForceState",
+    "KnownForces",
+    "KnownTerms",
+    "Path",
+    "coulomb_factor",
+    "delivered_force",
+    "directions",
+    "force_to_demand",
+    "known_figures",
+]

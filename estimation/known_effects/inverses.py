@@ -1,0 +1,145 @@
+"""What each effect of the library is to the host: one function per effect, named like it.
+
+Each adds to the terms of its axis what its parameters mean (docs/formats/effects.md). They are
+found by the name that the effect declares; another package's effect names a function of its own
+with the same arguments.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from estimation.known_effects.random_field import random_field
+from estimation.known_effects.terms import F64, Base, KnownTerms
+
+Values = Mapping[str, float]
+
+
+def _wave(values: Values, position: F64) -> F64:
+    """sin(2 pi x/pitch + phase)."""
+    turns = np.asarray(position) / values["pitch"]
+    return np.asarray(np.sin(2.0 * math.pi * turns + values["phase"]))
+
+
+def payload_mass(terms: KnownTerms, values: Values) -> None:
+    """Mass [kg] on top of the machine file's."""
+    terms.mass += values["mass"]
+
+
+def current_bandwidth(terms: KnownTerms, values: Values) -> None:
+    """Another bandwidth [Hz] of the current loop."""
+    terms.bandwidth = values["bandwidth"]
+
+
+def dead_time(terms: KnownTerms, values: Values) -> None:
+    """Delay [s] before the current loop."""
+    terms.delay += values["delay"]
+
+
+def force_constant(terms: KnownTerms, values: Values) -> None:
+    """Force on the carriage over measured force."""
+    terms.gain *= values["ratio"]
+
+
+def force_ripple(terms: KnownTerms, values: Values) -> None:
+    """Factor on the motor force over position."""
+    terms.gains.append(lambda x: 1.0 + values["ratio"] * _wave(values, x))
+
+
+def force_saturation(terms: KnownTerms, values: Values) -> None:
+    """Force [N] that the motor cannot exceed."""
+    terms.saturation = min(terms.saturation, values["force"])
+
+
+def coulomb_level(terms: KnownTerms, values: Values) -> None:
+    """Factor on Fc everywhere."""
+    terms.coulomb *= values["ratio"]
+
+
+def friction_asymmetry(terms: KnownTerms, values: Values) -> None:
+    """Fc (1 ± ratio), plus forwards."""
+    terms.forward *= 1.0 + values["ratio"]
+    terms.backward *= 1.0 - values["ratio"]
+
+
+def friction_map(terms: KnownTerms, values: Values) -> None:
+    """Factor on Fc over both axes, drawn from the seed."""
+    terms.table_factors.append(
+        random_field(values["amplitude"], values["length"], int(values["seed"]))
+    )
+
+
+def friction_position(terms: KnownTerms, values: Values) -> None:
+    """Bell over the axis' own position."""
+    terms.table_factors.append(
+        lambda x, _: (
+            1.0
+            + values["amplitude"]
+            * np.exp(-0.5 * np.square((x - values["center"]) / values["width"]))
+        )
+    )
+
+
+def friction_spot(terms: KnownTerms, values: Values) -> None:
+    """Bell over both positions."""
+
+    def factor(x: F64, y: F64) -> F64:
+        away = np.square(x - values["center"]) + np.square(y - values["other"])
+        bell = np.exp(-0.5 * away / values["width"] ** 2)
+        return np.asarray(1.0 + values["amplitude"] * bell)
+
+    terms.table_factors.append(factor)
+
+
+def presliding_stiffness(terms: KnownTerms, values: Values) -> None:
+    """Factor on sigma0."""
+    terms.stiffness *= values["ratio"]
+
+
+def stribeck(terms: KnownTerms, values: Values) -> None:
+    """Another alpha."""
+    terms.static_ratio = values["static_ratio"]
+
+
+def thermal_drift(terms: KnownTerms, values: Values) -> None:
+    """Factor on Fc that decays from the first SYNC on."""
+    amplitude, constant = values["amplitude"], values["time_constant"]
+    terms.time_factors.append(lambda t: 1.0 + amplitude * np.exp(-np.asarray(t) / constant))
+
+
+def viscous_damping(terms: KnownTerms, values: Values) -> None:
+    """Factor on sigma_v."""
+    terms.viscous *= values["ratio"]
+
+
+def cable_hysteresis(terms: KnownTerms, values: Values) -> None:
+    """An element that slides at its force [N], of a stiffness [N/m]."""
+    terms.hysteresis.append((values["force"], values["stiffness"]))
+
+
+def cable_stiffness(terms: KnownTerms, values: Values) -> None:
+    """A spring [N/m] relaxed at its center [m]."""
+    terms.forces.append(lambda x: values["stiffness"] * (np.asarray(x) - values["center"]))
+
+
+def cogging(terms: KnownTerms, values: Values) -> None:
+    """Force [N] that is periodic over position."""
+    terms.forces.append(lambda x: values["amplitude"] * _wave(values, x))
+
+
+def force_offset(terms: KnownTerms, values: Values) -> None:
+    """The same force [N] everywhere."""
+    terms.forces.append(lambda x: np.full(np.shape(x), values["force"]))
+
+
+def base_motion(terms: KnownTerms, values: Values) -> None:
+    """A base that yields to the reaction."""
+    terms.bases.append(Base(values["mass_ratio"], values["frequency"], values["damping"]))
+
+
+def cross_coupling(terms: KnownTerms, values: Values) -> None:
+    """Force per acceleration of the other axis [kg]."""
+    terms.coupled_mass += values["mass"]

@@ -1,0 +1,102 @@
+"""What a machine file's effects tell the host: which it makes up for, how, and which not and why.
+
+Each effect of the library declares it (`hil_sim.effects.Compensation`); the equations are those of
+`estimation.known_effects`, or of the package that the effect comes from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+
+from estimation.known_effects import KnownTerms
+from hil_sim.effects import Effect
+from hil_sim.effects.library import EffectError, library
+from stagectl.config.machine import Axis, Machine
+from stagectl.errors import ConfigError
+
+
+@dataclass(frozen=True, slots=True)
+class KnownEffect:
+    """An effect of the host's machine file.
+
+    Attributes:
+        axis, effect: their names.
+        compensated: whether the host makes up for it.
+        text: a clause: how, or why not.
+    """
+
+    axis: str
+    effect: str
+    compensated: bool
+    text: str
+
+    def describe(self) -> str:
+        """In a line."""
+        verb = "is compensated" if self.compensated else "is not compensated"
+        return f"{self.axis}: {self.effect} {verb}: {self.text}"
+
+
+def known_effects(machine: Machine) -> tuple[KnownEffect, ...]:
+    """The effects of a machine file in its order.
+
+    Raises:
+        ConfigError: an effect is not installed.
+    """
+    return tuple(
+        KnownEffect(
+            name, wanted.name, declared.compensation.inverse is not None, declared.compensation.text
+        )
+        for name, axis in machine.axes.items()
+        for wanted in axis.effects
+        for declared in [_find(wanted.name, machine)]
+    )
+
+
+def known_terms(machine: Machine) -> dict[str, KnownTerms]:
+    """What is known of each axis that has effects that the host makes up for.
+
+    Raises:
+        ConfigError: an effect is not installed, or what it names for its inverse cannot be used.
+    """
+    known: dict[str, KnownTerms] = {}
+    for name, axis in machine.axes.items():
+        for wanted in axis.effects:
+            inverse = _find(wanted.name, machine).compensation.inverse
+            if inverse is not None:
+                terms = known.setdefault(name, KnownTerms())
+                try:
+                    _load(inverse)(terms, wanted.parameters)
+                except Exception as error:
+                    raise ConfigError(
+                        f"{machine.source}: axes.{name}.effects: {wanted.name}: its inverse "
+                        f"{inverse} cannot be used: {type(error).__name__}: {error}"
+                    ) from error
+    return known
+
+
+def axis_as_known(axis: Axis, terms: KnownTerms) -> Axis:
+    """The axis with the mass and the current loop that its effects say."""
+    plant = axis.plant.model_copy(update={"mass": axis.plant.mass + terms.mass})
+    drive = axis.drive
+    if terms.bandwidth is not None:
+        drive = drive.model_copy(update={"current_bandwidth": terms.bandwidth})
+    return axis.model_copy(update={"plant": plant, "drive": drive})
+
+
+def _find(name: str, machine: Machine) -> Effect:
+    try:
+        found = library().get(name)
+    except EffectError as error:
+        raise ConfigError(f"{machine.source}: effects: {error}") from error
+    if found is None:
+        raise ConfigError(f"{machine.source}: effects: unknown effect '{name}'")
+    return found
+
+
+def _load(inverse: str) -> Callable[[KnownTerms, Mapping[str, float]], object]:
+    module, _, function = inverse.partition(":")
+    loaded: Callable[[KnownTerms, Mapping[str, float]], object]
+    loaded = getattr(import_module(module), function)
+    return loaded

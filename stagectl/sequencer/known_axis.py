@@ -1,0 +1,212 @@
+"""What the machine file's effects mean for the moves of one axis.
+
+`estimation.known_effects` knows forces, factors and friction along a path. This carries their state
+from move to move along the measured positions, predicts them along the coming demand, and takes
+them from what is measured before anything is learned from it. In which order:
+
+    plan -> friction_at_rest -> offsets -> (revised) -> hold ... -> without -> carry
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.known_effects import (
+    F64,
+    KnownForces,
+    KnownTerms,
+    Path,
+    coulomb_factor,
+    delivered_force,
+    directions,
+    force_to_demand,
+)
+from estimation.move import MoveData
+from estimation.trajectory import Trajectory
+
+SAMPLES_BEFORE_MOVE = 2
+"""Samples at rest at the start of a move's record; they end the record before it, too."""
+REST_SAMPLES = 5
+"""The force at rest is the mean of this many samples."""
+
+
+class KnownAxis:
+    """Known effects along the moves of one axis.
+
+    Args:
+        terms: what is known.
+        mass: moved, with what is known of it [kg].
+        period: Ts [s].
+        lead: from the last sample before a move to the demand's time 0 [s].
+        ahead: how much earlier than its effect a force is to be sent [s].
+        peak: largest force of the drive [N].
+
+    Attributes:
+        terms: as above.
+    """
+
+    def __init__(
+        self,
+        terms: KnownTerms,
+        mass: float,
+        period: float,
+        lead: float,
+        ahead: float,
+        peak: float,
+    ) -> None:
+        self.terms = terms
+        self._forces = KnownForces(terms, mass, period)
+        self._period, self._lead, self._ahead, self._peak = period, lead, ahead, peak
+        self.forget()
+
+    def forget(self) -> None:
+        """The axis has moved unobserved: nothing pulls and nothing sways, as far as is known."""
+        self._before = self._now = self._forces.at_start()
+        self._at_rest: float | None = None
+        self._demanded = np.zeros(1)
+        self._planned = np.zeros(1)
+        self._held = self._forces.at_start()
+        self._end = 0.0
+
+    def plan(self, motion: Trajectory, across: Trajectory | None, samples: int) -> None:
+        """Predict the known forces of a move.
+
+        Args:
+            motion: demand of this axis.
+            across: demand of the other axis.
+            samples: number of setpoints.
+        """
+        time = np.asarray(np.arange(samples + 1) * self._period + self._ahead, np.float64)
+        time[0] = 0.0  # at rest, whatever the drive's lag
+        position, velocity, acceleration = motion.sample(time)
+        other = np.zeros(samples + 1) if across is None else across.sample(time)[2]
+        acceleration[0] = other[0] = 0.0
+        state = self._now.copy()
+        self._forces.rest(state, max(self._lead + self._ahead - self._period, 0.0))
+        self._demanded = position
+        self._planned = self._forces.along(Path(position, velocity, acceleration, other), state)
+        self._held = state
+
+    def friction_at_rest(self, force: float, position: float) -> float:
+        """What of a force measured at rest is friction [N].
+
+        Args:
+            force: mean of the last samples [N].
+            position: of the axis [m].
+        """
+        if self._at_rest is None:
+            zero = np.zeros(1)
+            here = Path(np.array([position]), zero, zero, zero)
+            self._at_rest = float(self._forces.along(here, self._now.copy())[0])
+        carried = delivered_force(self.terms, np.array([force]), np.array([position]))
+        return float(carried[0]) - self._at_rest
+
+    def offsets(self, start: float, change: F64, sent: int = 0) -> F64:
+        """Change of the force offset since setpoint `sent` [N], shape (K - sent,).
+
+        Args:
+            start: force on the carriage at that setpoint, without known forces [N].
+            change: of it since, at every setpoint after it [N], shape (K - sent,).
+            sent: setpoints 1..sent are gone; 0: at rest before the move.
+        """
+        known = self._planned[sent:]
+        self._end = start + float(change[-1]) + float(known[-1])
+        if not self.terms.has_motor_factor:
+            both: F64 = change + (known[1:] - known[0])
+            return both
+        demand = self._to_demand(np.append(start, start + change) + known, self._demanded[sent:])
+        return np.asarray(demand[1:] - demand[0])
+
+    def hold(self, count: int) -> F64:
+        """Change of the force offset since the last setpoint, at rest behind a move [N], (count,).
+
+        Other than 0 only where a base still swings.
+        """
+        if not self.terms.bases:
+            return np.zeros(count)
+        before = self._forces.sway(self._held)
+        sway = self._forces.sway_at_rest(self._held.copy(), count)
+        force = self._end + np.append(0.0, sway - before)
+        demand = self._to_demand(force, self._demanded[-1:])
+        return np.asarray(demand[1:] - demand[0])
+
+    def held(self, count: int) -> None:
+        """So many setpoints of `hold` have been sent."""
+        if self.terms.bases and count:
+            before = self._forces.sway(self._held)
+            self._end += float(self._forces.sway_at_rest(self._held, count)[-1]) - before
+
+    def without(self, record: MoveData, path: F64, axis: int, seen: NDArray[np.bool_]) -> MoveData:
+        """A move's record as if there were nothing but mass and friction.
+
+        Saturated samples say nothing, nor, with a force from the other axis' acceleration, those
+        where that was not seen.
+
+        Args:
+            record: as measured.
+            path: positions of all axes [m], shape (M, n).
+            axis: number of this one.
+            seen: where the other axis has a valid sample, shape (M,).
+        """
+        terms = self.terms
+        known = self._forces.along(self._path(path, axis), self._before.copy())
+        upset = np.abs(record.force) >= self._peak
+        if terms.coupled_mass:
+            upset |= np.convolve(~seen, np.ones(3), "same") > 0.0
+        if record.upset is not None:
+            upset |= record.upset
+        position = path[:, axis]
+        return MoveData(
+            record.position,
+            delivered_force(terms, record.force, position) - known,
+            record.valid,
+            record.time,
+            self.friction_at_rest(record.rest_force, float(position[0])),
+            upset if upset.any() else None,
+        )
+
+    def carry(self, path: F64, axis: int) -> None:
+        """Carry the state through a move and the rest behind it; arguments as in `without`."""
+        motion = self._path(path, axis)
+        last = max(len(path) - SAMPLES_BEFORE_MOVE, 0)
+        state = self._before
+        early = self._forces.along(Path(*(part[:last] for part in motion)), state)
+        self._now = state.copy()
+        late = self._forces.along(Path(*(part[last:] for part in motion)), self._now)
+        self._at_rest = float(np.concatenate((early, late))[-REST_SAMPLES:].mean())
+
+    def coulomb(self, path: F64, axis: int, time: F64) -> F64:
+        """Factor on Fc along a path, shape (K,).
+
+        Args:
+            path: positions of all axes [m], shape (K, n).
+            axis: number of this one.
+            time: of the stage [s], shape (K,).
+        """
+        own, other = path[:, axis], path[:, -1 - axis]
+        return coulomb_factor(self.terms, own, other, time, directions(own))
+
+    def coulomb_at(self, place: F64, axis: int, time: float) -> float:
+        """Factor on Fc at a place [m], shape (n,), and a time [s]: mean of both directions."""
+        own, other = place[axis : axis + 1], place[[-1 - axis]]
+        return float(coulomb_factor(self.terms, own, other, np.array([time]))[0])
+
+    def _to_demand(self, force: F64, position: F64) -> F64:
+        return np.clip(force_to_demand(self.terms, force, position), -self._peak, self._peak)
+
+    def _path(self, path: F64, axis: int) -> Path:
+        """Motion of an axis from positions of all at the samples."""
+        own = path[:, axis]
+        if len(own) < 3:
+            still = np.zeros(len(own))
+            return Path(own, still, still, still)
+        across = self._bend(path[:, -1 - axis]) if self.terms.coupled_mass else np.zeros(len(own))
+        speed = np.asarray(np.gradient(own, self._period), np.float64)
+        return Path(own, speed, self._bend(own), across)
+
+    def _bend(self, position: F64) -> F64:
+        """Acceleration at the samples [m/s^2]; at the ends, at rest, 0."""
+        result = np.zeros(len(position))
+        result[1:-1] = np.diff(position, 2) / self._period**2
+        return result
