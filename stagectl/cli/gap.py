@@ -8,7 +8,7 @@ from stagectl.cli.lazy import LazyGroup
 
 COMMANDS = {
     "measure": ("stagectl.cli.gap_measure:measure", "Measure the gap of a machine file."),
-    "compare": ("stagectl.cli.gap_measure:compare", "Compare two machine files on recordings."),
+    "compare": ("stagectl.cli.gap_compare:compare", "Compare two machine files, or two runs."),
     "diagnose": ("stagectl.cli.gap_diagnose:diagnose", "Find the physical causes of the gap."),
     "excite": ("stagectl.cli.gap_excite:excite", "Write a recipe that tells effects apart."),
     "blind": ("stagectl.cli.gap_blind:blind", "Test the diagnosis on simulated stages."),
@@ -32,4 +32,7 @@ def command() -> None:
       stagectl gap diagnose REC.h5 --twin TWIN.yaml
     How much closer is the twin, on a recording that it was not fitted to?
       stagectl gap compare MACHINE.yaml TWIN.yaml OTHER.h5
+    Does the stage settle faster, now that its host has the twin?
+      stagectl run RECIPE.yaml --machine TWIN.yaml --out AFTER
+      stagectl gap compare REC.h5 AFTER/recording.h5
     """  # noqa: D301  (\b keeps click from wrapping what follows)

@@ -1,4 +1,4 @@
-"""`stagectl gap measure` and `compare`: the gap of machine files, without any fit."""
+"""`stagectl gap measure`: the gap of a machine file, without any fit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stagectl.cli.options import FILE, JSON_OUT, is_json_on_stdout, write_json
 
 if TYPE_CHECKING:
     from hil_sim.settings import StageSettings
-    from sim2real.gap import Gap, Measured
+    from sim2real.gap import Measured
     from sim2real.report import GapFigures
     from stagectl.config import Machine
     from stagedata import Recording
@@ -40,7 +40,7 @@ def measure(recording: Path, machine: Path | None, json_out: Path | None) -> Non
     model = machine_of(machine, recorded)
     console = console_for(json_out)
     with progress_bar(console, "simulating") as update:
-        found = _measure(recorded, stage_settings(model), update)
+        found = measured_gap(recorded, stage_settings(model), update)
     if json_out is not None:
         report = {"format": FORMAT, "version": VERSION, "recordings": [str(recording)]}
         write_json({**report, "gap": gap_json(found.gap)}, json_out)
@@ -48,62 +48,6 @@ def measure(recording: Path, machine: Path | None, json_out: Path | None) -> Non
         console.print(gap_table(found.gap, f"Gap of {model.name} against {recording.name} (rms)"))
         for line in repeat_lines(found):
             console.print(line, markup=False, highlight=False)
-
-
-@click.command("compare")
-@click.argument("first", type=FILE, metavar="A.yaml")
-@click.argument("second", type=FILE, metavar="B.yaml")
-@click.argument("recordings", type=FILE, nargs=-1, required=True, metavar="REC.h5...")
-@JSON_OUT
-def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: Path | None) -> None:
-    """Compare two machine files on the same recordings: which one is closer, and by how much.
-
-    Nothing is fitted. Gap closed is the share of A's gap above its floor that B removes.
-    """
-    from sim2real.gap import gap_closed, pool_gaps
-    from sim2real.report import FORMAT, VERSION, GapFigures, gap_json
-    from stagectl.config import load_machine, stage_settings
-    from stagectl.store import read_recording
-
-    settings = [stage_settings(load_machine(path)) for path in (first, second)]
-    recorded = [read_recording(path) for path in recordings]
-    console = console_for(json_out)
-    gaps = []
-    with progress_bar(console, "simulating") as update:
-        for model in settings:
-            each = [(_measure(r, model, update).gap, len(r)) for r in recorded]
-            gaps.append(pool_gaps(each))
-    before, after = gaps
-    share = gap_closed(before, after)
-    both: Gap = {
-        axis: {
-            signal: GapFigures(figures.nominal, figures.floor, figures.unit, other.nominal)
-            for (signal, figures), other in zip(signals.items(), after[axis].values(), strict=True)
-        }
-        for axis, signals in before.items()
-    }
-    if json_out is not None:
-        report = {
-            "format": FORMAT,
-            "version": VERSION,
-            "recordings": [str(path) for path in recordings],
-            "machines": [str(first), str(second)],
-        }
-        write_json({**report, "gap": gap_json(both), "gap_closed": share}, json_out)
-    if not is_json_on_stdout(json_out):
-        console.print(
-            gap_table(both, f"Gap of {first.name} (A) and {second.name} (B) (rms)", "A", "B")
-        )
-        console.print(closed_line(share), markup=False, highlight=False)
-
-
-def closed_line(share: float | None) -> str:
-    """The share of the gap closed, as a sentence."""
-    if share is None:
-        return "No share of the gap can be stated: A is too close to its floor, or too far off."
-    if share < 0:
-        return f"B is farther from the recordings than A (gap closed: {share:.2f})."
-    return f"B closes {100 * share:.0f} % of A's gap."
 
 
 def repeat_lines(found: Measured) -> list[str]:
@@ -141,7 +85,12 @@ def machine_of(machine: Path | None, *recorded: Recording) -> Machine:
     return parse_machine(first.machine, f"{first.source}:machine")
 
 
-def _measure(recorded: Recording, settings: StageSettings, update: ProgressUpdate) -> Measured:
+def measured_gap(recorded: Recording, settings: StageSettings, update: ProgressUpdate) -> Measured:
+    """The gap of a stage's settings on a recording.
+
+    Raises:
+        UnusableInput: the recording does not fit them.
+    """
     from functools import partial
 
     from sim2real.audit import repair_samples

@@ -41,6 +41,9 @@ def render_outcome(result: RunResult, folder: Path) -> RenderableType:
         if ledger is not None:
             text += f" (at most {ledger['late_in_a_row']} in a row), {ledger['doubled']} doubled"
         parts.append(Text(text))
+    done = [f"{e['axis']} {e['effect']}" for e in summary.get("effects", ()) if e["compensated"]]
+    if done:
+        parts.append(Text(f"compensated effects: {', '.join(done)}"))
     parts += [Text(notice, style="yellow") for notice in result.notices]
     files = sorted(p.name for p in folder.iterdir()) if folder.is_dir() else []
     if SPOOL_NAME in files:

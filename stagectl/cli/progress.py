@@ -21,6 +21,7 @@ from rich.table import Column
 from stagectl.recipe import ExciteStep, MoveStep, Recipe, plan_from
 from stagectl.sequencer import (
     DriveLimited,
+    EffectLeft,
     Event,
     FrictionUpdated,
     LevelStepped,
@@ -77,7 +78,8 @@ class RunProgress:
             transient=True,
             disable=not console.is_terminal,
         )
-        self._moves = sum(isinstance(step, MoveStep | ExciteStep) for step in plan_from(recipe, done))
+        steps = plan_from(recipe, done)
+        self._moves = sum(isinstance(step, MoveStep | ExciteStep) for step in steps)
         self._task = self._progress.add_task("starting", total=self._moves, left="", known="")
         self._begun = self._stretch = 0
         self._first_move: float | None = None
@@ -126,7 +128,7 @@ class RunProgress:
 
     def _take(self, event: Event, now: float) -> None:
         match event:
-            case DriveLimited(text=text):
+            case DriveLimited(text=text) | EffectLeft(text=text):
                 self._warn(text)
             case MoveStarted():
                 self._first_move = now if self._first_move is None else self._first_move

@@ -38,20 +38,24 @@ class KnownEffect:
         return f"{self.axis}: {self.effect} {verb}: {self.text}"
 
 
-def known_effects(machine: Machine) -> tuple[KnownEffect, ...]:
+def known_effects(machine: Machine, compensating: bool = True) -> tuple[KnownEffect, ...]:
     """The effects of a machine file in its order.
+
+    Args:
+        machine: the host's.
+        compensating: False where the host makes up for nothing but mass (`--compensation none`).
 
     Raises:
         ConfigError: an effect is not installed.
     """
-    return tuple(
-        KnownEffect(
-            name, wanted.name, declared.compensation.inverse is not None, declared.compensation.text
-        )
-        for name, axis in machine.axes.items()
-        for wanted in axis.effects
-        for declared in [_find(wanted.name, machine)]
-    )
+    found = []
+    for name, axis in machine.axes.items():
+        for wanted in axis.effects:
+            declared = _find(wanted.name, machine).compensation
+            how = declared.text if compensating else "of all forces only the mass's is fed forward"
+            done = compensating and declared.inverse is not None
+            found.append(KnownEffect(name, wanted.name, done, how))
+    return tuple(found)
 
 
 def known_terms(machine: Machine) -> dict[str, KnownTerms]:

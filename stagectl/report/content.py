@@ -182,6 +182,7 @@ def notices(summary: Summary) -> list[Notice]:
         found.append(Notice("warning", text))
     elif summary["moves"]:
         found.append(Notice("good", "Every move settled."))
+    found += effect_notices(summary)
     if refused := refused_estimates(summary):
         text = f"{len(refused)} of {len(summary['friction'])} friction estimates were refused."
         found.append(Notice("warning", text))
@@ -191,6 +192,18 @@ def notices(summary: Summary) -> list[Notice]:
         f"{cycle['late']} SYNCs late{_punctuality(summary)}."
     )
     found.append(Notice("warning" if cycle["missed"] or cycle["late"] else "good", text))
+    return found
+
+
+def effect_notices(summary: Summary) -> list[Notice]:
+    """Which effects of the machine file were compensated, and which not and why."""
+    effects = summary.get("effects", ())
+    done = [f"{e['axis']} {e['effect']}" for e in effects if e["compensated"]]
+    left = [e for e in effects if not e["compensated"]]
+    found = [Notice("good", f"Compensated effects: {', '.join(done)}.")] if done else []
+    for effect in left:
+        text = f"Not compensated: {effect['axis']} {effect['effect']}: {effect['text']}."
+        found.append(Notice("warning", text))
     return found
 
 

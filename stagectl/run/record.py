@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from hil_sim.bus import InjectedFault
+from stagectl.config.known_effects import known_effects
 from stagectl.errors import Aborted, StagectlError
 from stagectl.history import (
     EstimateRecord,
@@ -33,6 +34,7 @@ from stagectl.sequencer import (
     FrictionUpdated,
     LevelStepped,
     MarkFound,
+    Mode,
     Retrying,
     StopNoticed,
     StretchDone,
@@ -113,6 +115,10 @@ class RunRecord:
             **request.as_note(),
             map=None if active is None else active.version.number,
             map_comment="" if active is None else active.version.comment,
+            effects=[
+                asdict(effect)
+                for effect in known_effects(request.machine, request.mode is not Mode.NONE)
+            ],
             map_then=snapshot,
             history=note_of_run(
                 self._history.entry, None if where is None else without_password(where)

@@ -22,6 +22,7 @@ from drivers.settings import AxisSettings, BusSettings
 from estimation.trajectory import Limits
 from hil_sim.bus import InjectedFault, World
 from hil_sim.stage import VirtualStage
+from stagectl.config.known_effects import known_effects
 from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError, UnusableInput
 from stagectl.history import open_history, stage_temperature
 from stagectl.maps import ActiveMap, sites_outside
@@ -33,9 +34,11 @@ from stagectl.run.retries import recover_stage
 from stagectl.run.virtual_stage import virtual_stage
 from stagectl.sequencer import (
     DriveLimited,
+    EffectLeft,
     Engine,
     Event,
     FreshPlaces,
+    Mode,
     MovingAxis,
     Places,
     Retrying,
@@ -182,6 +185,7 @@ class _Session:
         """Boot, home, enable, run, disable; foreseen errors are kept for the result."""
         listener, record = self._listener, self._record
         try:
+            self._name_effects_left()
             listener.stoppable(self._request_stop)
             with Stage.open(bus, self._ready.axes, tap=log.tap, bus_object=opened) as stage:
                 self._stage = stage
@@ -218,6 +222,15 @@ class _Session:
             raise
         finally:
             self._over = True
+
+    def _name_effects_left(self) -> None:
+        """Say which effects of the machine file the host does not make up for, and why."""
+        if self._request.mode is Mode.NONE:
+            return
+        for effect in known_effects(self._request.machine):
+            if not effect.compensated:
+                self._record.note_limitations([effect.describe()])
+                self._listener.event(EffectLeft(effect.describe()))
 
     def _run_recipe(self, stage: Stage, period: float) -> None:
         """Run what is left of the recipe; repeat a stretch after a fault that allows it."""

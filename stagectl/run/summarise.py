@@ -112,6 +112,7 @@ def _facts(
         wafer=entry["wafer"],
         map=run["map"],
         map_comment=run.get("map_comment", ""),
+        effects=tuple(run.get("effects", ())),
         steps=tuple(
             {key: e[key] for key in _STEP} for e in notes.events if e["event"] == "level_stepped"
         ),

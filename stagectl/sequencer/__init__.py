@@ -15,6 +15,7 @@ from stagectl.sequencer.compensation import (
 from stagectl.sequencer.engine import Engine
 from stagectl.sequencer.events import (
     DriveLimited,
+    EffectLeft,
     Event,
     Exposed,
     FrictionUpdated,
@@ -49,6 +50,7 @@ __all__ = [
     "WINDOWS",
     "AxisCompensation",
     "DriveLimited",
+    "EffectLeft",
     "Engine",
     "Event",
     "Expectation",

@@ -86,6 +86,7 @@ class AxisCompensation:
             the Coulomb force over the table; None without a map. See
             `config.host_model.estimator_settings`.
         terms: effects that are known of the axis; None for none.
+        number: of the axis.
 
     Attributes:
         mode: what the offsets consist of.
@@ -101,6 +102,7 @@ class AxisCompensation:
         period: float,
         drift: Mapping[str, float] | None = None,
         terms: KnownTerms | None = None,
+        number: int = 0,
     ) -> None:
         self.mode = mode
         if terms is not None:
@@ -117,12 +119,12 @@ class AxisCompensation:
         self._kink = kink_share(period, kink_delay(drive))
         # Friction state where a move to another place began, in that place's forces.
         self._departure: FrictionState | None = None
-        self._number = 0
-        self._local = 1.0  # factor on Fc where the current move ends
         self.known: KnownAxis | None = None
         if terms is not None:
             lead = period - drive.control_period
-            self.known = KnownAxis(terms, self._mass, period, lead, self._ahead, drive.peak_force)
+            self.known = KnownAxis(
+                terms, number, self._mass, period, lead, self._ahead, drive.peak_force
+            )
 
     def force_offsets(
         self,
@@ -262,18 +264,16 @@ class AxisCompensation:
             self.known.forget()
 
     def begin_known(
-        self, number: int, motion: Trajectory, across: Trajectory | None, demand: F64, moment: float
+        self, motion: Trajectory, across: Trajectory | None, demand: F64, moment: float
     ) -> None:
-        """Predict known effects along the coming move.
+        """Predict known effects along the coming move, if there are any.
 
         Args:
-            number: of this axis.
-            motion: its demand.
+            motion: demand of this axis.
             across: demand of the other axis.
             demand: setpoints of all axes [m], shape (K, n).
             moment: time of the rest before the move [s].
         """
-        self._number = number
         known = self.known
         if known is None:
             return
@@ -281,22 +281,7 @@ class AxisCompensation:
         if known.terms.has_coulomb_factor:
             if self._departure is None:
                 self._departure = self._state_now()
-            self._local = known.coulomb_at(demand[-1], number, moment + motion.duration)
-            self.estimator.scale_coulomb(self._local)
-
-    def with_known_coulomb(self, variation: F64 | None, path: F64, time: F64) -> F64 | None:
-        """The variation of Fc along a path with what is known of it; None: it is the same.
-
-        Args:
-            variation: without, shape (K,); None: none.
-            path: positions of all axes [m], shape (K, n).
-            time: of the stage [s], shape (K,).
-        """
-        known = self.known
-        if known is None or not known.terms.has_coulomb_factor:
-            return variation
-        factor = known.coulomb(path, self._number, time) / self._local
-        return factor - 1.0 if variation is None else factor * (1.0 + variation) - 1.0
+            self.estimator.scale_coulomb(known.coulomb_at_end(demand, moment + motion.duration))
 
     def _state_now(self) -> FrictionState:
         """A copy of the friction state; relaxed where it is unknown."""
@@ -394,7 +379,7 @@ def make_compensation(
     terms = {} if mode is Mode.NONE else known_terms(machine)
     of_figures = terms if source is machine else known_terms(source)
     made = []
-    for name, axis in machine.axes.items():
+    for number, (name, axis) in enumerate(machine.axes.items()):
         figures = source.axes[name].plant.friction.figures.scaled(scale)
         if name in of_figures:
             figures = known_figures(of_figures[name], figures)
@@ -406,12 +391,16 @@ def make_compensation(
                 machine.bus.sync_period,
                 None if drift is None else drift.get(name, {}),
                 terms.get(name),
+                number,
             )
         )
     if mode is Mode.ESTIMATED and known is not None:
         for name, compensation in zip(machine.axes, made, strict=True):
             if name in known:
                 compensation.estimator.believe(known[name])
+    for compensation in made:
+        if compensation.known is not None:
+            compensation.known.compile_kernels()
     for axis in {axis.plant.friction.model: axis for axis in machine.axes.values()}.values():
         _compile_kernels(axis, machine.bus.sync_period)
     return tuple(made)

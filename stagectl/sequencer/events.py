@@ -15,6 +15,13 @@ class DriveLimited:
 
 
 @dataclass(frozen=True, slots=True)
+class EffectLeft:
+    """The host does not make up for an effect of its machine file; `text` says why."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class MoveStarted:
     """A move begins; `site` counts from 1, None outside sites."""
 
@@ -169,6 +176,7 @@ class LevelStepped:
 
 Event = (
     DriveLimited
+    | EffectLeft
     | MoveStarted
     | Waiting
     | Settled

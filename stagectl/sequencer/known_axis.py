@@ -36,6 +36,7 @@ class KnownAxis:
 
     Args:
         terms: what is known.
+        number: of the axis, in arrays of positions.
         mass: moved, with what is known of it [kg].
         period: Ts [s].
         lead: from the last sample before a move to the demand's time 0 [s].
@@ -49,6 +50,7 @@ class KnownAxis:
     def __init__(
         self,
         terms: KnownTerms,
+        number: int,
         mass: float,
         period: float,
         lead: float,
@@ -56,6 +58,7 @@ class KnownAxis:
         peak: float,
     ) -> None:
         self.terms = terms
+        self._own, self._other = number, -1 - number
         self._forces = KnownForces(terms, mass, period)
         self._period, self._lead, self._ahead, self._peak = period, lead, ahead, peak
         self.forget()
@@ -68,6 +71,13 @@ class KnownAxis:
         self._planned = np.zeros(1)
         self._held = self._forces.at_start()
         self._end = 0.0
+        self._local = 1.0
+
+    def compile_kernels(self) -> None:
+        """Run the compiled kernels once, before anything moves."""
+        path = np.zeros((3, 2))
+        self._forces.along(self._path(path), self._forces.at_start())
+        directions(path[:, 0])
 
     def plan(self, motion: Trajectory, across: Trajectory | None, samples: int) -> None:
         """Predict the known forces of a move.
@@ -137,7 +147,7 @@ class KnownAxis:
             before = self._forces.sway(self._held)
             self._end += float(self._forces.sway_at_rest(self._held, count)[-1]) - before
 
-    def without(self, record: MoveData, path: F64, axis: int, seen: NDArray[np.bool_]) -> MoveData:
+    def without(self, record: MoveData, path: F64, seen: NDArray[np.bool_]) -> MoveData:
         """A move's record as if there were nothing but mass and friction.
 
         Saturated samples say nothing, nor, with a force from the other axis' acceleration, those
@@ -146,17 +156,16 @@ class KnownAxis:
         Args:
             record: as measured.
             path: positions of all axes [m], shape (M, n).
-            axis: number of this one.
             seen: where the other axis has a valid sample, shape (M,).
         """
         terms = self.terms
-        known = self._forces.along(self._path(path, axis), self._before.copy())
+        known = self._forces.along(self._path(path), self._before.copy())
         upset = np.abs(record.force) >= self._peak
         if terms.coupled_mass:
             upset |= np.convolve(~seen, np.ones(3), "same") > 0.0
         if record.upset is not None:
             upset |= record.upset
-        position = path[:, axis]
+        position = path[:, self._own]
         return MoveData(
             record.position,
             delivered_force(terms, record.force, position) - known,
@@ -166,9 +175,9 @@ class KnownAxis:
             upset if upset.any() else None,
         )
 
-    def carry(self, path: F64, axis: int) -> None:
-        """Carry the state through a move and the rest behind it; arguments as in `without`."""
-        motion = self._path(path, axis)
+    def carry(self, path: F64) -> None:
+        """Carry the state through a move and the rest behind it; `path` as in `without`."""
+        motion = self._path(path)
         last = max(len(path) - SAMPLES_BEFORE_MOVE, 0)
         state = self._before
         early = self._forces.along(Path(*(part[:last] for part in motion)), state)
@@ -176,32 +185,43 @@ class KnownAxis:
         late = self._forces.along(Path(*(part[last:] for part in motion)), self._now)
         self._at_rest = float(np.concatenate((early, late))[-REST_SAMPLES:].mean())
 
-    def coulomb(self, path: F64, axis: int, time: F64) -> F64:
-        """Factor on Fc along a path, shape (K,).
+    def coulomb_at_end(self, demand: F64, time: float) -> float:
+        """Factor on Fc where a move ends, mean of both directions; `variation` is relative to it.
 
         Args:
+            demand: setpoints of all axes [m], shape (K, n).
+            time: of the end [s].
+        """
+        self._local = float(self._coulomb(demand[-1:], np.array([time]), None)[0])
+        return self._local
+
+    def variation(self, other: F64 | None, path: F64, time: F64) -> F64 | None:
+        """Fc along a path relative to that where the move ends, minus 1, shape (K,), or None.
+
+        Args:
+            other: the same of what is not known from effects; None: nothing.
             path: positions of all axes [m], shape (K, n).
-            axis: number of this one.
             time: of the stage [s], shape (K,).
         """
-        own, other = path[:, axis], path[:, -1 - axis]
-        return coulomb_factor(self.terms, own, other, time, directions(own))
+        if not self.terms.has_coulomb_factor:
+            return other
+        factor = self._coulomb(path, time, directions(path[:, self._own])) / self._local
+        return factor - 1.0 if other is None else factor * (1.0 + other) - 1.0
 
-    def coulomb_at(self, place: F64, axis: int, time: float) -> float:
-        """Factor on Fc at a place [m], shape (n,), and a time [s]: mean of both directions."""
-        own, other = place[axis : axis + 1], place[[-1 - axis]]
-        return float(coulomb_factor(self.terms, own, other, np.array([time]))[0])
+    def _coulomb(self, path: F64, time: F64, heading: F64 | None) -> F64:
+        own, other = path[:, self._own], path[:, self._other]
+        return coulomb_factor(self.terms, own, other, time, heading)
 
     def _to_demand(self, force: F64, position: F64) -> F64:
         return np.clip(force_to_demand(self.terms, force, position), -self._peak, self._peak)
 
-    def _path(self, path: F64, axis: int) -> Path:
+    def _path(self, path: F64) -> Path:
         """Motion of an axis from positions of all at the samples."""
-        own = path[:, axis]
+        own = path[:, self._own]
         if len(own) < 3:
             still = np.zeros(len(own))
             return Path(own, still, still, still)
-        across = self._bend(path[:, -1 - axis]) if self.terms.coupled_mass else np.zeros(len(own))
+        across = self._bend(path[:, self._other]) if self.terms.coupled_mass else np.zeros(len(own))
         speed = np.asarray(np.gradient(own, self._period), np.float64)
         return Path(own, speed, self._bend(own), across)
 

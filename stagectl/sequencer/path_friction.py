@@ -62,7 +62,7 @@ class PathFriction:
         for a, compensation in enumerate(self._compensation):
             if compensation.known is not None:
                 across = motion[1 - a] if len(motion) == 2 else None
-                compensation.begin_known(a, motion[a], across, demand, time)
+                compensation.begin_known(motion[a], across, demand, time)
         self._demanded = self._variation(demand, time)
 
     def measure(self, records: Sequence[MoveData], path: F64) -> list[MoveData]:
@@ -77,7 +77,7 @@ class PathFriction:
         for a, compensation in enumerate(self._compensation):
             if compensation.known is not None:
                 seen = records[1 - a].valid if len(records) == 2 else records[a].valid
-                bare[a] = compensation.known.without(records[a], path, a, seen)
+                bare[a] = compensation.known.without(records[a], path, seen)
         return bare
 
     def along_demand(self, axis: int) -> F64 | None:
@@ -101,7 +101,7 @@ class PathFriction:
         if variation is not None:
             compensation.carry_state(record, variation)
         if compensation.known is not None:
-            compensation.known.carry(self._path, axis)
+            compensation.known.carry(self._path)
 
     def hold_offsets(self, offset: F64, count: int) -> F64:
         """Force offsets of the next setpoints at rest [N], shape (count, n).
@@ -142,6 +142,6 @@ class PathFriction:
             if self.varies and self._places is not None:
                 variation = self._places.coulomb_variation(a, path)
             if compensation.known is not None:
-                variation = compensation.with_known_coulomb(variation, path, moments)
+                variation = compensation.known.variation(variation, path, moments)
             found.append(variation)
         return found

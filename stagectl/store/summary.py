@@ -93,6 +93,7 @@ class RunFacts:
         wafer: or None.
         map: number of the friction map used, or None.  map_comment: what its maker said of it.
         steps: of the friction level, in order of time.
+        effects: of the host's machine file: axis, effect, compensated, text.
         unfiled: numbers of estimates in the history and made, where the history lacks some.
         started: ISO 8601 time with zone, or "".
         operator, comment: or None.
@@ -116,6 +117,7 @@ class RunFacts:
     map: int | None = None
     map_comment: str = ""
     steps: Sequence[Mapping[str, object]] = ()
+    effects: Sequence[Mapping[str, object]] = ()
     unfiled: tuple[int, int] | None = None
     started: str = ""
     operator: str | None = None
@@ -185,6 +187,8 @@ def build_summary(
     summary |= {key: value for key, value in optional.items() if value is not None}
     if facts.steps:
         summary["steps"] = [dict(step) for step in facts.steps]
+    if facts.effects:
+        summary["effects"] = [dict(effect) for effect in facts.effects]
     if facts.unfiled is not None:
         summary["history"] = dict(zip(("filed", "estimates"), facts.unfiled, strict=True))
     if facts.resumed is not None:

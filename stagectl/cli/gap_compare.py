@@ -1,0 +1,173 @@
+"""`stagectl gap compare`: two machine files on the same recordings, and how these settled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from stagectl.cli.console import console_for, progress_bar
+from stagectl.cli.gap_measure import gap_table, measured_gap
+from stagectl.cli.options import FILE, JSON_OUT, is_json_on_stdout, write_json
+
+if TYPE_CHECKING:
+    from sim2real.gap import Gap
+    from stagectl.config import Machine
+    from stagectl.sequencer import MoveStatistics
+    from stagedata import Recording
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_KINDS = ("macro", "micro")
+
+Settling = dict[str, dict[str, "MoveStatistics"]]
+"""Recording -> kind of move -> statistics."""
+
+
+@click.command("compare")
+@click.argument("first", type=FILE, metavar="A")
+@click.argument("second", type=FILE, metavar="B")
+@click.argument("recordings", type=FILE, nargs=-1, metavar="[REC.h5]...")
+@JSON_OUT
+def compare(first: Path, second: Path, recordings: tuple[Path, ...], json_out: Path | None) -> None:
+    """Compare two machine files on the same recordings: which one is closer, and by how much.
+
+    A and B are machine files, or two recordings: then the machine files are those inside, and both
+    are the recordings compared on. Nothing is fitted. Gap closed is the share of A's gap above its
+    floor that B removes. How the moves of each recording settled stands beside it.
+
+    \b
+    Which machine file is closer?
+      stagectl gap compare MACHINE.yaml TWIN.yaml REC.h5
+    What did the twin change, from one run to the next?
+      stagectl gap compare BEFORE/recording.h5 AFTER/recording.h5
+    """  # noqa: D301  (\b keeps click from wrapping what follows)
+    from sim2real.gap import gap_closed, pool_gaps
+    from sim2real.report import FORMAT, VERSION, GapFigures, gap_json
+    from stagectl.config import stage_settings
+    from stagectl.store import read_recording
+
+    paths = recordings or tuple(path for path in (first, second) if _is_recording(path))
+    if not paths or (not recordings and len(paths) < 2):
+        raise click.UsageError("two machine files need recordings to be compared on")
+    machines = [_machine_of(path) for path in (first, second)]
+    settings = [stage_settings(machine) for machine in machines]
+    recorded = {str(path): read_recording(path) for path in paths}
+    console = console_for(json_out)
+    gaps = []
+    with progress_bar(console, "simulating") as update:
+        for model in settings:
+            each = [(measured_gap(r, model, update).gap, len(r)) for r in recorded.values()]
+            gaps.append(pool_gaps(each))
+    before, after = gaps
+    share = gap_closed(before, after)
+    settled = _settling(recorded, settings[0].control_period, settings[0].sync_period)
+    both: Gap = {
+        axis: {
+            signal: GapFigures(figures.nominal, figures.floor, figures.unit, other.nominal)
+            for (signal, figures), other in zip(signals.items(), after[axis].values(), strict=True)
+        }
+        for axis, signals in before.items()
+    }
+    if json_out is not None:
+        report = {
+            "format": FORMAT,
+            "version": VERSION,
+            "recordings": list(recorded),
+            "machines": [str(first), str(second)],
+            "gap": gap_json(both),
+            "gap_closed": share,
+            "settling": _settling_json(settled),
+        }
+        write_json(report, json_out)
+    if not is_json_on_stdout(json_out):
+        title = f"Gap of {_name(first)} (A) and {_name(second)} (B) (rms)"
+        console.print(gap_table(both, title, "A", "B"))
+        console.print(closed_line(share), markup=False, highlight=False)
+        if settled:
+            console.print(_settling_table(settled))
+
+
+def closed_line(share: float | None) -> str:
+    """The share of the gap closed, as a sentence."""
+    if share is None:
+        return "No share of the gap can be stated: A is too close to its floor, or too far off."
+    if share < 0:
+        return f"B is farther from the recordings than A (gap closed: {share:.2f})."
+    return f"B closes {100 * share:.0f} % of A's gap."
+
+
+def _is_recording(path: Path) -> bool:
+    """Whether it begins like an HDF5 file."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(_HDF5)) == _HDF5
+    except OSError:
+        return False
+
+
+def _machine_of(path: Path) -> Machine:
+    """The machine file, or the one inside a recording.
+
+    Raises:
+        ConfigError: it cannot be used.
+        UnusableInput: the recording cannot be read.
+    """
+    from stagectl.config import load_machine, parse_machine
+    from stagectl.store import read_recording
+
+    if _is_recording(path):
+        return parse_machine(read_recording(path).machine, f"{path}:machine")
+    return load_machine(path)
+
+
+def _name(path: Path) -> str:
+    """File name; of a run's recording with its folder, for all have the same name."""
+    return f"{path.parent.name}/{path.name}" if _is_recording(path) else path.name
+
+
+def _settling(
+    recorded: dict[str, Recording], control_period: float, sync_period: float
+) -> Settling:
+    """Statistics of the recordings' macro- and micro-moves; without those that have none."""
+    from stagectl.sequencer import statistics, summarise_moves
+
+    found: Settling = {}
+    for path, recording in recorded.items():
+        results = summarise_moves(recording, control_period, sync_period)
+        blocks = {kind: statistics(results, kind) for kind in _KINDS}
+        blocks = {kind: block for kind, block in blocks.items() if block.count}
+        if blocks:
+            found[path] = blocks
+    return found
+
+
+def _settling_json(settled: Settling) -> dict[str, Any]:
+    """As the blocks `micro` and `macro` of a run's summary."""
+    from stagectl.store.summary import statistics_block
+
+    return {
+        path: {kind: statistics_block(block) for kind, block in blocks.items()}
+        for path, blocks in settled.items()
+    }
+
+
+def _settling_table(settled: Settling) -> Any:
+    """Settling time of each recording's moves in ms, mean and 90th percentile per window."""
+    from rich.table import Table
+
+    windows = sorted(next(iter(next(iter(settled.values())).values())).settling_mean)
+    table = Table(title="Settling (mean, 90th percentile), ms", title_justify="left")
+    for name in ("recording", "move"):
+        table.add_column(name, overflow="fold")
+    for name in ("moves", *(f"±{window * 1e9:g} nm" for window in windows)):
+        table.add_column(name, justify="right")
+    for path, blocks in settled.items():
+        for kind, block in blocks.items():
+            times: Sequence[str] = [
+                f"{block.settling_mean[w] * 1e3:.1f}, {block.settling_p90[w] * 1e3:.1f}"
+                for w in windows
+            ]
+            table.add_row(_name(Path(path)), kind, str(block.count), *times)
+    return table
