@@ -23,7 +23,7 @@ from machine_facts import machine_facts
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import load_machine
 from stagectl.recipe import Recipe, load_recipe
-from stagectl.run import Listener, RunRequest, execute
+from stagectl.run import Listener, RunRequest, RunResult, execute
 from stagectl.sequencer import Mode
 
 RECIPE = Path(__file__).parents[1] / "recipes" / "inspection-20.yaml"
@@ -60,6 +60,13 @@ def run(
     case: Case, recipe: Recipe, machine: Machine, seed: int, truth: Machine | None = None
 ) -> dict[str, Any]:
     """The summary of one run; `truth` is the stage as it is, if not as the machine file says."""
+    return run_whole(case, recipe, machine, seed, truth).summary
+
+
+def run_whole(
+    case: Case, recipe: Recipe, machine: Machine, seed: int, truth: Machine | None = None
+) -> RunResult:
+    """One run, its recording included; arguments as of `run`."""
     with tempfile.TemporaryDirectory() as folder:
         request = RunRequest(
             recipe=recipe,
@@ -75,7 +82,7 @@ def run(
         result = execute(request, Listener())
     if result.error is not None:
         raise result.error
-    return result.summary
+    return result
 
 
 def row(case: Case, kind: str, summaries: list[dict[str, Any]]) -> str:

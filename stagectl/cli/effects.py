@@ -21,7 +21,7 @@ WIDTH = 96
 @JSON_OUT
 @click.option("--markdown", is_flag=True, help="Print the table in docs/sim-to-real.md.")
 def command(names: tuple[str, ...], json_out: Path | None, markdown: bool) -> None:
-    """List the simulator's physical effects; for each EFFECT named, its origin and remedy.
+    """List the simulator's physical effects; for each EFFECT named, origin, remedy, compensation.
 
     A machine file switches them on: axes.NAME.effects: [{effect: cogging, amplitude: 1.2,
     pitch: 0.03, phase: 0}]. Effects of installed plug-ins are included.
@@ -66,15 +66,24 @@ def plausible(parameter: Parameter) -> str:
 def markdown_table(effects: list[Effect]) -> list[str]:
     """Lines of a Markdown table of effects."""
     rows = [
-        "| effect | keys: unit, usual range | enters | usual remedy |",
-        "| --- | --- | --- | --- |",
+        "| effect | keys: unit, usual range | enters | usual remedy | a host that knows it |",
+        "| --- | --- | --- | --- | --- |",
     ]
     for effect in effects:
         keys = "; ".join(
             f"`{p.key}`{f' [{p.unit}]' if p.unit else ''} {plausible(p)}" for p in effect.parameters
         )
-        rows.append(f"| `{effect.name}` | {keys} | {effect.enters} | {effect.remedy} |")
+        cells = (f"`{effect.name}`", keys, effect.enters, effect.remedy, _compensation(effect))
+        rows.append(f"| {' | '.join(cells)} |")
     return rows
+
+
+def _compensation(effect: Effect) -> str:
+    """What a host does that has the effect in its machine file, in a sentence."""
+    text = effect.compensation.text
+    if effect.compensation.inverse is None:
+        return f"Does not compensate it: {text}."
+    return f"Compensates it: {text}."
 
 
 def _describe(parameter: Parameter) -> str:
@@ -90,6 +99,7 @@ def _details(effect: Effect) -> str:
         ("origin", effect.origin()),
         ("enters", effect.enters),
         ("usual remedy", effect.remedy),
+        ("a host that has it in its machine file", _compensation(effect)),
     ):
         lines += ["", f"  {title}"]
         lines += textwrap.wrap(text, WIDTH, initial_indent="    ", subsequent_indent="    ")
@@ -104,6 +114,8 @@ def _as_dict(effect: Effect) -> dict[str, Any]:
         "enters": effect.enters,
         "origin": effect.origin(),
         "remedy": effect.remedy,
+        "compensated": effect.compensation.inverse is not None,
+        "compensation": effect.compensation.text,
         "parameters": [
             {
                 "key": p.key,

@@ -1,0 +1,141 @@
+"""The loop of a control engineer: run, diagnose, run with the twin; and runs that know effects."""
+
+import json
+
+import pytest
+
+from stagectl.config import load_machine
+
+RECIPE = """\
+recipe: few-sites
+macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
+micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
+settle: {window: 5.0e-8, hold: 0.005, timeout: 0.15}
+expose: 0.02
+sites: {grid: {origin: [-0.03, -0.03], pitch: [0.02, 0.02], count: [4, 3], order: serpentine}}
+fiducial: {source: simulated, range: 80.0e-6, seed: 1}
+"""
+
+
+def with_effects(path, x="", y="", wander=0.01):
+    """The packaged machine with effects, and Coulomb forces that wander by this much."""
+    text = load_machine().text.replace("{coulomb: 0.01,", f"{{coulomb: {wander},")
+    for node, effects in (("1", x), ("2", y)):
+        if effects:
+            text = text.replace(
+                f"    node: {node}\n", f"    node: {node}\n    effects: [{effects}]\n", 1
+            )
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture
+def recipe(tmp_path):
+    path = tmp_path / "few-sites.yaml"
+    path.write_text(RECIPE)
+    return path
+
+
+def mean_settling(out, axis=None):
+    """Of all moves of a run from the third site on [ms]."""
+    summary = json.loads((out / "summary.json").read_text())
+    times = [
+        move["settling"]["5e-08"]
+        for move in summary["moves"]
+        if move["site"] >= 3 and axis in (None, move["axis"])
+    ]
+    return 1e3 * sum(times) / len(times)
+
+
+@pytest.mark.slow
+def test_what_a_diagnosis_found_is_compensated_in_the_next_run(stagectl, recipe, tmp_path):
+    truth = with_effects(
+        tmp_path / "truth.yaml",
+        x="{effect: cogging, amplitude: 1.2, pitch: 0.03, phase: 1}",
+        y="{effect: cable_hysteresis, force: 1.0, stiffness: 3000}",
+    )
+    before, after, twin = tmp_path / "before", tmp_path / "after", tmp_path / "twin.yaml"
+    options = ("--simulate", truth, "--out")
+    for command in (
+        ("run", recipe, *options, before),
+        ("gap", "diagnose", before / "recording.h5", "--twin", twin),
+        ("run", recipe, "--machine", twin, *options, after),
+    ):
+        done = stagectl(*command)
+        assert done.returncode == 0, done.stderr
+    assert "compensated effects: x cogging, y cable_hysteresis" in done.stdout
+    assert "Compensated effects: x cogging, y cable_hysteresis." in (
+        after / "report.html"
+    ).read_text(encoding="utf-8")
+    assert mean_settling(after) < 0.4 * mean_settling(before)
+    done = stagectl(
+        "gap", "compare", before / "recording.h5", after / "recording.h5", "--json", "-"
+    )
+    report = json.loads(done.stdout)
+    assert report["gap_closed"] > 0.9
+    settled = [report["settling"][str(out / "recording.h5")]["micro"] for out in (before, after)]
+    assert settled[1]["settling_mean"]["5e-08"] < 0.4 * settled[0]["settling_mean"]["5e-08"]
+    table = stagectl("gap", "compare", before / "recording.h5", after / "recording.h5").stdout
+    assert "after/recording.h5" in table
+    assert "Settling" in table
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        "{effect: force_ripple, ratio: 0.055, pitch: 0.011, phase: 3}",
+        "{effect: friction_asymmetry, ratio: 0.13}",
+        "{effect: friction_position, amplitude: 0.4, center: 0, width: 0.015}",
+        "{effect: dead_time, delay: 0.0005}",
+        "{effect: cross_coupling, mass: 0.375}",
+        "{effect: base_motion, frequency: 10, damping: 0.08, mass_ratio: 0.03}",
+    ],
+    ids=lambda effect: effect.split(",")[0].split()[-1],
+)
+def test_a_known_effect_no_longer_delays_settling(stagectl, recipe, tmp_path, effect):
+    plain = with_effects(tmp_path / "plain.yaml", wander=0.001)
+    truth = with_effects(tmp_path / "truth.yaml", y=effect, wander=0.001)
+    times = []
+    for machine in (plain, truth):
+        out = tmp_path / f"of-{len(times)}"
+        done = stagectl("run", recipe, "--machine", machine, "--simulate", truth, "--out", out)
+        assert done.returncode == 0, done.stderr
+        times.append(mean_settling(out, "y"))
+    assert times[1] < 0.4 * times[0], times
+    refused = [
+        entry
+        for entry in json.loads((out / "summary.json").read_text())["friction"]
+        if not entry["accepted"]
+    ]
+    assert len(refused) <= 2
+
+
+def test_what_cannot_be_compensated_is_named_at_the_start(stagectl, recipe, tmp_path):
+    machine = with_effects(
+        tmp_path / "m.yaml",
+        x="{effect: force_offset, force: 1}",
+        y="{effect: floor_vibration, amplitude: 0.01, frequency: 40, phase: 0}",
+    )
+    out = tmp_path / "out"
+    done = stagectl("run", recipe, "--machine", machine, "--simulate", "--out", out)
+    assert done.returncode == 0, done.stderr
+    reason = "y: floor_vibration is not compensated: its phase is another in every run"
+    assert done.stdout.index(reason) < done.stdout.index("few-sites on wafer-xy")
+    effects = json.loads((out / "summary.json").read_text())["effects"]
+    assert [(e["axis"], e["effect"], e["compensated"]) for e in effects] == [
+        ("x", "force_offset", True), ("y", "floor_vibration", False),
+    ]  # fmt: skip
+    assert "Not compensated: y floor_vibration" in (out / "report.html").read_text("utf-8")
+    replayed = stagectl("replay", out)
+    assert replayed.returncode == 0, replayed.stdout
+
+
+def test_a_run_without_compensation_leaves_all_effects(stagectl, recipe, tmp_path):
+    machine = with_effects(tmp_path / "m.yaml", x="{effect: force_offset, force: 1}")
+    out = tmp_path / "out"
+    done = stagectl(
+        "run", recipe, "--machine", machine, "--simulate", "--compensation", "none", "--out", out
+    )
+    assert done.returncode == 0, done.stderr
+    (effect,) = json.loads((out / "summary.json").read_text())["effects"]
+    assert not effect["compensated"]

@@ -1,0 +1,127 @@
+"""The host's equations of the effects, against the simulator's ports, made by other code."""
+
+import math
+
+import numpy as np
+import pytest
+
+from estimation.known_effects import KnownTerms, coulomb_factor, inverses, known_figures
+from hil_sim.effects.library import own_effects
+from hil_sim.effects.ports import EffectPorts
+from stagectl.config import load_machine, stage_settings
+
+AXIS = stage_settings(load_machine()).axes[0]
+EFFECTS = own_effects()
+X = np.linspace(-0.14, 0.14, 997)
+Y = np.linspace(0.11, -0.13, 997)
+
+
+def drawn(name, seed=3):
+    """Values of an effect somewhere in their ranges."""
+    generator = np.random.default_rng([seed, len(name)])
+    return {p.key: generator.uniform(*p.ranges(AXIS)[-1]) for p in EFFECTS[name].parameters}
+
+
+def terms_of(name, values):
+    terms = KnownTerms()
+    getattr(inverses, name)(terms, values)
+    return terms
+
+
+def ports_of(name, values):
+    ports = EffectPorts(AXIS, 1e-3, 1.0)
+    EFFECTS[name].at(**values).apply(ports)
+    return ports
+
+
+@pytest.mark.parametrize("name", ["cogging", "force_offset", "cable_stiffness"])
+def test_forces_over_position(name):
+    values = drawn(name)
+    (force,) = terms_of(name, values).forces
+    ports = ports_of(name, values)
+    expected = [ports.standing_force(x) for x in X]
+    np.testing.assert_allclose(force(X), expected, atol=2e-4)
+
+
+def test_ripple_over_position():
+    values = drawn("force_ripple")
+    (gain,) = terms_of("force_ripple", values).gains
+    ports = ports_of("force_ripple", values)
+    np.testing.assert_allclose(gain(ports.positions), ports.position_gain, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["friction_position", "friction_spot", "friction_map"])
+def test_coulomb_force_over_the_table(name):
+    values = drawn(name)
+    if name == "friction_spot":
+        values |= {"center": 0.01, "other": -0.02}
+    ports, terms = ports_of(name, values), terms_of(name, values)
+    assert terms.has_coulomb_factor
+    factor = coulomb_factor(terms, X, Y, np.zeros(len(X)))
+    if ports.position_coulomb is not None:
+        expected = np.interp(X, ports.positions, ports.position_coulomb)
+    else:
+        (field,) = ports.fields
+        i = np.clip(np.searchsorted(field.own, X) - 1, 0, None)
+        j = np.clip(np.searchsorted(field.other, Y) - 1, 0, None)
+        u = (X - field.own[i]) / (field.own[1] - field.own[0])
+        w = (Y - field.other[j]) / (field.other[1] - field.other[0])
+        corners = (field.values[i + a, j + b] for a in (0, 1) for b in (0, 1))
+        shares = ((1 - u) * (1 - w), (1 - u) * w, u * (1 - w), u * w)
+        expected = sum(v * s for v, s in zip(corners, shares, strict=True))
+    assert np.ptp(expected) > 0.02
+    np.testing.assert_allclose(factor, expected, atol=6e-3)
+
+
+def test_coulomb_force_in_time_and_by_direction():
+    values = {"amplitude": 0.3, "time_constant": 20.0}
+    terms = terms_of("thermal_drift", values)
+    time = np.array([0.0, 20.0, 1e4])
+    place = np.zeros(3)
+    np.testing.assert_allclose(
+        coulomb_factor(terms, place, place, time), [1.3, 1.0 + 0.3 / math.e, 1.0]
+    )
+    inverses.friction_asymmetry(terms, {"ratio": 0.1})
+    heading = np.array([1.0, -1.0, 0.0])
+    late = np.full(3, 1e4)
+    np.testing.assert_allclose(coulomb_factor(terms, place, place, late, heading), [1.1, 0.9, 1.0])
+    ports = ports_of("friction_asymmetry", {"ratio": 0.1})
+    assert (ports.coulomb_forward, ports.coulomb_backward) == (terms.forward, terms.backward)
+
+
+def test_figures():
+    terms = KnownTerms()
+    for name, key in (
+        ("coulomb_level", "coulomb"),
+        ("viscous_damping", "viscous"),
+        ("presliding_stiffness", "stiffness"),
+    ):
+        ports = ports_of(name, {"ratio": 1.3})
+        getattr(inverses, name)(terms, {"ratio": 1.3})
+        figures = known_figures(terms, AXIS.friction)
+        theirs = {"coulomb": AXIS.friction.coulomb * ports.coulomb}
+        expected = theirs.get(key, getattr(ports, key, 0.0))
+        assert getattr(figures, key) == pytest.approx(expected)
+    inverses.stribeck(terms, {"static_ratio": 0.9})
+    figures = known_figures(terms, AXIS.friction)
+    assert figures.static_ratio == 0.9
+    assert figures.relaxation_rate == AXIS.friction.relaxation_rate
+
+
+def test_drive_and_mass():
+    terms, ports = KnownTerms(), EffectPorts(AXIS, 1e-3, 1.0)
+    for name in (
+        "payload_mass", "current_bandwidth", "dead_time", "force_constant", "force_saturation",
+        "cross_coupling", "cable_hysteresis", "base_motion",
+    ):  # fmt: skip
+        values = drawn(name)
+        getattr(inverses, name)(terms, values)
+        EFFECTS[name].at(**values).apply(ports)
+    assert AXIS.mass + terms.mass == pytest.approx(ports.mass)
+    assert (terms.bandwidth, terms.delay) == (ports.current_bandwidth, ports.delay)
+    assert (terms.gain, terms.saturation) == (ports.force_constant, ports.saturation)
+    assert (terms.coupled_mass, terms.hysteresis) == (ports.coupled_mass, ports.hysteresis)
+    ((ratio, frequency, damping),) = ports.bases
+    assert tuple(terms.bases[0]) == (ratio, frequency, damping)
+    assert terms.has_forces
+    assert terms.has_motor_factor

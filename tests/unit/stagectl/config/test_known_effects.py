@@ -1,0 +1,113 @@
+"""Which effects of a machine file the host makes up for, and what it does where it cannot."""
+
+import sys
+
+import pytest
+
+from estimation.known_effects import KnownTerms
+from hil_sim.effects.library import own_effects
+from stagectl.config import load_machine, parse_machine, stage_settings
+from stagectl.config.known_effects import axis_as_known, known_effects, known_terms
+from stagectl.errors import ConfigError
+
+PACKAGE = '''
+from hil_sim.effects import Compensation, Effect, Parameter
+
+
+class Bellows(Effect):
+    """A bellows that is compressed by moving."""
+
+    name = "bellows"
+    group = "force"
+    parameters = (Parameter("stiffness", "N/m", "of the bellows", (5.0, 20.0), neutral=0.0),)
+    equation = "F_d += stiffness x"
+    enters = "A disturbance force over position."
+    remedy = "A longer bellows."
+    compensation = Compensation("fed forward over position", "bellows:inverse")
+
+    def apply(self, ports, parameters):
+        ports.spring += parameters["stiffness"]
+
+
+class Draught(Bellows):
+    name = "draught"
+    compensation = Effect.compensation
+
+
+class Broken(Bellows):
+    name = "broken"
+    compensation = Compensation("fed forward over position", "bellows:missing")
+
+
+def inverse(terms, values):
+    terms.forces.append(lambda x: values["stiffness"] * x)
+'''
+
+
+def machine(*effects):
+    lines = "".join(f"      - {{{effect}}}\n" for effect in effects)
+    text = load_machine().text.replace("    node: 2\n", f"    node: 2\n    effects:\n{lines}", 1)
+    return parse_machine(text, "m.yaml")
+
+
+@pytest.fixture
+def bellows(tmp_path, monkeypatch):
+    (tmp_path / "bellows.py").write_text(PACKAGE)
+    info = tmp_path / "bellows-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: bellows\nVersion: 1.0\n")
+    names = ("Bellows", "Draught", "Broken")
+    points = "".join(f"{name.lower()} = bellows:{name}\n" for name in names)
+    (info / "entry_points.txt").write_text(f"[stagectl.effects]\n{points}")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    yield
+    sys.modules.pop("bellows", None)
+
+
+def test_every_effect_of_the_library_says_whether_it_is_compensated_and_how():
+    axis = stage_settings(load_machine()).axes[1]
+    left = set()
+    for name, effect in own_effects().items():
+        values = {p.key: p.ranges(axis)[-1][1] for p in effect.parameters}
+        text = ", ".join([f"effect: {name}", *(f"{k}: {v!r}" for k, v in values.items())])
+        one = machine(text)
+        (found,) = known_effects(one)
+        assert (found.axis, found.effect) == ("y", name)
+        assert not found.text.endswith(".")
+        if found.compensated:
+            assert known_terms(one)["y"] != KnownTerms(), name
+        else:
+            assert known_terms(one) == {}
+            left.add(name)
+    assert left == {"floor_vibration", "resonance"}
+
+
+def test_a_file_without_effects_says_nothing():
+    assert known_effects(load_machine()) == ()
+    assert known_terms(load_machine()) == {}
+
+
+def test_mass_and_current_loop_are_those_that_are_known():
+    known = machine("effect: payload_mass, mass: 1.5", "effect: current_bandwidth, bandwidth: 300")
+    axis = axis_as_known(known.axes["y"], known_terms(known)["y"])
+    assert axis.plant.mass == 15.5
+    assert axis.drive.current_bandwidth == 300.0
+    assert known.axes["y"].plant.mass == 14.0
+
+
+def test_another_package_declares_how_or_is_said_not_to_be_compensated(bellows):
+    found = known_effects(machine("effect: bellows, stiffness: 8", "effect: draught, stiffness: 8"))
+    assert [(e.effect, e.compensated) for e in found] == [("bellows", True), ("draught", False)]
+    assert found[1].describe() == ("y: draught is not compensated: its package does not say how")
+    (force,) = known_terms(machine("effect: bellows, stiffness: 8"))["y"].forces
+    assert force(0.5) == 4.0
+
+
+def test_an_inverse_that_cannot_be_used_is_named_in_a_line(bellows):
+    with pytest.raises(ConfigError, match=r"m.yaml: axes.y.effects: broken: its inverse bellows:m"):
+        known_terms(machine("effect: broken, stiffness: 8"))
+
+
+def test_without_compensation_nothing_is_compensated():
+    (found,) = known_effects(machine("effect: force_offset, force: 1"), compensating=False)
+    assert not found.compensated
