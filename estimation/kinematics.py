@@ -83,8 +83,8 @@ def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[
     since = first  # first sample of this direction
     i = first - 1
     while i < stop:
-        if turned == i:  # where it goes on fast there is nothing to see
-            while i + BLOCK + PAUSE <= stop and _goes_on(
+        if turned == i:  # fast motion has no turns to find
+            while i + BLOCK + PAUSE <= stop and _advances(
                 position[i : i + BLOCK + PAUSE + 1], direction, creep
             ):
                 i += BLOCK
@@ -98,8 +98,8 @@ def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[
                 or abs(position[i + PAUSE] - position[i]) < CREPT_NOISE * noise
             )
         ):
-            # Too slow to tell where it goes: the elements stick until it has gone somewhere.
-            i = _crept(position, i, stop, direction, CREPT_NOISE * noise)
+            # Too slow for a direction: the elements stick until it has moved on visibly.
+            i = _end_of_creep(position, i, stop, direction, CREPT_NOISE * noise)
             for j in range(since, i + 1):
                 if 1 <= j <= count:
                     heading[j - 1] = direction
@@ -121,7 +121,7 @@ def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[
                 _vertex(position, turned, direction, noise, share, at, sharpness)
             since, direction = turned + 1, -direction
             turned, extreme = i, position[i]
-    stop = _crept(position, stop, last, direction, STOP_NOISE * noise)
+    stop = _end_of_creep(position, stop, last, direction, STOP_NOISE * noise)
     for j in range(since, min(stop, count) + 1):
         heading[j - 1] = direction
     if stop <= count and share[stop - 1] < 0.0:
@@ -129,8 +129,8 @@ def find_turns(position, noise, heading, share, at, sharpness):  # type: ignore[
 
 
 @kernel()
-def _goes_on(position, direction, least):  # type: ignore[no-untyped-def]
-    """Whether every step is one forward by more than `least`."""
+def _advances(position, direction, least):  # type: ignore[no-untyped-def]
+    """Whether every step of `position` [m], shape (n,), is more than `least` [m] forward."""
     slow = 0
     for j in range(position.shape[0] - 1):
         slow += not (position[j + 1] - position[j]) * direction > least
@@ -139,7 +139,7 @@ def _goes_on(position, direction, least):  # type: ignore[no-untyped-def]
 
 @kernel()
 def _creeps(position, i, band):  # type: ignore[no-untyped-def]
-    """Whether the next samples all stay near this one."""
+    """Whether the CREEP samples behind sample i of `position` [m] stay within `band` [m] of it."""
     for j in range(i + 1, i + CREEP + 1):
         if abs(position[j] - position[i]) > band:
             return False
@@ -147,8 +147,11 @@ def _creeps(position, i, band):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def _crept(position, i, last, direction, least):  # type: ignore[no-untyped-def]
-    """The sample from which on no step goes on the same way by more than `least`."""
+def _end_of_creep(position, i, last, direction, least):  # type: ignore[no-untyped-def]
+    """First sample from i on (at most `last`) whose next step is less than `least` [m] forward.
+
+    `position` [m], shape (K,); `direction`: +1 or -1.
+    """
     while i < last and (position[i + 1] - position[i]) * direction > least:
         i += 1
     return i
@@ -156,7 +159,11 @@ def _crept(position, i, last, direction, least):  # type: ignore[no-untyped-def]
 
 @kernel()
 def _vertex(position, turned, direction, noise, share, at, sharpness):  # type: ignore[no-untyped-def]
-    """The turning point near its farthest sample: vertex of the parabola through three samples."""
+    """The turning point near its farthest sample `turned`: vertex of a parabola through three.
+
+    `position` [m], shape (K + 2,); `direction` before the turn; `noise`: rms of a position [m];
+    `share`, `at` and `sharpness`, shape (K,), are written as in `find_turns`.
+    """
     before, this, after = position[turned - 1], position[turned], position[turned + 1]
     curvature = (2.0 * this - before - after) * direction
     slope = 0.5 * (after - before) * direction

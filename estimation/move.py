@@ -20,8 +20,8 @@ class MoveData:
         valid: samples to be used, shape (K,).
         time: of position[0] on the axis' clock [s].
         rest_force: force measured at rest before the move [N].
-        upset: samples of which only the position counts, shape (K,): the drive was catching up with
-            its setpoints, and its force changed within a sample period; None: none.
+        disturbed: samples of which only the position counts, shape (K,): the drive was catching up
+            with late setpoints, and its force changed within a sample period; None: none.
     """
 
     position: F64
@@ -29,11 +29,11 @@ class MoveData:
     valid: NDArray[np.bool_]
     time: float
     rest_force: float
-    upset: NDArray[np.bool_] | None = None
+    disturbed: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         """Take samples of any type and layout: for another one kernels would be compiled anew."""
-        given = {"position": np.float64, "force": np.float64, "valid": np.bool_, "upset": np.bool_}
-        for name, kind in given.items():
+        kinds = {"position": np.float64, "force": np.float64}
+        for name, kind in (kinds | {"valid": np.bool_, "disturbed": np.bool_}).items():
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), kind))

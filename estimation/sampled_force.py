@@ -52,7 +52,7 @@ def with_mean_force(
     the friction changes fast, and is small enough for a model that is half wrong.
 
     Args:
-        move: as sampled. Where a neighbour is missing, upset or saturated, its force stays.
+        move: as sampled. Where a neighbour is missing, disturbed or saturated, its force stays.
         share: of `kink_share`.
         friction: the model so far.
         state: friction state at rest before the move; None: not known.
@@ -62,8 +62,8 @@ def with_mean_force(
             None: all of it.
     """
     sound = move.valid & (np.abs(move.force) < peak)
-    if move.upset is not None:
-        sound &= ~move.upset
+    if move.disturbed is not None:
+        sound &= ~move.disturbed
     if len(sound) < 3 or not move.valid.any():
         return move
     if commanded is None:

@@ -192,7 +192,7 @@ class FrictionField:
     def joint(self, places: F64) -> tuple[F64, F64]:
         """Logarithm of the figure at these places and its covariance, shapes (m,) and (m, m).
 
-        For whoever goes on learning: sites are correlated, what one says tells of its neighbours.
+        For who continues to learn: sites are correlated, one says something of its neighbours.
         """
         wanted = np.atleast_2d(np.asarray(places, dtype=np.float64))
         nearest, outside = self.hull.clamp(wanted, self.edge)

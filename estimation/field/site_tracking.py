@@ -1,12 +1,12 @@
-"""Friction level of many sites, tracked from move to move; tells steps from drift.
+"""Friction level of many sites, tracked from move to move; distinguishes steps from drift.
 
 The logarithm of an axis' sliding level at site i and time t is
 
     map_i + d_i + c(t) + w(t)
 
 - d_i: what site i is off the map by; begins with the map's own joint covariance, so that one site
-  tells of its neighbours, and walks at random with a rate per root day (`site_rate`);
-- c: what all sites have in common: warm-up, lubricant. It goes on with a rate of change that is
+  says something of its neighbours, and walks at random with a rate per root day (`site_rate`);
+- c: what all sites have in common: warm-up, lubricant. It changes at a rate that is
   itself an Ornstein-Uhlenbeck process: fast at the start and after a pause, when the stage warms
   up, and dying away from there. A pause mostly forgets it;
 - w: the level's own wander, an Ornstein-Uhlenbeck process of known rms and correlation time.

@@ -58,7 +58,7 @@ def breakaway_travel(law, coulomb, stiffness, alpha):  # type: ignore[no-untyped
 
 @kernel()
 def stick_range(law, forces, known, coulomb):  # type: ignore[no-untyped-def]
-    """No range in which the force would tell a stiffness [N]."""
+    """No range in which the force would show a stiffness [N]."""
     return 0.0, 0.0
 
 

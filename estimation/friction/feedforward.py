@@ -38,7 +38,7 @@ def friction_feedforward(
 
     Returns:
         Friction force minus the state's sum [N], shape (K,): added to the offset in force at rest,
-        so that the offset goes on without a jump.
+        so that the offset has no jump.
     """
     follower = state.copy()
     time = np.asarray(np.arange(1, samples * _STEPS + 1) * (period / _STEPS) + ahead, np.float64)

@@ -1,8 +1,9 @@
 """Friction figures of one axis out of accumulated moves, with sigma, gain and verdict.
 
-First what any move tells (Coulomb force, viscous friction, mass, offset), then all figures without
-the shape of the hysteresis, then everything. What the samples say less of than was believed before
-stays at its prior. An estimate is refused as a whole where the model does not explain the samples.
+First what any move determines (Coulomb force, viscous friction, mass, offset), then all figures
+without the shape of the hysteresis, then everything. What the samples say less of
+than was believed before stays at its prior. An estimate is refused as a whole where the model does
+not explain the samples.
 
 Sigma is the larger of two: what noise explains (inflated where the residual is above it), and how
 much the blocks of the record disagree. The second one is honest where model errors are alike over
@@ -10,7 +11,7 @@ many neighbouring samples.
 
 The measured acceleration has the encoder's noise, too: taken for exact, it shows too little mass.
 So the mass is that of errors in both, all else has its minimum there, and what that changes goes
-into sigma. A host that follows its demand well tells the mass from the drive's ripple by hardly
+into sigma. A host that follows its demand well separates the mass from the drive's ripple by hardly
 more than that noise, which is in the force as well, through the controller: then the mass stays as
 believed.
 """

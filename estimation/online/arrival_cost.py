@@ -20,32 +20,32 @@ KNOT_SPACING = 0.1
 
 
 @kernel()
-def age(belief, elapsed, restless, axis):  # type: ignore[no-untyped-def]
+def age(belief, elapsed, trend_variance, axis):  # type: ignore[no-untyped-def]
     """The belief one move later: the figures have drifted, the level is partly forgotten.
 
     Args:
         belief: after the last move; not changed.
         elapsed: since then [s].
-        restless: variance by which Coulomb force ages beside its drift, relative.
+        trend_variance: variance by which Coulomb force ages beside its drift, relative.
         axis: its settings.
     """
     aged = copy(belief)
     for i in range(LEVEL):
         aged.covariance[i, i] += axis.drift[i] ** 2
-    aged.covariance[COULOMB, COULOMB] += restless * belief.mean[COULOMB] ** 2
-    wander_on(aged, elapsed, axis)
+    aged.covariance[COULOMB, COULOMB] += trend_variance * belief.mean[COULOMB] ** 2
+    decay_level(aged, elapsed, axis)
     return aged
 
 
 @kernel()
 def copy(belief):  # type: ignore[no-untyped-def]
-    """An independent copy."""
+    """An independent copy: mean, shape (LEVEL + 1,), and covariance, (LEVEL + 1, LEVEL + 1)."""
     return Belief(belief.mean.copy(), belief.covariance.copy())
 
 
 @kernel()
-def wander_on(belief, elapsed, axis):  # type: ignore[no-untyped-def]
-    """Let the level decay over `elapsed` seconds."""
+def decay_level(belief, elapsed, axis):  # type: ignore[no-untyped-def]
+    """Let the level of `belief` decay over `elapsed` [s], in place; `axis`: its settings."""
     mean, covariance = belief.mean, belief.covariance
     keep = math.exp(-max(elapsed, 0.0) / axis.correlation_time)
     mean[LEVEL] *= keep
@@ -111,7 +111,7 @@ def take_over(p, posterior, chosen, figures, knots, before, after):  # type: ign
     """Write the belief after a solve: what was not solved for stays.
 
     Args:
-        p: solution by unknown.
+        p: solution by unknown, shape (KNOTS + knots,).
         posterior: covariance of the chosen ones, shape (n, n).
         chosen: as of `joint_prior`.
         figures: the same.

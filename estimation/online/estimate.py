@@ -11,23 +11,24 @@ from estimation.online.belief import FIGURES, LEVEL, MASS, model_at
 from estimation.online.outcome import (
     ACCEPTED,
     BOUND,
+    DISTURBED,
     HOLES,
     JUMP,
     MISFIT,
-    SHAKEN,
     STILL,
     Outcome,
 )
-from estimation.online.prepare import MUTE, TOO_LITTLE, UNBEGUN
+from estimation.online.prepare import TOO_LITTLE, UNKNOWN_STATE, UNUSABLE_FORCE
 from stagedata import FrictionFigures
 
-TELLING = 0.5
+INFORMATIVE = 0.5
 """A move that leaves more than this of the level's variance does not show the level."""
 
 _WHY_NOT = {
     TOO_LITTLE: "too little motion to learn from",
-    MUTE: "its force says nothing while it moves: saturated, missing, or upset by late setpoints",
-    UNBEGUN: "how its elements stood before it is not known: "
+    UNUSABLE_FORCE: "its force says nothing while it moves: "
+    "saturated, missing, or disturbed by late setpoints",
+    UNKNOWN_STATE: "how its elements stood before it is not known: "
     "a move that slides has to be learned from first",
 }
 
@@ -60,8 +61,8 @@ class Estimate:
             return None
         if verdict == HOLES:
             return f"only {number:.0%} of the samples can be used"
-        if verdict == SHAKEN:
-            return f"late setpoints upset the force in all but {number:.0%} of the motion"
+        if verdict == DISTURBED:
+            return f"late setpoints disturbed the force in all but {number:.0%} of the motion"
         if verdict == STILL:
             return _WHY_NOT[int(number)]
         if verdict == MISFIT:
@@ -158,13 +159,13 @@ class Estimate:
         return unit * float(self._outcome.mean[i]), unit * math.sqrt(variance)
 
 
-def sliding_shown(outcome: Outcome, telling: float = TELLING) -> tuple[float, float] | None:
+def sliding_shown(outcome: Outcome, informative: float = INFORMATIVE) -> tuple[float, float] | None:
     """Sliding level as the move alone shows it (`Estimate.shown`), relative, and its variance.
 
-    None where the move leaves more than the share `telling` of the variance before it.
+    None where the move leaves more than the share `informative` of the variance before it.
     """
     before, variance_before, after, variance = outcome.sliding.tolist()
-    if not 0.0 < variance < telling * variance_before:
+    if not 0.0 < variance < informative * variance_before:
         return None
     share = variance_before / (variance_before - variance)
     value = before + (after - before) * share

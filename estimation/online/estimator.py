@@ -323,7 +323,7 @@ class SplitHorizonEstimator:
                 outcome = self._solve(move, rest, elapsed, self._aged, state, known, whole)
                 learned = whole and outcome.verdict == ACCEPTED
             finally:
-                if not learned:  # what is in force stays; the trend goes on from where it was
+                if not learned:  # what is in force stays; the trend continues from there
                     belief.mean[COULOMB] = coulomb
         if whole and outcome.verdict == ACCEPTED:
             self._carried = end
@@ -334,19 +334,19 @@ class SplitHorizonEstimator:
         move: MoveData,
         rest: float,
         elapsed: float,
-        restless: float,
+        trend_variance: float,
         state: FrictionState,
         known: bool,
         whole: bool,
     ) -> Outcome:
         """The compiled update; see `update.update_move`."""
-        size, upset = len(move.position), _NONE if move.upset is None else move.upset
-        if not len(move.force) == len(move.valid) == size or len(upset) not in (0, size):
+        size, disturbed = len(move.position), _NONE if move.disturbed is None else move.disturbed
+        if not len(move.force) == len(move.valid) == size or len(disturbed) not in (0, size):
             raise ValueError("position, force and valid must have the same length")
-        sampled = Sampled(move.position, move.force, move.valid, upset, rest, move.rest_force)
+        sampled = Sampled(move.position, move.force, move.valid, disturbed, rest, move.rest_force)
         between = State(self._belief, state.forces, state.slipping, state.memory)
         outcome: Outcome = update_move(
-            sampled, self._axis, self._law, between, elapsed, restless, known, whole
+            sampled, self._axis, self._law, between, elapsed, trend_variance, known, whole
         )
         if outcome.verdict == FEW:
             raise ValueError("fewer than three valid samples")

@@ -13,10 +13,10 @@ from estimation.online.belief import COULOMB, LEVEL, MASS
 from estimation.online.outcome import (
     ACCEPTED,
     BOUND,
+    DISTURBED,
     HOLES,
     JUMP,
     MISFIT,
-    SHAKEN,
     STILL,
     UNSOLVED,
 )
@@ -52,7 +52,7 @@ def judge(prepared, solution, axis, whole, before, after):  # type: ignore[no-un
     if whole and prepared.counted < axis.complete * size:
         return Verdict(HOLES, -1, prepared.counted / size)
     if whole and prepared.steady < MOSTLY:
-        return Verdict(SHAKEN, -1, prepared.steady)
+        return Verdict(DISTURBED, -1, prepared.steady)
     if prepared.slide == 0 and prepared.stick == 0:
         return Verdict(STILL, -1, float(prepared.why))
     sound = solution.status == 0

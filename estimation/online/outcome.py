@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from estimation.friction.law import F64
 
-ACCEPTED, HOLES, SHAKEN, STILL, UNSOLVED, MISFIT, BOUND, JUMP, FEW = range(9)
-"""Verdicts: accepted, or why not. Too many samples missing; force upset by late setpoints in most
-of the motion; nothing to solve; no solution; residual too large; a figure on its bound; a figure
-that jumps; fewer than three valid samples, which is an error."""
+ACCEPTED, HOLES, DISTURBED, STILL, UNSOLVED, MISFIT, BOUND, JUMP, FEW = range(9)
+"""Verdicts: accepted, or why not. Too many samples missing; force disturbed by late setpoints
+in most of the motion; nothing to solve; no solution; residual too large; a figure on its bound; a
+figure that jumps; fewer than three valid samples, which is an error."""
 
 
 class Outcome(NamedTuple):

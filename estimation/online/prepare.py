@@ -30,7 +30,7 @@ elements of which only the sum was known at rest, and what that leaves open woul
 MIN_SLIDE, MIN_STICK = 12, 6
 """Fewest samples of a zone that is worth solving."""
 
-TOO_LITTLE, MUTE, UNBEGUN = range(3)
+TOO_LITTLE, UNUSABLE_FORCE, UNKNOWN_STATE = range(3)
 """Why there is nothing to solve: too little motion; the force says nothing while it moves; how the
 friction state stood before is not known."""
 
@@ -42,7 +42,7 @@ class Sampled(NamedTuple):
         position: sampled [m], shape (K + 2,).
         force: measured [N], shape (K + 2,).
         valid: samples that can be used, shape (K + 2,).
-        upset: those of which only the position counts, shape (K + 2,); none: shape (0,).
+        disturbed: those of which only the position counts, shape (K + 2,); none: shape (0,).
         rest: position at rest before it [m], should the first sample be missing; nan: not known.
         rest_force: measured at rest before it [N].
     """
@@ -50,7 +50,7 @@ class Sampled(NamedTuple):
     position: F64
     force: F64
     valid: NDArray[np.bool_]
-    upset: NDArray[np.bool_]
+    disturbed: NDArray[np.bool_]
     rest: float
     rest_force: float
 
@@ -93,8 +93,8 @@ class Prepared(NamedTuple):
         slide: usable samples of zone A, 0 where they are too few.
         stick: the same of the stick zones.
         end: up to which inner sample the move is used.
-        why: of TOO_LITTLE, MUTE and UNBEGUN, where nothing can be solved.
-        steady: share of the motion in which the force was not upset.
+        why: of TOO_LITTLE, UNUSABLE_FORCE and UNKNOWN_STATE, where nothing can be solved.
+        steady: share of the motion in which the force was not disturbed.
         shows_stiffness: whether the move can determine sigma0.
         far: whether it goes FULL_SLIP.
     """
@@ -160,20 +160,20 @@ def prepare(sampled, axis, law, known, mean, state_known, zone_b):  # type: igno
         sampled: the move.
         axis: settings of the axis.
         law: constants of its friction law.
-        known: Coulomb force in force before the move [N].
+        known: Coulomb force believed before the move [N].
         mean: belief before it, shape (LEVEL + 1,).
         state_known: False where only the sum of the internal forces is known: the onset then says
             nothing.
         zone_b: whether the stick zones are solved at all.
     """
     size = sampled.position.shape[0]
-    count, upset = size - 2, np.zeros(size, np.bool_)
+    count, disturbed = size - 2, np.zeros(size, np.bool_)
     position, force, good = np.empty(size), np.empty(size), np.empty(size, np.bool_)
     counted = clean(
         sampled.position, sampled.force, sampled.valid, sampled.rest, position, force, good
     )
-    for k in range(sampled.upset.shape[0]):
-        upset[k] = sampled.upset[k]
+    for k in range(sampled.disturbed.shape[0]):
+        disturbed[k] = sampled.disturbed[k]
     velocity, acceleration, usable = np.empty(count), np.empty(count), np.empty(count, np.bool_)
     differences(position, good, axis.period, velocity, acceleration, usable)
     heading, zone = np.empty(count, np.int8), np.empty(count, np.int8)
@@ -182,7 +182,7 @@ def prepare(sampled, axis, law, known, mean, state_known, zone_b):  # type: igno
     travel = breakaway_travel(law, known, axis.unit[STIFFNESS] * mean[STIFFNESS], mean[ALPHA])
     mark_zones(position, velocity, heading, travel, law.stribeck_velocity, zone)
     for k in range(count):
-        usable[k] &= abs(force[k + 1]) < axis.peak_force and not upset[k + 1]
+        usable[k] &= abs(force[k + 1]) < axis.peak_force and not disturbed[k + 1]
     begun, end = 0, count
     while begun < count and zone[begun] != SLIDE:
         begun += 1
@@ -215,7 +215,7 @@ def prepare(sampled, axis, law, known, mean, state_known, zone_b):  # type: igno
         stick if zone_b and stick >= MIN_STICK else 0,
         min(count, end + int(REST_AFTER / axis.period + 0.5)),
         why,
-        _steady_share(zone, upset),
+        _steady_share(zone, disturbed),
         # A settling alone, of nanometres, has more than one stiffness that fits.
         state_known or back >= LEAST_BACK * travel,
         abs(position[size - 1] - position[0]) > FULL_SLIP * travel,
@@ -224,9 +224,9 @@ def prepare(sampled, axis, law, known, mean, state_known, zone_b):  # type: igno
 
 @kernel()
 def _behind_hidden_onset(position, valid, least):  # type: ignore[no-untyped-def]
-    """First sample behind a hole in which the motion goes `least` [m]; K, if there is none.
+    """First sample behind a hole in which the motion covers `least` [m]; K, if there is none.
 
-    How elements began to slip inside it is not known.
+    `position` [m] and `valid`, shape (K + 2,). How elements began to slip inside it is not known.
     """
     count = position.shape[0] - 2
     gone = position[0]
@@ -240,19 +240,25 @@ def _behind_hidden_onset(position, valid, least):  # type: ignore[no-untyped-def
 
 @kernel()
 def _why_not(zone, slide, stick):  # type: ignore[no-untyped-def]
-    """Why nothing can be solved; `slide`, `stick`: samples usable but for an unknown onset."""
+    """Why nothing can be solved; `zone`: codes, shape (K,).
+
+    `slide`, `stick`: number of samples usable but for an unknown onset.
+    """
     if slide >= MIN_SLIDE or stick >= MIN_STICK:
-        return UNBEGUN
+        return UNKNOWN_STATE
     sliding = sticking = 0
     for k in range(zone.shape[0]):
         sliding += zone[k] == SLIDE
         sticking += zone[k] == STICK
-    return MUTE if sliding >= MIN_SLIDE or sticking >= MIN_STICK else TOO_LITTLE
+    return UNUSABLE_FORCE if sliding >= MIN_SLIDE or sticking >= MIN_STICK else TOO_LITTLE
 
 
 @kernel()
 def _way_back(position, heading, zone, begun):  # type: ignore[no-untyped-def]
-    """How far the motion goes back behind zone A [m]."""
+    """How far the motion returns behind zone A [m].
+
+    `position` [m], shape (K + 2,); `heading` and `zone`, shape (K,); `begun`: where zone A begins.
+    """
     farthest = back = direction = 0.0
     for k in range(begun, zone.shape[0]):
         if zone[k] == SLIDE:
@@ -267,7 +273,7 @@ def _way_back(position, heading, zone, begun):  # type: ignore[no-untyped-def]
 
 @kernel()
 def _count_usable(zone, usable, wanted):  # type: ignore[no-untyped-def]
-    """Number of usable samples in a zone."""
+    """Number of usable samples in zone `wanted`; `zone` and `usable`, shape (K,)."""
     number = 0
     for k in range(zone.shape[0]):
         number += zone[k] == wanted and usable[k]
@@ -275,10 +281,13 @@ def _count_usable(zone, usable, wanted):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def _steady_share(zone, upset):  # type: ignore[no-untyped-def]
-    """Share of the samples in motion whose force was not upset."""
-    moving = shaken = 0
+def _steady_share(zone, disturbed):  # type: ignore[no-untyped-def]
+    """Share of the samples in motion whose force was not disturbed.
+
+    `zone`, shape (K,); `disturbed`, shape (K + 2,).
+    """
+    moving = lost = 0
     for k in range(zone.shape[0]):
         moving += zone[k] != REST
-        shaken += zone[k] != REST and upset[k + 1]
-    return 1.0 - shaken / max(moving, 1)
+        lost += zone[k] != REST and disturbed[k + 1]
+    return 1.0 - lost / max(moving, 1)

@@ -318,7 +318,10 @@ def _turn(law, figures, trace, interval, turn, noise):  # type: ignore[no-untype
 
 @kernel(fastmath={"contract"})
 def _complete(p, axis, samples, start, wide, rows):  # type: ignore[no-untyped-def]
-    """The rest of each row: what is linear in the data, units, and the level's knots."""
+    """The rest of each row: what is linear in the data, units, and the level's knots.
+
+    Arguments as `fill_rows`; columns [N per unit of the unknown], shape (KNOTS + knots, K).
+    """
     columns, unit, force = rows.columns, axis.unit, samples.force
     count, knots = columns.shape[1], columns.shape[0] - KNOTS
     residual, velocity, acceleration = columns[RESIDUAL], samples.velocity, samples.acceleration
@@ -364,6 +367,6 @@ def _complete(p, axis, samples, start, wide, rows):  # type: ignore[no-untyped-d
 
 @kernel(fastmath={"contract"})
 def _add(factor, column, total):  # type: ignore[no-untyped-def]
-    """Add a column times its unknown, shape (K,)."""
+    """Add a column, shape (K,), times its unknown to `total` [N], shape (K,)."""
     for k in range(total.shape[0]):
         total[k] += factor * column[k]

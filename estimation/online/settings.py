@@ -24,7 +24,7 @@ from stagedata import FrictionFigures
 
 _ZONE_A = (COULOMB, VISCOUS, MASS)
 _ZONE_B = (COULOMB, VISCOUS, STIFFNESS, RATE, MASS)
-_ZONE_AB = (COULOMB, VISCOUS, STIFFNESS, MASS)  # a fast move hardly tells C; slow ones do
+_ZONE_AB = (COULOMB, VISCOUS, STIFFNESS, MASS)  # a fast move hardly determines C; slow ones do
 _REQUESTS = ("relaxation_rate", "static_ratio", "lag")
 
 

@@ -200,6 +200,8 @@ def solve(problem, whole, linear, mask, before, p, after):  # type: ignore[no-un
 def _rest_counts(p, axis, white):  # type: ignore[no-untyped-def]
     """Whether samples at rest count one by one; `white`: variance of a row's force [N^2].
 
+    `p`: unknowns by column, shape (KNOTS + knots,).
+
     The force at rest is known from the mean of the rest's samples: they count once, but where the
     force is so exact that they show the positions' errors.
     """
@@ -254,7 +256,7 @@ def _choose_unknowns(whole, from_rest, mask, knots):  # type: ignore[no-untyped-
 
 @kernel()
 def _bounds(unknowns, axis):  # type: ignore[no-untyped-def]
-    """Lowest and highest values, shape (n,)."""
+    """Lowest and highest values, shapes (n,), of the unknowns with these columns, shape (n,)."""
     n = unknowns.shape[0]
     lower, upper = np.empty(n), np.empty(n)
     for a in range(n):
@@ -268,7 +270,10 @@ def _bounds(unknowns, axis):  # type: ignore[no-untyped-def]
 
 @kernel()
 def _weigh(p, problem, linear, rows, white, use, weights):  # type: ignore[no-untyped-def]
-    """Weights of the rows at these unknowns; `white`: variance of each [N^2]."""
+    """Weights of the rows, of which `use`, shape (K,), count, at the unknowns `p` (7 arguments).
+
+    `white`: variance of each [N^2]; `linear`: as if the encoder were exact.
+    """
     axis, force, step = problem.axis, problem.prepared.samples.force, problem.step
     variance = np.empty(use.shape[0])
     for k in range(use.shape[0]):
@@ -288,7 +293,7 @@ def _weigh(p, problem, linear, rows, white, use, weights):  # type: ignore[no-un
 
 @kernel()
 def _open_offsets(whole, from_rest, p, axis, white, doubts, unknowns, information):  # type: ignore[no-untyped-def]
-    """Add the priors of what is neither figure nor knot: all have the mean 0.
+    """Add the priors of what is neither figure nor knot to `information`, shape (n, n); mean 0.
 
     `doubts`: of the friction force behind the last turn, and where zone A begins [N].
     """
@@ -313,7 +318,7 @@ def _left_behind(move, value, figures, knots, normal, information):  # type: ign
     """What a step leaves to go, in squared standard deviations.
 
     Residuals are products of figures, and of figures and level: a step leaves about its square. The
-    offsets are linear.
+    offsets are linear. `move`, `value`: shape (n,); `normal`, `information`: (>= n, >= n).
     """
     n = move.shape[0]
     away, largest = np.zeros(n), 0.0

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from estimation.compiled import kernel
 from estimation.friction.law import F64, correct
-from estimation.online.arrival_cost import age, copy, knots_of, wander_on
+from estimation.online.arrival_cost import age, copy, decay_level, knots_of
 from estimation.online.belief import ALPHA, COULOMB, KNOTS, LEVEL, Belief
 from estimation.online.judge import (
     find_jump,
@@ -49,7 +49,7 @@ class State(NamedTuple):
 
 
 @kernel()
-def update_move(sampled, axis, law, state, elapsed, restless, known, whole):  # type: ignore[no-untyped-def]
+def update_move(sampled, axis, law, state, elapsed, trend_variance, known, whole):  # type: ignore[no-untyped-def]
     """Learn from a move, and carry the friction state to its end.
 
     A move with fewer than three valid samples changes nothing; its verdict is FEW.
@@ -60,13 +60,13 @@ def update_move(sampled, axis, law, state, elapsed, restless, known, whole):  # 
         law: constants of the friction law.
         state: after the last move; updated, of a move that is not over only the friction state.
         elapsed: since the end of the last move [s]; negative: there was none.
-        restless: variance by which Coulomb force ages beside its drift, relative.
+        trend_variance: variance by which Coulomb force ages beside its drift, relative.
         known: False where only the sum of the internal forces is known; so it is where neither the
             position at rest nor the first sample is.
         whole: False for a look at a move that is not over: zone A only.
     """
     coulomb = axis.unit[COULOMB] * state.belief.mean[COULOMB]
-    before = age(state.belief, elapsed, restless, axis)
+    before = age(state.belief, elapsed, trend_variance, axis)
     known = known and (not math.isnan(sampled.rest) or sampled.valid[0])
     prepared = prepare(sampled, axis, law, coulomb, before.mean, known, whole)
     if prepared.counted < 3:
@@ -79,9 +79,9 @@ def update_move(sampled, axis, law, state, elapsed, restless, known, whole):  # 
     solution, evaluations, stick = _solve_zones(problem, before, after)
     # What was found holds at the move's end: so must what it is compared with.
     duration = (prepared.samples.velocity.shape[0] - 1) * axis.period
-    wander_on(before, duration, axis)
+    decay_level(before, duration, axis)
     if prepared.slide == 0 and stick == 0:
-        wander_on(after, duration, axis)
+        decay_level(after, duration, axis)
     if whole and _is_tempered(solution, axis, before, after):
         temper(before, after, noise_excess(prepared, solution, axis))
     verdict = judge(prepared, solution, axis, whole, before, after)

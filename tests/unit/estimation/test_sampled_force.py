@@ -60,15 +60,15 @@ def test_what_has_no_neighbours_stays_as_sampled():
     move = sampled(lambda t: 10.0 * np.sin(300.0 * t))
     move.valid[10] = False
     move.force[20] = 120.0
-    upset = np.zeros(60, dtype=bool)
-    upset[30] = True
-    move = MoveData(move.position, move.force, move.valid, 0.0, 0.0, upset)
+    disturbed = np.zeros(60, dtype=bool)
+    disturbed[30] = True
+    move = MoveData(move.position, move.force, move.valid, 0.0, 0.0, disturbed)
     after = with_mean_force(move, 1.0 / 6.0, FREE, None, TS, 120.0)
     same = np.flatnonzero(after.force == move.force)
     assert set(same) == {0, 9, 10, 11, 19, 20, 21, 29, 30, 31, 59}
 
 
-def test_what_has_kinks_is_told_from_what_has_none():
+def test_commanded_and_feedback_force_each_get_their_own_mean():
     """Half of the force is interpolated, the other half smooth: each gets its own mean."""
     knots = np.random.default_rng(2).normal(0.0, 10.0, 62)
     at = TS * np.arange(-1, 61)
@@ -81,7 +81,7 @@ def test_what_has_kinks_is_told_from_what_has_none():
 
     move = sampled(lambda t: smooth(t) + commanded(t))
     offset = commanded(TS * np.arange(60))
-    told = with_mean_force(move, kink_share(TS, 0.0), FREE, None, TS, np.inf, offset)
-    taken = with_mean_force(move, kink_share(TS, 0.0), FREE, None, TS, np.inf)
-    off, other = np.std(residual(told)), np.std(residual(taken))
+    separate = with_mean_force(move, kink_share(TS, 0.0), FREE, None, TS, np.inf, offset)
+    together = with_mean_force(move, kink_share(TS, 0.0), FREE, None, TS, np.inf)
+    off, other = np.std(residual(separate)), np.std(residual(together))
     assert off < 0.1 * other

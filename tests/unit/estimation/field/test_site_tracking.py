@@ -1,4 +1,4 @@
-"""Tracking of many sites: honest surprises, steps told from drift, neighbours that learn."""
+"""Tracking of many sites: honest surprises, steps apart from drift, neighbours that learn."""
 
 import math
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimation.online import LEVEL, MASS, Belief, EstimatorSettings
-from estimation.online.arrival_cost import age, joint_prior, knots_of, take_over, wander_on
+from estimation.online.arrival_cost import age, decay_level, joint_prior, knots_of, take_over
 from estimation.online.belief import COULOMB, KNOTS, VISCOUS
 from stagedata import FrictionFigures
 
@@ -35,7 +35,7 @@ def test_figures_drift_and_the_level_decays():
 
 def test_a_level_left_alone_is_that_of_the_machine_file():
     old = belief()
-    wander_on(old, 100.0, AXIS)
+    decay_level(old, 100.0, AXIS)
     assert old.mean[LEVEL] == pytest.approx(0.0, abs=1e-12)
     assert old.covariance[LEVEL, LEVEL] == pytest.approx(SETTINGS.belief.wander**2, rel=1e-6)
 

@@ -113,7 +113,7 @@ def test_first_macro_move_gives_all_but_the_rate(data):
     assert first.gain["relaxation_rate"] == 1.0
 
 
-def test_what_a_move_does_not_tell_stays_and_is_named(data):
+def test_a_figure_that_a_move_does_not_determine_stays_and_is_named(data):
     estimator = SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS)
     learn(estimator, data, [0])
     before = estimator.friction
@@ -213,7 +213,7 @@ def test_level_is_forgotten_with_its_correlation_time(data):
 
 
 class TestPreview:
-    """Zone A while the move still goes on."""
+    """Zone A while the move is in progress."""
 
     def part(self, data, share=0.65):
         move = data.move(2)
@@ -349,7 +349,7 @@ class TestRefusals:
 
 @pytest.mark.parametrize("number", [0, 4])
 def test_samples_of_other_instants_are_refused_for_what_they_leave_over(data, number):
-    """A SYNC that comes up to 20 us late, unseen: told as a lag on its bound, it misled."""
+    """A SYNC that comes up to 20 us late, unseen: reported as a lag on its bound, it misled."""
     estimator = SplitHorizonEstimator(TRUE.scaled(0.5), replace(SETTINGS, request=("lag",)))
     estimator.at_rest(0.0, 0.0, 0.0)
     for earlier in range(number):
@@ -369,35 +369,35 @@ def test_a_short_move_behind_unknown_elements_says_why_it_is_not_learned_from(da
     assert "how its elements stood before it is not known" in estimate.reason
 
 
-def test_a_force_that_says_nothing_is_not_told_as_too_little_motion(data):
+def test_an_unusable_force_is_not_reported_as_too_little_motion(data):
     move = data.move(0)
     saturated = SplitHorizonEstimator(TRUE, replace(SETTINGS, peak_force=1e-3)).update(move)
     later = SplitHorizonEstimator(TRUE, SETTINGS)
     later.saturates_at(1e-3)  # as the drive says when it has booted
     assert later.update(move).reason == saturated.reason
-    shaken = SplitHorizonEstimator(TRUE, SETTINGS).update(
-        replace(move, upset=np.ones(len(move.valid), dtype=bool))
+    disturbed = SplitHorizonEstimator(TRUE, SETTINGS).update(
+        replace(move, disturbed=np.ones(len(move.valid), dtype=bool))
     )
     assert "its force says nothing while it moves" in saturated.reason
-    assert "late setpoints upset the force in all but 0% of the motion" in shaken.reason
+    assert "late setpoints disturbed the force in all but 0% of the motion" in disturbed.reason
 
 
-def test_an_upset_force_counts_for_nothing_while_the_position_is_followed(data):
+def test_a_disturbed_force_does_not_count_while_the_position_is_followed(data):
     plain, spoiled = (SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS) for _ in range(2))
     for estimator in (plain, spoiled):
         estimator.at_rest(0.0, 0.0, 0.0)
     for number in range(len(data.starts)):
-        upset = np.zeros(len(data.move(number).valid), dtype=bool)
-        upset[12:17] = True
-        good = spoil = replace(data.move(number), upset=upset)
-        spoil.force[upset] += 30.0
+        disturbed = np.zeros(len(data.move(number).valid), dtype=bool)
+        disturbed[12:17] = True
+        good = spoil = replace(data.move(number), disturbed=disturbed)
+        spoil.force[disturbed] += 30.0
         for estimator, move in ((plain, replace(good, force=data.move(number).force)),
                                 (spoiled, spoil)):  # fmt: skip
             assert estimator.update(move).accepted
     np.testing.assert_allclose(spoiled.state.forces, plain.state.forces, rtol=1e-9)
     assert spoiled.friction == plain.friction
     with pytest.raises(ValueError, match="same length"):
-        spoiled.update(replace(good, upset=upset[1:]))
+        spoiled.update(replace(good, disturbed=disturbed[1:]))
 
 
 def test_a_move_that_is_not_like_the_others_counts_less(data):

@@ -1,4 +1,4 @@
-"""How sure the stiffness is where the force is measured about as well as the encoder tells it."""
+"""Sigma of the stiffness where force sensor and encoder are about equally good."""
 
 import numpy as np
 import pytest
@@ -61,7 +61,7 @@ def stiffness(exact, noise: float, runs: int) -> tuple[np.ndarray, float]:
 
 
 def test_a_force_half_as_noisy_again_does_not_lose_where_the_motion_began(exact):
-    """The samples at rest tell it until the force is far noisier than the encoder."""
+    """The samples at rest show it until the force is far noisier than the encoder."""
     (fine, fine_sigma), (coarse, coarse_sigma) = (
         stiffness(exact, share * SPRING, 60) for share in (0.4, 0.6)
     )

@@ -32,8 +32,8 @@ def test_a_misfit_is_noise_that_much_larger():
     data = (np.linalg.inv(found().covariance[:3, :3]) - information) / 9.0
     got = np.linalg.inv(belief.covariance[:3, :3])
     np.testing.assert_allclose(got, information + data, rtol=1e-9, atol=1e-9)
-    told = np.linalg.inv(found().covariance[:3, :3]) @ found().mean[:3]
-    pull = information @ PRIOR.mean[:3] + (told - information @ PRIOR.mean[:3]) / 9.0
+    information_after = np.linalg.inv(found().covariance[:3, :3]) @ found().mean[:3]
+    pull = information @ PRIOR.mean[:3] + (information_after - information @ PRIOR.mean[:3]) / 9.0
     np.testing.assert_allclose(got @ belief.mean[:3], pull, rtol=1e-9)
     assert belief.covariance[0, 0] > found().covariance[0, 0]
     np.testing.assert_array_equal(belief.mean[3:], PRIOR.mean[3:])

@@ -84,7 +84,7 @@ def test_01_force_and_position_off_their_common_instant():
 
 
 def test_01_a_lag_of_the_force_is_seen_on_an_s_curve():
-    """A lag hides in Fc and sigma_v of a sine move; jerk-limited moves show it, so it is told."""
+    """A lag hides in Fc and sigma_v of a sine move; jerk-limited moves determine it."""
     position, force = record()
     late = np.interp(np.arange(len(force)) - 0.5, np.arange(len(force)), force)
     ones = np.ones(len(force), dtype=bool)
@@ -209,7 +209,7 @@ def test_16_too_little_motion_leaves_the_stiffness_in_its_prior():
         assert 0.1 * 6e5 < estimator.friction.stiffness < 10 * 6e5
 
 
-def test_16_a_settling_of_nanometres_without_an_onset_does_not_tell_the_stiffness():
+def test_16_a_settling_of_nanometres_without_an_onset_does_not_determine_the_stiffness():
     """A first move that is followed well: a quarter of sigma0 fitted it, to 3 %."""
     estimator = SplitHorizonEstimator(TRUE, SETTINGS)
     estimator.at_rest(0.0, 0.0, 0.0)
@@ -311,7 +311,7 @@ def test_20_each_figure_is_forgotten_at_its_own_pace():
     assert pace["viscous"] > pace["coulomb"]
 
 
-def test_22_it_goes_on_until_the_step_is_small():
+def test_22_it_iterates_until_the_step_is_small():
     """Cost flat after one step: an answer that still depends on the start."""
     found = []
     for scale in (0.5, 0.8, 1.3, 2.0):

@@ -26,47 +26,47 @@ def grown(force, jitter=0.0, use=None):
     return variance / STEP**2
 
 
-def told(shared):
-    """Variance of the mean force that all rows tell together, in step^2."""
+def variance_of_mean(shared):
+    """Variance of the mean force over all rows, in step^2."""
     return 1.0 / (1.0 / (1.0 / 12.0 + shared)).sum()
 
 
 @pytest.mark.parametrize("slope", [0.0, 1.0, -3.0])
 def test_codes_that_come_evenly_are_one_measurement(slope):
-    assert told(grown(0.123 + slope * STEP * TIME)) == pytest.approx(1.0 / 12.0)
+    assert variance_of_mean(grown(0.123 + slope * STEP * TIME)) == pytest.approx(1.0 / 12.0)
 
 
 def test_a_slope_that_the_positions_noise_hides_may_be_none():
     slow = (0.4 * TIME / TIME[-1] - 0.2) * STEP
-    assert told(grown(slow)) == pytest.approx(0.6**2 / 12.0, rel=0.02)
-    assert told(grown(slow, jitter=10.0 * STEP)) == pytest.approx(1.0 / 12.0)
+    assert variance_of_mean(grown(slow)) == pytest.approx(0.6**2 / 12.0, rel=0.02)
+    assert variance_of_mean(grown(slow, jitter=10.0 * STEP)) == pytest.approx(1.0 / 12.0)
 
 
 @pytest.mark.parametrize("slope", [2.0**0.5, 0.05, 0.3 * 3.0**0.5])
 def test_a_force_that_runs_through_its_codes_shares_nothing(slope):
-    assert told(grown(slope * STEP * TIME)) < 1.2 / 12.0 / COUNT
+    assert variance_of_mean(grown(slope * STEP * TIME)) < 1.2 / 12.0 / COUNT
 
 
 def test_a_curve_shares_nothing():
-    assert told(grown(0.01 * STEP * TIME**2)) < 1.5 / 12.0 / COUNT
+    assert variance_of_mean(grown(0.01 * STEP * TIME**2)) < 1.5 / 12.0 / COUNT
 
 
 def test_jitter_of_codes_takes_most_of_the_sharing_away():
     force = 0.123 + np.random.default_rng(1).normal(0.0, 0.5 * STEP, len(TIME))
-    assert told(grown(force)) < 1.5 / 12.0 / COUNT
+    assert variance_of_mean(grown(force)) < 1.5 / 12.0 / COUNT
 
 
 def test_on_the_border_of_two_codes_the_error_is_half_a_code_less_their_share():
     force = np.full(len(TIME), 0.5 * STEP - 1e-6)
     force[1::10] += 2e-6
-    assert told(grown(force)) == pytest.approx(0.4**2, rel=1e-3)
+    assert variance_of_mean(grown(force)) == pytest.approx(0.4**2, rel=1e-3)
 
 
 def test_what_is_left_out_does_not_count():
     use = np.ones(COUNT, np.int8)
     use[40:60] = 0
     shared = grown(np.full(len(TIME), 0.123), use=use)
-    assert told(shared[use > 0]) == pytest.approx(1.0 / 12.0)
+    assert variance_of_mean(shared[use > 0]) == pytest.approx(1.0 / 12.0)
 
 
 @pytest.mark.parametrize("step", [STEP, 1e-3])

@@ -1,4 +1,4 @@
-"""Surprises that go one way are a trend, and it goes on between moves; wander is none."""
+"""Surprises that go one way are a trend, and it continues between moves; wander is none."""
 
 import math
 
