@@ -160,11 +160,11 @@ class KnownAxis:
         """
         terms = self.terms
         known = self._forces.along(self._path(path), self._before.copy())
-        upset = np.abs(record.force) >= self._peak
+        disturbed = np.abs(record.force) >= self._peak
         if terms.coupled_mass:
-            upset |= np.convolve(~seen, np.ones(3), "same") > 0.0
-        if record.upset is not None:
-            upset |= record.upset
+            disturbed |= np.convolve(~seen, np.ones(3), "same") > 0.0
+        if record.disturbed is not None:
+            disturbed |= record.disturbed
         position = path[:, self._own]
         return MoveData(
             record.position,
@@ -172,7 +172,7 @@ class KnownAxis:
             record.valid,
             record.time,
             self.friction_at_rest(record.rest_force, float(position[0])),
-            upset if upset.any() else None,
+            disturbed if disturbed.any() else None,
         )
 
     def carry(self, path: F64) -> None:

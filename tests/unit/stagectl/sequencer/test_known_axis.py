@@ -114,7 +114,7 @@ def test_saturated_samples_and_unseen_accelerations_say_nothing_of_friction():
     seen = np.ones(len(path), dtype=bool)
     seen[60] = False
     bare = axis.without(record(path, force), path, seen)
-    assert list(np.flatnonzero(bare.upset)) == [30, 59, 60, 61]
+    assert list(np.flatnonzero(bare.disturbed)) == [30, 59, 60, 61]
     assert bare.valid.all()
 
 
