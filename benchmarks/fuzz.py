@@ -42,6 +42,7 @@ from fuzz_input import AT_DRIVER, AT_DRIVES, Frame, calm, edited, random_edits, 
 
 from drivers.canopen import load_dictionary
 from drivers.errors import DriverError
+from drivers.settings import HOST_NODE
 from drivers.stage import Stage
 from hil_sim.bus import World
 from hil_sim.cia301 import EDS_PATH
@@ -68,6 +69,7 @@ from stagectl.store import (
     sample_dtype,
     write_recording,
 )
+from stagectl.store.frame_spool import HEAD, MAGIC, FrameSpool
 from stagedata import AxisSignals, Move, Recording
 
 ROOT = Path(__file__).parents[1]
@@ -268,14 +270,17 @@ def sound(what: str) -> bytes:
 
 def _written(what: str, folder: Path) -> bytes:
     started = datetime(2026, 1, 1, tzinfo=UTC)
-    if what in ("bus log", "frames"):
-        log = BusLog(folder / "bus.asc", started)
+    if what == "frames":
+        spool = FrameSpool(folder / "bus.frames", HEAD.pack(MAGIC, 0, HOST_NODE))
         for k in range(200):
-            log.tap(k * 1_000_000, 0x181 + k % 2, struct.pack("<Hih", k, -k, k))
-        log._file.flush()  # noqa: SLF001  a killed run leaves it like this
-        spool = (folder / "bus.frames").read_bytes()
-        log.close()
-        return spool if what == "frames" else log.path.read_bytes()
+            spool.append(k * 1_000_000, 0x181 + k % 2, struct.pack("<Hih", k, -k, k))
+        spool.close()
+        return (folder / "bus.frames").read_bytes()
+    if what == "bus log":
+        with BusLog(folder / "bus.asc", started) as log:
+            for k in range(200):
+                log.tap(k * 1_000_000, 0x181 + k % 2, struct.pack("<Hih", k, -k, k))
+        return log.path.read_bytes()
     if what == "journal":
         axes = tuple(AxisScaling(name, 1e-9, 0.1) for name in ("x", "y"))
         header = JournalHeader("m", "r", started.isoformat(), axes)
