@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.canopen import LISTENING, Clock, MonotonicClock, Network, Tap, open_bus
-from drivers.cyclic import Cycle, RealTime, Sink, Until
+from drivers.cyclic import Cycle, OffsetCorrection, RealTime, Sink, Until
 from drivers.drive import Axis
 from drivers.errors import BusError, ConfigurationError, DriverError, NodeError
 from drivers.motion import (
@@ -186,7 +186,9 @@ class Stage:
     @property
     def notices(self) -> tuple[str, ...]:
         """Unmet requests on SYNC and real time, one clause each; known in motion."""
-        return (*self._real_time.refused, *self._cycle.sync.notices)
+        corrected = self._cycle.corrected
+        failed = () if corrected is None or corrected.failure is None else (corrected.failure,)
+        return (*self._real_time.refused, *self._cycle.sync.notices, *failed)
 
     @property
     def missed(self) -> int:
@@ -197,6 +199,15 @@ class Stage:
     def late(self) -> int:
         """SYNCs that left more than half a period late since opening."""
         return self._cycle.sync.late
+
+    def correct_offsets(self, correction: OffsetCorrection | None) -> None:
+        """Has the force offsets of all further csp streams corrected from SYNC to SYNC.
+
+        Args:
+            correction: chooses each row's offsets after the sample before it; None: no longer. If
+                it fails, its last correction stays in effect, and `notices` says so.
+        """
+        self._cycle.correct_offsets(correction)
 
     # -- life cycle -------------------------------------------------------------------------
 

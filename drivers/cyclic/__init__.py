@@ -1,6 +1,7 @@
 """The cyclic path: setpoints out, SYNC, process data in. No SDO in here."""
 
 from drivers.cyclic.channel import Channel
+from drivers.cyclic.correction import OffsetCorrection
 from drivers.cyclic.cycle import Cycle, Until
 from drivers.cyclic.realtime import RealTime
 from drivers.cyclic.samples import Sample, Sink, decode_rows
@@ -8,6 +9,7 @@ from drivers.cyclic.samples import Sample, Sink, decode_rows
 __all__ = [
     "Channel",
     "Cycle",
+    "OffsetCorrection",
     "RealTime",
     "Sample",
     "Sink",

@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from drivers import objects as od
 from drivers.canopen import Clock, Network, Node
 from drivers.cyclic.channel import Channel
+from drivers.cyclic.correction import CorrectedOffsets, OffsetCorrection, Row
 from drivers.cyclic.samples import SampleWriter, Sink
-from drivers.cyclic.sync_producer import Exchange, Frames
+from drivers.cyclic.sync_producer import Exchange
 from drivers.drive import ENABLED_MASK, ENABLED_VALUE, Axis, decode
 from drivers.errors import AxisFault, BusError, ConfigurationError
 from drivers.settings import BusSettings
@@ -43,6 +44,7 @@ class Cycle:
 
     Attributes:
         sync: the SYNC producer.  channels: one per axis.
+        corrected: rows of streams with corrected force offsets; None where they go as planned.
     """
 
     def __init__(self, network: Network, axes: Sequence[Axis], settings: BusSettings) -> None:
@@ -51,6 +53,7 @@ class Cycle:
         self._network = network
         self._period = settings.period_ns
         self._max_missed, self._max_late = settings.max_missed, settings.max_late
+        self.corrected: CorrectedOffsets | None = None
         self._late_in_a_row = 0
         self._origin: int | None = None
         self._alarmed: list[Node | Network] = []
@@ -128,6 +131,12 @@ class Cycle:
         """Switches the host's heartbeat; without it the drives stop by themselves."""
         self._network.beats = on
 
+    def correct_offsets(self, correction: OffsetCorrection | None) -> None:
+        """Has the force offsets of all further streams corrected; None: no longer."""
+        self.corrected = (
+            None if correction is None else CorrectedOffsets(correction, self.sync, self._period)
+        )
+
     def clear_alarms(self) -> None:
         """Clears the nodes' alarms and missed samples, but not the presence of another host."""
         self._alarmed.clear()
@@ -185,6 +194,7 @@ class Cycle:
         rows: array[int],
         sink: Sink | None,
         until: Until | None,
+        planned: NDArray[np.float64] | None = None,
     ) -> None:
         """Runs one cycle per row of setpoints and appends one `Sample` per cycle to `rows`.
 
@@ -194,26 +204,29 @@ class Cycle:
             rows: holds the samples taken so far when this raises.
             sink: called with each `Sample`.
             until: called with the actual positions [m]; True ends the stream.
+            planned: float64[K, n], offsets before rounding, which are then corrected on the way
+                (`correct_offsets`); None: `offsets` are sent as they are.
 
         Raises:
             BusError: the bus fails.
             AxisFault: an axis leaves OPERATION ENABLED or raises an alarm, or its data are missing.
         """
         writer = SampleWriter(self.channels, rows, sink, self.sync.reception.accepts_tardy)
+        corrected = None if planned is None else self.corrected
+        if corrected is None or planned is None:
+            setpoints = self._rows(targets, offsets)
+        else:
+            setpoints = corrected.rows(targets, planned)
         try:
-            self._stream(targets, offsets, writer, until)
+            self._stream(setpoints, writer, until)
             if writer.waiting:
                 self.sync.settle()
         finally:
             writer.flush()
+            if corrected is not None:
+                corrected.end()
 
-    def _stream(
-        self,
-        targets: NDArray[np.int64],
-        offsets: NDArray[np.int64],
-        writer: SampleWriter,
-        until: Until | None,
-    ) -> None:
+    def _stream(self, rows: Iterator[Row], writer: SampleWriter, until: Until | None) -> None:
         channels = self.channels
         increments = [c.axis.scale.increment for c in channels]
         sync, run, alarmed = self.sync, self.sync.run, self._alarmed
@@ -221,7 +234,7 @@ class Cycle:
         if self._origin is None:
             self.resume()
         self._late_in_a_row = 0
-        for frames, setpoints in self._rows(targets, offsets):
+        for frames, setpoints in rows:
             late = run(frames)
             if self._origin is None:
                 self._origin = sync.sent
@@ -256,9 +269,7 @@ class Cycle:
             ):
                 break
 
-    def _rows(
-        self, targets: NDArray[np.int64], offsets: NDArray[np.int64]
-    ) -> Iterator[tuple[Frames, tuple[tuple[Channel, int, int], ...]]]:
+    def _rows(self, targets: NDArray[np.int64], offsets: NDArray[np.int64]) -> Iterator[Row]:
         """Per SYNC: each channel with its RPDO, and each channel with its target and offset.
 
         Pairs are made row by row: all of them at once would make the first SYNC late.

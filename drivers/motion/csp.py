@@ -48,7 +48,11 @@ class CyclicPosition:
             position, offset, [c.axis.settings for c in channels], [c.target for c in channels],
             self._cycle.period,
         )  # fmt: skip
+        planned = None
+        if self._cycle.corrected is not None:
+            units = np.array([c.axis.scale.force for c in channels])
+            planned = np.clip(offset / units, -32768.0, 32767.0)
         rows = array("q")
         with self._stopping.on_failure(), self._real_time.in_motion():
-            self._cycle.stream(targets, offsets, rows, sink, until)
+            self._cycle.stream(targets, offsets, rows, sink, until, planned)
         return decode_rows(rows, [c.axis.scale for c in channels])

@@ -25,6 +25,7 @@ COMMANDS = {
     "jog": ("stagectl.cli.bench:jog", "Move one axis by a distance."),
     "check": ("stagectl.cli.check", "Test a drive against CiA 301 and CiA 402."),
     "bus-budget": ("stagectl.cli.bus_budget", "Check that the PDOs fit into the SYNC period."),
+    "observer": ("stagectl.cli.observer", "Show gain and margins of the settling observer."),
     "gap": ("stagectl.cli.gap", "Compare simulation and recording, and explain the gap."),
     "effects": ("stagectl.cli.effects", "List the physical effects of the simulator."),
     "identify": ("stagectl.cli.identify", "Estimate friction parameters from recordings."),

@@ -46,6 +46,13 @@ DEFAULT_BUDGET = 5.0
     help="Start from the machine file's friction parameters times this factor.",
 )
 @click.option(
+    "--observer/--no-observer",
+    default=True,
+    show_default=True,
+    help="Correct force offsets from SYNC to SYNC by what positions show to be lacking, on every "
+    "axis that can have an observer (stagectl observer).",
+)
+@click.option(
     "--faults",
     type=FILE,
     help="Inject the bus and drive faults of this file; needs --simulate (docs/faults.md).",
@@ -107,6 +114,7 @@ def command(
     bus: tuple[str, str] | None,
     compensation: str,
     friction_scale: float,
+    observer: bool,
     seed: int,
     faults: Path | None,
     out: Path | None,
@@ -180,6 +188,7 @@ def command(
         use_map=use_map == "active",
         operator=operator or None,
         comment=comment or None,
+        observer=observer,
     )
     if calibrate is not None:
         request = _with_due_sites(request, calibrate, budget)

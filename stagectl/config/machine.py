@@ -292,6 +292,7 @@ class Axis(Section):
         node: CANopen node id.  travel: lowest and highest position [m].
         eds: the drive's EDS file, relative to the machine file; None: the virtual drive's.
         effects: further physical effects on this axis, in simulations.
+        observer: whether the host's settling observer may correct its force offsets.
     """
 
     node: Annotated[StrictInt, Field(ge=1, le=127)]
@@ -303,6 +304,7 @@ class Axis(Section):
     eds: Name | None = None
     homing: Homing = Homing()
     effects: tuple[Annotated[Effect, BeforeValidator(_effect)], ...] = ()
+    observer: Literal["auto", "none"] = "auto"
 
 
 class Temperature(Section):

@@ -6,13 +6,15 @@ a replay needs, and knows how much of the recipe is done.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from estimation.observer import Design
 from hil_sim.bus import InjectedFault
 from stagectl.config.known_effects import known_effects
 from stagectl.errors import Aborted, StagectlError
@@ -128,6 +130,18 @@ class RunRecord:
     def start(self) -> None:
         """The drives have answered: enter the run in its history."""
         self._history.start()
+
+    def note_observer(self, designs: Mapping[str, Design | str], is_on: Sequence[bool]) -> None:
+        """Note the observer of each axis, or why it has none."""
+        observers: dict[str, dict[str, Any]] = {}
+        for (name, found), on in zip(designs.items(), is_on, strict=True):
+            if on and not isinstance(found, str):
+                figures = {"gain": found.gain, "time_constant": found.time_constant}
+                observers[name] = {"on": True, **figures}
+            else:
+                why = found if isinstance(found, str) else "the drive has no force offset (0x60B2)"
+                observers[name] = {"on": False, "reason": why}
+        self.journal.event("observer", axes=observers)
 
     def note_move(self, move: Move) -> None:
         """Note a move, before its first sample."""

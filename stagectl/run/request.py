@@ -80,6 +80,7 @@ class RunRequest:
         history: file or server for the friction estimates; None for none.
         use_map: use the history's active friction map, where there is one.
         operator, comment: one line each, or None.
+        observer: correct force offsets by the settling observer, where an axis can have one.
     """
 
     recipe: Recipe
@@ -98,6 +99,7 @@ class RunRequest:
     use_map: bool = True
     operator: str | None = None
     comment: str | None = None
+    observer: bool = True
 
     def as_note(self) -> dict[str, Any]:
         """What the recording keeps of it, to resume, replay or summarise the run."""
@@ -105,6 +107,7 @@ class RunRequest:
         return {
             "compensation": self.mode.value,
             "friction_scale": self.friction_scale,
+            "observer": self.observer,
             "seed": self.seed,
             "simulated": self.truth is not None,
             "truth": None

@@ -19,10 +19,12 @@ from drivers import AxisFault, DriverError, Stage
 from drivers.canopen import open_bus
 from drivers.errors import BusOpenError
 from drivers.settings import AxisSettings, BusSettings
+from estimation.observer import Design, StageObserver
 from estimation.trajectory import Limits
 from hil_sim.bus import InjectedFault, World
 from hil_sim.stage import VirtualStage
 from stagectl.config.known_effects import known_effects
+from stagectl.config.observer import design_observers, make_observer
 from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError, UnusableInput
 from stagectl.history import open_history, stage_temperature
 from stagectl.maps import ActiveMap, sites_outside
@@ -40,6 +42,7 @@ from stagectl.sequencer import (
     FreshPlaces,
     Mode,
     MovingAxis,
+    ObservedOffsets,
     Places,
     Retrying,
 )
@@ -146,12 +149,22 @@ class _Session:
         self._substitutes, self._record, active = substitutes, record, ready.active
         self._compensation = ready.compensation
         self._places = self._places_of(active)
+        self._designs = self._design_observers()
+        self._observer: StageObserver | None = None
         self._stage: Stage | None = None
         self._engine: Engine | None = None
         self._error: StagectlError | None = None
         self._over = False
         if active is not None:
             record.note_limitations(sites_outside(active.version, request.recipe.sites))
+
+    def _design_observers(self) -> dict[str, Design | str]:
+        """Axis -> its observer, or why it has none; empty where the run does without."""
+        if not self._request.observer:
+            return {}
+        machine = self._request.machine
+        axes = zip(machine.axes, self._compensation, strict=True)
+        return design_observers(machine, {name: axis.estimator.friction for name, axis in axes})
 
     def _places_of(self, active: ActiveMap | None) -> Places | None:
         """Friction over the table: the map's, or unknown in a calibration without one."""
@@ -199,6 +212,7 @@ class _Session:
                 stage.home()
                 listener.phase("enabling the drives")
                 stage.enable()
+                self._observe(stage)
                 record.note_limitations((*stage.limitations, *stage.notices))
                 record.temperature = stage_temperature(
                     self._request.machine, stage, self._ready.thermometer
@@ -209,6 +223,7 @@ class _Session:
                     self._run_recipe(stage, bus.sync_period)
                 finally:
                     record.wall_time = time.perf_counter() - begin
+                    record.note_limitations((*stage.notices, *self._observer_failures()))
                 listener.phase("disabling")
                 stage.disable()
         except DriverError as error:
@@ -231,6 +246,35 @@ class _Session:
             if not effect.compensated:
                 self._record.note_limitations([effect.describe()])
                 self._listener.event(EffectLeft(effect.describe()))
+
+    def _observe(self, stage: Stage) -> None:
+        """Have the observer correct the force offsets of every axis that can have one."""
+        if not self._designs:
+            return
+        self._observer = make_observer(
+            self._request.machine,
+            self._designs,
+            [
+                axis.settings.peak_force if axis.accepts_force_offset else None
+                for axis in stage.axes
+            ],
+        )
+        for compensation, is_on in zip(self._compensation, self._observer.is_on, strict=True):
+            compensation.observed = is_on
+        if any(self._observer.is_on):
+            stage.correct_offsets(ObservedOffsets(self._observer))
+        self._record.note_observer(self._designs, self._observer.is_on)
+
+    def _observer_failures(self) -> list[str]:
+        """What the operator should know of observers that ended early."""
+        if self._observer is None:
+            return []
+        axes = zip(self._request.machine.axes, self._observer.failed, strict=True)
+        return [
+            f"axis {name}: the observer's estimate was not finite; its correction stayed as it was"
+            for name, failed in axes
+            if failed
+        ]
 
     def _run_recipe(self, stage: Stage, period: float) -> None:
         """Run what is left of the recipe; repeat a stretch after a fault that allows it."""
@@ -263,6 +307,8 @@ class _Session:
                         Retrying(record.done + 1, number, limit, why)
                     ),
                 )
+                if self._observer is not None:
+                    self._observer.restart()
                 interrupted = engine.restart(record.journal.samples)
                 if interrupted is not None:
                     record.note_interrupted_move(interrupted)

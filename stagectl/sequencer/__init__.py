@@ -1,8 +1,8 @@
 """Runs a recipe on a stage.
 
 `engine` (the steps of a plan), `mover` (one move), `compensation` (its force offsets),
-`following_error` (the host's watch), `move_data` (samples to the estimator), `settling` and
-`verdict` (how the moves went).
+`observed_offsets` (their correction from SYNC to SYNC), `following_error` (the host's watch),
+`move_data` (samples to the estimator), `settling` and `verdict` (how the moves went).
 """
 
 from stagectl.sequencer.compensation import (
@@ -32,6 +32,7 @@ from stagectl.sequencer.events import (
 )
 from stagectl.sequencer.fresh_places import FreshPlaces
 from stagectl.sequencer.mover import MovingAxis
+from stagectl.sequencer.observed_offsets import ObservedOffsets
 from stagectl.sequencer.places import Expectation, Places
 from stagectl.sequencer.settling import (
     RESOLUTION,
@@ -66,6 +67,7 @@ __all__ = [
     "MoveStarted",
     "MoveStatistics",
     "MovingAxis",
+    "ObservedOffsets",
     "Places",
     "Retrying",
     "Settled",

@@ -92,6 +92,7 @@ class AxisCompensation:
         mode: what the offsets consist of.
         estimator: of the friction figures, with the friction state.
         known: known effects along the moves; None for none.
+        observed: an observer moves the offsets towards what the integrator holds.
     """
 
     def __init__(
@@ -105,6 +106,7 @@ class AxisCompensation:
         number: int = 0,
     ) -> None:
         self.mode = mode
+        self.observed = False
         if terms is not None:
             axis = axis_as_known(axis, terms)
         self.estimator = SplitHorizonEstimator(
@@ -166,7 +168,7 @@ class AxisCompensation:
             )
         if known is not None:
             force = known.offsets(held, force)
-        if trajectory.duration >= TAKE_OVER:
+        if trajectory.duration >= TAKE_OVER and not self.observed:
             share = np.arange(1, samples + 1) * (self._period / trajectory.duration)
             share = np.clip(share, 0.0, 1.0)
             force += (rest_force - rest_offset) * share**2 * (3.0 - 2.0 * share)

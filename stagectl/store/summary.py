@@ -99,6 +99,8 @@ class RunFacts:
         operator, comment: or None.
         limits: verdicts by the recipe's limits, as in docs/formats/run.md, or None.
         interrupted: where and why it ended early, likewise, or None.
+        observer: axis -> whether its force offsets were corrected by an observer, with its gain
+            and time constant [s], or the reason why not; empty in a run without.
     """
 
     recipe: str
@@ -124,6 +126,7 @@ class RunFacts:
     comment: str | None = None
     limits: Mapping[str, object] | None = None
     interrupted: Mapping[str, object] | None = None
+    observer: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
 
 
 def build_summary(
@@ -185,6 +188,8 @@ def build_summary(
         "map_comment": facts.map_comment or None,
     }
     summary |= {key: value for key, value in optional.items() if value is not None}
+    if facts.observer:
+        summary["observer"] = {axis: dict(figures) for axis, figures in facts.observer.items()}
     if facts.steps:
         summary["steps"] = [dict(step) for step in facts.steps]
     if facts.effects:

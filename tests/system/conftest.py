@@ -64,6 +64,7 @@ def run(machine: Machine, tmp_path_factory: pytest.TempPathFactory) -> Run:
         recipe: Path = RECIPE,
         folder: Path | None = None,
         listener: Listener | None = None,
+        observer: bool = True,
     ) -> RunResult:
         request = RunRequest(
             load_recipe(recipe, machine),
@@ -75,6 +76,7 @@ def run(machine: Machine, tmp_path_factory: pytest.TempPathFactory) -> Run:
             seed,
             folder or tmp_path_factory.mktemp("run"),
             datetime.now(UTC),
+            observer=observer,
         )
         return execute(request, listener or Listener())
 

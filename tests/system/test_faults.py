@@ -66,7 +66,7 @@ FOUND = {
     "bus-off of a drive that is back before it misses the host": f.BusOff(1, 1.77, 0.088),
     "no SYNC gets through": f.Drop(f.Frames(frozenset({0x080}), "host", after=1.73)),
     "one drive gets no setpoints, not even to switch off": f.Freeze(
-        f.Frames(frozenset({0x202}), "host", after=2.2)
+        f.Frames(frozenset({0x202}), "host", after=1.9)
     ),
     "the SYNC's jitter looks like friction": f.Delay(
         f.Frames(frozenset({0x080}), "host"), 0.0, 1.157e-4

@@ -1,4 +1,6 @@
-"""What compensation reaches on recipe inspection-20, over the whole path, with margins.
+"""What force offsets reach by themselves on recipe inspection-20, over the whole path.
+
+Margins included, and without the observer (`test_observer.py`).
 
 The figures: oracle micro ±50 nm median 8 ms, mean 30 ms, ±200 nm 1 ms, peak 0.15 um, macro ±200 nm
 2 ms; estimated from half of all friction figures, from the 4th site on, micro ±200 nm 3 ms, peak
@@ -22,14 +24,14 @@ def settling(moves, window):
 
 
 def test_without_compensation_is_the_baseline(run):
-    result = run("none")
+    result = run("none", observer=False)
     assert result.summary["outcome"] == "completed"
     assert 0.1 <= median(settling(select([result], "micro"), "5e-08")) <= 0.18
     assert result.summary["friction"] == []
 
 
 def test_oracle(run):
-    results = [run("oracle", seed) for seed in (1, 2)]
+    results = [run("oracle", seed, observer=False) for seed in (1, 2)]
     micro, macro = select(results, "micro"), select(results, "macro")
     assert median(settling(micro, "5e-08")) <= 0.008
     assert mean(settling(micro, "5e-08")) <= 0.03
@@ -49,7 +51,7 @@ TRUTHS = {
 @pytest.mark.parametrize("truth", TRUTHS)
 def test_estimated_from_half_of_all_friction_figures(run, machine, truth, altered):
     stage = altered(machine, *TRUTHS[truth])
-    results = [run("estimated", seed, 0.5, stage) for seed in (1, 2)]
+    results = [run("estimated", seed, 0.5, stage, observer=False) for seed in (1, 2)]
     micro, macro = select(results, "micro", 4), select(results, "macro", 4)
     assert median(settling(micro, "2e-07")) <= 0.003
     assert median(m["peak_error"] for m in micro) <= 0.3e-6
@@ -69,7 +71,7 @@ def test_estimated_from_half_of_all_friction_figures(run, machine, truth, altere
 
 
 def test_never_updated_is_much_worse(run):
-    results = [run("model", 1, 0.5)]
+    results = [run("model", 1, 0.5, observer=False)]
     assert median(settling(select(results, "micro", 4), "2e-07")) > 0.03
 
 

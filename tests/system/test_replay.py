@@ -76,11 +76,11 @@ def test_a_log_in_parts_is_replayed_like_one_file(folder, tmp_path):
 @pytest.mark.parametrize(
     ("faults", "retries", "outcome"),
     [
-        ((f.DriveFault(2, 0x8611, at=3.0),), 1, "completed"),
+        ((f.DriveFault(2, 0x8611, at=2.5),), 1, "completed"),
         ((f.Delay(f.Frames(frozenset({0x80}), "host"), 0.0, 2e-5),
           f.Drop(f.Frames(frozenset({0x181}), "drives", probability=0.01)),
-          f.DriveFault(1, 0x2310, at=3.0)), 0, "fault"),
-        ((f.BusOff(None, 2.9, 0.02),), 0, "fault"),
+          f.DriveFault(1, 0x2310, at=2.5)), 0, "fault"),
+        ((f.BusOff(None, 2.5, 0.02),), 0, "fault"),
     ],
     ids=["a site begun again", "jitter, loss and a fault", "bus-off"],
 )  # fmt: skip
@@ -145,7 +145,7 @@ def test_a_frame_that_the_host_sends_differently_is_the_first_one_told(folder, s
 
 def test_what_the_host_gets_differently_shows_where_it_acts_on_it(folder):
     """A position that was received otherwise changes an offset later on, by the estimate."""
-    number = edit(folder / "bus.asc", r"( 181 .* d 8) 37 12", r"\1 18 02", 700)  # FAULT
+    number = edit(folder / "bus.asc", r"( 181 .* d 8) 37 12", r"\1 18 02", 400)  # FAULT
     result = CliRunner().invoke(cli, ["replay", str(folder), "--json", "-"])
     difference = json.loads(result.output)["difference"]
     assert difference["number"] > number

@@ -149,6 +149,7 @@ def _request(
         folder=scratch,
         started=datetime.now(UTC),
         retries=int(run["retries"]),
+        observer=bool(run.get("observer", False)),
         resumed=None if resumed is None else Resumed.from_note(resumed),
     )
 

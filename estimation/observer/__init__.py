@@ -1,0 +1,25 @@
+"""The settling observer: what an axis lacks in force, from its position, from SYNC to SYNC.
+
+`loop` (the axis in its drive, linear), `model` (what the observer assumes, with its Kalman gain),
+`sensitivity` (of the whole loop), `design` (the largest gain that is safe), `kernel` and `observer`
+(what happens between two SYNCs).
+"""
+
+from estimation.observer.design import AxisFigures, Design, design_observer
+from estimation.observer.loop import Carriage, DriveLoop, Mode
+from estimation.observer.observer import BusUnits, StageObserver
+from estimation.observer.sensitivity import LATENCIES, PEAK, PEAK_OVER_DRIVE
+
+__all__ = [
+    "LATENCIES",
+    "PEAK",
+    "PEAK_OVER_DRIVE",
+    "AxisFigures",
+    "BusUnits",
+    "Carriage",
+    "Design",
+    "DriveLoop",
+    "Mode",
+    "StageObserver",
+    "design_observer",
+]

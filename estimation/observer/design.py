@@ -1,0 +1,151 @@
+"""The observer of one axis, designed from what is known of it: model, gain, limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+
+from estimation.observer.loop import Carriage, DriveLoop, period_maps
+from estimation.observer.model import ObserverModel, make_model
+from estimation.observer.sensitivity import (
+    GAINS,
+    LATENCIES,
+    PEAK,
+    PEAK_OVER_DRIVE,
+    drive_alone,
+    peak_sensitivity,
+    with_observer,
+)
+
+ASSUMED_STIFFNESS = 0.5
+"""Of sigma0. With all of it the loop is unstable where the axis slips, with none it is slow."""
+WALK = 1.6
+"""The disturbance changes by so many times the Coulomb force in a root second: 5 % in 1 ms."""
+FIGURES_OFF = 0.5
+"""Friction figures may be off by so much."""
+STIFFNESS = (0.0, 0.5, 1.0, 1.0 + FIGURES_OFF)
+"""Shares of sigma0 at which the loop is checked: slipping, partly slipping, sticking."""
+
+
+@dataclass(frozen=True, slots=True)
+class AxisFigures:
+    """What the host knows of an axis.
+
+    Attributes:
+        drive: its loop.
+        carriage: with the presliding stiffness of all elements.
+        coulomb: Fc [N].
+        noise: of a sampled position [m rms].
+        period: Ts [s].
+        limit: of the correction, either way [N].
+        mass_doubt: relative, either way.
+    """
+
+    drive: DriveLoop
+    carriage: Carriage
+    coulomb: float
+    noise: float
+    period: float
+    limit: float
+    mass_doubt: float = 0.0
+
+
+@dataclass(frozen=True)
+class Design:
+    """An observer, with the peaks of the sensitivity.
+
+    Attributes:
+        figures: that it was designed for.
+        model: of the axis.
+        gain: g of the correction, per SYNC; 0 where none keeps the peaks.
+    """
+
+    figures: AxisFigures
+    model: ObserverModel
+    gain: float
+
+    @property
+    def time_constant(self) -> float:
+        """In which the correction follows the disturbance [s]; infinite without gain."""
+        return self.figures.period / self.gain if self.gain else float("inf")
+
+    @property
+    def assumed_stiffness(self) -> float:
+        """Of friction, in the model [N/m]."""
+        return ASSUMED_STIFFNESS * self.figures.carriage.stiffness
+
+    @cached_property
+    def drive_peak(self) -> float:
+        """Peak sensitivity of the drive alone, figures as they are."""
+        own = self.figures
+        return peak_sensitivity(
+            drive_alone(period_maps(own.drive, own.carriage, own.period)), own.period
+        )
+
+    @cached_property
+    def peaks(self) -> tuple[float, ...]:
+        """Peak sensitivity with the observer, figures as they are, for each of `LATENCIES`."""
+        own = self.figures
+        maps = period_maps(own.drive, own.carriage, own.period)
+        return tuple(
+            peak_sensitivity(with_observer(maps, self.model, self.gain, latency), own.period)
+            for latency in LATENCIES
+        )
+
+    @cached_property
+    def worst_peak(self) -> float:
+        """Highest peak sensitivity over figures that are off, and latencies."""
+        period = self.figures.period
+        return max(
+            peak_sensitivity(with_observer(maps, self.model, self.gain, latency), period)
+            for maps in (
+                period_maps(self.figures.drive, carriage, period)
+                for carriage in carriages(self.figures)
+            )
+            for latency in LATENCIES
+        )
+
+
+def carriages(figures: AxisFigures) -> Iterator[Carriage]:
+    """The axis with figures that are off: stiffness, mass, viscous friction."""
+    carriage, doubt = figures.carriage, figures.mass_doubt
+    for mass in (1.0, 1.0 - doubt, 1.0 + doubt) if doubt else (1.0,):
+        for stiffness in STIFFNESS:
+            yield replace(
+                carriage,
+                mass=carriage.mass * mass,
+                stiffness=carriage.stiffness * stiffness,
+                viscous=carriage.viscous * (1.0 - FIGURES_OFF),
+            )
+
+
+@cache
+def design_observer(figures: AxisFigures) -> Design:
+    """The observer with the largest gain that keeps the sensitivity's peak.
+
+    The peak is at most `PEAK`, or `PEAK_OVER_DRIVE` times that of the drive alone, with figures
+    that are off and for all `LATENCIES`. Where the drive alone would be unstable, nothing is asked.
+    """
+    assumed = replace(figures.carriage, stiffness=ASSUMED_STIFFNESS * figures.carriage.stiffness)
+    walk = WALK * figures.coulomb * figures.period**0.5
+    model = make_model(figures.drive, assumed, figures.period, walk, figures.noise)
+    demands = []
+    for carriage in carriages(figures):
+        maps = period_maps(figures.drive, carriage, figures.period)
+        own = peak_sensitivity(drive_alone(maps), figures.period)
+        demands.append((maps, max(PEAK, PEAK_OVER_DRIVE * own)))
+
+    def keeps_peaks(gain: float) -> bool:
+        return all(
+            peak_sensitivity(with_observer(maps, model, gain, latency), figures.period) <= most
+            for maps, most in demands
+            if most < float("inf")
+            for latency in LATENCIES
+        )
+
+    low, high = -1, len(GAINS)  # kept by GAINS[low], not kept by GAINS[high]
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if keeps_peaks(GAINS[middle]) else (low, middle)
+    return Design(figures, model, GAINS[low] if low >= 0 else 0.0)

@@ -1,0 +1,151 @@
+"""The observers of a stage's axes, from SYNC to SYNC."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.observer.design import Design
+from estimation.observer.kernel import (
+    FAILED,
+    FRESH,
+    OFF,
+    Observers,
+    make_state,
+    step,
+)
+
+I64 = NDArray[np.int64]
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class BusUnits:
+    """Integers of an axis on the bus.
+
+    Attributes:
+        increment: one unit of positions [m].
+        force: one unit of forces [N].
+        peak_force: where the drive clamps its output [N].
+    """
+
+    increment: float
+    force: float
+    peak_force: float
+
+
+_SATURATED = 0.98
+"""Of the peak force: the reading is rounded, and behind the output."""
+
+
+class StageObserver:
+    """Corrects the force offsets of all axes.
+
+    Args:
+        designs: one per axis; None, or one without gain: offsets are sent as planned.
+        units: of each axis.
+        period: Ts [s].
+        control_period: Tc [s].
+
+    Attributes:
+        sample: int64[n, 4], written by the caller before each row: position [increments], force
+            [1/1000 rated], whether it is valid, arrival of its frame after SYNC [ns].
+    """
+
+    def __init__(
+        self,
+        designs: Sequence[Design | None],
+        units: Sequence[BusUnits],
+        period: float,
+        control_period: float,
+    ) -> None:
+        count = len(designs)
+        used = [None if d is None or d.gain == 0.0 else d for d in designs]
+        states = max((len(d.model.gain) for d in used if d is not None), default=1)
+        self.is_on = tuple(d is not None for d in used)
+        self._observers = o = Observers(
+            transition=np.zeros((count, states, states)),
+            ramp_from=np.zeros((count, states)),
+            ramp_to=np.zeros((count, states)),
+            gain=np.zeros((count, states)),
+            spread=np.zeros(count),
+            correction_gain=np.zeros(count),
+            share=np.zeros(count),
+            limit=np.zeros(count),
+            increment=np.array([unit.increment for unit in units]),
+            unit=np.array([unit.force for unit in units]),
+            saturation=np.array([_SATURATED * unit.peak_force / unit.force for unit in units]),
+            period=period * 1e9,
+            first_tick=control_period / period,
+        )
+        for a, chosen in enumerate(used):
+            if chosen is None:
+                continue
+            model, size = chosen.model, len(chosen.model.gain)
+            o.transition[a, :size, :size] = model.transition
+            o.ramp_from[a, :size], o.ramp_to[a, :size] = model.ramp_from, model.ramp_to
+            o.gain[a, :size], o.spread[a] = model.gain, model.spread
+            o.correction_gain[a] = chosen.gain / model.force_ratio
+            o.share[a], o.limit[a] = 1.0 - chosen.gain, chosen.figures.limit
+        self._state = make_state(count, states)
+        self.sample: I64 = np.zeros((count, 4), np.int64)
+        self._sent: I64 = np.zeros(count, np.int64)
+        self._targets: I64 = np.zeros((0, count), np.int64)
+        self._planned: F64 = np.zeros((0, count))
+        self.restart()
+        self._compile()
+
+    def _compile(self) -> None:
+        """Compile the kernel, or load it, before anything moves."""
+        axes = len(self.is_on)
+        row, scratch = np.zeros((1, axes)), make_state(axes, self._state.trial.shape[1])
+        step(
+            self._observers, scratch, row.astype(np.int64), row, 0, 1, 0.0, self.sample, self._sent
+        )
+
+    @property
+    def correction(self) -> tuple[float, ...]:
+        """Correction of each axis in effect [N]."""
+        return tuple(self._state.correction.tolist())
+
+    @property
+    def failed(self) -> tuple[bool, ...]:
+        """Which axes' estimates were not finite; their corrections stay as they are."""
+        return tuple(bool(phase == FAILED) for phase in self._state.phase)
+
+    def restart(self) -> None:
+        """The axes were without power: no correction, no estimate."""
+        self._state = make_state(len(self.is_on), self._state.trial.shape[1])
+        self._state.phase[:] = np.where(self.is_on, FRESH, OFF)
+
+    def begin(self, targets: I64, planned: F64, target: Sequence[int], continued: bool) -> None:
+        """Take the setpoints of a stream.
+
+        Args:
+            targets: int64[K, n] [increments].
+            planned: force offsets, float64[K, n] [1/1000 rated].
+            target: sent last [increments].
+            continued: the last SYNC carried the last row of the stream before.
+        """
+        state = self._state
+        self._targets, self._planned = targets, planned
+        if not continued:
+            state.phase[state.phase != OFF] = FRESH
+            state.target[:] = np.array(target)[:, None]
+
+    def offsets(self, row: int, periods: int, doubt: float) -> list[int]:
+        """Force offsets to send with a row [1/1000 rated], after `sample` has been written.
+
+        Args:
+            row: of the stream.
+            periods: from the SYNC of the row before the last one to that of the last one.
+            doubt: how far that SYNC was off its place on the grid, over Ts.
+        """
+        step(
+            self._observers, self._state, self._targets, self._planned, row, periods, doubt,
+            self.sample, self._sent,
+        )  # fmt: skip
+        return [int(offset) for offset in self._sent]

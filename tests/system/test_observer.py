@@ -1,0 +1,126 @@
+"""The settling observer in whole runs: on the stage as modelled, and on others."""
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+from statistics import mean
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from stagectl.cli import cli
+from stagectl.config.machine import Effect
+from stagectl.recipe import parse_recipe
+from stagectl.run import Listener, RunRequest, execute
+from stagectl.run.replay import replay
+from stagectl.sequencer import Mode
+from tests.system.short_recipe import short_recipe
+
+UNKNOWN = {
+    "x": Effect("cogging", {"amplitude": 1.2, "pitch": 0.032, "phase": 0.5}),
+    "y": Effect("cable_hysteresis", {"force": 1.0, "stiffness": 2500.0}),
+}
+TRUTHS = {"all up": (1.6, 1.6, 1.6, 1.2), "all down": (0.6, 0.6, 0.6, 0.8)}
+
+
+def settling(results, kind):
+    """To 50 nm, from site 4 on [s]."""
+    return [
+        move["settling"]["5e-08"]
+        for result in results
+        for move in result.summary["moves"]
+        if move["kind"] == kind and move["site"] >= 4
+    ]
+
+
+def with_effects(machine, effects):
+    axes = {
+        name: axis.model_copy(update={"effects": (effects[name],)})
+        for name, axis in machine.axes.items()
+    }
+    return machine.model_copy(update={"axes": axes})
+
+
+def test_as_modelled_from_half_of_the_figures(run):
+    results = [run("estimated", seed, 0.5) for seed in (1, 2)]
+    assert mean(settling(results, "micro")) <= 0.002
+    assert mean(settling(results, "macro")) <= 0.008
+    for result in results:
+        assert all(entry["on"] for entry in result.summary["observer"].values())
+        accepted = [entry["accepted"] for entry in result.summary["friction"]]
+        assert mean(accepted) >= 0.9
+        last = {e["axis"]: e["parameters"]["coulomb"]["value"] for e in result.summary["friction"]}
+        assert last == pytest.approx({"x": 6.0, "y": 9.0}, rel=0.03)
+
+
+@pytest.mark.parametrize("truth", TRUTHS)
+def test_figures_off(run, machine, truth, altered):
+    results = [run("estimated", 1, 0.5, altered(machine, *TRUTHS[truth]))]
+    assert mean(settling(results, "micro")) <= 0.006
+    assert mean(settling(results, "macro")) <= 0.009
+
+
+def test_effects_that_the_host_does_not_know(run, machine):
+    stage = with_effects(machine, UNKNOWN)
+    observed = [run("estimated", seed, 0.5, stage) for seed in (1, 2)]
+    assert mean(settling(observed, "micro")) <= 0.015
+    assert mean(settling(observed, "macro")) <= 0.022
+    assert mean(settling([run("model", 1, 1.0, stage)], "micro")) <= 0.03
+
+
+def test_without_it_nothing_is_corrected(run):
+    summary = run("model", observer=False).summary
+    assert "observer" not in summary
+
+
+def test_a_machine_file_that_wants_none(run, machine):
+    off = machine.model_copy(
+        update={
+            "axes": {
+                name: axis.model_copy(update={"observer": "none" if name == "x" else "auto"})
+                for name, axis in machine.axes.items()
+            }
+        }
+    )
+    recipe = parse_recipe(short_recipe((0.004, -0.003)), "short.yaml", off)
+    with TemporaryDirectory() as folder:
+        result = execute(
+            RunRequest(recipe, off, off, None, Mode.MODEL, 0.5, 1, Path(folder), datetime.now(UTC)),
+            Listener(),
+        )
+        page = (Path(folder) / "report.html").read_text()
+    assert result.summary["observer"]["x"] == {
+        "on": False,
+        "reason": "switched off in the machine file",
+    }
+    assert result.summary["observer"]["y"]["on"]
+    assert "none (switched off in the machine file)" in page
+
+
+def test_a_run_is_repeated_by_its_log(run, tmp_path):
+    run("estimated", 1, 0.5, folder=tmp_path / "run")
+    assert replay(tmp_path / "run").difference is None
+
+
+def test_the_offsets_sent_are_in_the_recording(run, machine):
+    """At rest the offset and what the integrator holds are the measured force."""
+    recording = run("model", 1, 0.5).recording
+    x = recording.axes["x"]
+    last = slice(-20, None)
+    assert np.ptp(x.force_offset[last]) <= 2.5 * machine.axes["x"].drive.force_unit
+    error = x.position_demand[last] - x.position_actual[last]
+    assert np.abs(error).max() < 60e-9
+
+
+def test_the_command_prints_gain_and_margins():
+    told = CliRunner().invoke(cli, ["observer", "--json", "-"])
+    assert told.exit_code == 0, told.output
+    x = json.loads(told.output)["axes"]["x"]
+    assert x["on"]
+    assert 0.05 < x["gain"] < 0.3
+    peaks = x["sensitivity_peak"]
+    assert peaks["drive_alone"] < peaks["latency_1"] < peaks["latency_2"] <= peaks["worst"] <= 2.0
+    shown = CliRunner().invoke(cli, ["observer"])
+    assert "gain per SYNC" in shown.output
