@@ -90,10 +90,8 @@ class CorrectedOffsets:
             offsets = self._choose(row, planned[row])
             for channel, position, offset in zip(channels, target, offsets, strict=True):
                 channel.target, channel.offset = position, offset
-            yield (
-                [(channel, channel.pack()) for channel in channels],
-                tuple(zip(channels, target, offsets, strict=True)),
-            )
+            frames = [(channel, channel.pack()) for channel in channels]
+            yield frames, tuple([(c, c.target, c.offset) for c in channels])
 
     def end(self) -> None:
         """Note that a stream has ended, after whichever row."""

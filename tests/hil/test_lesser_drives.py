@@ -80,6 +80,22 @@ def test_without_torque_offset_the_axis_streams_and_records_no_offset() -> None:
         assert samples.position[-1, 0] - target[0, 0] == pytest.approx(1e-6, abs=5e-7)
 
 
+def test_without_torque_offset_there_is_nothing_to_correct() -> None:
+    class Correction:
+        def begin(self, targets: Any, planned: Any, target: Any, continued: bool) -> None:
+            assert (planned[:, 0] == 0.0).all()
+
+        def offsets(self, row: int, periods: int, doubt: float, channels: Any) -> list[int]:
+            return [10, 10]
+
+    with stage_without(0x60B2) as (stage, _):
+        stage.correct_offsets(Correction())
+        samples = stage.hold(0.02)
+        assert (samples.force_offset[:, 0] == 0).all()
+        assert np.allclose(samples.force_offset[:, 1], 0.6)
+        assert stage.notices == ()
+
+
 def test_without_torque_actual_value_force_reads_zero() -> None:
     with stage_without(0x6077) as (stage, _):
         assert stage.limitations == (

@@ -1,0 +1,124 @@
+"""Offsets chosen from SYNC to SYNC: what the application is told, what is sent, what goes wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drivers.errors import AxisFault
+from drivers.stage import Stage
+from tests.unit.drivers.conftest import rest
+
+X, Y = 0, 1
+
+
+class Chooser:
+    """An `OffsetCorrection` that keeps what it is told.
+
+    Attributes:
+        chosen: offsets to send; a row that is no number raises.
+        begun: target sent last, and whether the stream continues, of each stream.
+        told: row, periods, doubt and positions of each row.
+        planned: of the stream [1/1000 rated].
+    """
+
+    def __init__(self, chosen: Sequence[Any] = ()) -> None:
+        self.chosen = list(chosen)
+        self.begun: list[tuple[list[int], bool]] = []
+        self.told: list[tuple[int, int, float, tuple[int, ...]]] = []
+        self.planned = np.zeros((0, 2))
+
+    def begin(
+        self, targets: Any, planned: np.ndarray, target: Sequence[int], continued: bool
+    ) -> None:
+        self.begun.append((list(target), continued))
+        self.planned = planned.copy()
+
+    def offsets(self, row: int, periods: int, doubt: float, channels: Sequence[Any]) -> list[int]:
+        self.told.append((row, periods, doubt, tuple(c.position for c in channels)))
+        if not self.chosen:
+            return [0, 0]
+        value = self.chosen.pop(0)
+        return [value + 0, -value]
+
+
+def test_each_row_gets_its_offsets_after_the_sample_before_it(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+    chooser = Chooser([1, 2, 3, 4])
+    stage.correct_offsets(chooser)
+    position, offset = rest(stage, 4)
+    position[:, X] += np.arange(1, 5) * 1e-8
+    offset[:, Y] = 0.1234
+    samples = stage.stream(position, offset)
+    np.testing.assert_allclose(samples.force_offset / (0.04, 0.06), [[k, -k] for k in (1, 2, 3, 4)])
+    assert scripted.drives[Y].latched[2] == -4
+    np.testing.assert_allclose(chooser.planned, np.tile((0.0, 0.1234 / 0.06), (4, 1)))
+    assert [told[0] for told in chooser.told] == [0, 1, 2, 3]
+    # row k is chosen when the sample of row k - 1's SYNC is there
+    seen = [told[3][X] for told in chooser.told]
+    counts = (samples.position[:, X] / 1e-9).round().astype(int).tolist()
+    assert seen[1:] == counts[:3]
+
+
+def test_streams_continue_until_something_else_was_sent(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+    chooser = Chooser()
+    stage.correct_offsets(chooser)
+    stage.stream(*rest(stage, 3))
+    stage.stream(*rest(stage, 9), until=lambda _: len(chooser.told) == 5)
+    stage.hold(0.002)
+    stage.enable()  # one SYNC of its own
+    stage.hold(0.002)
+    assert [continued for _, continued in chooser.begun] == [False, True, True, False]
+    assert [told[0] for told in chooser.told] == [0, 1, 2, 0, 1, 0, 1, 0, 1]
+    assert {told[1] for told in chooser.told} == {1}
+
+
+def test_skipped_periods_are_told(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+    chooser = Chooser()
+    stage.correct_offsets(chooser)
+
+    def slow(_: tuple[float, ...]) -> bool:
+        if len(chooser.told) == 3:
+            scripted.clock.now += 3_700_000
+        return False
+
+    stage.stream(*rest(stage, 6), until=slow)
+    assert [told[1] for told in chooser.told] == [1, 1, 1, 1, 3, 1]
+    assert [told[2] for told in chooser.told] == [0.0, 0.0, 0.0, 0.0, 0.7, 0.0]
+
+
+@pytest.mark.parametrize("wrong", ["text", None])
+def test_whatever_it_raises_the_last_correction_stays(
+    stage: Stage, scripted: Any, wrong: Any
+) -> None:
+    stage.enable()
+    chooser = Chooser([5, 7, wrong, 100])
+    stage.correct_offsets(chooser)
+    position, offset = rest(stage, 5)
+    offset[:, X] = np.arange(5) * 0.04
+    samples = stage.stream(position, offset)
+    # planned 0, 1, 2, 3, 4; from row 1 on it adds 6
+    np.testing.assert_allclose(samples.force_offset[:, X] / 0.04, [5, 7, 8, 9, 10])
+    assert len(chooser.told) == 3
+    assert "stays as it is: TypeError" in stage.notices[-1]
+    held = stage.stream(*rest(stage, 2))
+    np.testing.assert_allclose(held.force_offset[:, X] / 0.04, 6)
+    stage.correct_offsets(None)
+    assert stage.notices == ()
+    assert (stage.stream(*rest(stage, 2)).force_offset == 0.0).all()
+
+
+def test_a_fault_ends_the_stream_as_ever(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+    chooser = Chooser()
+    stage.correct_offsets(chooser)
+    scripted.drives[X].on_sync = lambda drive, count: drive.emergency(0x2310)
+    with pytest.raises(AxisFault, match="axis x"):
+        stage.stream(*rest(stage, 50))
+    assert len(chooser.told) < 5
+    assert not stage.enabled

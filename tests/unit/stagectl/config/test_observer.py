@@ -1,0 +1,86 @@
+"""From a machine file to the observer: which axis has one, and what it has to know."""
+
+from __future__ import annotations
+
+import pytest
+
+from estimation.observer import Mode
+from stagectl.config.machine import Cascade, Effect, Machine
+from stagectl.config.machine_file import load_machine
+from stagectl.config.observer import design_observers, observer_figures
+from stagectl.errors import ConfigError
+
+
+@pytest.fixture(scope="module")
+def machine() -> Machine:
+    return load_machine()
+
+
+def altered(machine: Machine, name: str, **changes: object) -> Machine:
+    axes = dict(machine.axes)
+    axes[name] = axes[name].model_copy(update=changes)
+    return machine.model_copy(update={"axes": axes})
+
+
+def figures(machine: Machine, *effects: Effect):  # type: ignore[no-untyped-def]
+    axis = altered(machine, "x", effects=effects).axes["x"]
+    return observer_figures(axis, axis.plant.friction.figures, 1e-3)
+
+
+def test_the_figures_are_those_of_the_file(machine: Machine) -> None:
+    own = figures(machine)
+    assert (own.drive.kp, own.drive.ki, own.drive.kd) == (341e3, 16.07e6, 2714.0)
+    assert own.drive.control_period == 1e-4
+    assert (own.carriage.mass, own.carriage.stiffness, own.carriage.viscous) == (8.0, 6e5, 20.0)
+    assert own.coulomb == 6.0
+    assert own.limit == 20.0
+    assert own.limit > 3.0  # cogging of 2 N and friction off by 1 N are no rarity
+    assert own.mass_doubt == pytest.approx(0.009)
+    assert own.noise == pytest.approx(1.04e-9, rel=0.01)
+
+
+def test_effects_of_the_hosts_file_change_the_loop(machine: Machine) -> None:
+    own = figures(
+        machine,
+        Effect("payload_mass", {"mass": 1.0}),
+        Effect("presliding_stiffness", {"ratio": 2.0}),
+        Effect("viscous_damping", {"ratio": 0.5}),
+        Effect("coulomb_level", {"ratio": 1.5}),
+        Effect("current_bandwidth", {"bandwidth": 300.0}),
+        Effect("dead_time", {"delay": 3e-4}),
+        Effect("force_constant", {"ratio": 1.1}),
+        Effect("resonance", {"frequency": 110.0, "damping": 0.02, "mass_ratio": 0.2}),
+        Effect("base_motion", {"frequency": 10.0, "damping": 0.1, "mass_ratio": 0.03}),
+        Effect("cogging", {"amplitude": 1.0, "pitch": 0.03, "phase": 0.0}),
+    )
+    assert own.carriage.mass == 9.0
+    assert own.carriage.stiffness == 1.2e6
+    assert own.carriage.viscous == 10.0
+    assert own.coulomb == 9.0
+    assert own.drive.current_bandwidth == 300.0
+    assert own.drive.delay == 3e-4
+    assert own.drive.force_ratio == pytest.approx(1.1)
+    assert own.carriage.hung == (Mode(0.2, 110.0, 0.02),)
+    assert own.carriage.base == Mode(0.03, 10.0, 0.1)
+
+
+def test_the_gain_heeds_them(machine: Machine) -> None:
+    resonance = Effect("resonance", {"frequency": 110.0, "damping": 0.02, "mass_ratio": 0.2})
+    plain = design_observers(machine)
+    shaken = design_observers(altered(machine, "x", effects=(resonance,)))
+    assert shaken["x"].gain < plain["x"].gain  # type: ignore[union-attr]
+    assert shaken["y"] == plain["y"]
+
+
+def test_effects_that_cannot_be_are_refused(machine: Machine) -> None:
+    with pytest.raises(ConfigError, match="dead_time"):
+        design_observers(altered(machine, "x", effects=(Effect("dead_time", {"deley": 1e-3}),)))
+
+
+def test_axes_without_an_observer_say_why(machine: Machine) -> None:
+    cascade = Cascade(position_gain=60.0, velocity_gain=1000.0)
+    drive = machine.axes["x"].drive.model_copy(update={"pid": None, "cascade": cascade})
+    assert "cascade" in design_observers(altered(machine, "x", drive=drive))["x"]  # type: ignore[operator]
+    off = design_observers(altered(machine, "y", observer="none"))
+    assert off["y"] == "switched off in the machine file"
+    assert not isinstance(off["x"], str)
