@@ -81,8 +81,8 @@ def _recipe(document: Document, machine: Machine) -> Recipe:
     fiducial = check.read_fiducial(file.fiducial, len(sites))
     check.check_keys(file)
     check.check_settle(file.settle)
-    check.check_below_following_error(("settle", "window"), file.settle.window)
-    check.check_below_following_error(("limits", "peak_error"), file.limits.peak_error)
+    if (reason := check.why_never_exceeded(file.settle.window)) is not None:
+        check.refuse(("settle", "window"), reason)
     check.check_travel(sites, places, fiducial)
     moves = check.read_moves(file.moves or [], macro, micro, ("moves",))
     check.check_path(moves)
@@ -92,6 +92,9 @@ def _recipe(document: Document, machine: Machine) -> Recipe:
     unused = [k for k in ("expose", "fiducial") if moves and getattr(file, k) is not None]
     if moves and file.limits != schema.SiteLimitsSection():
         unused.append("limits")
+    notes = [f"{key} has no effect with moves" for key in unused]
+    if (reason := check.why_never_exceeded(file.limits.peak_error)) is not None:
+        notes.append(f"limits.peak_error: {reason}")
     recipe = Recipe(
         name=file.recipe,
         axes=(first, second),
@@ -109,7 +112,7 @@ def _recipe(document: Document, machine: Machine) -> Recipe:
         limits=SiteLimits(file.limits.settling, file.limits.peak_error),
         text=document.text,
         source=document.name,
-        notes=tuple(f"{key} has no effect with moves" for key in unused),
+        notes=tuple(notes),
     )
     if (reason := why_too_long(recipe)) is not None:
         raise ConfigError(document.problem(("moves",) if moves else ("sites",), reason))
@@ -161,12 +164,13 @@ class _Check:
             reason = f"{settle.timeout:g} s is longer than the longest move, {MAX_MOVE:g} s"
             self.refuse(("settle", "timeout"), reason)
 
-    def check_below_following_error(self, location: Location, length: float | None) -> None:
-        """Refuse a window that no axis can leave without a following error fault."""
+    def why_never_exceeded(self, length: float | None) -> str | None:
+        """Why no axis can be this far off without a following error fault, or None."""
         least, name = min((axis.limits.following_error, name) for name, axis in self.axes)
-        if length is not None and length >= least:
-            reason = f"{length:g} m is never exceeded: axis {name} faults at {least:g} m"
-            self.refuse(location, f"{reason} (limits.following_error)")
+        if length is None or length < least:
+            return None
+        reason = f"{length:g} m is never exceeded: axis {name} faults at {least:g} m"
+        return f"{reason} (limits.following_error)"
 
     def read_profile(
         self, section: schema.ProfileSection, at: Location, only: int | None = None

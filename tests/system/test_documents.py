@@ -262,7 +262,7 @@ def test_operator_and_comment_are_kept(tmp_path, machine):
         ]
     refused = stagectl(*run, "--operator", "Ada\x1b[2J")
     assert refused.exit_code == 2
-    assert "control characters" in refused.output
+    assert "control character U+001B" in refused.output
     history = open_history(where)
     assert len(history.runs(StageKey(machine.name, True))) == 1
     history.close()

@@ -262,6 +262,12 @@ def test_a_refused_move_does_not_shift_the_places_of_others(problems_of: Problem
     assert [line.split(": ")[1] for line in found] == ["moves[1].axis", "moves[2].to"]
 
 
+def test_a_limit_that_judges_nothing_is_noted(recipe_of: RecipeOf, inspection: str) -> None:
+    wide = inspection.replace("expose: ", "limits: {peak_error: 1 mm}\nexpose: ")
+    (note,) = recipe_of(wide).notes
+    assert note.startswith("limits.peak_error: 0.001 m is never exceeded: axis x faults at 0.001 m")
+
+
 def test_keys_without_effect_are_noted(recipe_of: RecipeOf) -> None:
     recipe = recipe_of(HEAD + "expose: 1\nlimits: {peak_error: 1 um}\nmoves: [{dwell: 1}]\n")
     assert recipe.notes == (
@@ -308,12 +314,6 @@ def test_a_name_must_not_be_a_path(problems_of: Problems, inspection: str) -> No
             "timeout: 0.15",
             "timeout: 1.0e+9",
             "settle.timeout: 1e+09 s is longer than the longest move, 3600 s",
-        ),
-        (
-            "expose: ",
-            "limits: {peak_error: 1 mm}\nexpose: ",
-            "limits.peak_error: 0.001 m is never exceeded: axis x faults at 0.001 m "
-            "(limits.following_error)",
         ),
     ],
 )

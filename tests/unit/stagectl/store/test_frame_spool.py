@@ -55,7 +55,10 @@ def test_a_long_log_is_kept_in_compressed_parts_with_the_digest_of_one_file(tmp_
     with BusLog(long / "bus.asc", STARTED, part_frames=PART) as log:
         tap(log, long, 0, 2500)
     assert log.failure is None
-    assert names(long) == ["bus-001.asc.gz", "bus-002.asc.gz", "bus-003.asc.gz"]
+    # A part is longer where the thread was too slow to open the next one.
+    parts = names(long)
+    assert len(parts) > 1
+    assert parts == [f"bus-{number:03}.asc.gz" for number in range(1, len(parts) + 1)]
     assert log.digest == short.digest
     whole, other = read_log(long / "bus.asc"), read_log(tmp_path / "short" / "bus.asc")
     assert whole == other
@@ -123,7 +126,8 @@ def test_the_cycle_does_not_wait_for_a_compression_that_hangs(tmp_path: Path):
         tap(log, tmp_path, 0, 1500)
         for k in range(1500, 6000):
             log.tap(k * 1000, 0x181, k.to_bytes(8, "little"))
-        os.close(os.open(pipe, os.O_RDONLY | os.O_NONBLOCK))  # a broken pipe, like a full disk
+        # Waits until the compression is there: then it has a broken pipe, which is like a full disk.
+        os.close(os.open(pipe, os.O_RDONLY))
     assert log.failure is None
     assert log.digest == in_one_file(tmp_path / "short", 6000).digest
 
