@@ -21,9 +21,15 @@ from hil_sim.settings import AxisSettings
 Group = Literal["mass", "motor", "friction", "force", "dynamics"]
 GROUPS: tuple[Group, ...] = ("mass", "motor", "friction", "force", "dynamics")
 
+_LEAST_COULOMB = 0.01
+"""Share of the rated force that Fc counts as at least, where forces are given in multiples of it:
+an axis on air has disturbances, too."""
 _AXIS_FIGURES = {
     "mass": lambda axis: axis.mass,
     "rated force": lambda axis: axis.control.rated_force,
+    "Coulomb force": lambda axis: max(
+        axis.friction.coulomb, _LEAST_COULOMB * axis.control.rated_force
+    ),
     "static_ratio": lambda axis: axis.friction.static_ratio,
     "current_bandwidth": lambda axis: axis.control.current_bandwidth,
 }
@@ -45,7 +51,8 @@ class Parameter:
             multiples of that value of the axis; None: anywhere on the travel (place), any angle
             (phase). It is no limit.
         signed: the range with the opposite sign is plausible, too.
-        relative_to: value of the axis ("mass", "rated force") that `plausible` multiplies.
+        relative_to: value of the axis ("mass", "rated force", "Coulomb force") that `plausible`
+            multiplies.
         neutral: value of a size parameter at which there is no effect; a string names the value of
             the axis that it equals. None: not a size parameter.
         above: a physical value is > this.
@@ -124,6 +131,8 @@ class Effect(ABC):
         compensation: what a host does about it that knows it.
         searched: a diagnosis searches for it. False if an ordinary recording cannot show it: the
             parameter is a seed, the place is off the path.
+        transmission: it comes with a screw, belt, rack or gear between motor and carriage: searched
+            for where the other effects leave an axis unexplained.
     """
 
     name: ClassVar[str]
@@ -134,6 +143,7 @@ class Effect(ABC):
     remedy: ClassVar[str]
     compensation: ClassVar[Compensation] = Compensation("its package does not say how")
     searched: ClassVar[bool] = True
+    transmission: ClassVar[bool] = False
 
     @abstractmethod
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -5,7 +5,7 @@ from hil_sim.plant.gms import element_shares, slip_step
 from hil_sim.plant.mechanics import advance, command
 from hil_sim.plant.motor import Motor
 from hil_sim.plant.port_arrays import build_ports
-from hil_sim.plant.simulate import Response, needs_all_axes, simulate
+from hil_sim.plant.simulate import Response, needs_all_axes, simulate, simulate_variants
 from hil_sim.plant.stepped import Plant, warm_up
 from hil_sim.plant.stribeck import stribeck
 
@@ -20,6 +20,7 @@ __all__ = [
     "element_shares",
     "needs_all_axes",
     "simulate",
+    "simulate_variants",
     "slip_step",
     "stribeck",
     "warm_up",

@@ -89,7 +89,8 @@ def draw_key(
         rng: random generator.
         settings: of the machine file.
         tolerance: axis -> relative standard deviation of the plant's figures.
-        library: effects to draw from; those that are not searched for are left out.
+        library: effects to draw from; those that are not searched for, and those of transmissions,
+            which the reference stage does not have, are left out.
         gap_of: used to draw again what does not show.
         kind: of the trial; None draws that too.
         only: name of the only effect to draw (of the library or outside it).
@@ -98,7 +99,9 @@ def draw_key(
         ValueError: `only` is no effect's name, or never opens a gap.
     """
     base = {axis.name: draw_base(rng, tolerance.get(axis.name, 0.0)) for axis in settings.axes}
-    known = tuple(effect for effect in library.values() if effect.searched)
+    known = tuple(
+        effect for effect in library.values() if effect.searched and not effect.transmission
+    )
     kind = draw_kind(rng) if kind is None else kind
     pool: Sequence[Effect]
     if only is not None:

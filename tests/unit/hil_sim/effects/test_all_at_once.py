@@ -34,6 +34,10 @@ VALUES = {
     "cross_coupling": {"mass": 0.5},
     "floor_vibration": {"amplitude": 0.6, "frequency": 60.0, "phase": 1.0},
     "force_saturation": {"force": 45.0},
+    "viscous_asymmetry": {"ratio": 0.2},
+    "low_speed_friction": {"ratio": -0.3, "speed": 0.01},
+    "transmission_ripple": {"amplitude": 0.7, "pitch": 2.5e-3, "phase": 1.0},
+    "torque_ripple": {"ratio": 0.03, "pitch": 4e-3, "phase": 0.3},
 }
 
 PERIOD, SUBSTEPS, STEP = 1e-4, 5, 2e-5
@@ -93,16 +97,27 @@ class PlainAxis:
         if "force_ripple" in on:
             o = on["force_ripple"]
             force *= 1.0 + o["ratio"] * math.sin(2.0 * math.pi * x / o["pitch"] + o["phase"])
+        if "torque_ripple" in on:
+            o = on["torque_ripple"]
+            force *= 1.0 + o["ratio"] * math.sin(2.0 * math.pi * x / o["pitch"] + o["phase"])
         against = self.of("force_offset", "force", 0.0) + self.h
         if "cogging" in on:
             o = on["cogging"]
             against += o["amplitude"] * math.sin(2.0 * math.pi * x / o["pitch"] + o["phase"])
+        if "transmission_ripple" in on:
+            o = on["transmission_ripple"]
+            against += o["amplitude"] * math.sin(2.0 * math.pi * x / o["pitch"] + o["phase"])
+        if "low_speed_friction" in on:
+            o, share = on["low_speed_friction"], self.v / on["low_speed_friction"]["speed"]
+            level = self.axis.friction.coulomb * o["ratio"]
+            against += level * math.tanh(5.0 * share) * math.exp(-abs(share))
         if "cable_stiffness" in on:
             against += on["cable_stiffness"]["stiffness"] * (x - on["cable_stiffness"]["center"])
         if "floor_vibration" in on:
             o = on["floor_vibration"]
             against += o["amplitude"] * math.sin(2.0 * math.pi * o["frequency"] * t + o["phase"])
         viscous = self.axis.friction.viscous * self.of("viscous_damping", "ratio", 1.0)
+        viscous *= 1.0 + math.copysign(self.of("viscous_asymmetry", "ratio", 0.0), self.v)
         return force - sum(self.f) - viscous * self.v - against
 
     def springs(self):

@@ -53,7 +53,12 @@ def typical(parameter):
     if parameter.plausible is None:
         return "travel" if parameter.role == "place" else "0…2π"
     low, high = parameter.plausible
-    scale = {"mass": f" {TIMES} m", "rated force": f" {TIMES} rated force", None: ""}
+    scale = {
+        "mass": f" {TIMES} m",
+        "rated force": f" {TIMES} rated force",
+        "Coulomb force": f" {TIMES} Fc",
+        None: "",
+    }
     return f"{'±' if parameter.signed else ''}{low:g}…{high:g}{scale[parameter.relative_to]}"
 
 
