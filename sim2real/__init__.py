@@ -8,6 +8,7 @@ The rooms, each importing only from those above it:
 - `tracking`: a simulation kept on the recorded course, and its innovations
 - `fitting`: the model of one axis fitted to the innovations
 - `shrinkage`: how far a model shrinks the gap, also on held-out moves
+- `free_loop`: up to six effects of an axis, by what users see
 - `attribution`: which effects explain it
 - `experiment`: the moves to record next
 - `diagnosis`: all of it in order
@@ -21,6 +22,7 @@ __all__ = [
     "diagnosis",
     "experiment",
     "fitting",
+    "free_loop",
     "gap",
     "phases",
     "report",

@@ -218,6 +218,35 @@ class Confusable:
 
 
 @dataclass(frozen=True, slots=True)
+class SelectionStep:
+    """One step of a search that adds one effect after another to an axis.
+
+    Attributes:
+        axis: on which.
+        added: effect that the step added.
+        effects: all of them from then on.
+        gap_closed: share of the axis' gap that they close on held-out moves.
+        sigma: of what the step added to it, one standard deviation over moves.
+    """
+
+    axis: str
+    added: str
+    effects: tuple[str, ...]
+    gap_closed: float
+    sigma: float
+
+    def to_json(self) -> Json:
+        """The entry of `steps`."""
+        return {
+            "axis": self.axis,
+            "added": self.added,
+            "effects": list(self.effects),
+            "gap_closed": _number(self.gap_closed),
+            "sigma": _number(self.sigma),
+        }
+
+
+@dataclass(frozen=True, slots=True)
 class NextExperiment:
     """The moves to record next.
 
@@ -268,6 +297,7 @@ class GapReport:
             nothing was fitted.
         gap_closed_interval: 95 % interval of it, by bootstrap over moves.
         gap_closed_in_sample: on the moves that were fitted.
+        steps: of axes where effects were added one after another.
         next_experiment: None where nothing is left to distinguish.
 
     Raises:
@@ -286,6 +316,7 @@ class GapReport:
     causes: tuple[Cause, ...] = ()
     candidates: tuple[Candidate, ...] = ()
     confusable: tuple[Confusable, ...] = ()
+    steps: tuple[SelectionStep, ...] = ()
     next_experiment: NextExperiment | None = None
 
     def __post_init__(self) -> None:
@@ -310,6 +341,7 @@ class GapReport:
             "causes": [cause.to_json() for cause in self.causes],
             "candidates": [candidate.to_json() for candidate in self.candidates],
             "confusable": [group.to_json() for group in self.confusable],
+            "steps": [step.to_json() for step in self.steps],
             "next_experiment": None if experiment is None else experiment.to_json(),
         }
 

@@ -14,6 +14,7 @@ from sim2real.attribution.alternatives import of_size, score_alternative
 from sim2real.attribution.search import AxisSearch
 from sim2real.fitting import (
     NUISANCES,
+    STEP,
     Coordinate,
     Term,
     coordinates,
@@ -74,7 +75,7 @@ def find_causes(
     """
     problem, best = found.problem, found.best
     causes, alike = [], []
-    at = NUISANCES
+    at = NUISANCES if found.free is None else STEP
     for index, term in enumerate(best.model.terms):
         entries = coordinates(term.effect, problem.axis)
         spread = (
@@ -85,9 +86,12 @@ def find_causes(
         at += len(entries)
         left_out = held_out.energies(held_out.without[name, index])
         gives_back, interval = share_given_back(before, left_out, after, samples)
-        probability, alternatives = _probability(found, term.name)
         figures = _figures(term, spread, problem.axis)
         limit, is_vague = _largest_probability(found, term, figures)
+        if found.free is None:
+            probability, alternatives = _probability(found, term.name)
+        else:
+            probability, alternatives = found.free.probability(term.name)
         probability = min(probability, limit)
         if is_vague:
             alternatives = alternatives or _alternative_levels(found, term, problem.axis)[:1]

@@ -23,6 +23,7 @@ from sim2real.attribution.parameter_scan import Scanner, Start
 from sim2real.attribution.refinement import LEAST_GAIN, fit_alternatives, refine_contenders
 from sim2real.attribution.shape_check import Repeat
 from sim2real.fitting import AxisModel, AxisProblem, Fitted, fit, is_within_tolerance
+from sim2real.free_loop import FreeSearch
 from sim2real.shrinkage import FLOOR_LEVEL
 
 F64 = NDArray[np.float64]
@@ -65,6 +66,7 @@ class AxisSearch:
         alternatives: sets of effects that were fitted, without duplicates, best first.
         scanned: effect -> first-order gain in the first scan.
         signatures: effect -> signature in the first scan (`parameter_scan.Start`).
+        free: the search in the free loop, where that took over.
     """
 
     problem: AxisProblem
@@ -77,6 +79,20 @@ class AxisSearch:
     alternatives: list[Alternative] = field(default_factory=list)
     scanned: dict[str, float] = field(default_factory=dict)
     signatures: dict[str, F64] = field(default_factory=dict)
+    free: FreeSearch | None = None
+
+    def take_over(self, free: FreeSearch) -> None:
+        """Take the effects that the free loop found instead of those of the innovations."""
+        model = free.best.model
+        residual = self.problem.residual_or_worst(model)
+        cost = self.problem.cost(model, residual)
+        self.best = Fitted(model, cost, residual, free.covariance())
+        self.free, self.closes, self.is_complete = free, free.closed, False
+        self.repeats = {}
+
+    def fold_models(self) -> list[AxisModel]:
+        """Models fitted to other moves than each fold's, where the free loop took over."""
+        return [] if self.free is None else [fitted.model for fitted in self.free.folds]
 
     def discard(self, names: tuple[str, ...]) -> None:
         """Discard a set of effects, as if it had never been considered."""

@@ -32,7 +32,9 @@ from sim2real.fitting import (
     AxisProblem,
     Workers,
     compose_stage,
+    slow_energy,
 )
+from sim2real.free_loop import FAR_FROM_WHITE, FreeLoop, search_free
 from sim2real.shrinkage import HeldOut, axis_gap
 from sim2real.tracking import Tracker, needs_other_axes
 
@@ -77,6 +79,8 @@ def diagnose(
         list(pool.map(stage.check_shapes, names))
         progress("shapes", 2, 3)
         drop_ineffective(searches, examined.measured, settings)
+        for name in names:
+            stage.ask_free_loop(name)
         list(pool.map(lambda name: stage.fit_repeats(name, searches[name].best.model), names))
         progress("shapes", 3, 3)
         held_out = HeldOut(
@@ -107,7 +111,8 @@ class _StageSearch:
         self._measured = examined.measured
         self._settings = examined.settings
         self._tolerance = tolerance
-        self._library = {name: effect for name, effect in library.items() if effect.searched}
+        self._all = {name: effect for name, effect in library.items() if effect.searched}
+        self._library = {n: effect for n, effect in self._all.items() if not effect.transmission}
         self._workers = workers
         self._progress = progress
         self.names = [axis.name for axis in self._settings.axes]
@@ -140,7 +145,7 @@ class _StageSearch:
     def fit_repeats(self, name: str, model: AxisModel) -> None:
         """Fit each effect of a model once more beside itself, unless that was done already."""
         found = self.searches[name]
-        if tuple(found.repeats) == model.names():
+        if found.free is not None or tuple(found.repeats) == model.names():
             return
         models = {name: other.best.model for name, other in self.searches.items()}
 
@@ -150,6 +155,21 @@ class _StageSearch:
         found.repeats = fit_repeats(
             found.problem, model, self._library, partial(self._loop_gap, name), share
         )
+
+    def ask_free_loop(self, name: str) -> None:
+        """Let the free loop find the effects of an axis that the innovations do not explain.
+
+        That is where they stay far from white and none of the effects tried comes near the floor.
+        """
+        found = self.searches[name]
+        structure = slow_energy(found.problem.positions(found.best.residual))
+        if found.best.model.terms or structure < FAR_FROM_WHITE:
+            return
+        tolerance = float(found.problem.spread[0])
+        loop = FreeLoop(name, self._measured, self._settings, tolerance, self._workers)
+        free = search_free(loop, self._all)
+        if free.names_causes():
+            found.take_over(free)
 
     def check_shapes(self, name: str) -> None:
         """Recognise effects of an axis whose shape is not the library's."""

@@ -38,6 +38,7 @@ from sim2real.report import (
     GapFigures,
     GapReport,
     NextExperiment,
+    SelectionStep,
 )
 from sim2real.shrinkage import HeldOut, combined_energy, share_closed
 
@@ -137,6 +138,7 @@ def conclude(
             gap_closed_interval=interval,
             gap_closed_in_sample=in_sample,
             causes=tuple(confident),
+            steps=_steps(searches),
         )
     report = replace(report, next_experiment=_next(report, searches, models, examined))
     if not confident:
@@ -145,6 +147,16 @@ def conclude(
     profiles = tuple(profile for test in tests for profile in test.profiles(models))
     plant = _plant(examined.settings, models)
     return Diagnosis(report, models, searches, held_out.explained(), plant, profiles)
+
+
+def _steps(searches: Mapping[str, AxisSearch]) -> tuple[SelectionStep, ...]:
+    """Steps of the axes where the free loop took over."""
+    return tuple(
+        SelectionStep(axis, step.added, step.effects, step.closed, step.uncertainty)
+        for axis, found in searches.items()
+        if found.free is not None
+        for step in found.free.steps
+    )
 
 
 def _verdict_without_causes(causes: Sequence[Cause], remaining: float, whole: bool) -> str:

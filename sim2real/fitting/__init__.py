@@ -8,6 +8,7 @@ and `workers` shares the simulations among threads.
 
 from sim2real.fitting.axis_model import (
     BASE,
+    MAX_SIGMAS,
     NUISANCES,
     STEP,
     AxisModel,
@@ -43,6 +44,7 @@ from sim2real.fitting.workers import Stopped, Workers
 
 __all__ = [
     "BASE",
+    "MAX_SIGMAS",
     "NUISANCES",
     "STEP",
     "AxisModel",

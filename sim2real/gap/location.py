@@ -25,8 +25,10 @@ SMALLEST_SHARE = 0.05
 _LIFT = 1.3
 """Least ratio of a cell's share of the energy to its share of the samples."""
 _MOST = 16
-_SPATIAL = np.arange(10.0, 251.0, 1.0)
-"""Spatial frequencies examined [1/m]: pitches from 4 to 100 mm."""
+_SPATIAL = np.concatenate([np.arange(10.0, 250.0, 1.0), np.arange(250.0, 1001.0, 2.0)])
+"""Spatial frequencies examined [1/m]: pitches from 1 to 100 mm."""
+_LINES = 100
+"""Spatial frequencies computed at once: each takes two numbers per sample."""
 _MOVING = 0.01
 _BANDS = np.geomspace(2.0, 500.0, 25)
 
@@ -55,7 +57,8 @@ class _Signal:
         residual: float64[K]; draws: float64[D, K], noisy runs less the noise-free one [m, N].
         floor: [m, N].  valid: bool[K].  period: of the samples [s].
         starts: first sample of each recording.
-        position, velocity, time: float64[K] [m, m/s, s].
+        position, velocity, time: of the demand, float64[K] [m, m/s, s].
+        travelled: position actual, float64[K] [m].
         phase, direction, move: int[K].
     """
 
@@ -69,6 +72,7 @@ class _Signal:
     period: float
     starts: tuple[int, ...]
     position: FloatArray
+    travelled: FloatArray
     velocity: FloatArray
     time: FloatArray
     phase: NDArray[np.int8]
@@ -120,7 +124,8 @@ def _gathered(measured: Sequence[Measured], axis: str, signal: str, ratio: float
         drawn = np.stack([draw[axis][signal] for draw in m.floor.draws])
         for name, values in (
             ("residual", m.residual[axis][signal]), ("draws", drawn), ("valid", signals.valid),
-            ("position", demand), ("velocity", phases.velocity), ("phase", phases.phase),
+            ("position", demand), ("travelled", signals.position_actual),
+            ("velocity", phases.velocity), ("phase", phases.phase),
             ("time", m.replay.place * m.replay.period), ("direction", phases.direction),
             ("move", of_move),
         ):  # fmt: skip
@@ -248,17 +253,14 @@ def _pitches(s: _Signal, total: float) -> list[Where]:
     if moving.sum() < 500 or travel < 0.02:
         return []
     lines = _SPATIAL[_SPATIAL * travel >= 1.5]
-    angle = 2.0 * np.pi * s.position[moving][None, :] * lines[:, None]
-    cosine, sine = np.cos(angle), np.sin(angle)
-
-    def taken(values: FloatArray) -> Weights:
-        v = values[moving] - values[moving].mean()
-        cc, ss, cs = (cosine**2).sum(1), (sine**2).sum(1), (cosine * sine).sum(1)
-        c, z = cosine @ v, sine @ v
-        power: Weights = (ss * c**2 - 2 * cs * c * z + cc * z**2) / (cc * ss - cs**2)
-        return power
-
-    energy = taken(s.residual) - np.mean([taken(draw) for draw in s.draws], axis=0)
+    values = np.vstack([s.residual, s.draws])[:, moving]
+    values = values - values.mean(axis=1)[:, None]
+    parts = [
+        _wave_energy(s.travelled[moving], values, part)
+        for part in np.array_split(lines, -(-len(lines) // _LINES))
+    ]
+    taken = np.concatenate(parts, axis=1)
+    energy = taken[0] - taken[1:].mean(axis=0)
     best = int(np.argmax(energy))
     share = float(energy[best]) / s.floor**2 / total if s.floor > 0 else 0.0
     half = 0.5 / travel
@@ -270,6 +272,22 @@ def _pitches(s: _Signal, total: float) -> list[Where]:
     return [
         Where(s.axis, s.signal, "frequency", min(share, 1.0), (low, high), unit="1/m", text=text)
     ]
+
+
+def _wave_energy(position: FloatArray, values: FloatArray, lines: Weights) -> Weights:
+    """Energy that waves over position explain, float64[n, lines].
+
+    Args:
+        position: float64[T] [m].
+        values: float64[n, T].
+        lines: spatial frequencies [1/m].
+    """
+    angle = 2.0 * np.pi * position[None, :] * lines[:, None]
+    cosine, sine = np.cos(angle), np.sin(angle)
+    cc, ss, cs = (cosine**2).sum(1), (sine**2).sum(1), (cosine * sine).sum(1)
+    c, z = values @ cosine.T, values @ sine.T
+    power: Weights = (ss * c**2 - 2 * cs * c * z + cc * z**2) / (cc * ss - cs**2)
+    return power
 
 
 def _percent(share: float) -> str:

@@ -55,6 +55,9 @@ def share_given_back(
 ) -> tuple[float, tuple[float, float]]:
     """Share of the gap that reopens when an effect is removed, and its 95 % interval.
 
+    Where the gap is wider without it than by the machine file (effects that hold one another), the
+    share is of that wider one.
+
     Args:
         before: energies of the moves by the machine file, float64[moves, signals].
         without: by the final model without the effect.
@@ -64,11 +67,10 @@ def share_given_back(
     signals = before.shape[1]
 
     def share(rows: NDArray[np.int64]) -> float:
-        gap = max(combined_energy(before[rows], samples[rows]) - signals, 1e-9)
-        back = combined_energy(without[rows], samples[rows]) - combined_energy(
-            after[rows], samples[rows]
-        )
-        return float(back / gap)
+        opened = combined_energy(without[rows], samples[rows])
+        widest = max(opened, combined_energy(before[rows], samples[rows]))
+        back = opened - combined_energy(after[rows], samples[rows])
+        return float(back / max(widest - signals, 1e-9))
 
     rng = np.random.default_rng(_SEED)
     draws = [share(rng.integers(0, len(before), len(before))) for _ in range(_DRAWS)]

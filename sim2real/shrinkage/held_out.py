@@ -38,6 +38,9 @@ class FittedAxis(Protocol):
     def is_complete(self) -> bool:
         """Whether the model leaves nothing but noise."""
 
+    def fold_models(self) -> Sequence[AxisModel]:
+        """Models fitted to the moves of all folds but one already, for each fold; or none."""
+
 
 class HeldOut:
     """Free-run residuals on moves predicted by a fit to the other moves.
@@ -67,6 +70,8 @@ class HeldOut:
 
         def refitted(name: str) -> list[AxisModel]:
             found = searches[name]
+            if known := list(found.fold_models()):
+                return known
             out = []
             for held in folds:
                 masks = [_to_periods(~mask, m) for mask, m in zip(held, measured, strict=True)]

@@ -191,6 +191,10 @@ def _print_report(console: Console, report: GapReport, machine: str) -> None:
         )
         if cause.remedy:
             lines.append(("", cause.remedy))
+    lines += [
+        ("step", f"{s.axis}: + {s.added}: {100 * s.gap_closed:.0f} % closed on held-out moves")
+        for s in report.steps
+    ]
     for group in report.confusable:
         lines.append(("alike", f"{group.axis}: {', '.join(group.effects)}: {group.why}"))
     if report.gap_closed is not None:

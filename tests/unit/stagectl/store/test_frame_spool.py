@@ -126,7 +126,7 @@ def test_the_cycle_does_not_wait_for_a_compression_that_hangs(tmp_path: Path):
         tap(log, tmp_path, 0, 1500)
         for k in range(1500, 6000):
             log.tap(k * 1000, 0x181, k.to_bytes(8, "little"))
-        # Waits until the compression is there: then it has a broken pipe, which is like a full disk.
+        # Waits for the compression: then it has a broken pipe, which is like a full disk.
         os.close(os.open(pipe, os.O_RDONLY))
     assert log.failure is None
     assert log.digest == in_one_file(tmp_path / "short", 6000).digest

@@ -1,0 +1,13 @@
+"""Which effects explain the gap of an axis, judged in the free loop.
+
+Where a model is incomplete, one-step innovations may be fitted by values that open the closed loop.
+Here nothing is tracked: `loop` runs the axis free under models, `fit` fits them to what users see,
+`dictionary` proposes where to start each effect, and `search` selects up to six, judged on held-out
+moves. `constants` holds every figure that was chosen, with its reason.
+"""
+
+from sim2real.free_loop.constants import FAR_FROM_WHITE
+from sim2real.free_loop.loop import FreeLoop
+from sim2real.free_loop.search import FreeSearch, Step, search_free
+
+__all__ = ["FAR_FROM_WHITE", "FreeLoop", "FreeSearch", "Step", "search_free"]

@@ -1,0 +1,36 @@
+"""The constants of the free-loop search, in one table.
+
+`python benchmarks/emps.py` and `stagectl gap blind` calibrate them: change one, run both.
+"""
+
+from __future__ import annotations
+
+MOST_EFFECTS = 6
+"""Effects sought on one axis: real machines show five that matter."""
+FITTED, PROMISING, SWAPPED = 4, 6, 2
+"""Candidates that are fitted in each step, that the look back may take up again, and that it fits
+in an earlier effect's place."""
+SHORT, LONG = 3, 8
+"""Iterations of a fit that decides between candidates, and of one whose figures count."""
+EACH = 4.0
+"""Score that each parameter of an effect must save: twice what chance saves, as in AIC."""
+IMPLAUSIBLE = 4.0
+"""Score for each tenth of its plausible range by which a value exceeds it: beyond is less likely,
+not impossible; a whole range beyond is as unlikely as e^-20."""
+SIGMAS = 2.0
+"""Standard deviations over moves by which a step must shrink the held-out gap."""
+VISIBLE = 0.25
+"""And least squared gap over floor by which it must."""
+FAR_FROM_WHITE = 30.0
+"""Structure of the tracked innovations (`sim2real.fitting.slow_energy`) beyond which the free loop
+is asked; nominal stages show 0.5, a single effect found 0.6."""
+CLOSED = 0.6
+"""Share of an axis' gap that the search must close on held-out moves for its names to be given."""
+MISFIT = 16.0
+"""Largest squared gap over floor, per signal, that may be left then. With more, what acts is in no
+list, and wrong names close most of it: of drag with the square of speed, viscous friction and a
+resonance close nine tenths and leave a hundred times this."""
+HOPELESS = 8.0
+"""A search ends where two effects leave this many times that misfit: four more would not do."""
+STRANGE = 4.0
+"""Tenths of its plausible ranges beyond which an effect's values are not plausible at all."""

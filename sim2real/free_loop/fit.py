@@ -1,0 +1,204 @@
+"""A model fitted to the free loop: Gauss-Newton, with the machine file's tolerance as a prior."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim2real.fitting import (
+    MAX_SIGMAS,
+    STEP,
+    AxisModel,
+    Term,
+    coordinates,
+    from_coordinates,
+    invert_scaled,
+    to_coordinates,
+)
+from sim2real.free_loop.loop import FreeLoop
+from stagedata import BoolArray
+
+F64 = NDArray[np.float64]
+
+_BASE_STEP = 0.01
+"""Relative step of the base parameters for difference quotients."""
+_WIDER = 3.0
+"""Steps of an effect's coordinates, over those of the tracked fit: the encoder's rounding is in the
+loop here."""
+_PHASE_STEP, _PHASE_REACH = 0.1, 2.0
+"""By how much a step of a pitch or a frequency may turn the wave's end, for difference quotients
+and in one iteration [rad]."""
+_DAMPING = (1e-4, 1e-2, 1e-1, 1.0)
+"""Levenberg-Marquardt factors, tried at once."""
+_CONVERGED = 1e-3
+"""Relative fall of the cost below which a fit ends."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FreeFit:
+    """A model fitted to the free loop.
+
+    Attributes:
+        model: at the minimum.
+        residual: what it leaves, float64[R].
+        cost: twice the negative log posterior, on the moves that were fitted.
+    """
+
+    model: AxisModel
+    residual: F64
+    cost: float
+
+
+def fit_free(
+    loop: FreeLoop, model: AxisModel, iterations: int, moves: BoolArray | None = None
+) -> FreeFit:
+    """Fit base parameters and effects, starting from a model.
+
+    Args:
+        loop: the axis.
+        model: to start from.
+        iterations: at most.
+        moves: that count, bool[moves]; None for all.
+
+    Raises:
+        ValueError: the start is not physical.
+    """
+    residual = loop.residual(model)
+    cost = _cost(loop, model, residual, moves)
+    counted = np.ones(len(residual), dtype=np.bool_) if moves is None else moves[loop.move]
+    for _ in range(iterations):
+        columns = derivatives(loop, model, residual)[counted]
+        where = _vector(loop, model)
+        normal = columns.T @ columns / loop.coherent
+        gradient = columns.T @ residual[counted] / loop.coherent
+        normal[:STEP, :STEP] += np.eye(STEP)  # the prior: base parameters are in sigmas
+        gradient[:STEP] += where[:STEP]
+        size = np.sqrt(np.diag(normal))
+        size[size < 1e-9] = 1.0
+        scaled, slope = normal / np.outer(size, size), -gradient / size
+        trials = []
+        for damping in _DAMPING:
+            step = np.linalg.solve(scaled + damping * np.eye(len(size)), slope) / size
+            trials.append(_model_at(loop, model, where + _limited(loop, model, step)))
+        found = [
+            (_cost(loop, trial, left, moves), trial, left)
+            for trial, left in zip(trials, loop.residuals(trials), strict=True)
+            if left is not None
+        ]
+        best = min(found, key=lambda each: each[0], default=None)
+        if best is None or best[0] >= cost:
+            break
+        gained = cost - best[0]
+        cost, model, residual = best
+        if gained < _CONVERGED * cost:
+            break
+    return FreeFit(model, residual, cost)
+
+
+def derivatives(loop: FreeLoop, model: AxisModel, residual: F64) -> F64:
+    """Derivatives of the residual by base parameters (in sigmas) and coordinates, float64[R, P].
+
+    By one step each: slips that fall into another sample average out over a recording.
+
+    Args:
+        loop: the axis.
+        model: where.
+        residual: what it leaves, float64[R].
+    """
+    where = _vector(loop, model)
+    steps = [
+        _BASE_STEP / spread * (1.0 if at <= 0.0 else -1.0)
+        for spread, at in zip(loop.spread, where, strict=False)
+    ]
+    for term in model.terms:
+        steps += [step for step, _ in _strides(loop, term)]
+    moved = {}
+    for j, step in enumerate(steps):
+        if j < STEP and not loop.has_figure[j]:
+            continue
+        there = where.copy()
+        there[j] += step
+        other = _model_at(loop, model, there)
+        if j >= STEP and _vector(loop, other)[j] == where[j]:  # at a limit
+            there[j] -= 2.0 * step
+            other = _model_at(loop, model, there)
+        moved[j] = other
+    columns = np.zeros((len(residual), len(steps)))
+    for (j, other), there_left in zip(
+        moved.items(), loop.residuals(list(moved.values())), strict=True
+    ):
+        by = _vector(loop, other)[j] - where[j]
+        if there_left is not None and by != 0.0:
+            columns[:, j] = (there_left - residual) / by
+    return columns
+
+
+def move_covariance(loop: FreeLoop, fitted: FreeFit) -> F64:
+    """Covariance of a fit, float64[P, P]: by the prior's noise and by the scatter between moves.
+
+    What an incomplete model leaves is no noise; how much the moves disagree about the figures says
+    more (the sandwich estimate, by moves).
+    """
+    columns = derivatives(loop, fitted.model, fitted.residual)
+    normal = columns.T @ columns / loop.coherent
+    normal[:STEP, :STEP] += np.eye(STEP)
+    inverse = invert_scaled(normal)
+    scores = np.zeros((len(loop.samples), columns.shape[1]))
+    np.add.at(scores, loop.move, columns * (fitted.residual / loop.coherent)[:, None])
+    return np.asarray(inverse + inverse @ (scores.T @ scores) @ inverse)
+
+
+def _cost(loop: FreeLoop, model: AxisModel, residual: F64, moves: BoolArray | None) -> float:
+    energies = loop.energies(residual)
+    energy = float(energies.sum() if moves is None else energies[moves].sum())
+    return energy / loop.coherent + float(np.square(model.base[:STEP] / loop.spread).sum())
+
+
+def _vector(loop: FreeLoop, model: AxisModel) -> F64:
+    """Base parameters in sigmas, then the coordinates of all effects, float64[P]."""
+    parts = [to_coordinates(term, loop.axis) for term in model.terms]
+    return np.concatenate([model.base[:STEP] / loop.spread, *parts])
+
+
+def _model_at(loop: FreeLoop, like: AxisModel, where: F64) -> AxisModel:
+    """The model at these coordinates, within its limits."""
+    base = like.base.copy()
+    base[:STEP] = np.clip(where[:STEP], -MAX_SIGMAS, MAX_SIGMAS) * loop.spread
+    terms, at = [], STEP
+    for term in like.terms:
+        count = len(term.values)
+        terms.append(from_coordinates(term, loop.axis, where[at : at + count]))
+        at += count
+    return replace(like, base=base, terms=tuple(terms))
+
+
+def _limited(loop: FreeLoop, model: AxisModel, step: F64) -> F64:
+    """The step, shortened so that no coordinate moves beyond its reach."""
+    reach = [MAX_SIGMAS] * STEP
+    for term in model.terms:
+        reach += [far for _, far in _strides(loop, term)]
+    shares = np.array(reach) / np.maximum(np.abs(step), 1e-12)
+    return np.asarray(step * min(1.0, float(shares.min())))
+
+
+def _strides(loop: FreeLoop, term: Term) -> list[tuple[float, float]]:
+    """Step for differences and largest change in one iteration, of each coordinate of a term.
+
+    A wave of another pitch is out of phase at the end of the travel: its steps are small.
+    """
+    strides = []
+    periodic = any(p.role == "phase" for p in term.effect.parameters)
+    for entry, value in zip(coordinates(term.effect, loop.axis), term.values, strict=True):
+        step, reach = _WIDER * entry.step, 2.0 * entry.reach
+        if periodic and entry.parameter.role == "shape":
+            over_travel = entry.parameter.unit == "m"
+            turns = loop.extent / value if over_travel else loop.duration * value
+            turn = 2.0 * math.pi * max(turns, 0.2)
+            per_log = 1.0 if entry.log else value / entry.scale
+            step = min(step, _PHASE_STEP / turn * per_log)
+            reach = min(reach, _PHASE_REACH / turn * per_log)
+        strides.append((step, reach))
+    return strides

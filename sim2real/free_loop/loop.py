@@ -1,0 +1,274 @@
+"""One axis run free under models: what each leaves of the recording, over the floor.
+
+No filter corrects the run, so that what is left is what users see: the gap. Element by element it
+is recorded minus simulated over the floor, positions and forces of the valid samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+from hil_sim.plant import needs_all_axes, simulate, simulate_variants
+from hil_sim.settings import SUBSTEPS, AxisSettings, StageSettings
+from sim2real.fitting import BASE, NUISANCES, STEP, AxisModel, Workers
+from sim2real.gap import Measured
+from sim2real.phases import split_moves
+from sim2real.shrinkage import FOLDS
+from stagedata import BoolArray
+
+F64 = NDArray[np.float64]
+
+_SIDE_BY_SIDE = 4
+"""Models simulated at once: more gain nothing."""
+_SHORTEST = 8e-4
+"""Shortest pitch that is sought [m]."""
+_OVERSAMPLED = 4
+"""Lines per wave over the whole travel or time."""
+_MOVING = 0.05
+"""Share of the highest speed from which an axis counts as moving."""
+_LOW = 120.0
+"""Frequency up to which the residual force is known: above, the encoder's noise hides it [Hz]."""
+_SLOW = 201
+"""Samples over which the residual force is averaged before waves are sought in the rest."""
+_DIVERGED = 1e3
+"""Elements are clipped to this many floors where a model makes the stage run away."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Run:
+    """One recording: demands, offsets [m, N], float64[P]; and what was measured of it."""
+
+    measured: Measured
+    demand: F64
+    offset: F64
+    rest_force: float
+    valid: BoolArray
+    signals: tuple[F64, F64]
+    floors: tuple[float, float]
+
+
+class FreeLoop:
+    """One axis of one or several recordings, run free.
+
+    Args:
+        name: of the axis.
+        measured: the recordings, with their floors.
+        settings: of the machine file.
+        tolerance: relative standard deviation of the base parameters.
+        workers: threads that the simulations are shared among.
+
+    Attributes:
+        axis: of the machine file.
+        spread: standard deviations of the nuisance parameters, float64[NUISANCES].
+        has_figure: whether the machine file's figure is not zero, of each base parameter.
+        move: number of the move that each element belongs to, int64[R].
+        samples: valid samples of each move, float64[moves].
+        fold: number of the fold that each move belongs to, int64[moves]; in pairs of moves.
+        duration: of the longest recording [s].
+        travelled: lowest and highest demand [m].
+        extent: the distance between them [m].
+        coherent: elements that count as one: the samples of the time over which friction wanders.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        measured: Sequence[Measured],
+        settings: StageSettings,
+        tolerance: float,
+        workers: Workers | None = None,
+    ) -> None:
+        self.name = name
+        self.settings = settings
+        self.workers = workers or Workers()
+        self._at = [a.name for a in settings.axes].index(name)
+        self.axis: AxisSettings = settings.axes[self._at]
+        self.spread: F64 = np.full(STEP, tolerance, dtype=np.float64)
+        coarse = all(a.friction.law == "gms" for a in settings.axes)
+        self._substeps = 1 if coarse else SUBSTEPS
+        self.start = AxisModel(np.zeros(NUISANCES))
+        self.has_figure = [
+            name == "mass" or getattr(self.axis.friction, name) != 0.0 for name in BASE
+        ]
+        self.measured = tuple(measured)
+        self._runs = [self._prepare(m) for m in measured]
+        moves, folds, count = [], [], 0
+        for run in self._runs:
+            number = np.zeros(len(run.valid), dtype=np.int64)
+            found = split_moves(run.measured.replay.recording, run.measured.replay.period)
+            for block in found:
+                number[block.start : block.stop] = count + block.number
+            count += len(found)
+            folds += [(block.number // 2) % FOLDS for block in found]
+            moves += [number[run.valid]] * 2
+        self.move: NDArray[np.int64] = np.concatenate(moves)
+        self.samples: F64 = np.bincount(self.move, minlength=count) / 2.0
+        self.fold = np.array(folds, dtype=np.int64)
+        period = measured[0].replay.period
+        self.duration = max(len(r.demand) for r in self._runs) * period
+        self.travelled = (
+            min(float(r.demand.min()) for r in self._runs),
+            max(float(r.demand.max()) for r in self._runs),
+        )
+        self.extent = max(self.travelled[1] - self.travelled[0], 1e-6)
+        self.coherent = max(1.0, self.axis.correlation_time / period)
+
+    def _prepare(self, m: Measured) -> _Run:
+        signals, floor = m.replay.recording.axes[self.name], m.floor.rms[self.name]
+        return _Run(
+            m,
+            m.replay.demand[:, self._at],
+            m.replay.offset[:, self._at],
+            m.replay.rest_force[self._at],
+            m.replay.valid(self.name),
+            (signals.position_actual, signals.force_actual),
+            (max(floor["position"], 1e-12), max(floor["force"], 1e-12)),
+        )
+
+    def residuals(self, models: Sequence[AxisModel]) -> list[F64 | None]:
+        """What models leave, float64[R] each; None for values that physics does not allow."""
+        return self.workers.spread(self._side_by_side, models, _SIDE_BY_SIDE)
+
+    def residual(self, model: AxisModel) -> F64:
+        """What a model leaves, float64[R].
+
+        Raises:
+            ValueError: values that physics does not allow.
+        """
+        (found,) = self.residuals([model])
+        if found is None:
+            raise ValueError(f"axis {self.name}: these values are not physical")
+        return found
+
+    def _side_by_side(self, models: Sequence[AxisModel]) -> list[F64 | None]:
+        self.workers.check()
+        found: list[F64 | None] = [None] * len(models)
+        together: dict[int, AxisSettings] = {}
+        for i, model in enumerate(models):
+            try:
+                axis = model.settings(self.axis)
+                if needs_all_axes(StageSettings(self.settings.sync_period, (axis,))):
+                    found[i] = np.concatenate([self._jointly(run, axis) for run in self._runs])
+                else:
+                    together[i] = axis
+            except ValueError:
+                continue
+        try:
+            each = [self._simulated(run, list(together.values())) for run in self._runs]
+        except ValueError:  # one of them: which, a run of each alone tells
+            return found if len(models) == 1 else [self._side_by_side([m])[0] for m in models]
+        for column, i in enumerate(together):
+            found[i] = np.concatenate([parts[column] for parts in each])
+        return found
+
+    def _simulated(self, run: _Run, variants: list[AxisSettings]) -> list[F64]:
+        if not variants:
+            return []
+        response = simulate_variants(
+            self.settings.sync_period, variants, run.demand, run.offset, run.rest_force,
+            rounded=False, substeps=self._substeps,
+        )  # fmt: skip
+        return [
+            self._left(run, response.position[:, i], response.force[:, i])
+            for i in range(len(variants))
+        ]
+
+    def _jointly(self, run: _Run, axis: AxisSettings) -> F64:
+        axes = tuple(axis if a.name == self.name else a for a in self.settings.axes)
+        replay = run.measured.replay
+        response = simulate(
+            replace(self.settings, axes=axes), replay.demand, replay.offset, None,
+            replay.rest_force, substeps=self._substeps, rounded=False,
+        )  # fmt: skip
+        return self._left(run, response.position[:, self._at], response.force[:, self._at])
+
+    def _left(self, run: _Run, position: F64, force: F64) -> F64:
+        place = run.measured.replay.place
+        parts = [
+            (recorded - simulated[place])[run.valid] / floor
+            for recorded, simulated, floor in zip(
+                run.signals, (position, force), run.floors, strict=True
+            )
+        ]
+        left = np.nan_to_num(np.concatenate(parts), nan=_DIVERGED)
+        return np.asarray(np.clip(left, -_DIVERGED, _DIVERGED))
+
+    def energies(self, residual: F64) -> F64:
+        """Squared residual over floor, summed over each move, float64[moves]."""
+        summed = np.bincount(self.move, weights=residual**2, minlength=len(self.samples))
+        return np.asarray(summed, dtype=np.float64)
+
+    def gap(self, residual: F64, moves: BoolArray | None = None) -> float:
+        """Squared gap over floor, summed over both signals: 2 where nothing but noise is left.
+
+        Args:
+            residual: what a model leaves, float64[R].
+            moves: those that count, bool[moves]; None for all.
+        """
+        energies = self.energies(residual)
+        if moves is None:
+            moves = np.ones(len(energies), dtype=np.bool_)
+        return float(energies[moves].sum() / max(self.samples[moves].sum(), 1.0))
+
+    def wave_lines(self, over_travel: bool) -> F64:
+        """Waves that are sought in the residual force: per metre of travel, or in Hz."""
+        period = self._runs[0].measured.replay.period
+        extent = self.extent if over_travel else self.duration
+        most = 1.0 / _SHORTEST if over_travel else 0.4 / period
+        return np.asarray(np.arange(1.0, max(most * extent, 2.0), 1.0 / _OVERSAMPLED) / extent)
+
+    def wave_power(self, residual: F64, model: AxisModel, over_travel: bool, own: BoolArray) -> F64:
+        """Power of the residual force at `wave_lines`, what changes slowly taken out.
+
+        Args:
+            residual: what the model leaves, float64[R].
+            model: the model.
+            over_travel: over position, where the axis moves; else over time.
+            own: elements that count, bool[R].
+        """
+        lines = self.wave_lines(over_travel)
+        mass = float(model.settings(self.axis).mass)
+        power = np.zeros(len(lines))
+        at = 0
+        for run in self._runs:
+            count = int(run.valid.sum())
+            position = residual[at : at + count] * run.floors[0]
+            force = residual[at + count : at + 2 * count] * run.floors[1]
+            counted = own[at : at + count]
+            at += 2 * count
+            period = run.measured.replay.period
+            place = run.measured.replay.place[run.valid]
+            low = butter(3, min(_LOW * 2.0 * period, 0.8), output="sos")
+            position, force = sosfiltfilt(low, position), sosfiltfilt(low, force)
+            force = force - mass * np.gradient(np.gradient(position, period), period)
+            force = force - _smoothed(force, _SLOW)
+            travel = run.signals[0][run.valid]  # it lags behind the demand, each way
+            speed = np.gradient(run.demand[place], period)
+            if over_travel:
+                counted = counted & (np.abs(speed) > _MOVING * np.abs(speed).max())
+            where = np.asarray(travel if over_travel else period * place, dtype=np.float64)[counted]
+            power += _wave_power(lines, where, force[counted])
+        return power
+
+
+def _smoothed(values: F64, width: int) -> F64:
+    """Moving average."""
+    padded = np.pad(values, width // 2, "edge")
+    return np.asarray(np.convolve(padded, np.full(width, 1.0 / width), "valid")[: len(values)])
+
+
+def _wave_power(lines: F64, where: F64, values: F64) -> F64:
+    """Squared amplitude of values over lines, by a histogram and one FFT."""
+    step = 1.0 / (8.0 * float(lines[-1]))
+    cell = np.round((where - where.min()) / step).astype(np.int64)
+    binned = np.bincount(cell, weights=values)
+    spacing = float(lines[1] - lines[0])
+    size = max(round(1.0 / (spacing * step)), len(binned))
+    spectrum = np.abs(np.fft.rfft(binned, size)) ** 2
+    at = np.fft.rfftfreq(size, step)
+    return np.asarray(np.interp(lines, at, spectrum))

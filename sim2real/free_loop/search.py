@@ -1,0 +1,290 @@
+"""Which effects act on an axis, by the free loop: greedy selection with a look back.
+
+Every effect of the library is tried beside what was found; the best ones are fitted, and the best
+of those is kept where it pays: by its score on all moves, and on moves that took no part in its
+fit. After each step every earlier effect has to show that it is still needed, and that no other
+would do better in its place.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim.effects.effect import Effect
+from sim2real.fitting import STEP, AxisModel, implausibility
+from sim2real.free_loop.constants import (
+    CLOSED,
+    EACH,
+    FITTED,
+    HOPELESS,
+    IMPLAUSIBLE,
+    LONG,
+    MISFIT,
+    MOST_EFFECTS,
+    PROMISING,
+    SHORT,
+    SIGMAS,
+    STRANGE,
+    SWAPPED,
+    VISIBLE,
+)
+from sim2real.free_loop.dictionary import Candidate, Dictionary
+from sim2real.free_loop.fit import FreeFit, fit_free, move_covariance
+from sim2real.free_loop.loop import FreeLoop
+from sim2real.shrinkage import FLOOR_LEVEL, FOLDS
+from stagedata import BoolArray
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """One step of the selection.
+
+    Attributes:
+        effects: names of all effects from then on.
+        added: the effect that the step added.
+        closed: share of the axis' gap that they close on held-out moves.
+        uncertainty: of what the step adds to that share, one standard deviation over moves.
+        model: the effects fitted to all moves.
+    """
+
+    effects: tuple[str, ...]
+    added: str
+    closed: float
+    uncertainty: float
+    model: AxisModel
+
+
+@dataclass(slots=True, eq=False)
+class FreeSearch:
+    """The result of the search on one axis.
+
+    Attributes:
+        loop: the axis.
+        best: the effects found, fitted to all moves.
+        folds: the same effects fitted to all moves but a fold's, for each fold.
+        open_gap: squared gap over floor of the machine file.
+        steps: of the selection.
+        scores: names of a set of effects that was fitted -> its score.
+    """
+
+    loop: FreeLoop
+    best: FreeFit
+    folds: list[FreeFit]
+    open_gap: float
+    steps: list[Step] = field(default_factory=list)
+    scores: dict[tuple[str, ...], float] = field(default_factory=dict)
+
+    @property
+    def closed(self) -> float:
+        """Share of the axis' gap closed on held-out moves."""
+        return self.steps[-1].closed if self.steps else 0.0
+
+    def names_causes(self) -> bool:
+        """Whether the effects found may be given as causes.
+
+        They close most of the gap, leave a few times the floor, and their values are plausible.
+        """
+        left = self.loop.gap(self.best.residual)
+        terms = self.best.model.terms
+        return (
+            self.closed >= CLOSED
+            and left <= MISFIT * FLOOR_LEVEL
+            and all(implausibility(term, self.loop.axis) <= STRANGE for term in terms)
+        )
+
+    def probability(self, effect: str) -> tuple[float, list[str]]:
+        """Probability that an effect is present, and the effects that could take its place.
+
+        By the scores of the sets of effects that were fitted without it; and no more than the
+        share of the gap that is closed: what is left may be part of it.
+        """
+        names = set(self.best.model.names())
+        least = self.scores[tuple(sorted(names))]
+        against, others = 0.0, []
+        for other, value in sorted(self.scores.items(), key=lambda item: item[1]):
+            if effect in other:
+                continue
+            odds = math.exp(-0.5 * max(value - least, 0.0))
+            against += odds
+            swapped = set(other) - names
+            if odds > 0.05 and len(swapped) == 1 and names - set(other) == {effect}:
+                others += sorted(swapped)
+        return self.closed / (1.0 + against), others
+
+    def covariance(self) -> F64:
+        """Of the base parameters and all effects' coordinates, float64[P, P]."""
+        return move_covariance(self.loop, self.best)
+
+
+def score(loop: FreeLoop, fitted: FreeFit) -> float:
+    """Score of a model, to be minimised: twice its negative log posterior, up to a constant.
+
+    How large the deviations of an incomplete model are is not known beforehand: the likelihood
+    counts the logarithm of their energy, as often as there are independent elements.
+    """
+    independent = len(loop.move) / loop.coherent
+    terms = fitted.model.terms
+    return (
+        independent * math.log(max(loop.gap(fitted.residual), FLOOR_LEVEL))
+        + float(np.square(fitted.model.base[:STEP] / loop.spread).sum())
+        + EACH * sum(len(term.values) for term in terms)
+        + IMPLAUSIBLE * sum(implausibility(term, loop.axis) for term in terms)
+    )
+
+
+def search_free(
+    loop: FreeLoop,
+    library: Mapping[str, Effect],
+    progress: Callable[[float], object] = lambda _: None,
+) -> FreeSearch:
+    """Find the effects of an axis.
+
+    Args:
+        loop: the axis.
+        library: effects to consider.
+        progress: called with the share done.
+    """
+    selection = _Selection(loop, library)
+    current = selection.fit(loop.start, SHORT)
+    folds = [fit_free(loop, loop.start, SHORT, train) for train in _training(loop)]
+    opened = loop.gap(loop.residual(loop.start))
+    found = FreeSearch(loop, current, folds, opened, scores=selection.scores)
+    held = _held_out(loop, folds)
+    while len(current.model.terms) < MOST_EFFECTS:
+        new = selection.add_best(current)
+        if new is None or score(loop, new) >= score(loop, current):
+            break
+        new = selection.look_back(new)
+        fits = fit_folds(loop, new.model, folds)
+        left = _held_out(loop, fits)
+        gained, uncertainty = _fall(loop, held, left)
+        if gained < max(SIGMAS * uncertainty, VISIBLE):
+            break
+        names, above = new.model.names(), opened - FLOOR_LEVEL
+        added = [name for name in names if name not in current.model.names()]
+        closed = 1.0 - (float(left.sum() / loop.samples.sum()) - FLOOR_LEVEL) / above
+        found.steps.append(
+            Step(names, (added or names)[-1], closed, uncertainty / above, new.model)
+        )
+        current, folds, held = new, fits, left
+        progress(len(names) / MOST_EFFECTS)
+        hopeless = HOPELESS * MISFIT * FLOOR_LEVEL
+        if len(names) > 1 and loop.gap(current.residual) > hopeless:
+            break
+    found.best, found.folds = current, folds
+    return found
+
+
+class _Selection:
+    """Fits of sets of effects, with the best one of each set.
+
+    Args:
+        loop: the axis.
+        library: effects to consider.
+    """
+
+    def __init__(self, loop: FreeLoop, library: Mapping[str, Effect]) -> None:
+        self._loop = loop
+        self._library = library
+        self._promising: set[str] = set()
+        self._kept: dict[tuple[str, ...], FreeFit] = {}
+        self.scores: dict[tuple[str, ...], float] = {}
+
+    def fit(self, model: AxisModel, iterations: int) -> FreeFit:
+        """The best fit of a model's effects so far, this one included."""
+        found = fit_free(self._loop, model, iterations)
+        key, own = tuple(sorted(model.names())), score(self._loop, found)
+        if key not in self.scores or own < self.scores[key]:
+            self._kept[key], self.scores[key] = found, own
+        return self._kept[key]
+
+    def add_best(self, fitted: FreeFit) -> FreeFit | None:
+        """The best effect beside a model; None where none changes anything."""
+        found = self._candidates(fitted, list(self._library))
+        self._promising |= {c.term.name for c in found[:PROMISING]}
+        return self._best_of(fitted, found[:FITTED])
+
+    def look_back(self, fitted: FreeFit) -> FreeFit:
+        """Drop or replace earlier effects where that scores better."""
+        for name in fitted.model.names()[:-1]:
+            fewer = self.fit(fitted.model.without(fitted.model.names().index(name)), SHORT)
+            if score(self._loop, fewer) <= score(self._loop, fitted):
+                fitted = fewer
+                continue
+            others = [other for other in sorted(self._promising) if other != name]
+            swapped = self._best_of(fewer, self._candidates(fewer, others)[:SWAPPED])
+            if swapped is not None and score(self._loop, swapped) < score(self._loop, fitted):
+                fitted = swapped
+        return fitted
+
+    def _candidates(self, fitted: FreeFit, names: Sequence[str]) -> list[Candidate]:
+        """Starts of these effects beside a model, best first."""
+        dictionary = Dictionary(self._loop, fitted)
+        found: list[Candidate] = []
+        for name in names:
+            if name not in fitted.model.names():
+                found += dictionary.best(self._library[name])
+        return sorted(found, key=lambda c: -c.gain)
+
+    def _best_of(self, fitted: FreeFit, candidates: Sequence[Candidate]) -> FreeFit | None:
+        """The best of these candidates beside a model, fitted."""
+        tried = [self.fit(fitted.model.added(c.term), SHORT) for c in candidates]
+        if not tried:
+            return None
+        return self.fit(min(tried, key=lambda f: score(self._loop, f)).model, LONG)
+
+
+def fit_folds(loop: FreeLoop, model: AxisModel, before: Sequence[FreeFit]) -> list[FreeFit]:
+    """The effects of a model fitted to all moves but a fold's, for each fold.
+
+    Start values are sought anew on these moves: those of the model know all moves.
+
+    Args:
+        loop: the axis.
+        model: whose effects are fitted.
+        before: fits of fewer effects, or of others, for each fold.
+    """
+    fits = []
+    for train, own in zip(_training(loop), before, strict=True):
+        kept = tuple(term for term in own.model.terms if term.name in model.names())
+        own = fit_free(loop, AxisModel(own.model.base, kept), 2, train)
+        for term in model.terms:
+            if term.name in own.model.names():
+                continue
+            starts = Dictionary(loop, own, train).best(term.effect, 2)
+            tried = [fit_free(loop, own.model.added(s.term), SHORT, train) for s in starts]
+            own = min([own, *tried], key=lambda f: f.cost)
+        terms = {term.name: term for term in own.model.terms}
+        ordered = tuple(terms[name] for name in model.names() if name in terms)
+        fits.append(fit_free(loop, AxisModel(own.model.base, ordered), LONG, train))
+    return fits
+
+
+def _training(loop: FreeLoop) -> list[BoolArray]:
+    """For each fold, the moves of all others, bool[moves]."""
+    return [loop.fold != fold for fold in range(FOLDS)]
+
+
+def _held_out(loop: FreeLoop, fits: Sequence[FreeFit]) -> F64:
+    """Energies of the moves, each by the fit that did not see it, float64[moves]."""
+    each = np.array([loop.energies(f.residual) for f in fits])
+    return np.asarray(each[loop.fold, np.arange(len(loop.fold))])
+
+
+def _fall(loop: FreeLoop, before: F64, after: F64) -> tuple[float, float]:
+    """Fall of the squared gap over floor, and its standard deviation over moves.
+
+    Args:
+        loop: the axis.
+        before: energies of the moves, float64[moves].
+        after: the same with an effect more.
+    """
+    change = (before - after) / loop.samples.sum()
+    return float(change.sum()), float(np.std(change, ddof=1)) * math.sqrt(len(change))

@@ -1,0 +1,79 @@
+"""Effects found in the free loop, on stages that the machine file describes badly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil_sim.effects.library import library
+from hil_sim.settings import StageSettings
+from sim2real.fitting import NUISANCES, AxisModel, Term
+from sim2real.free_loop import FreeLoop, search_free
+from sim2real.gap import compare_with_model
+from stagedata import Recording
+from tests.unit.sim2real.conftest import TOLERANCE, stage_with
+
+Stage = tuple[Recording, StageSettings]
+
+
+def loop_of(recording: Recording, settings: StageSettings, axis: str = "x") -> FreeLoop:
+    measured = compare_with_model(recording, settings, 2)
+    return FreeLoop(axis, [measured], settings, TOLERANCE[axis])
+
+
+THREE: dict[str, dict[str, float]] = {
+    "viscous_asymmetry": {"ratio": 0.3},
+    "transmission_ripple": {"amplitude": 1.0, "pitch": 5e-3, "phase": 1.0},
+    "force_offset": {"force": 1.2},
+}
+
+
+@pytest.fixture(scope="module")
+def screw(nominal: Stage) -> FreeLoop:
+    return loop_of(stage_with(nominal, 31, x=THREE), nominal[1])
+
+
+def test_three_effects_are_found_with_their_figures(screw: FreeLoop) -> None:
+    known = library()
+    names = (*THREE, "payload_mass", "friction_asymmetry", "cogging")
+    found = search_free(screw, {name: known[name] for name in names})
+    assert set(found.best.model.names()) == set(THREE)
+    assert found.names_causes()
+    assert found.closed > 0.95
+    values = {term.name: term.mapping() for term in found.best.model.terms}
+    assert values["transmission_ripple"]["pitch"] == pytest.approx(5e-3, rel=3e-3)
+    assert values["transmission_ripple"]["amplitude"] == pytest.approx(1.0, abs=0.15)
+    assert values["force_offset"]["force"] == pytest.approx(1.2, abs=0.2)
+    closed = [step.closed for step in found.steps]
+    assert closed == sorted(closed)
+    for name in THREE:
+        probability, _ = found.probability(name)
+        assert 0.5 < probability <= 1.0
+
+
+def test_what_the_right_model_leaves_is_the_floor(screw: FreeLoop) -> None:
+    known = library()
+    right = AxisModel(
+        np.zeros(NUISANCES),
+        tuple(Term(known[name], tuple(values.values())) for name, values in THREE.items()),
+    )
+    assert screw.gap(screw.residual(screw.start)) > 50.0
+    assert screw.gap(screw.residual(right)) < 8.0
+
+
+def test_values_that_are_not_physical_have_no_residual(screw: FreeLoop) -> None:
+    impossible = screw.start.added(Term(library()["payload_mass"], (-100.0,)))
+    (left, plain) = screw.residuals([impossible, screw.start])
+    assert left is None
+    assert plain is not None
+    with pytest.raises(ValueError, match="axis x"):
+        screw.residual(impossible)
+
+
+def test_names_are_not_given_where_much_is_left(nominal: Stage) -> None:
+    wave = {"amplitude": 2.0, "pitch": 0.03, "phase": 0.5}
+    recording = stage_with(nominal, 32, x={"cogging": wave})
+    others = ("viscous_asymmetry", "cable_stiffness", "payload_mass")
+    known = library()
+    found = search_free(loop_of(recording, nominal[1]), {name: known[name] for name in others})
+    assert not found.names_causes()
