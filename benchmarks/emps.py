@@ -14,6 +14,8 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
@@ -182,8 +184,7 @@ def _causes(
             "",
             "Each step is fitted to moves of `DATA_EMPS` other than those it is judged on, start",
             "values included. On `DATA_EMPS_PULSES` the figures are those of `DATA_EMPS`. With a",
-            "Coulomb level and phases of its own, as the axis was warmed up and referenced anew,",
-            f"the last line becomes {_share(other, own):.2f}.",
+            f"Coulomb level and phases of its own, the last line becomes {_share(other, own):.2f}.",
             "",
         ]
     twin = replace(settings, axes=(model.settings(settings.axes[0]),))
