@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 _ROUNDED = 0.2
@@ -49,6 +49,9 @@ class LowSpeedFriction(Effect):
     remedy = (
         "Identify friction at creep speed apart from that of sliding, and feed it forward over "
         "speed; a low level there calls for less compensation at reversals."
+    )
+    compensation = Compensation(
+        "the friction model has no such curve; the observer corrects what it leaves",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -41,6 +41,10 @@ class TorqueRipple(Effect):
     remedy = (
         "Correct the commutation angle of the motor; then scale the torque demand with a table "
         "over its angle."
+    )
+    compensation = Compensation(
+        "the force demand is divided by it along the planned path",
+        "estimation.known_effects.inverses:force_ripple",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -37,6 +37,10 @@ class TransmissionRipple(Effect):
     remedy = (
         "Compare the pitch with the lead, its fractions and the motor's poles: align coupling and "
         "screw, or feed the force forward over position."
+    )
+    compensation = Compensation(
+        "fed forward along the planned path",
+        "estimation.known_effects.inverses:cogging",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.effect import Compensation, Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
 
 
@@ -37,6 +37,9 @@ class ViscousAsymmetry(Effect):
     remedy = (
         "Feed viscous friction forward with one coefficient per direction; check lubricant, seals "
         "and the alignment of screw and nut."
+    )
+    compensation = Compensation(
+        "the friction model has one viscous coefficient, which follows the last moves",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:
