@@ -28,16 +28,29 @@ class WheelKernels(BuildHookInterface):
             return
         self._folder = tempfile.TemporaryDirectory()
         folder = Path(self._folder.name)
+        self._pretend_installed(folder)
+        paths = os.pathsep.join((self.root, str(folder), *filter(None, sys.path)))
         for command in (RUN, DIAGNOSE):
             subprocess.run(
                 [sys.executable, "-m", "stagectl", *command],
                 cwd=folder, check=True, stdout=subprocess.DEVNULL,
-                env=os.environ | {"NUMBA_CACHE_DIR": self._folder.name, "PYTHONPATH": self.root},
+                env=os.environ | {"NUMBA_CACHE_DIR": self._folder.name, "PYTHONPATH": paths},
             )  # fmt: skip
         for path in sorted(folder.rglob("*.kernel")):
             build_data["force_include"][str(path)] = f"stagedata/compiled/shipped/{path.name}"
         build_data["pure_python"] = False
         build_data["infer_tag"] = True
+
+    def _pretend_installed(self, folder: Path) -> None:
+        """The program asks for its version and for the bus that it brings, as if installed."""
+        project = self.metadata.core
+        info = folder / f"{project.raw_name}-{project.version}.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Name: {project.raw_name}\nVersion: {project.version}\n")
+        lines = []
+        for group, points in project.entry_points.items():
+            lines += [f"[{group}]", *(f"{name} = {target}" for name, target in points.items())]
+        (info / "entry_points.txt").write_text("\n".join(lines))
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
         """Remove the folder."""

@@ -47,6 +47,7 @@ from stagectl.sequencer import (
     Retrying,
 )
 from stagectl.store import BusLog, recover_left_over
+from stagedata.compiled import told_of_compiling
 
 
 @dataclass(slots=True)
@@ -85,6 +86,11 @@ def execute(
         StagectlError: the folder or the history cannot be used; nothing has moved.
         OSError: likewise.
     """
+    with told_of_compiling(lambda _: listener.phase("compiling, once")):
+        return _execute(request, listener, substitutes)
+
+
+def _execute(request: RunRequest, listener: Listener, substitutes: Substitutes | None) -> RunResult:
     if substitutes is None:
         file_earlier_runs(request, listener.phase)
     ready = prepare(request, listener.phase, substitutes)

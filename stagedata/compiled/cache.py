@@ -39,13 +39,21 @@ SHIPPED = Path(__file__).parent / "shipped"
 KEPT = 4
 """So many versions of a kernel are kept, for who goes back and forth between them."""
 
-_watchers: list[Callable[[str], None]] = []
-"""Told before a kernel is compiled: its name."""
+_watchers: list[Callable[[str], object]] = []
+"""See `told_of_compiling`."""
 
 
-def watch_compiling(told: Callable[[str], None]) -> None:
-    """Have `told` called with a kernel's name before it is compiled or another process awaited."""
+@contextmanager
+def told_of_compiling(told: Callable[[str], object]) -> Iterator[None]:
+    """Within it, `told` is called with a kernel's name before it is compiled.
+
+    Also before another process that compiles it is waited for.
+    """
     _watchers.append(told)
+    try:
+        yield
+    finally:
+        _watchers.remove(told)
 
 
 @cache
