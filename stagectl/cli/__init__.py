@@ -37,6 +37,7 @@ COMMANDS = {
     "report": ("stagectl.cli.report", "Make summary and report of a run again."),
     "recover": ("stagectl.cli.recover", "Recover the recording of a killed run."),
     "replay": ("stagectl.cli.replay", "Rerun the host on a recorded bus log."),
+    "doctor": ("stagectl.cli.doctor", "Say what this machine can, and what it lacks."),
     "completion": ("stagectl.cli.completion", "Print a shell completion script."),
 }
 

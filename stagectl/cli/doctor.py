@@ -1,0 +1,74 @@
+"""`stagectl doctor`: what this machine can."""
+
+from __future__ import annotations
+
+import logging
+import platform
+from pathlib import Path
+from typing import Any
+
+import click
+
+from stagectl.cli.console import console_for
+from stagectl.cli.options import JSON_OUT, NumberRange, is_json_on_stdout, write_json
+from stagectl.doctor import NAMES, Finding, examine
+from stagectl.errors import StagectlError
+
+
+@click.command
+@click.option("--require", type=click.Choice(NAMES), multiple=True,
+              help="Exit with 1 if this machine lacks it; repeat for several.")  # fmt: skip
+@click.option("--seconds", type=NumberRange(0.1, 60), default=2.0, show_default=True,
+              help="Measure jitter for this long [s].")  # fmt: skip
+@JSON_OUT
+def command(require: tuple[str, ...], seconds: float, json_out: Path | None) -> None:
+    """Say what this machine can, what it lacks, and how to get that.
+
+    Compiled kernels, real-time scheduling, jitter at a SYNC period of 1 ms, SocketCAN, SYNC by the
+    kernel, virtual CAN, UDP multicast, other adapters, PostgreSQL. A simulation needs none of them.
+    Nothing is changed, and no frame is sent on a CAN bus.
+
+    \b
+    Before commissioning on SocketCAN:
+      stagectl doctor --require socketcan --require real-time --require jitter
+
+    Exit code 0, or 1 if something required is missing.
+    """  # noqa: D301  (\b keeps click from wrapping what follows)
+    logging.getLogger("can").setLevel(logging.CRITICAL)  # of every driver that is not installed
+    findings = list(examine(seconds))
+    write_json(_as_json(findings), json_out)
+    if not is_json_on_stdout(json_out):
+        console_for(json_out).print(_table(findings))
+    lacking = [one.name for one in findings if one.name in require and not one.available]
+    if lacking:
+        raise StagectlError(f"this machine lacks {', '.join(lacking)}")
+
+
+def _as_json(findings: list[Finding]) -> dict[str, Any]:
+    return {
+        "python": platform.python_version(),
+        "kernel": platform.release(),
+        "machine": platform.machine(),
+        "findings": [
+            {"name": one.name, "available": one.available, "found": one.found,
+             "remedy": one.remedy or None}
+            for one in findings
+        ],
+    }  # fmt: skip
+
+
+def _table(findings: list[Finding]) -> Any:
+    from rich.table import Table
+
+    table = Table(
+        title=f"Python {platform.python_version()}, {platform.system()} {platform.release()}, "
+        f"{platform.machine()}",
+        title_justify="left", show_lines=True,
+    )  # fmt: skip
+    table.add_column("")
+    table.add_column("")
+    table.add_column("found, and how to get what is missing", overflow="fold")
+    for one in findings:
+        text = one.found + (f"\n→ {one.remedy}" if one.remedy else "")
+        table.add_row(one.name, "yes" if one.available else "no", text)
+    return table
