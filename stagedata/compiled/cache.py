@@ -132,9 +132,9 @@ class KernelCache(_Cache):
         try:
             yield
         finally:
-            if self._claim is not None:
-                self._claim.close()
-                self._claim = None
+            claim, self._claim = self._claim, None
+            if claim is not None:
+                claim.close()
 
     def _file(self, sig: Any, codegen: Any) -> str:
         """Name of the file: kernel, types and processor, code."""
@@ -198,9 +198,13 @@ def _read(path: Path) -> bytes | None:
 
 def _write(path: Path, data: bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-        file.write(hashlib.sha256(data).digest() + data)
-    Path(file.name).replace(path)
+    part = path.with_name(f"{path.name}.{os.getpid()}")
+    try:
+        part.write_bytes(hashlib.sha256(data).digest() + data)
+        part.replace(path)
+    except OSError:
+        part.unlink(missing_ok=True)
+        raise
 
 
 def _drop_older(folder: Path, kernel: str) -> None:

@@ -34,7 +34,9 @@ def kernel(**options: Any) -> Callable[[Any], Any]:
     """
 
     def wrap(function: Any) -> Any:
-        return function if numba.config.DISABLE_JIT else Kernel(function, {**_OPTIONS, **options})
+        if numba.config.DISABLE_JIT:
+            return function
+        return Kernel(function, {}, {**_OPTIONS, **options})
 
     return wrap
 
@@ -44,11 +46,12 @@ class Kernel(CPUDispatcher):
 
     Args:
         function: in Python, as `py_func` afterwards.
+        types: of local variables, by name.
         options: of numba's `njit`.
     """
 
-    def __init__(self, function: Any, options: dict[str, Any]) -> None:
-        super().__init__(function, {}, options, EntryCompiler)
+    def __init__(self, function: Any, types: dict[str, Any], options: dict[str, Any]) -> None:
+        super().__init__(function, types, options, EntryCompiler)
         self._inner: _InnerKernel | None = None
         self._cache = KernelCache(function, options)
 
@@ -61,7 +64,7 @@ class Kernel(CPUDispatcher):
         """Of a call in another kernel; for numba."""
         if self._inner is None:
             options = {**self.targetoptions, "no_cpython_wrapper": True}
-            self._inner = _InnerKernel(self.py_func, {}, options, InnerCompiler)
+            self._inner = _InnerKernel(self.py_func, self.locals, options, InnerCompiler)
         return self._inner.get_call_template(args, kws)
 
     def get_overload(self, sig: Any) -> Any:

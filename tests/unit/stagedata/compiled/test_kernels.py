@@ -1,6 +1,7 @@
 """Kernels called from Python, from other kernels, and from functions that numba compiles itself."""
 
 import gc
+import pickle
 from typing import NamedTuple
 
 import numba
@@ -76,6 +77,10 @@ def test_a_function_that_numba_compiles_can_call_kernels():
         return both(square, circle) + refused(4.0)
 
     assert call(Square(1.0), Circle(0.0)) == 1.25
+
+
+def test_a_kernel_can_be_sent_to_another_process():
+    assert pickle.loads(pickle.dumps(refused))(4.0) == 0.25  # noqa: S301
 
 
 def test_collection_goes_on_after_compiling():
