@@ -47,7 +47,7 @@ from stagectl.sequencer import (
     Retrying,
 )
 from stagectl.store import BusLog, recover_left_over
-from stagedata.compiled import told_of_compiling
+from stagedata.compiled import on_compiling
 
 
 @dataclass(slots=True)
@@ -86,7 +86,7 @@ def execute(
         StagectlError: the folder or the history cannot be used; nothing has moved.
         OSError: likewise.
     """
-    with told_of_compiling(lambda _: listener.phase("compiling, once")):
+    with on_compiling(lambda _: listener.phase("compiling, once")):
         return _execute(request, listener, substitutes)
 
 

@@ -8,7 +8,7 @@
 Loads numba; nothing else of `stagedata` does.
 """
 
-from stagedata.compiled.cache import SHIPPED, kernel_folder, told_of_compiling
+from stagedata.compiled.cache import SHIPPED, kernel_folder, on_compiling
 from stagedata.compiled.kernels import Kernel, KernelByType, kernel
 
-__all__ = ["SHIPPED", "Kernel", "KernelByType", "kernel", "kernel_folder", "told_of_compiling"]
+__all__ = ["SHIPPED", "Kernel", "KernelByType", "kernel", "kernel_folder", "on_compiling"]

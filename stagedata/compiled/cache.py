@@ -39,21 +39,21 @@ SHIPPED = Path(__file__).parent / "shipped"
 KEPT = 4
 """So many versions of a kernel are kept, for who goes back and forth between them."""
 
-_watchers: list[Callable[[str], object]] = []
-"""See `told_of_compiling`."""
+_listeners: list[Callable[[str], object]] = []
+"""See `on_compiling`."""
 
 
 @contextmanager
-def told_of_compiling(told: Callable[[str], object]) -> Iterator[None]:
-    """Within it, `told` is called with a kernel's name before it is compiled.
+def on_compiling(listener: Callable[[str], object]) -> Iterator[None]:
+    """Within it, `listener` is called with a kernel's name before it is compiled.
 
     Also before another process that compiles it is waited for.
     """
-    _watchers.append(told)
+    _listeners.append(listener)
     try:
         yield
     finally:
-        _watchers.remove(told)
+        _listeners.remove(listener)
 
 
 @cache
@@ -112,8 +112,8 @@ class KernelCache(_Cache):
         name = self._file(sig, target_context.codegen())
         found = _read(SHIPPED / name) or _read(kernel_folder() / name)
         if found is None:
-            for told in _watchers:
-                told(self._name)
+            for listener in _listeners:
+                listener(self._name)
             self._claim = _claim(kernel_folder(), name)
             found = _read(kernel_folder() / name)  # by now, if another process compiled it
         return None if found is None else _rebuild(found, target_context)

@@ -41,16 +41,16 @@ import sys
 import numpy as np
 sys.path.insert(0, ".")
 from calling import half, total
-from stagedata.compiled import told_of_compiling
-told = []
-with told_of_compiling(told.append):
+from stagedata.compiled import on_compiling
+heard = []
+with on_compiling(heard.append):
     half(3.0)
 print(total(np.array([1.0, 2.0])), half(3.0))
 try:
     total(np.zeros(0))
 except ValueError as error:
     print(error)
-assert told == ["calling.half"] or not half.stats.cache_misses
+assert heard == ["calling.half"] or not half.stats.cache_misses
 print("compiled", *(k.__name__ for k in (total, half) if k.stats.cache_misses))
 """
 

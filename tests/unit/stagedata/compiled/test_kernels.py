@@ -59,7 +59,7 @@ def test_a_name_for_several_kernels_goes_by_the_type():
     assert both(Square(3.0), Circle(1.0)) == pytest.approx(9.0 + np.pi)
 
 
-def test_division_is_numpys_unless_told_otherwise():
+def test_division_is_numpys_unless_asked_otherwise():
     assert reciprocal(0.0) == np.inf
     with pytest.raises(ZeroDivisionError):
         checked_reciprocal(0.0)
