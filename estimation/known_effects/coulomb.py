@@ -16,7 +16,7 @@ _LEAST = 1e-3
 def coulomb_factor(
     terms: KnownTerms, own: F64, other: F64, time: F64, heading: F64 | None = None
 ) -> F64:
-    """Factor on Fc, shape (K,).
+    """Factor on Fc along a path, shape (K,).
 
     Args:
         terms: of the axis.
@@ -26,14 +26,12 @@ def coulomb_factor(
         heading: direction of motion, of `directions`, shape (K,); where it is 0, and where None,
             the mean of both directions counts.
     """
-    factor = np.ones(len(own))
+    mean, half = 0.5 * (terms.forward + terms.backward), 0.5 * (terms.forward - terms.backward)
+    factor = np.full(len(own), mean) if heading is None else mean + half * heading
     for surface in terms.table_factors:
         factor = factor * surface(own, other)
     for curve in terms.time_factors:
         factor = factor * curve(time)
-    forward, backward = terms.forward, terms.backward
-    mean, half = 0.5 * (forward + backward), 0.5 * (forward - backward)
-    factor = factor * (mean if heading is None else mean + half * heading)
     return np.asarray(np.maximum(factor, _LEAST))
 
 

@@ -176,13 +176,13 @@ class SplitHorizonEstimator:
     def scale_coulomb(self, factor: float) -> None:
         """The next move ends where the Coulomb force is known to be `factor` times the figure.
 
-        The figure that is estimated stays that of factor 1; the internal forces are scaled. The
-        move's data have to be corrected to its end, as for `expect`.
+        `friction` stays that of factor 1, estimates state what is there. The internal forces stay;
+        where the Coulomb force differs along the move, its data have to be corrected to its end, as
+        for `expect`.
         """
-        if self.state is not None:
-            self.state.rescale(factor / self._local)
         self._local = factor
-        self._axis["unit"][COULOMB] = self._start.coulomb * factor
+        coulomb = self._axis["unit"][COULOMB] = self._start.coulomb * factor
+        self._facts = (replace(self._start, coulomb=coulomb), *self._facts[1:])
 
     def forget_state(self) -> None:
         """The axis has moved unobserved: its friction state is unknown, as before the first move.

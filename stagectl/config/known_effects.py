@@ -14,6 +14,7 @@ from estimation.known_effects import KnownTerms
 from hil_sim.effects import Effect
 from hil_sim.effects.library import EffectError, library
 from stagectl.config.machine import Axis, Machine
+from stagectl.config.machine import Effect as Wanted
 from stagectl.errors import ConfigError
 
 
@@ -38,12 +39,15 @@ class KnownEffect:
         return f"{self.axis}: {self.effect} {verb}: {self.text}"
 
 
-def known_effects(machine: Machine, compensating: bool = True) -> tuple[KnownEffect, ...]:
+def known_effects(
+    machine: Machine, compensating: bool = True, mapped: bool = False
+) -> tuple[KnownEffect, ...]:
     """The effects of a machine file in its order.
 
     Args:
         machine: the host's.
         compensating: False where the host makes up for nothing but mass (`--compensation none`).
+        mapped: as in `known_terms`.
 
     Raises:
         ConfigError: an effect is not installed.
@@ -54,12 +58,19 @@ def known_effects(machine: Machine, compensating: bool = True) -> tuple[KnownEff
             declared = _find(wanted.name, machine).compensation
             how = declared.text if compensating else "of all forces only the mass's is fed forward"
             done = compensating and declared.inverse is not None
+            if done and mapped and _is_on_map(declared.inverse, wanted):
+                done, how = False, "friction over place and time is measured, with the effect in it"
             found.append(KnownEffect(name, wanted.name, done, how))
     return tuple(found)
 
 
-def known_terms(machine: Machine) -> dict[str, KnownTerms]:
+def known_terms(machine: Machine, mapped: bool = False) -> dict[str, KnownTerms]:
     """What is known of each axis that has effects that the host makes up for.
+
+    Args:
+        machine: the host's.
+        mapped: the Coulomb force over place and time comes from a friction map, or is measured for
+            one: what effects say of it is left out, for the map has it.
 
     Raises:
         ConfigError: an effect is not installed, or what it names for its inverse cannot be used.
@@ -77,6 +88,10 @@ def known_terms(machine: Machine) -> dict[str, KnownTerms]:
                         f"{machine.source}: axes.{name}.effects: {wanted.name}: its inverse "
                         f"{inverse} cannot be used: {type(error).__name__}: {error}"
                     ) from error
+    if mapped:
+        for terms in known.values():
+            terms.table_factors.clear()
+            terms.time_factors.clear()
     return known
 
 
@@ -87,6 +102,15 @@ def axis_as_known(axis: Axis, terms: KnownTerms) -> Axis:
     if terms.bandwidth is not None:
         drive = drive.model_copy(update={"current_bandwidth": terms.bandwidth})
     return axis.model_copy(update={"plant": plant, "drive": drive})
+
+
+def _is_on_map(inverse: str | None, wanted: Wanted) -> bool:
+    """Whether an effect is a factor on the Coulomb force over place or time."""
+    if inverse is None:
+        return False
+    terms = KnownTerms()
+    _load(inverse)(terms, wanted.parameters)
+    return bool(terms.table_factors or terms.time_factors)
 
 
 def _find(name: str, machine: Machine) -> Effect:

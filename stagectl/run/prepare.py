@@ -15,6 +15,7 @@ import can
 from drivers import ConfigurationError, Stage
 from drivers.settings import AxisSettings, BusSettings
 from hil_sim.settings import StageSettings
+from stagectl.config.known_effects import KnownEffect, known_effects
 from stagectl.config.package_settings import driver_settings, stage_settings
 from stagectl.errors import UnusableInput
 from stagectl.history import (
@@ -63,6 +64,7 @@ class Preparation:
         started: in the time of the history [s since 1970].
         active: the friction map, or None.
         compensation: of each axis.
+        effects: of the host's machine file, and whether they are compensated.
     """
 
     bus: BusSettings
@@ -73,6 +75,7 @@ class Preparation:
     started: float
     active: ActiveMap | None
     compensation: tuple[AxisCompensation, ...]
+    effects: tuple[KnownEffect, ...]
 
 
 def prepare(
@@ -109,7 +112,10 @@ def prepare(
         started = active.places.origin
     announce("preparing the estimator")
     compensation = _make_compensation(request, active)
-    return Preparation(bus, axes, truth, fiducial, thermometer, started, active, compensation)
+    effects = _effects_of(request, active)
+    return Preparation(
+        bus, axes, truth, fiducial, thermometer, started, active, compensation, effects
+    )
 
 
 def _check_drivers(bus: BusSettings, axes: Sequence[AxisSettings]) -> None:
@@ -178,6 +184,17 @@ def _active_map(request: RunRequest) -> tuple[ActiveMap | None, float]:
             history.close()
 
 
+def _is_mapped(request: RunRequest, active: ActiveMap | None) -> bool:
+    """Whether friction over the table comes from a map, or is measured for one."""
+    return active is not None or bool(request.recipe.excursions)
+
+
+def _effects_of(request: RunRequest, active: ActiveMap | None) -> tuple[KnownEffect, ...]:
+    return known_effects(
+        request.machine, request.mode is not Mode.NONE, _is_mapped(request, active)
+    )
+
+
 def _make_compensation(
     request: RunRequest, active: ActiveMap | None
 ) -> tuple[AxisCompensation, ...]:
@@ -187,5 +204,5 @@ def _make_compensation(
         known = dict(request.resumed.friction)
     return make_compensation(
         request.machine, request.mode, request.friction_scale, request.truth, known,
-        None if active is None else active.drift,
+        None if active is None else active.drift, _is_mapped(request, active),
     )  # fmt: skip

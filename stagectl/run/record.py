@@ -16,7 +16,7 @@ import numpy as np
 
 from estimation.observer import Design
 from hil_sim.bus import InjectedFault
-from stagectl.config.known_effects import known_effects
+from stagectl.config.known_effects import KnownEffect
 from stagectl.errors import Aborted, StagectlError
 from stagectl.history import (
     EstimateRecord,
@@ -36,7 +36,6 @@ from stagectl.sequencer import (
     FrictionUpdated,
     LevelStepped,
     MarkFound,
-    Mode,
     Retrying,
     StopNoticed,
     StretchDone,
@@ -67,8 +66,10 @@ class RunRecord:
         request: of the run.
         started: in the time of the history [s since 1970].
         active: the friction map that the run uses; None for none.
+        effects: of the host's machine file, and whether they are compensated.
 
     Attributes:
+        effects: as above.
         temperature: of the stage, set once it is open.
         journal: of the run.
         done: completed stretches of the recipe, those of the resumed run included.
@@ -83,8 +84,9 @@ class RunRecord:
         request: RunRequest,
         started: float,
         active: ActiveMap | None = None,
+        effects: Sequence[KnownEffect] = (),
     ) -> None:
-        self._request = request
+        self._request, self.effects = request, tuple(effects)
         self.temperature = LatestTemperature(None)
         self._has_map = active is not None
         snapshot = None if active is None else take_snapshot(active)
@@ -117,10 +119,7 @@ class RunRecord:
             **request.as_note(),
             map=None if active is None else active.version.number,
             map_comment="" if active is None else active.version.comment,
-            effects=[
-                asdict(effect)
-                for effect in known_effects(request.machine, request.mode is not Mode.NONE)
-            ],
+            effects=[asdict(effect) for effect in self.effects],
             map_then=snapshot,
             history=note_of_run(
                 self._history.entry, None if where is None else without_password(where)
@@ -265,6 +264,7 @@ class RunRecord:
             },
             gain={name: finite(estimate.gain[_ESTIMATED_AS.get(name, name)]) for name in units},
             held=[name for name in units if _ESTIMATED_AS.get(name, name) in estimate.held],
+            local=event.local,
             record=note_of_estimate(record),
         )
         if estimate.accepted:

@@ -76,14 +76,22 @@ def _resumed(folder: Path, notes: RunNotes, run: Mapping[str, Any]) -> Resumed:
     friction = {} if before is None else dict(before.friction)
     for event in notes.events:
         if event["event"] == "friction" and event["accepted"]:
-            friction[str(event["axis"])] = _figures(event["parameters"])
+            friction[str(event["axis"])] = _figures(
+                event["parameters"], float(event.get("local", 1.0))
+            )
     done.append(0 if before is None else before.done)
     return Resumed(str(folder), notes.started, max(done), friction)
 
 
-def _figures(parameters: Mapping[str, Sequence[float]]) -> Figures:
-    """Figures of a `friction` event; the relaxation rate is C / Fc: relative variances add."""
+def _figures(parameters: Mapping[str, Sequence[float]], local: float) -> Figures:
+    """Figures of a `friction` event; the relaxation rate is C / Fc: relative variances add.
+
+    `local`: known factor on the Coulomb force where they were found.
+    """
     known = {name: _pair(pair) for name, pair in parameters.items()}
+    for name in ("coulomb", "attraction"):
+        if name in known:
+            known[name] = (known[name][0] / local, known[name][1] / local)
     if "attraction" not in known:
         return known
     attraction, sigma = known.pop("attraction")

@@ -23,7 +23,6 @@ from estimation.observer import Design, StageObserver
 from estimation.trajectory import Limits
 from hil_sim.bus import InjectedFault, World
 from hil_sim.stage import VirtualStage
-from stagectl.config.known_effects import known_effects
 from stagectl.config.observer import design_observers, make_observer
 from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError, UnusableInput
 from stagectl.history import open_history, stage_temperature
@@ -106,7 +105,7 @@ def _execute(request: RunRequest, listener: Listener, substitutes: Substitutes |
         listener.phase(f"opening {used}")
         with _open_bus(used, substitutes) as opened:
             _prepare_files(request, listener)
-            record = RunRecord(request, ready.started, ready.active)
+            record = RunRecord(request, ready.started, ready.active, ready.effects)
             session = _Session(request, listener, ready, substitutes, record)
             return session.run(used, opened, injected)
 
@@ -248,7 +247,7 @@ class _Session:
         """Say which effects of the machine file the host does not make up for, and why."""
         if self._request.mode is Mode.NONE:
             return
-        for effect in known_effects(self._request.machine):
+        for effect in self._record.effects:
             if not effect.compensated:
                 self._record.note_limitations([effect.describe()])
                 self._listener.event(EffectLeft(effect.describe()))
@@ -325,7 +324,7 @@ class _Session:
         """The axes with the limits of their drives, which may be below the machine file's."""
         moving = []
         for axis, compensation in zip(axes, self._compensation, strict=True):
-            compensation.estimator.saturates_at(axis.peak_force)
+            compensation.saturates_at(axis.peak_force)
             moving.append(
                 MovingAxis(
                     axis.name,

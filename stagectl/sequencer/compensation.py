@@ -68,10 +68,12 @@ class Learned:
     Attributes:
         estimate: of one axis from one move.
         compute_time: of the estimator [s].
+        local: its Coulomb force over the one that the axis goes on with, known from effects.
     """
 
     estimate: Estimate
     compute_time: float
+    local: float = 1.0
 
 
 class AxisCompensation:
@@ -257,7 +259,15 @@ class AxisCompensation:
         begin = time.perf_counter()
         estimate = self.estimator.update(self._with_mean_force(move))
         spent = time.perf_counter() - begin
-        return Learned(estimate, spent) if self.mode is Mode.ESTIMATED else None
+        if self.mode is not Mode.ESTIMATED:
+            return None
+        return Learned(estimate, spent, 1.0 if self.known is None else self.known.local)
+
+    def saturates_at(self, force: float) -> None:
+        """From now on the drive's largest force is this [N]."""
+        self.estimator.saturates_at(force)
+        if self.known is not None:
+            self.known.peak = force
 
     def forget_state(self) -> None:
         """The stage has been without power: its friction state is unknown, the figures stand."""
@@ -281,9 +291,12 @@ class AxisCompensation:
             return
         known.plan(motion, across, len(demand))
         if known.terms.has_coulomb_factor:
-            if self._departure is None:
+            before, local = known.local, known.meet_coulomb(demand, moment)
+            if known.varies and self._departure is None:
                 self._departure = self._state_now()
-            self.estimator.scale_coulomb(known.coulomb_at_end(demand, moment + motion.duration))
+            if known.varies and self.estimator.state is not None:
+                self.estimator.state.rescale(local / before)
+            self.estimator.scale_coulomb(local)
 
     def _state_now(self) -> FrictionState:
         """A copy of the friction state; relaxed where it is unknown."""
@@ -365,6 +378,7 @@ def make_compensation(
     truth: Machine | None = None,
     known: Mapping[str, Figures] | None = None,
     drift: Mapping[str, Mapping[str, float]] | None = None,
+    mapped: bool = False,
 ) -> tuple[AxisCompensation, ...]:
     """Compensation of every axis in the machine's order, its kernels compiled.
 
@@ -375,10 +389,12 @@ def make_compensation(
         truth: machine whose friction figures to use in mode ORACLE.
         known: axis -> figures that an earlier run has learned, for mode ESTIMATED.
         drift: axis -> drift as in `AxisCompensation`; None without a friction map.
+        mapped: whether the Coulomb force over place and time is known from measurement, or is being
+            measured: effects that change it are then left to that.
     """
     source = truth if mode is Mode.ORACLE and truth is not None else machine
     scale = scale if source is machine else 1.0
-    terms = {} if mode is Mode.NONE else known_terms(machine)
+    terms = {} if mode is Mode.NONE else known_terms(machine, mapped)
     of_figures = terms if source is machine else known_terms(source)
     made = []
     for number, (name, axis) in enumerate(machine.axes.items()):

@@ -273,6 +273,7 @@ class Engine:
                     abs(move.distance(axis)),
                     self._mover.time,
                     max(abs(move.distance(name)) for name in move.target),
+                    learned.local,
                 )
             )
 

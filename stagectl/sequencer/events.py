@@ -76,6 +76,8 @@ class FrictionUpdated:
         distance: moved by this axis [m].
         time: of the stage at the end of the rest after the move [s].
         reach: longest distance of any axis in the move [m].
+        local: Coulomb force of the estimate over the one that the run goes on with: known effects
+            change it from place to place and in time.
     """
 
     site: int | None
@@ -87,6 +89,7 @@ class FrictionUpdated:
     distance: float = 0.0
     time: float = 0.0
     reach: float = 0.0
+    local: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)

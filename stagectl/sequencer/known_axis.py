@@ -29,6 +29,9 @@ SAMPLES_BEFORE_MOVE = 2
 """Samples at rest at the start of a move's record; they end the record before it, too."""
 REST_SAMPLES = 5
 """The force at rest is the mean of this many samples."""
+UNIFORM = 3e-3
+"""A Coulomb force that changes by less than this share along a move is the same all along it: its
+own wander is larger."""
 
 
 class KnownAxis:
@@ -45,6 +48,9 @@ class KnownAxis:
 
     Attributes:
         terms: as above.
+        peak: as above.
+        local: factor on Fc where the last move ends, mean of both directions.
+        varies: whether the factor differs along that move, or between its directions.
     """
 
     def __init__(
@@ -60,7 +66,9 @@ class KnownAxis:
         self.terms = terms
         self._own, self._other = number, -1 - number
         self._forces = KnownForces(terms, mass, period)
-        self._period, self._lead, self._ahead, self._peak = period, lead, ahead, peak
+        self._period, self._lead, self._ahead, self.peak = period, lead, ahead, peak
+        self.local = 1.0
+        self.varies = False
         self.forget()
 
     def forget(self) -> None:
@@ -71,7 +79,6 @@ class KnownAxis:
         self._planned = np.zeros(1)
         self._held = self._forces.at_start()
         self._end = 0.0
-        self._local = 1.0
 
     def compile_kernels(self) -> None:
         """Run the compiled kernels once, before anything moves."""
@@ -160,7 +167,7 @@ class KnownAxis:
         """
         terms = self.terms
         known = self._forces.along(self._path(path), self._before.copy())
-        disturbed = np.abs(record.force) >= self._peak
+        disturbed = np.abs(record.force) >= self.peak
         if terms.coupled_mass:
             disturbed |= np.convolve(~seen, np.ones(3), "same") > 0.0
         if record.disturbed is not None:
@@ -185,15 +192,19 @@ class KnownAxis:
         late = self._forces.along(Path(*(part[last:] for part in motion)), self._now)
         self._at_rest = float(np.concatenate((early, late))[-REST_SAMPLES:].mean())
 
-    def coulomb_at_end(self, demand: F64, time: float) -> float:
+    def meet_coulomb(self, demand: F64, time: float) -> float:
         """Factor on Fc where a move ends, mean of both directions; `variation` is relative to it.
 
         Args:
             demand: setpoints of all axes [m], shape (K, n).
-            time: of the end [s].
+            time: of the rest before the move [s].
         """
-        self._local = float(self._coulomb(demand[-1:], np.array([time]), None)[0])
-        return self._local
+        moments = np.asarray(time + np.arange(len(demand)) * self._period, np.float64)
+        factor = self._coulomb(demand, moments, None)
+        self.local = float(factor[-1])
+        change = float(np.abs(factor / self.local - 1.0).max())
+        self.varies = change > UNIFORM or self.terms.forward != self.terms.backward
+        return self.local
 
     def variation(self, other: F64 | None, path: F64, time: F64) -> F64 | None:
         """Fc along a path relative to that where the move ends, minus 1, shape (K,), or None.
@@ -203,9 +214,9 @@ class KnownAxis:
             path: positions of all axes [m], shape (K, n).
             time: of the stage [s], shape (K,).
         """
-        if not self.terms.has_coulomb_factor:
+        if not self.varies:
             return other
-        factor = self._coulomb(path, time, directions(path[:, self._own])) / self._local
+        factor = self._coulomb(path, time, directions(path[:, self._own])) / self.local
         return factor - 1.0 if other is None else factor * (1.0 + other) - 1.0
 
     def _coulomb(self, path: F64, time: F64, heading: F64 | None) -> F64:
@@ -213,7 +224,7 @@ class KnownAxis:
         return coulomb_factor(self.terms, own, other, time, heading)
 
     def _to_demand(self, force: F64, position: F64) -> F64:
-        return np.clip(force_to_demand(self.terms, force, position), -self._peak, self._peak)
+        return np.clip(force_to_demand(self.terms, force, position), -self.peak, self.peak)
 
     def _path(self, path: F64) -> Path:
         """Motion of an axis from positions of all at the samples."""

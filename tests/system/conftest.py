@@ -65,11 +65,13 @@ def run(machine: Machine, tmp_path_factory: pytest.TempPathFactory) -> Run:
         folder: Path | None = None,
         listener: Listener | None = None,
         observer: bool = True,
+        host: Machine | None = None,
     ) -> RunResult:
+        host = host or machine
         request = RunRequest(
-            load_recipe(recipe, machine),
-            machine,
-            truth or machine,
+            load_recipe(recipe, host),
+            host,
+            truth or host,
             None,
             Mode(mode),
             scale,

@@ -82,8 +82,8 @@ def test_coulomb_force_in_time_and_by_direction():
         coulomb_factor(terms, place, place, time), [1.3, 1.0 + 0.3 / math.e, 1.0]
     )
     inverses.friction_asymmetry(terms, {"ratio": 0.1})
-    heading = np.array([1.0, -1.0, 0.0])
     late = np.full(3, 1e4)
+    heading = np.array([1.0, -1.0, 0.0])
     np.testing.assert_allclose(coulomb_factor(terms, place, place, late, heading), [1.1, 0.9, 1.0])
     ports = ports_of("friction_asymmetry", {"ratio": 0.1})
     assert (ports.coulomb_forward, ports.coulomb_backward) == (terms.forward, terms.backward)

@@ -129,11 +129,17 @@ def test_the_acceleration_of_the_other_axis_is_met():
 
 def test_the_coulomb_force_is_relative_to_where_the_move_ends():
     axis = known(table_factors=[lambda x, _: 1.0 + 10.0 * x], forward=1.1, backward=0.9)
-    path = positions(plan(0.0, 0.02, LIMITS))
-    assert axis.coulomb_at_end(path, 0.0) == pytest.approx(1.2)
+    path = positions(plan(0.02, 0.0, LIMITS))
+    assert axis.meet_coulomb(path, 0.0) == axis.local == pytest.approx(1.0)
     variation = axis.variation(None, path, np.zeros(len(path)))
-    assert variation[-1] == pytest.approx(0.1)
-    assert variation[0] == pytest.approx(1.0 / 1.2 - 1.0)
+    assert (variation[0], variation[-1]) == pytest.approx((0.2, -0.1))  # 0: not yet in motion
     both = axis.variation(np.full(len(path), 0.5), path, np.zeros(len(path)))
-    assert both[-1] == pytest.approx(1.1 * 1.5 - 1.0)
-    assert known(gain=0.9).variation(None, path, np.zeros(len(path))) is None
+    assert both[-1] == pytest.approx(0.9 * 1.5 - 1.0)
+
+
+def test_along_a_short_move_the_coulomb_force_is_the_same():
+    axis = known(table_factors=[lambda x, _: 1.0 + 10.0 * x])
+    path = positions(plan(0.02, 0.02005, LIMITS))
+    assert axis.meet_coulomb(path, 0.0) == pytest.approx(1.2005)
+    assert not axis.varies
+    assert axis.variation(None, path, np.zeros(len(path))) is None
