@@ -15,6 +15,7 @@ from hil_sim.effects import Effect
 from hil_sim.effects.library import EffectError, library
 from stagectl.config.machine import Axis, Machine
 from stagectl.config.machine import Effect as Wanted
+from stagectl.config.package_settings import stage_settings
 from stagectl.errors import ConfigError
 
 
@@ -73,9 +74,12 @@ def known_terms(machine: Machine, mapped: bool = False) -> dict[str, KnownTerms]
             one: what effects say of it is left out, for the map has it.
 
     Raises:
-        ConfigError: an effect is not installed, or what it names for its inverse cannot be used.
+        ConfigError: an effect is not installed, has keys or values that it cannot have, or what it
+            names for its inverse cannot be used.
     """
     known: dict[str, KnownTerms] = {}
+    if any(axis.effects for axis in machine.axes.values()):
+        stage_settings(machine)  # checks them
     for name, axis in machine.axes.items():
         for wanted in axis.effects:
             inverse = _find(wanted.name, machine).compensation.inverse

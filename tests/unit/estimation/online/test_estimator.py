@@ -419,3 +419,18 @@ def test_a_move_that_is_not_like_the_others_counts_less(data):
     assert noticed.accepted
     assert noticed.misfit > 1.6 * plain.misfit
     assert before / noticed.sigma["relaxation_rate"] < before / plain.sigma["relaxation_rate"]
+
+
+def test_a_known_factor_on_the_coulomb_force_is_not_learned_into_the_figure():
+    """The stage has 1.4 times the Coulomb force, and that is known: the figure stays what it is."""
+    stage = only_x(0.001)
+    (x,) = stage.axes
+    heavy = replace(stage, axes=(replace(x, friction=replace(x.friction, coulomb=8.4)),))
+    estimator = SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS)
+    estimator.scale_coulomb(1.4)
+    for estimate in learn(estimator, drive(SEQUENCE, heavy)):
+        assert estimate.accepted
+    assert estimator.friction.coulomb == pytest.approx(6.0, rel=0.01)
+    assert estimate.friction.coulomb == pytest.approx(8.4, rel=0.01)
+    assert estimate.sigma["coulomb"] == pytest.approx(1.4 * estimator.sigma["coulomb"])
+    assert estimator.effective(10.0).coulomb == pytest.approx(8.4, rel=0.01)

@@ -108,6 +108,23 @@ def test_an_inverse_that_cannot_be_used_is_named_in_a_line(bellows):
         known_terms(machine("effect: broken, stiffness: 8"))
 
 
+def test_a_key_that_is_missing_is_named_with_its_line():
+    with pytest.raises(ConfigError, match=r"m.yaml:\d+.*axes.y.effects\[1\].*phase is missing"):
+        known_terms(machine("effect: cogging, amplitude: 1, pitch: 0.03"))
+
+
+def test_what_a_friction_map_has_is_left_to_it():
+    bump = machine(
+        "effect: friction_position, amplitude: 0.4, center: 0, width: 0.01",
+        "effect: friction_asymmetry, ratio: 0.1",
+    )
+    assert known_terms(bump)["y"].table_factors
+    terms = known_terms(bump, mapped=True)["y"]
+    assert not terms.table_factors
+    assert terms.forward == 1.1
+    assert [e.compensated for e in known_effects(bump, mapped=True)] == [False, True]
+
+
 def test_without_compensation_nothing_is_compensated():
     (found,) = known_effects(machine("effect: force_offset, force: 1"), compensating=False)
     assert not found.compensated

@@ -77,3 +77,68 @@ def test_a_correction_at_the_same_place_keeps_the_forces_of_the_elements():
         assert x.estimator.level == pytest.approx(1.004)
         scale = 1.0 if better else 7.5 / 6.0
         np.testing.assert_allclose(x.estimator.state.forces, scale * before)
+
+
+def with_effects(*effects):
+    """The packaged machine with effects on x."""
+    lines = "".join(f"      - {{{effect}}}\n" for effect in effects)
+    text = load_machine().text.replace("    node: 1\n", f"    node: 1\n    effects:\n{lines}", 1)
+    return parse_machine(text, "effects")
+
+
+def known_offsets(machine, mode=Mode.MODEL):
+    x, y = make_compensation(machine, mode)
+    assert y.known is None
+    if x.known is None:
+        return offsets(x)
+    time = np.arange(1, 261) * TS
+    demand = np.column_stack([MOVE.sample(time)[0], np.zeros(260)])
+    x.begin_known(MOVE, None, demand, 0.1)
+    variation = x.known.variation(None, demand, time)
+    return x.force_offsets(MOVE, 260, 0.1, 0.0, 0.0, 0.0, variation)
+
+
+def test_a_known_force_is_added_along_the_way():
+    plain, known = (
+        known_offsets(m)
+        for m in (load_machine(), with_effects("effect: cable_stiffness, stiffness: 40, center: 0"))
+    )
+    ahead = 1 / (2 * np.pi * 1500.0) + 0.5e-4
+    there = MOVE.sample(np.arange(1, 261) * TS + ahead)[0]
+    np.testing.assert_allclose(known - plain, 40.0 * there, atol=1e-9)
+
+
+def test_mass_friction_figures_and_lead_are_those_that_are_known():
+    known = with_effects(
+        "effect: payload_mass, mass: 1.0", "effect: coulomb_level, ratio: 1.2",
+        "effect: dead_time, delay: 0.001",
+    )  # fmt: skip
+    x, _ = make_compensation(known, Mode.ESTIMATED, 0.5)
+    assert x.estimator.friction.coulomb == pytest.approx(3.6)
+    assert x.estimator.settings.mass == 9.0
+    text = load_machine().text
+    for old, new in (("mass: 8.0", "mass: 9.0"), ("n: 600.0", "n: 720.0"), ("b: 6.0", "b: 7.2")):
+        text = text.replace(old, new)
+    changed = known_offsets(parse_machine(text, "changed"))
+    # A dead time of one period: the same force one setpoint earlier.
+    np.testing.assert_allclose(known_offsets(known)[:-1], changed[1:], atol=0.03)
+
+
+def test_without_compensation_effects_change_nothing():
+    plain, known = (
+        known_offsets(m, Mode.NONE)
+        for m in (load_machine(), with_effects("effect: payload_mass, mass: 1.0"))
+    )
+    np.testing.assert_array_equal(plain, known)
+
+
+def test_friction_where_the_force_is_known_to_be_higher_is_fed_forward_as_such():
+    bump = with_effects("effect: friction_position, amplitude: 0.5, center: 0.025, width: 0.005")
+    change = known_offsets(bump) - known_offsets(load_machine())
+    place = MOVE.sample(np.arange(1, 261) * TS)[0]
+    level = 3.0 * np.exp(-0.5 * ((place - 0.025) / 0.005) ** 2)
+    expected = np.zeros(260)
+    for k in range(1, 260):  # what slides follows with C/Fc = 100 1/s
+        expected[k] = level[k] + (expected[k - 1] - level[k]) * np.exp(-100.0 * TS)
+    assert expected[130] > 0.8
+    np.testing.assert_allclose(change[60:131], expected[60:131], atol=0.05)
