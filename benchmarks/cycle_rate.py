@@ -28,7 +28,9 @@ from hil_sim.plant import simulate
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import load_machine
+from stagectl.config.observer import design_observers, make_observer
 from stagectl.config.package_settings import driver_settings, stage_settings
+from stagectl.sequencer import ObservedOffsets
 from stagectl.store import AxisScaling, BusLog, Journal, JournalHeader
 
 CYCLES = 4000
@@ -87,11 +89,16 @@ def main() -> None:
         log = stack.enter_context(BusLog(folder / "bus.asc", datetime.now(UTC)))
         journaled = open_stage(stack, machine, "rate-journal", None)
         journaled.sink = stack.enter_context(journal_of(journaled, folder)).sink
+        observed = open_stage(stack, machine, "rate-observed", None)
+        peaks = [axis.settings.peak_force for axis in observed.axes]
+        observer = make_observer(machine, design_observers(machine), peaks)
+        observed.correct_offsets(ObservedOffsets(observer))
         subjects = {
             "plant alone (`simulate`)": lambda: simulate(settings, demand, offset, 1),
             "`Stage.stream`, lock-step bus": streaming(
                 open_stage(stack, machine, "rate", None), period
             ),
+            "the same with the observer": streaming(observed, period),
             "the same with bus log": streaming(open_stage(stack, machine, "rate-log", log), period),
             "the same with journal": streaming(journaled, period),
         }

@@ -10,7 +10,8 @@ settling to 50 nm. The host's machine file is wafer-xy; the true stage is
 - `figures off`: Coulomb force, viscous friction, stiffness and attraction deviate by -40 to +60 %,
   drawn for each seed and axis;
 - `two effects`: 1.2 N cogging on x, 1 N cable hysteresis on y;
-- an effect of the library (`stagectl effects`) on both axes, in the middle of its usual range.
+- an effect of the library (`stagectl effects`) on both axes, in the middle of its usual range
+  (of what is above, where it includes no effect at all).
 
 Columns: friction estimated and the observer off; estimated and on; friction by the file, on. `ok`
 says whether what is demanded of the second is reached, and that it is no worse than the third.
@@ -90,10 +91,16 @@ def with_effects(machine: Machine, effects: Mapping[str, tuple[Effect, ...]]) ->
 
 
 def middle(effect: Known, axis: AxisSettings) -> Effect:
-    """An effect in the middle of its usual range on this axis, with positive sign."""
+    """An effect in the middle of its usual range on this axis.
+
+    With positive sign; where no effect at all is within the range, in the middle of what is above.
+    """
     values = {}
     for parameter in effect.parameters:
         low, high = parameter.ranges(axis)[-1]
+        neutral = parameter.neutral_on(axis)
+        if neutral is not None and low < neutral < high:
+            low = neutral
         value = (low * high) ** 0.5 if parameter.log and low > 0.0 else 0.5 * (low + high)
         values[parameter.key] = value
     return Effect(effect.name, values)

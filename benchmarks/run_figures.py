@@ -4,8 +4,8 @@
 
 Every row is a set of whole runs through `stagectl.run.execute`: CAN frames, two axes, journal, bus
 log and report included. Peak error and settling are those of `summary.json` (docs/formats/run.md),
-both axes together. Settling, peak error and friction depend only on recipe and seed; the last
-column depends on the machine.
+both axes together; all but one row are without the observer. Settling, peak error and friction
+depend only on recipe and seed; the last column depends on the machine.
 """
 
 from __future__ import annotations
@@ -39,18 +39,21 @@ class Case:
         mode: of compensation.
         friction_scale: of the figures that the host starts from.
         first_site: moves to earlier sites are left out.
+        observer: corrects the force offsets at every SYNC.
     """
 
     label: str
     mode: Mode
     friction_scale: float = 1.0
     first_site: int = 1
+    observer: bool = False
 
 
 CASES = (
     Case("mass only (`none`)", Mode.NONE),
     Case("friction figures halved, never updated (`model`)", Mode.MODEL, 0.5, 4),
     Case("friction figures halved, estimated, from site 4 on", Mode.ESTIMATED, 0.5, 4),
+    Case("the same, with the observer", Mode.ESTIMATED, 0.5, 4, True),
     Case("friction figures right at the start, estimated", Mode.ESTIMATED),
     Case("true friction figures (`oracle`)", Mode.ORACLE),
 )
@@ -78,6 +81,7 @@ def run_whole(
             seed=seed,
             folder=Path(folder),
             started=datetime.now(UTC),
+            observer=case.observer,
         )
         result = execute(request, Listener())
     if result.error is not None:

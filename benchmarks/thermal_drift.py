@@ -98,6 +98,7 @@ def run(
             seed=seed,
             folder=Path(folder),
             started=datetime.now(UTC),
+            observer=False,  # it would hide what the level's error does
         )
         listener = Listener(event=seen, switched_on=lambda stage, _: stages.append(stage))
         result = execute(request, listener)

@@ -69,7 +69,9 @@ class CorrectedOffsets:
         self.failure: str | None = None
         self._correction, self._sync, self._period = correction, sync, period_ns
         self._before = self._last = -1
-        self._held = np.zeros(len(sync.channels))
+        # sent and planned with the last row that was corrected
+        self._chosen: Sequence[int] = [0] * len(sync.channels)
+        self._planned = np.zeros(len(sync.channels))
 
     def rows(self, targets: NDArray[np.int64], planned: NDArray[np.float64]) -> Iterator[Row]:
         """The rows of a stream, each made when it is due.
@@ -87,7 +89,7 @@ class CorrectedOffsets:
             self._before = sync.sent - self._period
         self._begin(targets, planned, continued)
         for row, target in enumerate(targets.tolist()):
-            offsets = self._choose(row, planned[row])
+            offsets = self._choose(row, planned)
             for channel, position, offset in zip(channels, target, offsets, strict=True):
                 channel.target, channel.offset = position, offset
             frames = [(channel, channel.pack()) for channel in channels]
@@ -115,11 +117,14 @@ class CorrectedOffsets:
                 chosen = self._correction.offsets(
                     row, periods, sync.offset / self._period, sync.channels
                 )
-                self._held = chosen - planned
-                return chosen
+                if len(chosen) != len(sync.channels):
+                    raise ValueError(f"{len(chosen)} offsets for {len(sync.channels)} axes")
             except Exception as why:  # noqa: BLE001  the stream goes on
                 self._fail(why)
-        held = np.rint(planned + self._held).astype(np.int64)
+            else:
+                self._chosen, self._planned = chosen, planned[row]
+                return chosen
+        held = np.rint(planned[row] + (np.array(self._chosen) - self._planned))
         return [int(offset) for offset in np.clip(held, _LEAST, _MOST)]
 
     def _fail(self, why: Exception) -> None:

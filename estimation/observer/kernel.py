@@ -20,8 +20,10 @@ from estimation.observer.model import LACK
 POSITION, MEASURED_FORCE, VALID, ARRIVAL = range(4)
 """Columns of a sample: [increments], [1/1000 rated], 1 or 0, time of its frame after SYNC [ns]."""
 OFF, FRESH, RUNNING, FAILED = range(4)
-"""Of an axis: its offsets are sent as planned; before its first sample; observed; a value was not
-finite, the correction stays as it is."""
+"""Phases of an axis: its offsets are sent as planned; before its first sample; observed; a value
+was not finite, the correction stays as it is."""
+RAMP_FROM, RAMP_TO, GAIN = range(3)
+"""Vectors of a model, as in `ObserverModel`."""
 PUNCTUAL = 1.0
 """A sample says nothing where what is not known of its instant is worth more than so many sigma of
 its prediction at the speed of the demand."""
@@ -33,63 +35,87 @@ LOST = 20
 """After so many periods without a row the estimate begins anew."""
 
 F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
+Records = NDArray[np.void]
+
+AXIS_DTYPE = np.dtype(
+    [
+        ("spread", "f8"),
+        ("correction_gain", "f8"),
+        ("kept", "f8"),
+        ("limit", "f8"),
+        ("increment", "f8"),
+        ("unit", "f8"),
+        ("saturation", "f8"),
+        ("first_tick", "f8"),
+        ("usual_step", "f8"),
+        ("period", "f8"),
+    ],
+    align=True,
+)
+"""Figures of an axis: sigma of a sample around its prediction [m]; g over force ratio; share of the
+correction kept, 1 - g; limit of the correction [N]; units of position [m] and force [N]; force from
+which the drive counts as saturated [1/1000 rated]; Tc/Ts, the share of a step of the demand that is
+made when the sample is taken; `USUAL` and Ts [ns]."""
+NOW_DTYPE = np.dtype(
+    [
+        ("phase", "i8"),
+        ("correction", "f8"),
+        ("acting", "f8"),
+        ("acting_before", "f8"),
+        ("carried", "f8"),
+        ("target", "i8"),
+        ("target_before", "i8"),
+        ("position", "i8"),
+        ("force", "i8"),
+        ("usual_arrival", "f8"),
+    ],
+    align=True,
+)
+"""State of an axis: phase; correction [N]; offset sent less planned, in this period and the one
+before [N]; what rounding has left [1/1000 rated]; target sent last and the one before [increments];
+sample before [increments, 1/1000 rated]; usual arrival [ns], negative before the first."""
 
 
 class Observers(NamedTuple):
     """The observers of n axes, with N states each; read only.
 
     Attributes:
-        transition: (n, N, N); ramp_from, ramp_to, gain: (n, N), as in `ObserverModel`.
-        spread: of a sample around its prediction, 1 sigma, (n,) [m].
-        correction_gain: g / force ratio, (n,); share: of the correction kept, 1 - g, (n,).
-        limit: of the correction, (n,) [N].
-        increment: one unit of positions, (n,) [m].
-        unit: one unit of forces, (n,) [N].
-        saturation: force from which the drive counts as saturated, (n,) [1/1000 rated].
-        period: Ts [ns].
-        first_tick: share of a step of the demand that is made when the sample is taken, Tc/Ts.
+        axes: records of `AXIS_DTYPE`, (n,).
+        transition: (n, N, N).
+        vectors: `RAMP_FROM`, `RAMP_TO` and `GAIN`, (n, 3, N).
     """
 
+    axes: Records
     transition: F64
-    ramp_from: F64
-    ramp_to: F64
-    gain: F64
-    spread: F64
-    correction_gain: F64
-    share: F64
-    limit: F64
-    increment: F64
-    unit: F64
-    saturation: F64
-    period: float
-    first_tick: float
+    vectors: F64
 
 
 class State(NamedTuple):
     """State of the observers.
 
     Attributes:
-        phase: `OFF`, `FRESH`, `RUNNING` or `FAILED`, (n,).
+        axes: records of `NOW_DTYPE`, (n,).
         estimate: prediction for the next sample, (n, N).
-        correction: of the force offset, (n,) [N].
-        acting: offset sent less planned, in this period and the one before, (n, 2) [N].
-        carried: what rounding has left, (n,) [1/1000 rated].
-        target: sent last, and the one before, (n, 2) [increments].
-        before: position and force of the sample before, (n, 2).
-        usual: arrival of the frames, (n,) [ns]; negative before the first.
         trial: estimate being computed, (2, N).
     """
 
-    phase: I64
+    axes: Records
     estimate: F64
-    correction: F64
-    acting: F64
-    carried: F64
-    target: I64
-    before: I64
-    usual: F64
     trial: F64
+
+
+def make_observers(axes: int, states: int) -> Observers:
+    """Observers whose figures are still to be set."""
+    return Observers(
+        np.zeros(axes, AXIS_DTYPE), np.zeros((axes, states, states)), np.zeros((axes, 3, states))
+    )
+
+
+def make_state(axes: int, states: int) -> State:
+    """The state of observers that are off."""
+    state = State(np.zeros(axes, NOW_DTYPE), np.zeros((axes, states)), np.zeros((2, states)))
+    state.axes["phase"], state.axes["usual_arrival"] = OFF, -1.0
+    return state
 
 
 @kernel()
@@ -102,27 +128,28 @@ def step(observers, state, targets, planned, row, periods, doubt, sample, sent):
         targets: of the stream, int64[K, n] [increments].
         planned: force offsets of the stream, float64[K, n] [1/1000 rated].
         row: that is sent next.
-        periods: from the last SYNC that had a row to the one of this row.
+        periods: from the SYNC of the row before the last one to that of the last one.
         doubt: how far that SYNC was off its place on the grid, over Ts.
         sample: of that SYNC, int64[n, 4].
         sent: written, int64[n]: force offsets of the row [1/1000 rated].
     """
     for a in range(len(sent)):
-        if state.phase[a] == OFF:
+        now = state.axes[a]
+        if now.phase == OFF:
             sent[a] = within_integer16(planned[row, a])
             continue
-        if periods > LOST and state.phase[a] == RUNNING:
-            state.phase[a] = FRESH
-        if state.phase[a] != FAILED:
+        if periods > LOST and now.phase == RUNNING:
+            now.phase = FRESH
+        if now.phase != FAILED:
             observe(observers, state, a, periods, doubt, sample)
-        unit = observers.unit[a]
-        wanted = planned[row, a] + state.correction[a] / unit + state.carried[a]
+        unit = observers.axes[a].unit
+        wanted = planned[row, a] + now.correction / unit + now.carried
         sent[a] = within_integer16(wanted)
-        state.carried[a] = min(max(wanted - sent[a], -0.5), 0.5)
-        state.acting[a, 1] = state.acting[a, 0]
-        state.acting[a, 0] = (sent[a] - planned[row, a]) * unit
-        state.target[a, 1] = state.target[a, 0]
-        state.target[a, 0] = targets[row, a]
+        now.carried = min(max(wanted - sent[a], -0.5), 0.5)
+        now.acting_before = now.acting
+        now.acting = (sent[a] - planned[row, a]) * unit
+        now.target_before = now.target
+        now.target = targets[row, a]
 
 
 @kernel()
@@ -137,58 +164,58 @@ def observe(observers, state, a, periods, doubt, sample):  # type: ignore[no-unt
 
     Arguments as those of `step`.
     """
+    own, now = observers.axes[a], state.axes[a]
     estimate, trial = state.estimate[a], state.trial
     position, force = sample[a, POSITION], sample[a, MEASURED_FORCE]
     valid = sample[a, VALID] != 0
-    begins = state.phase[a] == FRESH
+    begins = now.phase == FRESH
     if begins and not valid:
         return
-    going = state.target[a, 0] - state.target[a, 1]
-    demand = state.target[a, 1] + observers.first_tick * going
-    deviation = (position - demand) * observers.increment[a]
-    saturated = valid and abs(force) >= observers.saturation[a]
-    stale = position == state.before[a, 0] and force == state.before[a, 1] and abs(going) > STALE
+    going = now.target - now.target_before
+    deviation = (position - (now.target_before + own.first_tick * going)) * own.increment
+    saturated = valid and abs(force) >= own.saturation
+    stale = position == now.position and force == now.force and abs(going) > STALE
+    doubt = abs(doubt)
     if valid:
-        doubt = abs(doubt) + unpunctuality(observers, state, a, sample[a, ARRIVAL])
-    late = abs(going) * doubt * observers.increment[a] > PUNCTUAL * observers.spread[a]
-    state.before[a, 0], state.before[a, 1] = position, force
-    before, now = state.acting[a, 1], state.acting[a, 0]
-    trial[0] = estimate
+        doubt += unpunctuality(own, now, sample[a, ARRIVAL])
+    late = abs(going) * doubt * own.increment > PUNCTUAL * own.spread
+    now.position, now.force = position, force
+    lacking = estimate[LACK]
     if begins or saturated:  # nothing else is known: what was lacking still is
         trial[0] = 0.0
-        trial[0, 0], trial[0, LACK] = deviation, estimate[LACK]
+        trial[0, 0], trial[0, LACK] = deviation, lacking
     else:
+        trial[0] = estimate
         for _ in range(periods - 1):
-            predict(observers, a, before, before, trial)
+            predict(observers, a, now.acting_before, now.acting_before, trial)
         if valid and not stale and not late:
-            trial[0] += observers.gain[a] * (deviation - trial[0, 0])
-    predict(observers, a, before, now, trial)
+            trial[0] += observers.vectors[a, GAIN] * (deviation - trial[0, 0])
+    predict(observers, a, now.acting_before, now.acting, trial)
     if saturated:
-        trial[0, LACK] = estimate[LACK]
+        trial[0, LACK] = lacking
     for value in trial[0]:
         if not math.isfinite(value):
-            state.phase[a] = FAILED
+            now.phase = FAILED
             return
-    state.phase[a] = RUNNING
+    now.phase = RUNNING
     estimate[:] = trial[0]
-    if not saturated:
-        moved = observers.share[a] * state.correction[a]
-        moved += observers.correction_gain[a] * estimate[LACK]
-        state.correction[a] = min(max(moved, -observers.limit[a]), observers.limit[a])
+    if not saturated and not late:
+        moved = own.kept * now.correction + own.correction_gain * estimate[LACK]
+        now.correction = min(max(moved, -own.limit), own.limit)
 
 
 @kernel()
-def unpunctuality(observers, state, a, arrival):  # type: ignore[no-untyped-def]
-    """How far the sample of axis `a` may be off its instant by the arrival of its frame, over Ts.
+def unpunctuality(own, now, arrival):  # type: ignore[no-untyped-def]
+    """How far a sample may be off its instant by the arrival of its frame [ns], over Ts.
 
-    A drive samples when SYNC reaches it, and its answer follows; both may have been delayed.
+    A drive samples when SYNC reaches it, and its answer follows; both may have been delayed. `own`
+    and `now` are the axis' records.
     """
-    if state.usual[a] < 0.0:
-        state.usual[a] = arrival
-    most = USUAL * observers.period
-    off = arrival - state.usual[a]
-    state.usual[a] += min(max(off, -most), most)
-    return abs(off) / observers.period
+    if now.usual_arrival < 0.0:
+        now.usual_arrival = arrival
+    off = arrival - now.usual_arrival
+    now.usual_arrival += min(max(off, -own.usual_step), own.usual_step)
+    return abs(off) / own.period
 
 
 @kernel()
@@ -197,25 +224,11 @@ def predict(observers, a, start, end, trial):  # type: ignore[no-untyped-def]
 
     The offset goes from `start` to `end` [N].
     """
+    transition, vectors = observers.transition[a], observers.vectors[a]
     states = trial.shape[1]
     for i in range(states):
-        total = observers.ramp_from[a, i] * start + observers.ramp_to[a, i] * end
+        total = vectors[RAMP_FROM, i] * start + vectors[RAMP_TO, i] * end
         for k in range(states):
-            total += observers.transition[a, i, k] * trial[0, k]
+            total += transition[i, k] * trial[0, k]
         trial[1, i] = total
     trial[0] = trial[1]
-
-
-def make_state(axes: int, states: int) -> State:
-    """The state of observers that are off."""
-    return State(
-        np.full(axes, OFF, np.int64),
-        np.zeros((axes, states)),
-        np.zeros(axes),
-        np.zeros((axes, 2)),
-        np.zeros(axes),
-        np.zeros((axes, 2), np.int64),
-        np.zeros((axes, 2), np.int64),
-        np.full(axes, -1.0),
-        np.zeros((2, states)),
-    )

@@ -13,7 +13,8 @@ from estimation.observer.kernel import (
     FAILED,
     FRESH,
     OFF,
-    Observers,
+    USUAL,
+    make_observers,
     make_state,
     step,
 )
@@ -66,30 +67,23 @@ class StageObserver:
         used = [None if d is None or d.gain == 0.0 else d for d in designs]
         states = max((len(d.model.gain) for d in used if d is not None), default=1)
         self.is_on = tuple(d is not None for d in used)
-        self._observers = o = Observers(
-            transition=np.zeros((count, states, states)),
-            ramp_from=np.zeros((count, states)),
-            ramp_to=np.zeros((count, states)),
-            gain=np.zeros((count, states)),
-            spread=np.zeros(count),
-            correction_gain=np.zeros(count),
-            share=np.zeros(count),
-            limit=np.zeros(count),
-            increment=np.array([unit.increment for unit in units]),
-            unit=np.array([unit.force for unit in units]),
-            saturation=np.array([_SATURATED * unit.peak_force / unit.force for unit in units]),
-            period=period * 1e9,
-            first_tick=control_period / period,
-        )
+        self._observers = made = make_observers(count, states)
+        axes = made.axes
+        axes["increment"] = [unit.increment for unit in units]
+        axes["unit"] = [unit.force for unit in units]
+        axes["saturation"] = [_SATURATED * unit.peak_force / unit.force for unit in units]
+        axes["first_tick"] = control_period / period
+        axes["period"] = period * 1e9
+        axes["usual_step"] = USUAL * period * 1e9
         for a, chosen in enumerate(used):
             if chosen is None:
                 continue
             model, size = chosen.model, len(chosen.model.gain)
-            o.transition[a, :size, :size] = model.transition
-            o.ramp_from[a, :size], o.ramp_to[a, :size] = model.ramp_from, model.ramp_to
-            o.gain[a, :size], o.spread[a] = model.gain, model.spread
-            o.correction_gain[a] = chosen.gain / model.force_ratio
-            o.share[a], o.limit[a] = 1.0 - chosen.gain, chosen.figures.limit
+            made.transition[a, :size, :size] = model.transition
+            made.vectors[a, :, :size] = model.ramp_from, model.ramp_to, model.gain
+            axes[a]["spread"], axes[a]["limit"] = model.spread, chosen.figures.limit
+            axes[a]["correction_gain"] = chosen.gain / model.force_ratio
+            axes[a]["kept"] = 1.0 - chosen.gain
         self._state = make_state(count, states)
         self.sample: I64 = np.zeros((count, 4), np.int64)
         self._sent: I64 = np.zeros(count, np.int64)
@@ -109,17 +103,17 @@ class StageObserver:
     @property
     def correction(self) -> tuple[float, ...]:
         """Correction of each axis in effect [N]."""
-        return tuple(self._state.correction.tolist())
+        return tuple(self._state.axes["correction"].tolist())
 
     @property
     def failed(self) -> tuple[bool, ...]:
         """Which axes' estimates were not finite; their corrections stay as they are."""
-        return tuple(bool(phase == FAILED) for phase in self._state.phase)
+        return tuple((self._state.axes["phase"] == FAILED).tolist())
 
     def restart(self) -> None:
         """The axes were without power: no correction, no estimate."""
         self._state = make_state(len(self.is_on), self._state.trial.shape[1])
-        self._state.phase[:] = np.where(self.is_on, FRESH, OFF)
+        self._state.axes["phase"] = np.where(self.is_on, FRESH, OFF)
 
     def begin(self, targets: I64, planned: F64, target: Sequence[int], continued: bool) -> None:
         """Take the setpoints of a stream.
@@ -130,11 +124,11 @@ class StageObserver:
             target: sent last [increments].
             continued: the last SYNC carried the last row of the stream before.
         """
-        state = self._state
         self._targets, self._planned = targets, planned
         if not continued:
-            state.phase[state.phase != OFF] = FRESH
-            state.target[:] = np.array(target)[:, None]
+            axes = self._state.axes
+            axes["phase"][axes["phase"] != OFF] = FRESH
+            axes["target"] = axes["target_before"] = target
 
     def offsets(self, row: int, periods: int, doubt: float) -> list[int]:
         """Force offsets to send with a row [1/1000 rated], after `sample` has been written.
@@ -148,4 +142,5 @@ class StageObserver:
             self._observers, self._state, self._targets, self._planned, row, periods, doubt,
             self.sample, self._sent,
         )  # fmt: skip
-        return [int(offset) for offset in self._sent]
+        sent: list[int] = self._sent.tolist()
+        return sent

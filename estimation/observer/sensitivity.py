@@ -25,7 +25,7 @@ PEAK_OVER_DRIVE = 1.1
 """or so many times its peak with the drive alone, if that is more."""
 LATENCIES = (1, 2)
 """SYNC periods from a sample to the offset that it changes, for which that holds."""
-GAINS = tuple(np.geomspace(0.01, 1.0, 41).tolist())
+GAINS = tuple(np.geomspace(0.01, 1.0, 65).tolist())
 LOWEST = 2.0
 """Frequencies are looked at from here [Hz]."""
 _FREQUENCIES = 60

@@ -97,6 +97,7 @@ def command(
     request = RunRequest(
         calibration.recipe, believed, truth, bus, Mode.ESTIMATED, 1.0, seed, folder, started,
         resumed=None, history=where, operator=operator or None, comment=comment or None,
+        observer=False,  # deviations are what is measured
     )  # fmt: skip
     before: list[dict[str, Any]] = []
     if resume is not None:

@@ -42,7 +42,7 @@ class Chooser:
         if not self.chosen:
             return [0, 0]
         value = self.chosen.pop(0)
-        return [value + 0, -value]
+        return value if isinstance(value, list) else [value + 0, -value]
 
 
 def test_each_row_gets_its_offsets_after_the_sample_before_it(stage: Stage, scripted: Any) -> None:
@@ -92,9 +92,11 @@ def test_skipped_periods_are_told(stage: Stage, scripted: Any) -> None:
     assert [told[2] for told in chooser.told] == [0.0, 0.0, 0.0, 0.0, 0.7, 0.0]
 
 
-@pytest.mark.parametrize("wrong", ["text", None])
+@pytest.mark.parametrize(
+    ("wrong", "why"), [("text", "TypeError"), (None, "TypeError"), ([1, 2, 3], "ValueError")]
+)
 def test_whatever_it_raises_the_last_correction_stays(
-    stage: Stage, scripted: Any, wrong: Any
+    stage: Stage, scripted: Any, wrong: Any, why: str
 ) -> None:
     stage.enable()
     chooser = Chooser([5, 7, wrong, 100])
@@ -105,7 +107,7 @@ def test_whatever_it_raises_the_last_correction_stays(
     # planned 0, 1, 2, 3, 4; from row 1 on it adds 6
     np.testing.assert_allclose(samples.force_offset[:, X] / 0.04, [5, 7, 8, 9, 10])
     assert len(chooser.told) == 3
-    assert "stays as it is: TypeError" in stage.notices[-1]
+    assert f"stays as it is: {why}" in stage.notices[-1]
     held = stage.stream(*rest(stage, 2))
     np.testing.assert_allclose(held.force_offset[:, X] / 0.04, 6)
     stage.correct_offsets(None)
