@@ -42,7 +42,8 @@ def make(problem: Problem, p: F64) -> Callable[[int], float]:
 def _repeat(p, axis, law, samples, rest, use, chosen, times):  # type: ignore[no-untyped-def]
     n, count = chosen.shape[0], use.shape[0]
     normal, at = np.empty((n, n)), p.copy()
-    rows, weights, white = make_rows(0, count), make_weights(count), np.empty(count)
+    rows = make_rows(0, 0, np.empty(0), count)
+    weights, white = make_weights(count), np.empty(count)
     for i in range(times):
         at[COULOMB] = p[COULOMB] * (1.0 + 1e-12 * i)
         fill_rows(at, axis, law, samples, rest, 0, False, rows)

@@ -27,8 +27,9 @@ FIGURES = ("coulomb", "viscous", "stiffness", "relaxation_rate", "mass", "static
 COULOMB, VISCOUS, STIFFNESS, RATE, MASS, ALPHA, LAG = range(7)
 FRICTION_FIGURES = ("coulomb", "viscous", "stiffness", "relaxation_rate", "static_ratio")
 """Those that belong to the friction law."""
-LEVEL = 7
-"""Place of w behind the figures."""
+LEVEL, FORCE = 7, 8
+"""Places of w and of the unmodelled force d behind the figures."""
+STATES = 9
 
 # Unknowns of a solve behind the figures: offsets of the friction force [N] at rest before the move,
 # behind the last turn, and when zone A begins; error of the first position [standard deviations],
@@ -46,12 +47,24 @@ class BeliefSettings:
         drift: 1-sigma by which each may change from move to move.
         wander: rms of the Gauss-Markov factor on the Coulomb force.
         correlation_time: of it [s].
+        unmodelled: rms of the unmodelled force before the first move, relative to the Coulomb
+            force; the moves then show how large it is. 0: there is none.
+        variation: the same of the Coulomb force over place, beside its wander.
+        unmodelled_length: correlation length of both [m].
     """
 
-    start_spread: tuple[float, ...] = (0.6, 0.8, 0.8, 0.2, 0.05, 0.3, 0.5)
-    drift: tuple[float, ...] = (0.002, 0.004, 0.005, 0.002, 0.0005, 0.002, 0.001)
+    start_spread: tuple[float, ...] = (0.6, 0.8, 0.8, 0.6, 0.05, 0.3, 0.5)
+    drift: tuple[float, ...] = (0.002, 0.004, 0.005, 0.01, 0.0005, 0.002, 0.001)
     wander: float = 0.01
     correlation_time: float = 0.5
+    unmodelled: float = 0.0
+    variation: float = 0.0
+    unmodelled_length: float = 5e-3
+
+    @property
+    def level(self) -> float:
+        """Rms of w before the first move: wander and variation."""
+        return math.hypot(self.wander, self.variation)
 
     def wander_variance(self, elapsed: float) -> tuple[float, float]:
         """(factor kept, variance gained) of w over `elapsed` seconds."""
@@ -63,8 +76,8 @@ class Belief(NamedTuple):
     """Mean and covariance of the figures and the level; changed in place by an update.
 
     Attributes:
-        mean: figures and w, shape (LEVEL + 1,).
-        covariance: of them, shape (LEVEL + 1, LEVEL + 1).
+        mean: figures, w and d, shape (STATES,).
+        covariance: of them, shape (STATES, STATES).
     """
 
     mean: F64
@@ -73,9 +86,17 @@ class Belief(NamedTuple):
     @classmethod
     def at_start(cls, settings: BeliefSettings, friction: FrictionFigures) -> Belief:
         """Before any move; `friction` is what the figures are relative to."""
-        spread = np.array([*settings.start_spread, settings.wander])
-        mean = np.array([1.0, 1.0, 1.0, 1.0, 1.0, friction.static_ratio, 0.0, 0.0])
-        return cls(mean, np.diag(spread**2) + 1e-12 * np.eye(LEVEL + 1))
+        spread = np.array([*settings.start_spread, settings.level, settings.unmodelled])
+        mean = np.array([1.0, 1.0, 1.0, 1.0, 1.0, friction.static_ratio, 0.0, 0.0, 0.0])
+        return cls(mean, np.diag(spread**2) + 1e-12 * np.eye(STATES))
+
+    def copy(self) -> Belief:
+        """An independent copy."""
+        return Belief(self.mean.copy(), self.covariance.copy())
+
+    def take(self, other: Belief) -> None:
+        """Become as another one."""
+        self.mean[:], self.covariance[:] = other
 
     def set_apart(self, figure: int, value: float, sigma: float) -> None:
         """Take one figure, or the level, from elsewhere: independent of all others."""

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from estimation.friction.law import F64
-from estimation.online.belief import FIGURES, LEVEL, MASS, model_at
+from estimation.online.belief import COULOMB, FIGURES, LEVEL, MASS, model_at
 from estimation.online.outcome import (
     ACCEPTED,
     BOUND,
@@ -15,6 +15,7 @@ from estimation.online.outcome import (
     HOLES,
     JUMP,
     MISFIT,
+    SCALE,
     STILL,
     Outcome,
 )
@@ -69,6 +70,11 @@ class Estimate:
             return f"residual {number:.1f} times what noise and wander explain"
         if verdict == BOUND:
             return f"{FIGURES[self._outcome.figure]} ran into its bound"
+        if verdict == SCALE:
+            return (
+                f"force per acceleration changes by {number:+.0%}: not friction, but the force "
+                "constant, the reading of the force (0x6077) or the moved mass"
+            )
         if verdict == JUMP:
             return f"{FIGURES[self._outcome.figure]} jumps by {number:+.0%}"
         return "the problem has no solution"
@@ -94,6 +100,15 @@ class Estimate:
         before, variance = self._outcome.sliding[:2].tolist()
         coulomb = self._facts[0].coulomb
         return before * coulomb, math.sqrt(variance) * coulomb
+
+    @property
+    def sliding(self) -> tuple[float, float]:
+        """Sliding level Fc (1 + w) in force at the move's end, and its sigma [N]."""
+        covariance, mean = self._outcome.covariance, self._outcome.mean
+        slope = np.array([1.0 + mean[LEVEL], mean[COULOMB]])
+        pair = covariance[np.ix_([COULOMB, LEVEL], [COULOMB, LEVEL])]
+        coulomb = self._facts[0].coulomb
+        return coulomb * float(slope.prod()), coulomb * math.sqrt(float(slope @ pair @ slope))
 
     @property
     def shown(self) -> tuple[float, float] | None:

@@ -22,9 +22,19 @@ import numpy as np
 from estimation.friction.law import F64
 from estimation.friction.model import FrictionState, breakaway_travel, count_states, make_constants
 from estimation.move import MoveData
-from estimation.online.belief import COULOMB, FIGURES, LEVEL, MASS, STIFFNESS, Belief, model_at
+from estimation.online.belief import (
+    COULOMB,
+    FIGURES,
+    FORCE,
+    LEVEL,
+    MASS,
+    STIFFNESS,
+    Belief,
+    model_at,
+)
 from estimation.online.estimate import Estimate, in_units, sliding_shown, spreads
-from estimation.online.outcome import ACCEPTED, FEW, JUMP, STILL, Outcome
+from estimation.online.judge import SHOWS_SCALE
+from estimation.online.outcome import ACCEPTED, BOUND, FEW, JUMP, SCALE, STILL, Outcome
 from estimation.online.prepare import FULL_SLIP, Sampled
 from estimation.online.settings import EstimatorSettings
 from estimation.online.trend import Trend
@@ -38,7 +48,11 @@ _LEAST_SHOWN = 0.98
 """A move that leaves more than this share of the level's variance shows no trend either."""
 _FEW, _RECENT = 3, 15
 """Accepted moves before the usual misfit is known, and over how many the median is taken."""
-CERTAIN = 0.15
+_MOVES = 15
+"""Over how many moves it is learned how much acts beside the model."""
+_LEAST_UNMODELLED = 0.003
+"""Least rms of the unmodelled force, relative to the Coulomb force at the start."""
+CERTAIN = 0.3
 """Relative sigma of Fc and sigma0 up to which the friction state is still known behind a refused
 move: with less certain figures it has been followed with a wrong model."""
 
@@ -102,6 +116,9 @@ class SplitHorizonEstimator:
         self._frozen = frozen
         self._jump: F64 | None = None
         self._jumps = 0
+        self._shown = 0  # moves so far, up to _MOVES
+        self._scale: float | None = None  # change of force per acceleration, while there is one
+        self._right: Belief | None = None  # belief when there was none
         self._axis = settings.axis(friction, frozen)
         self._law = make_constants(friction)
         self._facts = (friction, settings.mass, settings.period)
@@ -115,6 +132,13 @@ class SplitHorizonEstimator:
     def level(self) -> float:
         """Factor on the Coulomb force at the end of the last move, 1 + w."""
         return 1.0 + float(self._belief.mean[LEVEL])
+
+    @property
+    def unmodelled_force(self) -> tuple[float, float]:
+        """What acts at the end of the last move beside friction and m a, and its sigma [N]."""
+        variance = float(self._belief.covariance[FORCE, FORCE])
+        coulomb = self._start.coulomb
+        return coulomb * float(self._belief.mean[FORCE]), coulomb * math.sqrt(variance)
 
     @property
     def sigma(self) -> dict[str, float]:
@@ -193,7 +217,8 @@ class SplitHorizonEstimator:
         self._trend.calm()
         self._known = False
         self._moves_to_trust = 0
-        self._belief.set_apart(LEVEL, 0.0, self.settings.belief.wander)
+        self._belief.set_apart(LEVEL, 0.0, float(self._axis["wander"]))
+        self._belief.set_apart(FORCE, 0.0, float(self._axis["unmodelled"]))
 
     def effective(self, time: float) -> FrictionFigures:
         """The model with the level expected at `time` [s]: what feedforward should use."""
@@ -214,7 +239,8 @@ class SplitHorizonEstimator:
         self._rest = position
         if self.state is None:
             self.state = FrictionState.relaxed(count_states(self._start), position)
-        self.state.correct(force, self.effective(time))
+        unmodelled = self._start.coulomb * float(self._belief.mean[FORCE])
+        self.state.correct(force - unmodelled, self.effective(time))
         return self.state
 
     def update(self, move: MoveData) -> Estimate:
@@ -231,7 +257,10 @@ class SplitHorizonEstimator:
             state = self.state = FrictionState.relaxed(count_states(self._start))
         end = move.time + (len(move.position) - 1) * self.settings.period
         outcome = self._run(move, state, self._known, True, end)
+        outcome = self._refuse_scale(outcome)
         self._end, self._rest = end, None
+        if outcome.verdict != SCALE and outcome.unmodelled > 0.0 and outcome.wander > 0.0:
+            self._observe_unmodelled(outcome)
         if outcome.verdict == ACCEPTED:
             self._jumps = self._moves_to_trust = 0
             self._known = True
@@ -274,6 +303,56 @@ class SplitHorizonEstimator:
         shown = sliding_shown(outcome, _LEAST_SHOWN)
         if shown is not None:
             self._trend.saw(time, shown[0], shown[1] / shown[0] ** 2, self._before)
+
+    def _observe_unmodelled(self, outcome: Outcome) -> None:
+        """Learn how much acts beside the model: level, unmodelled force, and what is left.
+
+        Expectation-maximisation: the mean square that a move shows, its uncertainty included, so
+        that a move that says nothing of it changes nothing; averaged over _MOVES moves. Refused
+        moves count: what is refused again and again is expected in the end.
+        """
+        self._shown = min(self._shown + 1, _MOVES)
+        axis, settings = self._axis, self.settings
+        excess = 0.0
+        for name, square, least, usual in (
+            ("model_error", outcome.missed, settings.model_error, settings.model_error),
+            ("wander", outcome.wander, settings.belief.wander, settings.belief.wander),
+            ("unmodelled", outcome.unmodelled, _LEAST_UNMODELLED, 0.0),
+        ):
+            variance = float(axis[name]) ** 2
+            variance = max(variance + (square - variance) / (self._shown + 1), least**2)
+            axis[name] = math.sqrt(variance)
+            unit = outcome.mean.item(COULOMB) if name == "unmodelled" else 1.0
+            excess += (variance - usual**2) / unit**2
+        axis["excess"] = math.sqrt(excess)
+
+    def _refuse_scale(self, outcome: Outcome) -> Outcome:
+        """Take back what was learned since the force per acceleration was last seen to be right.
+
+        Until it is so again, moves that do not show it are refused as well.
+        """
+        shows_scale = self._shows_scale(outcome)
+        if outcome.verdict == SCALE:
+            self._scale = outcome.number
+        elif outcome.verdict == ACCEPTED and shows_scale:
+            self._scale, self._right = None, self._belief.copy()
+        right = self._right
+        if self._scale is None or right is None:
+            return outcome
+        if outcome.verdict not in (SCALE, ACCEPTED, JUMP, BOUND):
+            return outcome
+        self._belief.take(right)
+        return outcome._replace(
+            verdict=SCALE, figure=MASS, number=self._scale, mean=right.mean,
+            covariance=right.covariance,
+        )  # fmt: skip
+
+    @staticmethod
+    def _shows_scale(outcome: Outcome) -> bool:
+        """Whether a move determines the apparent mass by itself."""
+        gained = outcome.gain.item(MASS) ** 2 - 1.0
+        variance = outcome.before.item(MASS) / max(gained, 1e-9)
+        return variance < (SHOWS_SCALE * outcome.mean.item(MASS)) ** 2
 
     def preview(self, move: MoveData) -> Preview | None:
         """Solve zone A of a move in progress; None where nothing can be concluded yet.
@@ -369,5 +448,7 @@ class SplitHorizonEstimator:
         self._jump = change
         if self._jumps >= self.settings.patience:
             self._jumps = 0
-            start = Belief.at_start(self.settings.belief, self._start)
-            self._belief.covariance[:] = start.covariance
+            start = Belief.at_start(self.settings.belief, self._start).covariance
+            for i in range(MASS):  # the mass does not change with friction
+                away = outcome.found[i] - self._belief.mean[i]
+                self._belief.set_apart(i, self._belief.mean[i], math.sqrt(start[i, i] + away**2))

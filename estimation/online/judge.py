@@ -9,7 +9,7 @@ import numpy as np
 
 from estimation.compiled import kernel
 from estimation.least_squares import cholesky_inverse
-from estimation.online.belief import COULOMB, LEVEL, MASS
+from estimation.online.belief import COULOMB, LAG, LEVEL, MASS, STATES
 from estimation.online.outcome import (
     ACCEPTED,
     BOUND,
@@ -17,12 +17,23 @@ from estimation.online.outcome import (
     HOLES,
     JUMP,
     MISFIT,
+    SCALE,
     STILL,
     UNSOLVED,
 )
 
 MOSTLY = 0.25
 """A motion is not learned from unless its force was steady in more than this share of it."""
+KNOWN_SCALE, SCALE_SHARE = 0.02, 0.05
+"""Force per acceleration is known from this relative sigma on, and another one where it changes
+by more than this share."""
+SHOWS_SCALE = 0.005
+"""A move that determines the apparent mass to this by itself, relative, shows whether the force's
+scale is right."""
+GARBAGE = 3.0
+"""Beyond this many times the accepted misfit the mass that a move shows means nothing either."""
+SURPRISE = 3.0
+"""A change of more than this many of its expected standard deviations goes into sigma."""
 UNUSUAL = 1.6
 """A move whose misfit is more than this many times the usual one counts less: what the model misses
 in it is not what it misses elsewhere."""
@@ -56,10 +67,15 @@ def judge(prepared, solution, axis, whole, before, after):  # type: ignore[no-un
     if prepared.slide == 0 and prepared.stick == 0:
         return Verdict(STILL, -1, float(prepared.why))
     sound = solution.status == 0
-    for i in range(LEVEL + 1):
+    for i in range(STATES):
         sound = sound and math.isfinite(after.mean[i]) and after.covariance[i, i] > 0.0
     if not sound:
         return Verdict(UNSOLVED, -1, 0.0)
+    scaled = whole and misfit <= GARBAGE * axis.misfit and is_another_scale(axis, before, after)
+    if scaled and solution.bound != LAG:
+        kept = after.covariance[MASS, MASS] / before.covariance[MASS, MASS]
+        change = after.mean[MASS] / before.mean[MASS] - 1.0
+        return Verdict(SCALE, MASS, change / max(1.0 - kept, 1e-3))  # as the move alone shows it
     if not misfit <= axis.misfit:
         return Verdict(MISFIT, -1, misfit)
     if solution.bound >= 0:
@@ -86,14 +102,49 @@ def find_jump(axis, before, after):  # type: ignore[no-untyped-def]
 
 
 @kernel()
+def is_another_scale(axis, before, after):  # type: ignore[no-untyped-def]
+    """Whether the force per acceleration, once known, is another one.
+
+    Friction does not change it: the force constant, the reading of the force or the mass has. All
+    figures are then off by that factor. Arguments as of `judge`.
+    """
+    variance, mean = before.covariance[MASS, MASS], before.mean[MASS]
+    narrowed = max(variance - after.covariance[MASS, MASS], 0.0)
+    if not 0.0 < variance < (KNOWN_SCALE * mean) ** 2:
+        return False
+    if after.covariance[MASS, MASS] * variance > narrowed * (SHOWS_SCALE * mean) ** 2:
+        return False  # a short move shows the mass by what else it is wrong in
+    change = abs(after.mean[MASS] - mean)
+    return (
+        change > axis.jump * math.sqrt(narrowed)
+        and change > SCALE_SHARE * mean * narrowed / variance  # as the move alone shows it
+    )
+
+
+@kernel()
 def noise_excess(prepared, solution, axis):  # type: ignore[no-untyped-def]
     """By how much larger the move's noise is to be taken than assumed, as a factor, 1 or more."""
-    misfit = math.sqrt(solution.chi)
+    misfit = math.sqrt(max(solution.chi, solution.slow))
     # What is left between late setpoints is not free of them either.
     excess = max(misfit, 1.0 / max(prepared.steady, MOSTLY) ** 2)
     if misfit > UNUSUAL * axis.usual_misfit:
         excess = max(excess, misfit / axis.usual_misfit)
     return max(excess, 1.0)
+
+
+@kernel()
+def admit_surprise(before, after):  # type: ignore[no-untyped-def]
+    """Widen what has changed by more than it was expected to: `after` is changed.
+
+    A Kalman filter's step has the variance before less that after. What goes beyond SURPRISE of its
+    standard deviations is an error of the model, in this move or in those before.
+    """
+    for i in range(MASS + 1):
+        change = after.mean[i] - before.mean[i]
+        expected = max(before.covariance[i, i] - after.covariance[i, i], 0.0)
+        beyond = change * change - SURPRISE * SURPRISE * expected
+        if beyond > 0.0:
+            after.covariance[i, i] += beyond
 
 
 @kernel()
@@ -165,13 +216,13 @@ def _hold(figure, held, before, after):  # type: ignore[no-untyped-def]
     found, uncertain = after.mean, after.covariance
     variance, kept = uncertain[figure, figure], before.covariance[figure, figure]
     away = before.mean[figure] - found[figure]
-    slope = np.zeros(LEVEL + 1)
-    for i in range(LEVEL + 1):
-        if i == LEVEL or not held[i]:
+    slope = np.zeros(STATES)
+    for i in range(STATES):
+        if i >= LEVEL or not held[i]:
             slope[i] = uncertain[figure, i] / variance
-    for i in range(LEVEL + 1):
+    for i in range(STATES):
         found[i] += slope[i] * away
-        for j in range(LEVEL + 1):
+        for j in range(STATES):
             uncertain[i, j] += slope[i] * slope[j] * (kept - variance)
 
 

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from estimation.friction.law import F64
 
-ACCEPTED, HOLES, DISTURBED, STILL, UNSOLVED, MISFIT, BOUND, JUMP, FEW = range(9)
+ACCEPTED, HOLES, DISTURBED, STILL, UNSOLVED, MISFIT, BOUND, JUMP, SCALE, FEW = range(10)
 """Verdicts: accepted, or why not. Too many samples missing; force disturbed by late setpoints
 in most of the motion; nothing to solve; no solution; residual too large; a figure on its bound; a
-figure that jumps; fewer than three valid samples, which is an error."""
+figure that jumps; another force per acceleration; fewer than three valid samples, which
+is an error."""
 
 
 class Outcome(NamedTuple):
@@ -26,13 +27,16 @@ class Outcome(NamedTuple):
         evaluations: passes over the samples.
         slide: samples of zone A that were used.
         stick: the same of the stick zones.
-        mean: belief after the move, shape (LEVEL + 1,).
+        mean: belief after the move, shape (STATES,).
         covariance: of it.
-        before: variances before the move, shape (LEVEL + 1,).
-        found: what the solve found, accepted or not, shape (LEVEL + 1,).
-        gain: standard deviations before over after, shape (LEVEL + 1,).
+        before: variances before the move, shape (STATES,).
+        found: what the solve found, accepted or not, shape (STATES,).
+        gain: standard deviations before over after, shape (STATES,).
         held: figures that were asked for and stay at their prior, shape (LEVEL,).
         sliding: Fc (1 + w) and its variance, expected before the move, and found, shape (4,).
+        unmodelled: mean square of the unmodelled force in it, its uncertainty included.
+        wander: the same of the level.
+        missed: the same of what is left of the force.
     """
 
     verdict: int
@@ -49,3 +53,6 @@ class Outcome(NamedTuple):
     gain: F64
     held: NDArray[np.bool_]
     sliding: F64
+    unmodelled: float
+    wander: float
+    missed: float

@@ -86,12 +86,16 @@ class Rows(NamedTuple):
         spring: stiffness of what sticks at each sample [N/m], shape (K,).
         variance: of the force from what positions' errors do to what slides [N^2], shape (K,).
         level_at: sample at which the level last acted, shape (K,).
+        forces: number of knots of the unmodelled force, in the last columns.
+        share: of the way covered at each sample, 0 to 1, shape (K,); not read without such knots.
     """
 
     columns: F64
     spring: F64
     variance: F64
     level_at: F64
+    forces: int
+    share: F64
 
 
 class Interval(NamedTuple):
@@ -128,9 +132,12 @@ class Turn(NamedTuple):
 
 
 @kernel()
-def make_rows(knots, count):  # type: ignore[no-untyped-def]
-    """Workspace for `knots` knots of the level and `count` samples."""
-    return Rows(np.empty((KNOTS + knots, count)), np.empty(count), np.empty(count), np.empty(count))
+def make_rows(knots, forces, share, count):  # type: ignore[no-untyped-def]
+    """Workspace for `knots` knots of the level, and the rest as in `Rows`; `count` samples."""
+    return Rows(
+        np.empty((KNOTS + knots + forces, count)), np.empty(count), np.empty(count),
+        np.empty(count), forces, share,
+    )  # fmt: skip
 
 
 @kernel()
@@ -148,7 +155,7 @@ def fill_rows(p, axis, law, samples, rest, start, wide, rows):  # type: ignore[n
     """Write the rows of a move.
 
     Args:
-        p: unknowns, by column, shape (KNOTS + knots,).
+        p: unknowns, by column, shape (KNOTS + knots + forces,).
         axis: settings.
         law: constants of the friction law.
         samples: prepared.
@@ -170,7 +177,10 @@ def fill_rows(p, axis, law, samples, rest, start, wide, rows):  # type: ignore[n
             rows.spring[k] = rows.variance[k] = rows.level_at[k] = 0.0
         slide(law, figures, traces[0], float(samples.heading[start]))
     else:
-        begin(law, figures, traces[0], rest.forces, rest.known, rest.total)
+        total = rest.total  # of which the unmodelled force is not friction
+        if rows.forces > 0:
+            total -= axis.unit[COULOMB] * p[p.shape[0] - rows.forces]
+        begin(law, figures, traces[0], rest.forces, rest.known, total)
     doubts = _trace(figures, axis, law, samples, start, rows.spring.shape[0], traces, True, rows)
     _complete(p, axis, samples, start, wide, rows)
     return doubts
@@ -185,7 +195,8 @@ def follow_move(p, axis, law, samples, rest, forces, slips):  # type: ignore[no-
     traces, figures = make_trace(law), figures_at(p, axis, law)
     begin(law, figures, traces[0], rest.forces, rest.known, rest.total)
     count = samples.velocity.shape[0]
-    _trace(figures, axis, law, samples, 0, count, traces, False, make_rows(0, 0))
+    nothing = np.empty(0)
+    _trace(figures, axis, law, samples, 0, count, traces, False, make_rows(0, 0, nothing, 0))
     finish(law, traces[0], forces, slips)
 
 
@@ -323,7 +334,7 @@ def _complete(p, axis, samples, start, wide, rows):  # type: ignore[no-untyped-d
     Arguments as `fill_rows`; columns [N per unit of the unknown], shape (KNOTS + knots, K).
     """
     columns, unit, force = rows.columns, axis.unit, samples.force
-    count, knots = columns.shape[1], columns.shape[0] - KNOTS
+    count, knots = columns.shape[1], columns.shape[0] - KNOTS - rows.forces
     residual, velocity, acceleration = columns[RESIDUAL], samples.velocity, samples.acceleration
     level_at = rows.level_at
     # The first position's error is a force on all that sticks, and a velocity.
@@ -357,12 +368,40 @@ def _complete(p, axis, samples, start, wide, rows):  # type: ignore[no-untyped-d
             for k in range(count):
                 columns[j, k] = 0.0
         for k in range(count):
-            place = level_at[k] * (knots - 1) / (velocity.shape[0] - 1)
+            place = rows.share[int(level_at[k])] * (knots - 1)
             knot = min(int(place), knots - 2)
             share, scale = place - knot, columns[COULOMB, k] * p[COULOMB]
             columns[KNOTS + knot, k] = scale * (1.0 - share)
             columns[KNOTS + knot + 1, k] = scale * share
             residual[k] += scale * (p[KNOTS + knot] * (1.0 - share) + p[KNOTS + knot + 1] * share)
+
+    if rows.forces > 0:
+        _add_unmodelled(p, axis, start, KNOTS + knots, rows)
+
+
+@kernel(fastmath={"contract"})
+def _add_unmodelled(p, axis, start, first, rows):  # type: ignore[no-untyped-def]
+    """Columns of the unmodelled force, knots in column `first` and on, and what they add.
+
+    Linear between knots over the way. At rest it is part of the measured force, so that the
+    friction there is what is left; `start` as in `fill_rows`.
+    """
+    columns, share, forces = rows.columns, rows.share, rows.forces
+    unit, residual, rest = axis.unit[COULOMB], columns[RESIDUAL], columns[REST_FORCE]
+    for j in range(first, first + forces):
+        for k in range(residual.shape[0]):
+            columns[j, k] = 0.0
+    for k in range(residual.shape[0]):
+        place = share[k] * (forces - 1)
+        knot = min(int(place), max(forces - 2, 0))
+        along = place - knot
+        columns[first + knot, k] = unit * (1.0 - along)
+        residual[k] += unit * (1.0 - along) * p[first + knot]
+        if forces > 1:
+            columns[first + knot + 1, k] = unit * along
+            residual[k] += unit * along * p[first + knot + 1]
+        if start == 0:
+            columns[first, k] -= unit * rest[k]
 
 
 @kernel(fastmath={"contract"})

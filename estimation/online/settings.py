@@ -40,7 +40,11 @@ AXIS = np.dtype(
         ("force_noise", np.float64),
         ("model_error", np.float64),
         ("wander", np.float64),
+        ("usual_wander", np.float64),  # of the machine file; `wander` grows where moves show more
         ("correlation_time", np.float64),
+        ("unmodelled", np.float64),  # rms of the unmodelled force, as the moves so far show it
+        ("unmodelled_length", np.float64),
+        ("excess", np.float64),  # rms of what acts beside the model, over the Coulomb force
         ("peak_force", np.float64),
         ("slip_spread", np.float64),
         ("force_step", np.float64),  # negative: to be found out
@@ -126,14 +130,18 @@ class EstimatorSettings:
         usual = self._masks(friction, frozen)
         masks = np.stack([usual, usual, usual])
         masks[SHORT, :, RATE] = False
-        masks[CALM, :, STIFFNESS] = False
+        masks[CALM][:, [STIFFNESS, RATE]] = False
         values = (
             self.period,
             self.position_noise,
             self.force_noise,
             self.model_error,
+            self.belief.level,
             self.belief.wander,
             self.belief.correlation_time,
+            self.belief.unmodelled,
+            self.belief.unmodelled_length,
+            0.0,
             self.peak_force,
             self.slip_spread,
             -1.0 if self.force_step is None else self.force_step,

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from estimation.compiled import kernel
+from estimation.friction.law import F64
 from estimation.least_squares import cholesky_inverse, gauss_newton_into, quadratic_form
 from estimation.online.arrival_cost import joint_prior, take_over
 from estimation.online.belief import (
@@ -49,7 +50,7 @@ from estimation.online.whitening import (
 )
 from estimation.online.zones import REST, SLIDE
 
-LEVEL_BOUND = 0.2
+LEVEL_BOUND = 0.6
 """Largest level at a knot, either way."""
 FREE_SLIP = 0.3
 """Spread of the friction force where zone A begins, in a solve of zone A alone [Coulomb force]."""
@@ -62,6 +63,12 @@ leaves at most REMAINS of them to go."""
 
 SOLVED, FAILED = range(2)
 
+BLOCK = 10
+"""Samples over whose sums the residual has to be as small as if they were independent."""
+LEFT_OPEN = 1.0
+"""Of the unmodelled force's rms: how uncertain the elements' forces are at rest and behind turns,
+which have been followed without it."""
+
 
 class Solution(NamedTuple):
     """What a solve came to, besides the belief that it wrote.
@@ -71,12 +78,18 @@ class Solution(NamedTuple):
         bound: figure that ended on its bound, or -1.
         chi: mean square of the whitened residual.
         evaluations: passes over the samples.
+        unmodelled: mean square of the unmodelled force, its uncertainty included, relative.
+        slow: mean square of the sums of whitened residuals over BLOCK samples, per sample: `chi`
+            where they are independent, more where they go on being alike.
     """
 
     status: int
     bound: int
     chi: float
     evaluations: int
+    unmodelled: float
+    slow: float
+    wander: float
 
 
 class Problem(NamedTuple):
@@ -88,6 +101,10 @@ class Problem(NamedTuple):
         prepared: the move.
         rest: friction state before it.
         step: resolution of which stretches of the force share an error [N]; 0: none.
+        time: of the move, in correlation times of level and unmodelled force.
+        place: its way, in correlation lengths.
+        share: of both together at each sample, 0 to 1, shape (K,).
+        knots: of level and unmodelled force each.
     """
 
     axis: Any
@@ -95,6 +112,10 @@ class Problem(NamedTuple):
     prepared: Prepared
     rest: AtRest
     step: float
+    time: float
+    place: float
+    share: F64
+    knots: int
 
 
 @kernel()
@@ -111,7 +132,8 @@ def solve(problem, whole, linear, mask, before, p, after):  # type: ignore[no-un
         after: belief after the move, written.
     """
     axis, law = problem.axis, problem.law
-    count, knots = problem.prepared.samples.velocity.shape[0], p.shape[0] - KNOTS
+    knots = problem.knots if axis.wander > 0.0 else 0
+    forces = problem.knots if axis.unmodelled > 0.0 else 0
     missed = axis.model_error * axis.unit[COULOMB] * before.mean[COULOMB]
     white = axis.force_noise**2 + missed * missed
     use, start, end, counted = _choose_rows(
@@ -124,16 +146,18 @@ def solve(problem, whole, linear, mask, before, p, after):  # type: ignore[no-un
     for i in range(LEVEL):
         if not mask[i]:
             p[i] = before.mean[i]
-    chosen, figures = _choose_unknowns(whole, use[0], mask, knots)
+    chosen, figures = _choose_unknowns(whole, use[0], mask, knots, forces)
     n = chosen.shape[0] - 1
     unknowns = chosen[:n]
-    prior, information = joint_prior(before, unknowns, figures, knots, count, axis)
-    lower, upper = _bounds(unknowns, axis)
+    prior, information = joint_prior(
+        before, unknowns, figures, knots, forces, problem.time, problem.place, axis
+    )
+    lower, upper = _bounds(unknowns, knots, axis)
     value, move, away = np.empty(n), np.zeros(n), np.empty(n)
     for a in range(n):
         p[unknowns[a]] = value[a] = min(max(p[unknowns[a]], lower[a]), upper[a])
     wide = mask[RATE] or mask[ALPHA] or mask[LAG]
-    rows, weights = make_rows(knots, end), make_weights(end)
+    rows, weights = make_rows(knots, forces, problem.share, end), make_weights(end)
     normal, trial = np.empty((n + 1, n + 1)), np.empty((n + 1, n + 1))
     cost, evaluations, halvings, done, status = math.inf, 0, 0, False, SOLVED
     while not done:
@@ -185,15 +209,48 @@ def solve(problem, whole, linear, mask, before, p, after):  # type: ignore[no-un
         if status == SOLVED and (value[a] <= lower[a] or value[a] >= upper[a]):
             bound = unknowns[a]
     chi = normal[n, n] / max(counted, 1) if status == SOLVED else 0.0
+    unmodelled = slow = wander = 0.0
     if status == SOLVED and (not linear or bound >= 0):
         for a in range(n):
             for b in range(n):
                 information[a, b] += normal[a, b]
         if cholesky_inverse(information):
-            take_over(p, information, unknowns, figures, knots, before, after)
+            take_over(p, information, unknowns, figures, knots, forces, before, after)
+            slow = _slow_residual(rows.columns, unknowns, move, weights) / max(counted, 1)
+            for a in range(figures, figures + knots):
+                wander += (value[a] ** 2 + information[a, a]) / knots
+            for a in range(figures + knots, figures + knots + forces):
+                unmodelled += (value[a] ** 2 + information[a, a]) / forces
         else:
             status = FAILED
-    return Solution(status, bound, chi, evaluations)
+    return Solution(status, bound, chi, evaluations, unmodelled, slow, wander)
+
+
+@kernel(fastmath={"contract"})
+def _slow_residual(columns, unknowns, move, weights):  # type: ignore[no-untyped-def]
+    """Sum of squares of the whitened residual's sums over BLOCK samples, behind the last step.
+
+    Args:
+        columns: whitened, of the last pass, shape (*, K).
+        unknowns: columns of the unknowns, shape (n,).
+        move: the step from there, shape (n,).
+        weights: of the rows.
+    """
+    left = columns[RESIDUAL].copy()
+    for a in range(unknowns.shape[0]):
+        column, by = columns[unknowns[a]], move[a]
+        for k in range(left.shape[0]):
+            left[k] += by * column[k]
+    total = part = 0.0
+    number = 0
+    for k in range(left.shape[0]):
+        if weights.inverse[k] > 0.0:
+            part += left[k] * math.sqrt(weights.inverse[k])
+            number += 1
+            if number == BLOCK:
+                total += part * part
+                part, number = 0.0, 0
+    return total + part * part
 
 
 @kernel()
@@ -229,7 +286,7 @@ def _choose_rows(whole, rest_counts, samples, last):  # type: ignore[no-untyped-
 
 
 @kernel()
-def _choose_unknowns(whole, from_rest, mask, knots):  # type: ignore[no-untyped-def]
+def _choose_unknowns(whole, from_rest, mask, knots, forces):  # type: ignore[no-untyped-def]
     """Columns of the unknowns and, last, of the residual; how many of them are figures.
 
     Zone A does not rely on how it began: the force there is free, and what else was unknown before
@@ -240,6 +297,7 @@ def _choose_unknowns(whole, from_rest, mask, knots):  # type: ignore[no-untyped-
     for i in range(LEVEL):
         figures += mask[i]
     offsets = 1 if not whole else 4 if from_rest else 3
+    knots += forces
     chosen = np.empty(figures + knots + offsets + 1, np.int64)
     a = 0
     for i in range(LEVEL):
@@ -255,7 +313,7 @@ def _choose_unknowns(whole, from_rest, mask, knots):  # type: ignore[no-untyped-
 
 
 @kernel()
-def _bounds(unknowns, axis):  # type: ignore[no-untyped-def]
+def _bounds(unknowns, knots, axis):  # type: ignore[no-untyped-def]
     """Lowest and highest values, shapes (n,), of the unknowns with these columns, shape (n,)."""
     n = unknowns.shape[0]
     lower, upper = np.empty(n), np.empty(n)
@@ -263,7 +321,7 @@ def _bounds(unknowns, axis):  # type: ignore[no-untyped-def]
         lower[a], upper[a] = -1e300, 1e300
         if unknowns[a] < LEVEL:
             lower[a], upper[a] = axis.lower[unknowns[a]], axis.upper[unknowns[a]]
-        elif unknowns[a] >= KNOTS:
+        elif KNOTS <= unknowns[a] < KNOTS + knots:
             lower[a], upper[a] = -LEVEL_BOUND, LEVEL_BOUND
     return lower, upper
 
@@ -299,6 +357,7 @@ def _open_offsets(whole, from_rest, p, axis, white, doubts, unknowns, informatio
     """
     pull = axis.unit[STIFFNESS] * p[STIFFNESS] * axis.position_noise
     fresh = (axis.slip_spread if whole else FREE_SLIP) * axis.unit[COULOMB] * p[COULOMB]
+    white += (LEFT_OPEN * axis.unit[COULOMB] * axis.unmodelled) ** 2
     for a in range(unknowns.shape[0]):
         variance = 0.0
         if unknowns[a] == REST_FORCE:

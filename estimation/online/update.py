@@ -15,11 +15,18 @@ from numpy.typing import NDArray
 
 from estimation.compiled import kernel
 from estimation.friction.law import F64, correct
-from estimation.online.arrival_cost import age, copy, decay_level, knots_of
-from estimation.online.belief import ALPHA, COULOMB, KNOTS, LEVEL, Belief
+from estimation.online.arrival_cost import (
+    age,
+    copy,
+    decay,
+    knots_of,
+)
+from estimation.online.belief import ALPHA, COULOMB, FORCE, KNOTS, LEVEL, STATES, Belief
 from estimation.online.judge import (
+    admit_surprise,
     find_jump,
     hold_undetermined,
+    is_another_scale,
     judge,
     noise_excess,
     sliding_level,
@@ -72,16 +79,20 @@ def update_move(sampled, axis, law, state, elapsed, trend_variance, known, whole
     if prepared.counted < 3:
         return _nothing(before)
     static = coulomb * (1.0 + before.mean[LEVEL]) * (1.0 + before.mean[ALPHA])
-    correct(law, state.forces, static, sampled.rest_force)
+    unmodelled = axis.unit[COULOMB] * before.mean[FORCE]
+    correct(law, state.forces, static, sampled.rest_force - unmodelled)
     rest = AtRest(state.forces.copy(), coulomb, sampled.rest_force)
-    problem = Problem(axis, law, prepared, rest, _shared_step(axis, coulomb))
+    time, place, share = _measure_progress(prepared.samples.position, axis)
+    problem = Problem(
+        axis, law, prepared, rest, _shared_step(axis, coulomb), time, place, share,
+        knots_of(time + place, axis),
+    )  # fmt: skip
     after = copy(before)
     solution, evaluations, stick = _solve_zones(problem, before, after)
     # What was found holds at the move's end: so must what it is compared with.
-    duration = (prepared.samples.velocity.shape[0] - 1) * axis.period
-    decay_level(before, duration, axis)
+    decay(before, time, place, axis)
     if prepared.slide == 0 and stick == 0:
-        decay_level(after, duration, axis)
+        decay(after, time, place, axis)
     if whole and _is_tempered(solution, axis, before, after):
         temper(before, after, noise_excess(prepared, solution, axis))
     verdict = judge(prepared, solution, axis, whole, before, after)
@@ -89,23 +100,54 @@ def update_move(sampled, axis, law, state, elapsed, trend_variance, known, whole
     found, gain, held, sliding = _settle(verdict, solution, axis, asked, before, after)
     believed = after if verdict.code == ACCEPTED else before
     if whole:
-        for i in range(LEVEL + 1):
+        for i in range(STATES):
             state.belief.mean[i] = believed.mean[i]
-            for j in range(LEVEL + 1):
+            for j in range(STATES):
                 state.belief.covariance[i, j] = believed.covariance[i, j]
     _carry_state(problem, believed, state)
     return Outcome(
         verdict.code, verdict.figure, verdict.number, math.sqrt(solution.chi), evaluations,
         prepared.slide, stick, believed.mean, believed.covariance, _variances(before),
-        found, gain, held, sliding,
+        found, gain, held, sliding, solution.unmodelled, solution.wander,
+        _missed(solution, axis, coulomb),
     )  # fmt: skip
 
 
 @kernel()
+def _measure_progress(position, axis):  # type: ignore[no-untyped-def]
+    """Time and way of a move in correlation times and lengths, and shares of their sum, shape (K,).
+
+    Level and unmodelled force change with both. `position` [m], shape (K + 2,).
+    """
+    count = position.shape[0] - 2
+    share, farthest = np.empty(count), 0.0
+    by_time = axis.period / axis.correlation_time
+    by_place = 1.0 / axis.unmodelled_length if axis.unmodelled > 0.0 else 0.0
+    for k in range(count):
+        farthest = max(farthest, abs(position[k + 1] - position[0]))
+        share[k] = k * by_time + farthest * by_place
+    last = max(share[count - 1], 1e-300)
+    for k in range(count):
+        share[k] /= last
+    return (count - 1) * by_time, farthest * by_place, share
+
+
+@kernel()
+def _missed(solution, axis, coulomb):  # type: ignore[no-untyped-def]
+    """Mean square of what the model missed in the move, relative to `coulomb` [N].
+
+    From the residual, or from its sums over neighbouring samples where they are alike.
+    """
+    white = axis.force_noise**2 + (axis.model_error * coulomb) ** 2
+    chi = min(max(solution.chi, solution.slow), axis.misfit**2)
+    return (chi * white - axis.force_noise**2) / coulomb**2
+
+
+@kernel()
 def _variances(belief):  # type: ignore[no-untyped-def]
-    """Of figures and level, shape (LEVEL + 1,)."""
-    variances = np.empty(LEVEL + 1)
-    for i in range(LEVEL + 1):
+    """Of all states, shape (STATES,)."""
+    variances = np.empty(STATES)
+    for i in range(STATES):
         variances[i] = belief.covariance[i, i]
     return variances
 
@@ -113,10 +155,10 @@ def _variances(belief):  # type: ignore[no-untyped-def]
 @kernel()
 def _nothing(belief):  # type: ignore[no-untyped-def]
     """Outcome of a move with next to no samples."""
-    mean, covariance, ones = belief.mean, belief.covariance, np.ones(LEVEL + 1)
+    mean, covariance, ones = belief.mean, belief.covariance, np.ones(STATES)
     return Outcome(
         FEW, -1, 0.0, 0.0, 0, 0, 0, mean, covariance, _variances(belief), mean, ones,
-        np.zeros(LEVEL, np.bool_), np.zeros(4),
+        np.zeros(LEVEL, np.bool_), np.zeros(4), 0.0, 0.0, 0.0,
     )  # fmt: skip
 
 
@@ -135,12 +177,11 @@ def _solve_zones(problem, before, after):  # type: ignore[no-untyped-def]
     """
     prepared, axis = problem.prepared, problem.axis
     slide, stick = prepared.slide, prepared.stick
-    count = prepared.samples.velocity.shape[0]
-    p = np.zeros(KNOTS + knots_of(count, axis.period, axis.wander))
+    p = np.zeros(KNOTS + problem.knots * ((axis.wander > 0.0) + (axis.unmodelled > 0.0)))
     for i in range(LEVEL):
         p[i] = before.mean[i]
     masks = axis.masks[_kind_of(prepared)]
-    solution, evaluations = Solution(SOLVED, -1, 0.0, 0), 0
+    solution, evaluations = Solution(SOLVED, -1, 0.0, 0, 0.0, 0.0, 0.0), 0
     if slide > 0:
         solution = solve(problem, False, stick > 0, masks[0], before, p, after)
         evaluations += solution.evaluations
@@ -182,6 +223,7 @@ def _is_tempered(solution, axis, before, after):  # type: ignore[no-untyped-def]
         solution.status != FAILED
         and math.sqrt(solution.chi) <= axis.misfit
         and find_jump(axis, before, after) < 0
+        and not is_another_scale(axis, before, after)
     )
 
 
@@ -195,11 +237,14 @@ def _settle(verdict, solution, axis, asked, before, after):  # type: ignore[no-u
     sliding = np.empty(4)
     sliding[0], sliding[1] = sliding_level(before)
     sliding[2], sliding[3] = sliding_level(after if solution.status != FAILED else before)
-    found, gain, held = after.mean.copy(), np.ones(LEVEL + 1), np.zeros(LEVEL, np.bool_)
+    found, gain, held = after.mean.copy(), np.ones(STATES), np.zeros(LEVEL, np.bool_)
     if verdict.code == ACCEPTED:
-        for i in range(LEVEL + 1):
+        for i in range(STATES):
             gain[i] = math.sqrt(before.covariance[i, i] / after.covariance[i, i])
         held = hold_undetermined(axis, asked, before, after)
+        admit_surprise(before, after)
+        for i in range(LEVEL):  # what was held has moved the others along straight lines
+            after.mean[i] = min(max(after.mean[i], axis.lower[i]), axis.upper[i])
     return found, gain, held, sliding
 
 
@@ -211,7 +256,9 @@ def _carry_state(problem, belief, state):  # type: ignore[no-untyped-def]
     for i in range(LEVEL):
         p[i] = belief.mean[i]
     p[COULOMB] *= 1.0 + belief.mean[LEVEL]
-    follow_move(p, problem.axis, problem.law, samples, problem.rest, state.forces, state.slips)
+    total = problem.rest.total - problem.axis.unit[COULOMB] * belief.mean[FORCE]
+    rest = AtRest(problem.rest.forces, problem.rest.known, total)
+    follow_move(p, problem.axis, problem.law, samples, rest, state.forces, state.slips)
     k = samples.heading.shape[0] - 1
     while k >= 0 and samples.heading[k] == 0:
         k -= 1

@@ -13,6 +13,13 @@ SETTLED_DRIFT = (7e-4, 4e-4, 4e-4, 2e-4, 5e-5, 2e-4, 1e-4)
 """Drift of `estimation.online.FIGURES` when a friction map covers place and warm-up (relative
 1-sigma per move): histories show the other parameters to change over days, not between moves."""
 
+UNMODELLED = 0.3
+"""Rms of forces that no friction figure explains, over the Coulomb force that a run begins with: as
+expected before the first move. The moves show how large they are."""
+
+VARIATION = 0.1
+"""The same of the Coulomb force over place, relative."""
+
 
 def kink_delay(drive: Drive) -> float:
     """Delay from a sample to the kink of a drive's force [s], see `estimation.sampled_force`."""
@@ -37,10 +44,12 @@ def estimator_settings(
         position_noise=encoder_noise(axis.encoder.noise, axis.encoder.increment),
         force_noise=quantisation(drive.force_unit),
         peak_force=drive.peak_force,
-        request=("lag",),
+        request=("lag", "relaxation_rate"),
         belief=BeliefSettings(
             wander=wander.coulomb,
             correlation_time=wander.correlation_time,
+            unmodelled=UNMODELLED,
+            variation=VARIATION,
             drift=BeliefSettings().drift if settled is None else _drift(settled),
         ),
     )

@@ -63,7 +63,9 @@ def test_a_host_that_is_woken_late_learns_the_friction(machine, tmp_path, seed):
     assert sum(e["accepted"] for e in estimates) > 0.8 * len(estimates)
     for axis, coulomb, stiffness in (("x", 6.0, 600e3), ("y", 9.0, 800e3)):
         learned = [e["parameters"] for e in estimates if e["axis"] == axis and e["accepted"]]
-        # it wanders by 1 %
-        values = [p["coulomb"]["value"] for p in learned]
-        np.testing.assert_allclose(values, coulomb, rtol=0.04)
+        # It wanders by 1 %, and the first moves cannot tell it from other forces.
+        for p in learned:
+            away = abs(p["coulomb"]["value"] - coulomb)
+            assert away < max(0.04 * coulomb, 3.0 * p["coulomb"]["sigma"])
+        assert learned[-1]["coulomb"]["value"] == pytest.approx(coulomb, rel=0.04)
         assert learned[-1]["stiffness"]["value"] == pytest.approx(stiffness, rel=0.04)

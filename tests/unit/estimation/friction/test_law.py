@@ -54,7 +54,7 @@ class Pass:
         ).samples
 
     def columns(self, p: np.ndarray) -> np.ndarray:
-        rows = make_rows(0, len(self.samples.velocity))
+        rows = make_rows(0, 0, np.empty(0), len(self.samples.velocity))
         fill_rows(p, self.axis, self.law, self.samples, self.rest, 0, True, rows)
         return rows.columns
 

@@ -16,6 +16,7 @@ from estimation.online.belief import (
     RESIDUAL,
     REST_FORCE,
     SLIP_FORCE,
+    STATES,
     TURN_FORCE,
 )
 from estimation.online.prepare import Sampled, prepare
@@ -46,13 +47,14 @@ class Problem:
         sampled = Sampled(
             position, force, np.ones(len(position), bool), np.zeros(0, bool), 0.0, 0.0
         )
-        mean = np.zeros(LEVEL + 1)
+        mean = np.zeros(STATES)
         mean[:LEVEL] = at_truth()[:LEVEL]
         self.samples = prepare(sampled, AXIS, make_constants(TRUE), 6.0, mean, True, True).samples
         self.spring = None
 
     def columns(self, p, knots=0):
-        rows = make_rows(knots, len(self.samples.velocity))
+        count = len(self.samples.velocity)
+        rows = make_rows(knots, 0, np.arange(count) / (count - 1), count)
         rest = AtRest(np.zeros(4), 6.0, 0.0)
         fill_rows(p, AXIS, make_constants(TRUE), self.samples, rest, 0, True, rows)
         self.spring = rows.spring

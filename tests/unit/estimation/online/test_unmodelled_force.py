@@ -1,0 +1,113 @@
+"""Forces that no friction figure explains: found, kept out of the figures, or refused by name."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimation.online import BeliefSettings
+from estimation.online.estimator import SplitHorizonEstimator
+from hil_sim.effects.library import library
+from tests.unit.estimation.online.moves import SEQUENCE, SETTINGS, TRUE, drive, learn, only_x
+
+AS_IN_A_RUN = replace(
+    SETTINGS,
+    request=("lag", "relaxation_rate"),
+    belief=BeliefSettings(unmodelled=0.3, variation=0.1),
+)
+"""As the host sets it up."""
+
+
+def stage(effect=None, **figures):
+    """Axis x with other friction figures, or with an effect."""
+    settings = only_x()
+    x = settings.axes[0]
+    x = replace(x, friction=replace(x.friction, **figures))
+    if effect is not None:
+        name, parameters = effect
+        x = replace(x, effects=(library()[name].at(**parameters),))
+    return replace(settings, axes=(x,))
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        ("force_offset", {"force": 2.0}),
+        ("cable_stiffness", {"stiffness": 30.0, "center": -0.04}),
+        ("cogging", {"amplitude": 1.2, "pitch": 0.03, "phase": 1.0}),
+        ("friction_asymmetry", {"ratio": 0.2}),
+    ],
+    ids=lambda effect: effect[0],
+)
+def test_a_force_that_is_not_friction_does_not_become_friction(effect):
+    """It put Fc a fifth off in either direction, with a sigma of a hundredth."""
+    data = drive(SEQUENCE * 2, stage(effect))
+    estimates = learn(SplitHorizonEstimator(TRUE.scaled(0.5), AS_IN_A_RUN), data)
+    accepted = [estimate for estimate in estimates if estimate.accepted]
+    assert len(accepted) >= 0.6 * len(estimates)
+    for estimate in accepted[2:]:
+        value, sigma = estimate.sliding
+        assert abs(value - 6.0) < 4.0 * np.hypot(sigma, 0.06)
+        away = abs(estimate.friction.stiffness - 6e5)
+        assert away < max(4.0 * estimate.sigma["stiffness"], 0.03 * 6e5)
+
+
+def test_a_constant_force_is_found():
+    data = drive(SEQUENCE * 2, stage(("force_offset", {"force": 2.0})))
+    estimator = SplitHorizonEstimator(TRUE, AS_IN_A_RUN)
+    learn(estimator, data)
+    value, sigma = estimator.unmodelled_force
+    assert value == pytest.approx(2.0, abs=3.0 * sigma)
+    assert value > 1.0
+
+
+def test_without_one_it_is_learned_that_there_is_none():
+    estimator = SplitHorizonEstimator(TRUE, AS_IN_A_RUN)
+    learn(estimator, drive(SEQUENCE * 2))
+    value, sigma = estimator.unmodelled_force
+    assert abs(value) < 3.0 * sigma
+    assert sigma < 0.05 * 6.0
+
+
+@pytest.mark.parametrize("first", [7, 8], ids=["micro-move first", "macro-move first"])
+@pytest.mark.parametrize("scale", [1.2, 0.85])
+def test_a_force_that_is_scaled_in_mid_run_is_refused_as_such(scale, first):
+    """0x6077 read with another factor: all friction figures follow it, and so does m a."""
+    data = drive(SEQUENCE * 2)
+    estimator = SplitHorizonEstimator(TRUE.scaled(0.5), AS_IN_A_RUN)
+    learn(estimator, data, range(first))
+    before = estimator.friction
+    for number in range(first, 16):
+        move = data.move(number)
+        estimate = estimator.update(
+            replace(move, force=scale * move.force, rest_force=scale * move.rest_force)
+        )
+        assert not estimate.accepted
+        if number >= 8:
+            assert "force per acceleration changes" in estimate.reason
+            assert "0x6077" in estimate.reason
+    assert estimator.friction.coulomb == pytest.approx(before.coulomb, rel=0.02)
+    assert estimator.friction.stiffness == pytest.approx(before.stiffness, rel=0.02)
+    learn(estimator, data, range(2))
+    again = [estimator.update(data.move(number)) for number in range(2, 6)]
+    assert again[-1].accepted
+
+
+@pytest.mark.parametrize("times", [5.0, 8.0])
+def test_a_coulomb_force_far_beyond_the_start_is_learned_within_five_moves(times):
+    """It was refused for ever beyond 4.6 times the start."""
+    estimator = SplitHorizonEstimator(replace(TRUE, coulomb=6.0 / times), AS_IN_A_RUN)
+    estimates = learn(estimator, drive(SEQUENCE), range(5))
+    assert estimates[-1].accepted
+    assert estimator.friction.coulomb == pytest.approx(6.0, rel=0.1)
+    assert abs(estimator.friction.coulomb - 6.0) < 4.0 * estimator.sigma["coulomb"]
+
+
+def test_the_relaxation_rate_of_soft_contacts_is_learned():
+    """From macro-moves and moves of two breakaway travels alone it stayed where it began."""
+    soft = {"coulomb": 6.0 * 1.41, "stiffness": 6e5 * 0.67, "relaxation_rate": 54.0}
+    estimator = SplitHorizonEstimator(TRUE.scaled(0.5), AS_IN_A_RUN)
+    learn(estimator, drive(SEQUENCE * 2, stage(**soft)))
+    assert estimator.friction.relaxation_rate == pytest.approx(54.0, rel=0.25)
+    assert abs(estimator.friction.relaxation_rate - 54.0) < 4.0 * estimator.sigma["relaxation_rate"]
+    assert estimator.friction.coulomb * estimator.level == pytest.approx(8.46, rel=0.03)
