@@ -1,22 +1,22 @@
 """Friction figures that single moves do not determine, from many of them; not time-critical.
 
 Stribeck curve, shape of the hysteresis and asymmetry: recorded positions and forces in, figures
-with sigma and verdict out. `identify` is the entry; `model` the compiled friction model; `unknowns`
-what is estimated, with its prior; `records` the samples; `fit` the least squares; `held_out` what
-moves that were left out say of the estimates.
+with sigma and verdict out. `identify` is the entry; `records` prepares the samples; `unknowns` has
+what is estimated, with its prior; `model` is the compiled friction model, `linearise` the residual
+with its Jacobian, `whiten` its sums under correlated noise, `fit` the descent; `uncertainty` has
+sigma and verdict of each figure, and `held_out` compares estimates with their priors on moves that
+were left out.
 """
 
 from estimation.offline.held_out import BETTER, NO_BETTER, UNTESTED, WORSE
 from estimation.offline.identify import (
-    BOUND,
-    ESTIMATED,
-    PRIOR,
     Figure,
     Identification,
     OfflineSettings,
     identify,
 )
 from estimation.offline.records import Samples, joined
+from estimation.offline.uncertainty import BOUND, ESTIMATED, PRIOR
 
 __all__ = [
     "BETTER",

@@ -1,10 +1,10 @@
-"""What moves that were left out say of an estimate: whether it predicts them better than the prior.
+"""Cross-validation of estimates against their priors on moves that were left out.
 
-Each third of the blocks is predicted with what the other two thirds give. A figure is put back to
-its prior, all others are fitted again, and the prediction's costs are compared block by block:
-better or worse by more than the standard error of the difference, or no better. One after another,
-a figure that is not better stays at its prior from there on. So those that are left are better with
-the priors of the others, as they would be used.
+Each third of the blocks is predicted from the other two thirds. One figure at a time is set to its
+prior, all others are fitted again, and the costs of the predictions are compared block by block:
+better or worse by more than the standard error of the difference, or no better. A figure that is
+not better stays at its prior from there on, so those that remain are better with the priors of the
+others, which is how they would be used.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ BETTER, NO_BETTER, WORSE, UNTESTED = "better", "no better", "worse", "untested"
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Of every block by the others.
+    """Prediction of every block from the others.
 
     Attributes:
         costs: of the blocks, shape (blocks,).
@@ -66,8 +66,8 @@ def select(problem: Problem, fit: Fit, free: NDArray[np.bool_], tested: Sequence
         problem: of the axis.
         fit: to all blocks.
         free: what was solved for, shape (n,).
-        tested: unknowns among them that go back to their priors in this order; best those first
-            that are nearest to them.
+        tested: unknowns among them to set to their priors, in this order; those nearest to their
+            priors should come first.
 
     Raises:
         NoSolutionError: as `Problem.solve`.

@@ -1,19 +1,15 @@
 """Friction figures of one axis out of accumulated moves, with sigma, gain and verdict.
 
-First what any move determines (Coulomb force, viscous friction, mass, offset), then all figures
-without the shape of the hysteresis, then everything. What the samples say less of
-than was believed before stays at its prior. An estimate is refused as a whole where the model does
+Fitted in stages: what any move determines (Coulomb force, viscous friction, mass, offset), then all
+figures without the shape of the hysteresis, then everything. A figure that the samples determine
+less well than its prior stays at its prior. An estimate is refused as a whole where the model does
 not explain the samples.
 
-Sigma is the larger of two: what noise explains (inflated where the residual is above it), and how
-much the blocks of the record disagree. The second one is honest where model errors are alike over
-many neighbouring samples.
-
-The measured acceleration has the encoder's noise, too: taken for exact, it shows too little mass.
-So the mass is that of errors in both, all else has its minimum there, and what that changes goes
-into sigma. A host that follows its demand well separates the mass from the drive's ripple by hardly
-more than that noise, which is in the force as well, through the controller: then the mass stays as
-believed.
+The measured acceleration contains the encoder's noise; taken for exact, it biases the mass low. So
+the mass is estimated with errors in variables, all else has its minimum there, and what that
+changes goes into sigma. Where the host follows its demand well, hardly more than that noise
+separates the mass from the drive's force ripple, and through the controller the noise is in the
+force as well: then the mass stays at its prior.
 """
 
 from __future__ import annotations
@@ -26,9 +22,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.friction import F64, breakaway_travel
-from estimation.offline.fit import MAX_ITERATIONS, Fit, Noise, NoSolutionError, Problem
+from estimation.offline.fit import MAX_ITERATIONS, Fit, NoSolutionError, Problem
 from estimation.offline.held_out import BETTER, UNTESTED, Selection, select
+from estimation.offline.linearise import Noise
 from estimation.offline.records import Samples, joined, record
+from estimation.offline.uncertainty import (
+    ESTIMATED,
+    PRIOR,
+    TOGETHER,
+    find_prior_sigma,
+    find_sigma,
+    judge,
+    regress_on_mass,
+)
 from estimation.offline.unknowns import (
     BASE,
     FIGURES,
@@ -42,11 +48,6 @@ from estimation.offline.unknowns import (
 )
 from stagedata import FrictionFigures
 
-ESTIMATED, PRIOR, BOUND = "estimated", "stays at its prior", "refused: on its bound"
-TOGETHER = "with its neighbours"
-"""Verdict on one k_i or nu_i of a shape that is only determined as a whole."""
-LEAST_LEFT = 0.2
-"""Of the blocks, at least this share counts as free to disagree, however much they were asked."""
 KNOWN_AFTER = 4.0
 """Breakaway travels in one direction after which all elements slip, whatever their state was."""
 
@@ -108,7 +109,7 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class Identification:
-    """What all moves of an axis together say.
+    """Result of all moves of an axis together.
 
     Attributes:
         reason: why nothing was estimated, else None; then all figures are at their prior.
@@ -142,10 +143,29 @@ class Identification:
         raise KeyError(name)
 
 
+@dataclass(frozen=True, slots=True)
+class _Estimate:
+    """What the samples give, unknown by unknown.
+
+    Attributes:
+        fit: the minimum.
+        free: solved for in it, shape (n,); not the mass, which is fixed before.
+        sigma: of the values, in their units, shape (n,).
+        by_mass: part of it that the uncertainty of the mass explains, shape (n,).
+        verdicts: on every unknown.
+    """
+
+    fit: Fit
+    free: NDArray[np.bool_]
+    sigma: F64
+    by_mass: F64
+    verdicts: Sequence[str]
+
+
 def identify(
     moves: Sequence[Samples], friction: FrictionFigures, settings: OfflineSettings
 ) -> Identification:
-    """Estimate all friction figures of one axis from its moves (long: three fits in a row).
+    """Estimate all friction figures of one axis from its moves.
 
     Args:
         moves: in order of time; moves that follow one another without a gap (or overlap) are
@@ -160,7 +180,45 @@ def identify(
     if not moves:
         raise ValueError("no moves")
     friction = replace(friction, law="gms")
-    u = unknowns(friction, settings.mass, settings.period, settings.prior)
+    problem, samples = _pose(moves, friction, settings)
+    u, blocks = problem.unknowns, sum(problem.counted)
+    if samples < settings.least:
+        reason = f"only {samples} samples in motion after all elements have slipped once"
+        return _refused(u, reason, samples, blocks)
+    free = np.ones(len(u.mean), dtype=np.bool_)
+    if any(m.demand is None for m in moves):
+        free[[RIPPLE[0], RIPPLE[2]]] = False
+    selection = Selection(math.nan, {}, UNTESTED)
+    recommended: dict[str, float] = {}
+    try:
+        before = problem.solve(u.mean, chosen(len(free), ()))
+        estimate = _drop_undetermined(problem, _estimate(problem, free, before))
+        fit = estimate.fit
+        if fit.converged and fit.misfit <= settings.misfit:
+            away = np.abs(u.values(fit.q) - u.values(u.mean)) / np.maximum(estimate.sigma, 1e-300)
+            tested = [i for i in FRICTION if estimate.free[i]]
+            tested.sort(key=lambda i: float(away[i]))
+            selection = select(problem, fit, estimate.free, tested)
+            if selection.together == BETTER and selection.misfit < before.misfit:
+                recommended = _recommend(problem, fit, estimate.free, selection)
+    except NoSolutionError as error:
+        return _refused(u, str(error), samples, blocks)
+    if not fit.converged:
+        reason = f"no minimum was reached in {2 * MAX_ITERATIONS} steps"
+        return _refused(u, reason, samples, blocks, before.misfit, fit.misfit)
+    if not fit.misfit <= settings.misfit:
+        reason = f"residual {fit.misfit:.1f} times what noise and wander explain"
+        return _refused(u, reason, samples, blocks, before.misfit, fit.misfit)
+    return Identification(
+        None, _figures(u, estimate, selection.verdicts), fit.misfit, before.misfit,
+        selection.misfit, samples, blocks, recommended,
+    )  # fmt: skip
+
+
+def _pose(
+    moves: Sequence[Samples], friction: FrictionFigures, settings: OfflineSettings
+) -> tuple[Problem, int]:
+    """The least-squares problem, and how many samples count in it."""
     travel = KNOWN_AFTER * breakaway_travel(friction)
     records = [
         record(m, settings.period, settings.position_noise, settings.peak_force, travel)
@@ -170,149 +228,75 @@ def identify(
         settings.period, settings.position_noise, settings.force_noise,
         settings.model_error * friction.coulomb, settings.wander, settings.correlation_time,
     )  # fmt: skip
-    problem = Problem(records, u, noise)
-    samples = sum(int(r.used.sum()) for r in records)
-    if samples < settings.least:
-        reason = f"only {samples} samples in motion after all elements have slipped once"
-        return _refused(u, reason, samples, sum(problem.counted))
-    free = np.ones(len(u.mean), dtype=np.bool_)
-    if any(m.demand is None for m in moves):
-        free[[RIPPLE[0], RIPPLE[2]]] = False
-    try:
-        before = problem.solve(u.mean, free & chosen(len(free), ()))
-        fit = problem.solve(u.mean, free & chosen(len(free), BASE), before.levels)
-        figures = chosen(len(free), tuple(range(len(FIGURES))))
-        fit = problem.solve(fit.q, free & figures, fit.levels)
+    u = unknowns(friction, settings.mass, settings.period, settings.prior)
+    return Problem(records, u, noise), sum(int(r.used.sum()) for r in records)
+
+
+def _estimate(problem: Problem, free: NDArray[np.bool_], before: Fit) -> _Estimate:
+    """All free unknowns: in stages, then the mass with errors in variables."""
+    u, n = problem.unknowns, len(free)
+    fit = problem.solve(u.mean, free & chosen(n, BASE), before.levels)
+    fit = problem.solve(fit.q, free & chosen(n, tuple(range(len(FIGURES)))), fit.levels)
+    fit = problem.solve(fit.q, free, fit.levels)
+    prior_sigma = find_prior_sigma(u)
+    noisy = problem.solve(fit.q, free, fit.levels, errors_in_variables=True)
+    apart = abs(u.values(noisy.q)[MASS] - u.values(fit.q)[MASS])
+    others = free & ~chosen(n, (MASS,))
+    by_mass = np.zeros(n)
+    if math.hypot(find_sigma(u, fit)[MASS], apart) > prior_sigma[MASS] / math.sqrt(2.0):
+        # Only noise separates mass and ripple: all the ripple, and the mass of the prior.
+        free = others
+        fit = problem.solve(np.where(free, fit.q, u.mean), free, fit.levels)
+        # Their sum is determined; each is as uncertain as the other.
+        by_mass[RIPPLE[0]] = u.spread[MASS]
+    else:
+        by_mass = regress_on_mass(u, fit) * math.hypot(find_sigma(u, fit, shared=True)[MASS], apart)
+        fit = problem.solve(np.where(others, fit.q, noisy.q), others, fit.levels)
+    sigma = np.hypot(find_sigma(u, fit), by_mass)
+    return _Estimate(fit, others, sigma, by_mass, judge(u, fit.q, sigma, prior_sigma, free))
+
+
+def _drop_undetermined(problem: Problem, found: _Estimate) -> _Estimate:
+    """The rest once more, with what the samples do not determine at its prior."""
+    u, fit = problem.unknowns, found.fit
+    determined = np.array([v in (ESTIMATED, TOGETHER) for v in found.verdicts])
+    shared = np.hypot(find_sigma(u, fit, shared=True), found.by_mass)
+    sigma = np.where(determined, shared, found.sigma)
+    free = found.free & determined
+    if not determined.all():
+        fit = problem.solve(np.where(determined, fit.q, u.mean), free, fit.levels)
+        again = np.hypot(find_sigma(u, fit, shared=True), found.by_mass)
+        sigma = np.where(determined, np.maximum(sigma, again), find_prior_sigma(u))
+    if not fit.converged:  # once more from there
         fit = problem.solve(fit.q, free, fit.levels)
-        spread = _prior_sigma(u)
-        noisy = problem.solve(fit.q, free, fit.levels, both=True)
-        apart = abs(u.values(noisy.q)[MASS] - u.values(fit.q)[MASS])
-        others = free & ~chosen(len(free), (MASS,))
-        by_mass = np.zeros(len(free))  # what the mass leaves open in every figure
-        if math.hypot(_sigma(u, fit)[MASS], apart) > spread[MASS] / math.sqrt(2.0):
-            # Only noise separates mass and ripple: all the ripple, and the mass of the prior.
-            free = others
-            fit = problem.solve(np.where(free, fit.q, u.mean), free, fit.levels)
-            # Their sum is determined; each is as uncertain as the other.
-            by_mass[RIPPLE[0]] = u.spread[MASS]
-        else:
-            by_mass = _leaning(u, fit) * math.hypot(_sigma(u, fit, shared=True)[MASS], apart)
-            fit = problem.solve(np.where(others, fit.q, noisy.q), others, fit.levels)
-        sigma = np.hypot(_sigma(u, fit), by_mass)
-        verdicts = _verdicts(u, fit.q, sigma, spread, free)
-        determined = np.array([v in (ESTIMATED, TOGETHER) for v in verdicts])
-        sigma = np.where(determined, np.hypot(_sigma(u, fit, shared=True), by_mass), sigma)
-        others &= determined
-        if not determined.all():
-            start = np.where(determined, fit.q, u.mean)
-            fit = problem.solve(start, others, fit.levels)
-            again = np.hypot(_sigma(u, fit, shared=True), by_mass)
-            sigma = np.where(determined, np.maximum(sigma, again), spread)
-        if not fit.converged:  # once more from there
-            fit = problem.solve(fit.q, others, fit.levels)
-        told = Selection(math.nan, {}, UNTESTED)
-        use: dict[str, float] = {}
-        if fit.converged and fit.misfit <= settings.misfit:
-            away = np.abs(u.values(fit.q) - u.values(u.mean)) / np.maximum(sigma, 1e-300)
-            tested = sorted((i for i in FRICTION if others[i]), key=lambda i: float(away[i]))
-            told = select(problem, fit, others, tested)
-            if told.together == BETTER and told.misfit < before.misfit:
-                use = _recommended(problem, fit, others, told)
-    except NoSolutionError as problem_found:
-        return _refused(u, str(problem_found), samples, sum(problem.counted))
-    if not fit.converged:
-        reason = f"no minimum was reached in {2 * MAX_ITERATIONS} steps"
-        return _refused(u, reason, samples, sum(problem.counted), before.misfit, fit.misfit)
-    if not fit.misfit <= settings.misfit:
-        reason = f"residual {fit.misfit:.1f} times what noise and wander explain"
-        return _refused(u, reason, samples, sum(problem.counted), before.misfit, fit.misfit)
-    return Identification(
-        None, _figures(u, fit.q, sigma, verdicts, told.verdicts), fit.misfit, before.misfit,
-        told.misfit, samples, sum(problem.counted), use,
-    )  # fmt: skip
+    return replace(found, fit=fit, free=free, sigma=sigma)
 
 
-def _recommended(
-    problem: Problem, fit: Fit, free: NDArray[np.bool_], told: Selection
+def _recommend(
+    problem: Problem, fit: Fit, free: NDArray[np.bool_], selection: Selection
 ) -> dict[str, float]:
     """The friction figures that are better than their priors, fitted with the others at those."""
-    u = problem.unknowns
-    back = chosen(len(free), tuple(i for i, verdict in told.verdicts.items() if verdict != BETTER))
+    u, verdicts = problem.unknowns, selection.verdicts
+    back = chosen(len(free), tuple(i for i, verdict in verdicts.items() if verdict != BETTER))
     if back.any():
         fit = problem.solve(np.where(back, u.mean, fit.q), free & ~back, fit.levels)
     values = u.values(fit.q)
-    return {u.names[i]: float(values[i]) for i in told.verdicts if not back[i]}
+    return {u.names[i]: float(values[i]) for i in verdicts if not back[i]}
 
 
-def _leaning(u: Unknowns, fit: Fit) -> F64:
-    """By how much every value goes with the mass, where the samples say what they say of both."""
-    slopes = u.slopes(fit.q)
-    covariance: F64 = slopes @ fit.covariance @ slopes.T
-    result: F64 = covariance[:, MASS] / covariance[MASS, MASS]
-    return result
-
-
-def _sigma(u: Unknowns, fit: Fit, shared: bool = False) -> F64:
-    """Standard deviations of the values: of the noise, or of the blocks' disagreement.
-
-    `shared`: as large as it is in spite of all that was fitted to the same blocks. A minimum over
-    many unknowns has them agree.
-    """
-    slopes = u.slopes(fit.q)
-    covariance = slopes @ fit.covariance @ slopes.T
-    noise = np.sqrt(np.maximum(covariance.diagonal(), 0.0)) * max(1.0, fit.misfit)
-    scores = fit.scores[np.abs(fit.scores).max(axis=1) > 0]
-    count = len(scores)
-    if count < 3:
-        return noise
-    each = (scores - scores.mean(axis=0)) @ fit.covariance @ slopes.T
-    left = count - 1.0
-    if shared:
-        narrowed = 1.0 - (fit.covariance.diagonal() / u.spread**2)[_free(fit)]
-        left = max(left - float(narrowed.clip(0.0, 1.0).sum()), LEAST_LEFT * count)
-    spread: F64 = np.sqrt((each**2).sum(axis=0) * count / left)
-    return np.maximum(noise, spread)
-
-
-def _free(fit: Fit) -> NDArray[np.bool_]:
-    """Which unknowns were solved for."""
-    return np.asarray(fit.covariance.diagonal() > 0.0, dtype=np.bool_)
-
-
-def _prior_sigma(u: Unknowns) -> F64:
-    """Standard deviations of the values before; those of k_i and nu_i for a sum of one."""
-    slopes = u.slopes(u.mean)
-    result: F64 = np.sqrt(slopes**2 @ u.spread**2)
-    return result
-
-
-def _verdicts(u: Unknowns, q: F64, sigma: F64, spread: F64, free: NDArray[np.bool_]) -> list[str]:
-    """Verdict on every unknown; the shape of the hysteresis is determined as a whole or not."""
-    bound = free & ((q <= u.lower) | (q >= u.upper)) & (u.lower < u.mean)
-    weak = (sigma > spread / math.sqrt(2.0)) | ~free
-    verdicts = [BOUND if b else PRIOR if w else ESTIMATED for b, w in zip(bound, weak, strict=True)]
-    first = len(FIGURES)
-    untold = bool(bound[first:].any()) or bool(weak[first:].mean() > 0.5)
-    for i in range(first, len(verdicts)):
-        if verdicts[i] != BOUND and (untold or weak[i]):
-            verdicts[i] = PRIOR if untold else TOGETHER
-    return verdicts
-
-
-def _figures(
-    u: Unknowns, q: F64, sigma: F64, verdicts: Sequence[str], told: Mapping[int, str]
-) -> tuple[Figure, ...]:
-    """All unknowns in their units."""
-    values, priors, spread = u.values(q), u.values(u.mean), _prior_sigma(u)
+def _figures(u: Unknowns, estimate: _Estimate, held_out: Mapping[int, str]) -> tuple[Figure, ...]:
+    """All unknowns in their units; `held_out`: verdicts of those that were tested."""
+    values, priors, prior_sigma = u.values(estimate.fit.q), u.values(u.mean), find_prior_sigma(u)
     result = []
     for i, name in enumerate(u.names):
-        determined = verdicts[i] in (ESTIMATED, TOGETHER)
-        gain = float(spread[i] / sigma[i]) if determined and sigma[i] > 0 else 1.0
+        verdict, sigma = estimate.verdicts[i], float(estimate.sigma[i])
+        determined = verdict in (ESTIMATED, TOGETHER) and sigma > 0
+        gain = float(prior_sigma[i]) / sigma if determined else 1.0
         result.append(
             Figure(
-                name, u.units[i], float(priors[i]), float(spread[i]), float(values[i]),
-                float(min(sigma[i], spread[i])), max(gain, 1.0), verdicts[i],
-                told.get(i, UNTESTED),
+                name, u.units[i], float(priors[i]), float(prior_sigma[i]), float(values[i]),
+                min(sigma, float(prior_sigma[i])), max(gain, 1.0), verdict,
+                held_out.get(i, UNTESTED),
             )
         )  # fmt: skip
     return tuple(result)
@@ -322,5 +306,10 @@ def _refused(
     u: Unknowns, reason: str, samples: int, blocks: int,
     before: float = math.nan, misfit: float = math.nan,
 ) -> Identification:  # fmt: skip
-    figures = _figures(u, u.mean, _prior_sigma(u), [PRIOR] * len(u.mean), {})
+    """Nothing estimated: all figures at their priors."""
+    values, sigma = u.values(u.mean), find_prior_sigma(u)
+    figures = tuple(
+        Figure(name, unit, float(v), float(s), float(v), float(s), 1.0, PRIOR)
+        for name, unit, v, s in zip(u.names, u.units, values, sigma, strict=True)
+    )
     return Identification(reason, figures, misfit, before, math.nan, samples, blocks)

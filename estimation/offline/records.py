@@ -1,8 +1,8 @@
-"""Samples made ready for the off-line fit: joined, differentiated, cut into blocks at rests.
+"""Prepares samples for the off-line fit: joined, differentiated, cut into blocks at rests.
 
-A record is one axis over any number of moves without a gap. Until the axis has slid far enough for
-all elements to slip, their forces are unknown, and so are they after a hole: such samples lead the
-model, but do not count. Samples at rest don't either.
+A record is one axis over any number of moves without a gap. At its start and after a hole the
+element forces are unknown until the axis has slid far enough for all elements to slip: those
+samples drive the model, but do not count. Samples at rest do not count either.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def joined(pieces: Sequence[Samples], period: float) -> list[Samples]:
 def record(
     samples: Samples, period: float, position_noise: float, peak_force: float, travel: float
 ) -> Record:
-    """A record out of samples without a gap.
+    """Make a record of samples without a gap.
 
     Args:
         samples: any number of moves.
@@ -143,7 +143,7 @@ def record(
 
 
 def _ripple(demand: F64 | None, acceleration: F64, period: float) -> F64:
-    """Second difference one sample back, its change over two samples, its curvature."""
+    """Second difference one sample back, its change over two samples, its curvature, (M, 3)."""
     if demand is None:
         result = np.zeros((len(acceleration), 3))
         result[:, 1] = 0.5 * (np.roll(acceleration, -1) - np.roll(acceleration, 1))
@@ -155,9 +155,12 @@ def _ripple(demand: F64 | None, acceleration: F64, period: float) -> F64:
     return np.column_stack([back, 0.5 * (now - older), now - 2.0 * back + older])
 
 
-@kernel(error_model="python")
+@kernel()
 def _known(position, holes, travel):  # type: ignore[no-untyped-def]
-    """Where all elements have slipped since the start or the last hole."""
+    """Where all elements have slipped since the start or the last hole, shape (M,).
+
+    `position` [m] and `holes`, shapes (M,); `travel`: in one direction after which all slip [m].
+    """
     count = position.shape[0]
     known = np.zeros(count, dtype=np.bool_)
     now = False

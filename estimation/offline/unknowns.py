@@ -1,14 +1,14 @@
-"""What is estimated off line, what is believed of it before, and within which bounds.
+"""What is estimated off line, with its prior and bounds.
 
-Named as in the machine file where it has the figure. Inside the fit every unknown is divided by its
-scale, so that all of them are of order one.
+Names are those of the machine file where it has the figure. Inside the fit every unknown is divided
+by its scale, so that all of them are of order one.
 
-Three of them are the drive's, not the friction's. It interpolates between setpoints, so the
-demanded velocity has a step at every SYNC. The force ripple that follows has a fixed phase in the
-samples and shows as a force: mass times the second difference of the setpoints one sample back, its
-change and its curvature (`ripple_mass`, `ripple_lag`, `ripple_curve`). Where setpoints are not
-known, measured positions stand for them: then `mass` is the apparent one, and only `ripple_lag` is
-estimated beside it.
+Three unknowns belong to the drive, not to friction. The drive interpolates between setpoints, so
+the demanded velocity has a step at every SYNC. The resulting force ripple has a fixed phase in the
+samples and appears as a force: mass times the second difference of the setpoints one sample back,
+its change and its curvature (`ripple_mass`, `ripple_lag`, `ripple_curve`). Where setpoints are not
+known, measured positions replace them: then `mass` is the apparent one, and of the three only
+`ripple_lag` is estimated.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ COULOMB, VISCOUS, STIFFNESS, RATE, MASS, ALPHA, VS, DELTA, ASYMMETRY, OFFSET, LA
 RIPPLE = (11, 12, 13)
 UNITS = ("N", "N s/m", "N/m", "1/s", "kg", "", "m/s", "", "", "N", "s", "", "", "")
 FRICTION = (COULOMB, VISCOUS, STIFFNESS, RATE, ALPHA, VS, DELTA)
-"""What a machine file has of the friction."""
+"""Those of the friction law that a machine file has."""
 BASE = (COULOMB, VISCOUS, MASS, OFFSET, *RIPPLE)
 """Solved for first: the rest is not robust to these being wrong."""
 
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """How far the machine file's figures are believed before the first sample, 1 sigma.
+    """Standard deviations of the machine file's figures before the first sample.
 
     Attributes:
         figures: relative, of Coulomb force, viscous coefficient, stiffness, relaxation rate and
@@ -114,13 +114,13 @@ class Unknowns:
 
 
 def unknowns(friction: FrictionFigures, mass: float, period: float, prior: Prior) -> Unknowns:
-    """The unknowns of an axis of which `friction` and `mass` [kg] are believed.
+    """The unknowns of an axis.
 
     Args:
-        friction: as the machine file has it.
-        mass: moved mass [kg].
+        friction: means of the prior, as the machine file has them.
+        mass: moved mass, mean of the prior [kg].
         period: of the samples [s].
-        prior: how far they are believed.
+        prior: standard deviations.
     """
     count = friction.elements
     viscous = max(friction.viscous, 1e-3 * friction.coulomb)

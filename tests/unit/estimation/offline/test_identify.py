@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from estimation.noise import encoder_noise, quantisation
-from estimation.offline.identify import BOUND, ESTIMATED, PRIOR, OfflineSettings, identify
+from estimation.offline.identify import OfflineSettings, identify
 from estimation.offline.records import Samples, joined
+from estimation.offline.uncertainty import BOUND, ESTIMATED, PRIOR
 from estimation.trajectory import Limits, plan
 from hil_sim.effects.library import own_effects
 from hil_sim.plant import simulate, slip_step, stribeck

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from estimation.friction import FrictionState, element_shares, follow
-from estimation.offline.model import KNOTS, lead
+from estimation.offline.model import Figures, Level, Path, lead, make_prediction, make_state
 from stagedata import FrictionFigures
 
 TS, COUNT, SPACING = 1e-3, 4, 0.05
-THETA = np.array([6.0, 6e5, 100.0, 0.4, 2e-3, 1.2, 0.06])
 SPRINGS, SHARES = np.array([0.4, 0.3, 0.2, 0.1]), np.array([0.1, 0.2, 0.3, 0.4])
+FIGURES = Figures(6.0, 6e5, 100.0, 0.4, 2e-3, 1.2, 0.06, SPRINGS, SHARES)
 LEVEL = np.array([0.01, -0.02, 0.015, 0.0, 0.01, -0.01])
 
 
@@ -18,50 +18,47 @@ def motion(count=240):
     return 150e-6 * np.sin(2 * np.pi * 6.3 * t) + 20e-6 * np.sin(2 * np.pi * 31 * t)
 
 
-def run(theta=THETA, springs=SPRINGS, shares=SHARES, level=LEVEL, start=0.0, x=None):
-    """Force and jacobian; the last column is by `start`, which stretches all elements alike."""
+def run(figures=FIGURES, level=LEVEL, start=0.0, x=None):
+    """Force and Jacobian; the last column is by `start`, a factor on forces of 1, 2, 3 ... N."""
     x = motion() if x is None else x
-    count = len(springs)
-    forces = start * np.arange(1.0, count + 1)
-    derivative = np.zeros((count, KNOTS + len(level) + 1))
-    derivative[:, -1] = np.arange(1.0, count + 1)
-    force = np.empty(len(x))
-    jacobian = np.empty((len(x), 7 + 2 * count + len(level) + 1))
-    lead(
-        np.asarray(theta), np.asarray(springs), np.asarray(shares), forces,
-        np.zeros(count, dtype=bool), derivative, np.array([0.0, x[0]]), np.asarray(level), SPACING,
-        x, np.gradient(x, TS), TS, 4e-9, force, jacobian,
-    )  # fmt: skip
-    return force, jacobian
+    count = len(figures.springs)
+    state = make_state(x[0], count, len(level), 1)
+    state.by_start[:, 0] = np.arange(1.0, count + 1)
+    state.forces[:] = start * state.by_start[:, 0]
+    found = make_prediction(len(x), count, len(level), 1)
+    lead(figures, Level(level, SPACING), Path(x, np.gradient(x, TS), TS, 4e-9), state, found)
+    return found.force, np.hstack(found[1:])
 
 
-def unknowns():
-    """Every number that the force depends on, as (argument, place)."""
-    sizes = {"theta": 7, "springs": COUNT, "shares": COUNT, "level": len(LEVEL)}
-    return [(name, i) for name, size in sizes.items() for i in range(size)] + [("start", 0)]
+def shifted(number, by):
+    """Arguments of `run` with one number changed by `by` of itself, and the change.
+
+    They are counted as the columns: scalar figures, k_i, nu_i, knots, start.
+    """
+    numbers = np.concatenate([FIGURES[:7], SPRINGS, SHARES, LEVEL, [0.0]])
+    step = by * max(abs(numbers[number]), 0.1)
+    numbers[number] += step
+    scalars, springs, shares, level, start = np.split(
+        numbers, np.cumsum([7, COUNT, COUNT, len(LEVEL)])
+    )
+    return Figures(*scalars, springs, shares), level, start[0], step
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_every_derivative_is_that_of_the_force(sign):
-    arguments = {"theta": THETA, "springs": SPRINGS, "shares": SHARES, "level": LEVEL}
     x = sign * motion()
     _, jacobian = run(x=x)
-    for column, (name, i) in enumerate(unknowns()):
-        value = 0.0 if name == "start" else float(arguments[name][i])
-        step = 1e-6 * max(abs(value), 0.1)
+    assert jacobian.shape == (len(x), 7 + 2 * COUNT + len(LEVEL) + 1)
+    for number, column in enumerate(jacobian.T):
         found = []
-        for way in (step, -step):
-            if name == "start":
-                found.append(run(start=way, x=x)[0])
-            else:
-                changed = arguments[name].copy()
-                changed[i] += way
-                found.append(run(**(arguments | {name: changed}), x=x)[0])
-        numeric = (found[0] - found[1]) / (2 * step)
+        for way in (1e-6, -1e-6):
+            *arguments, step = shifted(number, way)
+            found.append(run(*arguments, x=x)[0])
+        numeric = (found[1] - found[0]) / (2 * step)  # step: of the second, negative
         # Where an element breaks away the force has a kink: a few samples may differ there.
         largest = max(np.abs(numeric).max(), 1e-9)
-        wrong = np.abs(jacobian[:, column] - numeric) > 2e-3 * largest
-        assert wrong.mean() < 0.03, (name, i)
+        wrong = np.abs(column - numeric) > 2e-3 * largest
+        assert wrong.mean() < 0.03, number
 
 
 def test_it_is_the_estimators_model_where_that_is_enough():
@@ -69,16 +66,15 @@ def test_it_is_the_estimators_model_where_that_is_enough():
     x = motion()
     friction = FrictionFigures(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)
     known, _ = follow(friction, FrictionState.relaxed(10), x, np.gradient(x, TS), TS)
-    theta = np.array([6.0, 6e5, 100.0, 0.4, 2e-3, 1.0, 0.0])
-    force, _ = run(theta, np.full(10, 0.1), shares, np.zeros(6), x=x)
+    figures = Figures(6.0, 6e5, 100.0, 0.4, 2e-3, 1.0, 0.0, np.full(10, 0.1), shares)
+    force, _ = run(figures, np.zeros(6), x=x)
     # Within a step in which an element lands they may differ.
     np.testing.assert_allclose(force, known, atol=0.02)
 
 
 def test_asymmetry_is_a_larger_force_one_way():
     slide = np.linspace(0.0, 20e-3, 300)
-    theta = THETA.copy()
-    forth, back = (run(theta, level=np.zeros(6), x=way * slide)[0][-1] for way in (1.0, -1.0))
+    forth, back = (run(level=np.zeros(6), x=way * slide)[0][-1] for way in (1.0, -1.0))
     assert forth == pytest.approx(6.0 * 1.06, rel=1e-3)
     assert back == pytest.approx(-6.0 * 0.94, rel=1e-3)
 

@@ -9,7 +9,7 @@ from scipy.linalg import solveh_banded
 
 from estimation.friction import FrictionState, element_shares, follow
 from estimation.move import MoveData
-from estimation.offline.model import KNOTS, lead
+from estimation.offline.model import Figures, Level, Path, lead, make_prediction, make_state
 from estimation.online.belief import BeliefSettings
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
 from estimation.online.zones import REST, split
@@ -193,23 +193,12 @@ def test_the_general_model_is_bounded_too(friction, asymmetry, level, seed):
     springs, shares = rng.uniform(0.05, 1.0, (2, count))
     springs, shares = springs / springs.sum(), shares / shares.sum()
     x = 1e-4 * np.cumsum(rng.normal(0.0, 0.3, 150))
-    theta = np.array(
-        [
-            friction.coulomb,
-            friction.stiffness,
-            friction.relaxation_rate,
-            friction.static_ratio,
-            friction.stribeck_velocity,
-            friction.stribeck_shape,
-            asymmetry,
-        ]
-    )
-    force, jacobian = np.empty(150), np.empty((150, 7 + 2 * count + 4))
-    lead(
-        theta, springs, shares, np.zeros(count), np.zeros(count, dtype=bool),
-        np.zeros((count, KNOTS + 4)), np.array([0.0, x[0]]), np.full(4, level), 0.05, x,
-        np.gradient(x, TS), TS, 0.0, force, jacobian,
+    figures = Figures(
+        friction.coulomb, friction.stiffness, friction.relaxation_rate, friction.static_ratio,
+        friction.stribeck_velocity, friction.stribeck_shape, asymmetry, springs, shares,
     )  # fmt: skip
+    path, found = Path(x, np.gradient(x, TS), TS, 0.0), make_prediction(150, count, 4, 0)
+    lead(figures, Level(np.full(4, level), 0.05), path, make_state(x[0], count, 4, 0), found)
     most = friction.coulomb * (1 + abs(asymmetry)) * (1 + level)
-    assert np.abs(force).max() <= most * max(1.0 + friction.static_ratio, 1.0) * (1 + 1e-9)
-    assert np.isfinite(jacobian).all()
+    assert np.abs(found.force).max() <= most * max(1.0 + friction.static_ratio, 1.0) * (1 + 1e-9)
+    assert all(np.isfinite(column).all() for column in found)
