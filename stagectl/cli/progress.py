@@ -28,9 +28,9 @@ from stagectl.sequencer import (
     MarkNotFound,
     MoveStarted,
     Retrying,
+    SegmentDone,
     Settled,
     Stopping,
-    StretchDone,
     Waiting,
 )
 
@@ -50,7 +50,7 @@ class RunProgress:
         console: to draw on; unless it is a terminal, only warnings are printed.
         recipe: to be run.
         axes: their names.
-        done: completed stretches of the recipe, which are not run again.
+        done: completed segments of the recipe, which are not run again.
         clock: seconds, for the time left.
     """
 
@@ -81,7 +81,7 @@ class RunProgress:
         steps = plan_from(recipe, done)
         self._moves = sum(isinstance(step, MoveStep | ExciteStep) for step in steps)
         self._task = self._progress.add_task("starting", total=self._moves, left="", known="")
-        self._begun = self._stretch = 0
+        self._begun = self._segment = 0
         self._first_move: float | None = None
         self._queue: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._draw_all, name="progress", daemon=True)
@@ -150,18 +150,18 @@ class RunProgress:
                 mark = "" if event.estimate.accepted else "?"
                 level = event.estimate.friction.coulomb
                 self._friction[event.axis] = f"Fc {event.axis} {level:.3g} N{mark}"
-            case StretchDone():
-                self._stretch = self._begun
+            case SegmentDone():
+                self._segment = self._begun
                 self._count(self._begun, now)
             case MarkNotFound():
                 self._moves -= 1
                 self._progress.update(self._task, total=self._moves)
                 self._warn(f"site {event.site}: mark not found, no micro-move")
             case Retrying():
-                self._begun = self._stretch
+                self._begun = self._segment
                 what = "site" if self._sites else "move"
                 self._warn(
-                    f"{what} {event.stretch}: {event.fault}; restarting "
+                    f"{what} {event.segment}: {event.fault}; restarting "
                     f"(attempt {event.attempt} of {event.limit})"
                 )
             case LevelStepped(axis=axis, place=(x, y), change=change, everywhere=everywhere):

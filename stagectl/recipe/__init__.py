@@ -13,7 +13,7 @@ from stagectl.recipe.plan import (
     MarkedStep,
     MoveStep,
     SettleStep,
-    count_stretches,
+    count_segments,
     plan,
     plan_from,
 )
@@ -37,7 +37,7 @@ __all__ = [
     "Recipe",
     "SettleStep",
     "SiteLimits",
-    "count_stretches",
+    "count_segments",
     "dry_run",
     "grid_positions",
     "load_recipe",

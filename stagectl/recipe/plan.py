@@ -1,8 +1,8 @@
 """From a recipe to a flat list of frozen steps, which `run` executes and `--dry-run` counts.
 
 The same recipe and start always give the same steps. Only the targets of micro-moves onto a mark
-are open; the fiducial provides them during the run. The steps form stretches (a site, or one entry
-of a list of moves): after a fault or an interruption, a stretch is repeated from its first step.
+are open; the fiducial provides them during the run. The steps form segments (a site, or one entry
+of a list of moves): after a fault or an interruption, a segment is repeated from its first step.
 """
 
 from __future__ import annotations
@@ -89,10 +89,10 @@ class DwellStep:
 
 @dataclass(frozen=True, slots=True)
 class DoneStep:
-    """The end of a stretch: a run interrupted after it resumes with the next stretch.
+    """The end of a segment: a run interrupted after it resumes with the next segment.
 
     Attributes:
-        number: of the stretch, from 1.
+        number: of the segment, from 1.
         site: the same number if the recipe has sites; None in a list of moves.
     """
 
@@ -112,36 +112,36 @@ def plan(recipe: Recipe, start: Pair = (0.0, 0.0)) -> tuple[Step, ...]:
         start: position of the axes at the start [m], home by default. Only the direction of an
             axis' first `reverse` can depend on it.
     """
-    return tuple(step for _, steps in _stretches(recipe, start) for step in steps)
+    return tuple(step for _, steps in _segments(recipe, start) for step in steps)
 
 
 def plan_from(recipe: Recipe, done: int, start: Pair = (0.0, 0.0)) -> tuple[MarkedStep, ...]:
-    """The steps after the first `done` stretches, with a `DoneStep` at the end of each stretch.
+    """The steps after the first `done` segments, with a `DoneStep` at the end of each segment.
 
     A list of moves that resumes in the middle first moves to where it was.
 
     Args:
         recipe: a validated recipe.
-        done: number of finished stretches.
+        done: number of finished segments.
         start: as for `plan`.
     """
     steps: list[MarkedStep] = []
-    for number, (origin, stretch) in enumerate(_stretches(recipe, start), 1):
+    for number, (origin, segment) in enumerate(_segments(recipe, start), 1):
         if number <= done:
             continue
         if recipe.moves and done and not steps:
             steps.append(MoveStep(None, "other", origin, recipe.macro))
-        steps += [*stretch, DoneStep(number, None if recipe.moves else number)]
+        steps += [*segment, DoneStep(number, None if recipe.moves else number)]
     return tuple(steps)
 
 
-def count_stretches(recipe: Recipe) -> int:
+def count_segments(recipe: Recipe) -> int:
     """Number of sites, or of entries of a list of moves with its repeats unrolled."""
     return len(recipe.sites) or sum(1 for _ in walk(recipe.moves, (0.0, 0.0)))
 
 
-def _stretches(recipe: Recipe, start: Pair) -> Iterator[tuple[Pair, tuple[Step, ...]]]:
-    """Each stretch with its start position."""
+def _segments(recipe: Recipe, start: Pair) -> Iterator[tuple[Pair, tuple[Step, ...]]]:
+    """Each segment with its start position."""
     settle = _settle_step(recipe.settle)
     origin = start
     if recipe.moves:

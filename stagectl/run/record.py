@@ -37,8 +37,8 @@ from stagectl.sequencer import (
     LevelStepped,
     MarkFound,
     Retrying,
+    SegmentDone,
     StopNoticed,
-    StretchDone,
 )
 from stagectl.store import (
     LOG_NAME,
@@ -72,7 +72,7 @@ class RunRecord:
         effects: as above.
         temperature: of the stage, set once it is open.
         journal: of the run.
-        done: completed stretches of the recipe, those of the resumed run included.
+        done: completed segments of the recipe, those of the resumed run included.
         wall_time: of the moves [s], set once they are over.
 
     Raises:
@@ -162,11 +162,11 @@ class RunRecord:
             case LevelStepped():
                 self.journal.event("level_stepped", **asdict(event))
                 self._history.file(self._history.step(event))
-            case StretchDone(number=number, site=site):
+            case SegmentDone(number=number, site=site):
                 self.done = number
                 self.journal.event("done", number=number, site=site)
-            case Retrying(stretch=stretch, attempt=attempt, fault=fault):
-                site = stretch if self._request.recipe.sites else None
+            case Retrying(segment=segment, attempt=attempt, fault=fault):
+                site = segment if self._request.recipe.sites else None
                 self.journal.event("retry", site=site, attempt=attempt, fault=fault)
             case MarkFound(site=site, offset=offset):
                 self.journal.event("mark", site=site, offset=offset)

@@ -11,7 +11,7 @@ from typing import Any
 from hil_sim.bus import FaultPlan
 from stagectl.config.machine import Machine
 from stagectl.errors import StagectlError
-from stagectl.recipe import Recipe, count_stretches
+from stagectl.recipe import Recipe, count_segments
 from stagectl.sequencer import Figures, Mode, SiteVerdict
 from stagedata import Recording
 
@@ -23,7 +23,7 @@ class Resumed:
     Attributes:
         run: its folder.
         started: when it began, ISO 8601.
-        done: completed stretches of the recipe (sites, or entries of a list of moves).
+        done: completed segments of the recipe (sites, or entries of a list of moves).
         friction: axis -> figures accepted last.
         verdicts: of the completed sites, where the recipe has limits.
     """
@@ -75,7 +75,7 @@ class RunRequest:
         folder: for the files.
         started: time of the run, with zone.
         faults: to inject on the virtual stage; None for none.
-        retries: attempts to repeat a stretch (a site) after a recoverable fault.
+        retries: attempts to repeat a segment (a site) after a recoverable fault.
         resumed: the interrupted run to continue; None to start at the beginning.
         history: file or server for the friction estimates; None for none.
         use_map: use the history's active friction map, where there is one.
@@ -123,7 +123,7 @@ class RunRequest:
             "calibration": bool(self.recipe.excursions),
             "sites": [list(site) for site in self.recipe.sites] if self.recipe.excursions else None,
             "slipped": len(self.recipe.slipped),
-            "stretches": count_stretches(self.recipe),
+            "stretches": count_segments(self.recipe),
             "unit": "site" if self.recipe.sites else "move",
             "limits": {
                 "settling": limits.settling,

@@ -282,7 +282,7 @@ class _Session:
         ]
 
     def _run_recipe(self, stage: Stage, period: float) -> None:
-        """Run what is left of the recipe; repeat a stretch after a fault that allows it."""
+        """Run what is left of the recipe; repeat a segment after a fault that allows it."""
         record, recipe, limit = self._record, self._request.recipe, self._request.retries
         start = stage.targets[0], stage.targets[1]
         engine = self._engine = Engine(

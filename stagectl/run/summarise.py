@@ -140,13 +140,13 @@ def _last(notes: RunNotes, event: str) -> Note:
 
 
 def _done(notes: RunNotes, resumed: Resumed | None) -> list[int]:
-    """Numbers of the completed stretches; of those before a resumed run only the last."""
+    """Numbers of the completed segments; of those before a resumed run only the last."""
     done = [int(e["number"]) for e in notes.events if e["event"] == "done"]
     return [*([] if resumed is None else [resumed.done]), *done]
 
 
 def _is_begun(notes: RunNotes, recording: Recording) -> bool:
-    """Whether there is a move after the last completed stretch."""
+    """Whether there is a move after the last completed segment."""
     since = int(_last(notes, "done").get("sample", 0))
     return any(move.start >= since for move in recording.moves)
 

@@ -31,10 +31,10 @@ from stagectl.sequencer.events import (
     MarkFound,
     MarkNotFound,
     MoveStarted,
+    SegmentDone,
     Settled,
     StopNoticed,
     Stopping,
-    StretchDone,
     Waiting,
 )
 from stagectl.sequencer.excitation import excitation_setpoints
@@ -164,7 +164,7 @@ class Engine:
                 self._on_event(Waiting(self._site, "dwelling", step.duration))
                 self._hold(step.duration)
             case DoneStep():
-                self._on_event(StretchDone(step.number, step.site))
+                self._on_event(SegmentDone(step.number, step.site))
 
     def _move(self, step: MoveStep) -> None:
         self._learn()

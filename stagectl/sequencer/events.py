@@ -100,11 +100,11 @@ class Exposed:
 
 
 @dataclass(frozen=True, slots=True)
-class StretchDone:
+class SegmentDone:
     """A site, or an entry of a list of moves, is complete and will not be repeated.
 
     Attributes:
-        number: of the stretch, from 1.
+        number: of the segment, from 1.
         site: the same where the recipe has sites, else None.
     """
 
@@ -114,16 +114,16 @@ class StretchDone:
 
 @dataclass(frozen=True, slots=True)
 class Retrying:
-    """A stretch is repeated after a fault.
+    """A segment is repeated after a fault.
 
     Attributes:
-        stretch: its number, from 1.
+        segment: its number, from 1.
         attempt: from 1, at most `limit`.
         limit: attempts allowed.
         fault: what happened.
     """
 
-    stretch: int
+    segment: int
     attempt: int
     limit: int
     fault: str
@@ -185,7 +185,7 @@ Event = (
     | Settled
     | FrictionUpdated
     | Exposed
-    | StretchDone
+    | SegmentDone
     | Retrying
     | MarkFound
     | MarkNotFound

@@ -61,7 +61,7 @@ class FrictionEntry:
 
 @dataclass(frozen=True, slots=True)
 class Retry:
-    """A stretch of the recipe that was repeated after a fault.
+    """A segment of the recipe that was repeated after a fault.
 
     Attributes:
         site: from 1, None in a list of moves.
@@ -89,7 +89,7 @@ class RunFacts:
         outcome: "completed", "aborted", "fault" or "killed".
         fault: its text, or None.
         resumed: run, start and progress of the run that this one continues, or None.
-        retries: stretches that were repeated.
+        retries: segments that were repeated.
         wafer: or None.
         map: number of the friction map used, or None.  map_comment: what its maker said of it.
         steps: of the friction level, in order of time.

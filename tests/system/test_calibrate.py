@@ -19,7 +19,7 @@ from stagectl.errors import StagectlError
 from stagectl.history import StageKey, open_history
 from stagectl.maps import map_versions
 from stagectl.run import Listener, RunRequest, execute
-from stagectl.sequencer import Mode, StretchDone
+from stagectl.sequencer import Mode, SegmentDone
 from stagectl.store import read_notes
 from tests.system.short_recipe import short_recipe
 
@@ -43,7 +43,7 @@ def stagectl(*arguments, code=0):
 
 
 def die(happened):
-    if isinstance(happened, StretchDone) and happened.number == 2:
+    if isinstance(happened, SegmentDone) and happened.number == 2:
         os.kill(os.getpid(), signal.SIGKILL)
 
 

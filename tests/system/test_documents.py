@@ -18,7 +18,7 @@ from stagectl.errors import LimitsMissed
 from stagectl.history import StageKey, open_history
 from stagectl.recipe import parse_recipe
 from stagectl.run import Listener, RunRequest, execute, list_runs
-from stagectl.sequencer import Mode, StretchDone
+from stagectl.sequencer import Mode, SegmentDone
 from tests.system.short_recipe import short_recipe
 
 PLACES = ((0.01, 0.0), (0.02, 0.01), (0.01, 0.02), (0.0, 0.01))
@@ -40,7 +40,7 @@ def made(machine, tmp_path_factory):
         stops = []
 
         def event(happened):
-            if isinstance(happened, StretchDone) and happened.number == stop:
+            if isinstance(happened, SegmentDone) and happened.number == stop:
                 stops[0]("stopped by the operator (Ctrl-C)")
 
         return execute(request, Listener(event=event, stoppable=stops.append)), folder / "run"
@@ -172,7 +172,7 @@ def test_report_says_what_it_cannot_use(tmp_path):
 
 
 def die(happened):
-    if isinstance(happened, StretchDone) and happened.number == 2:
+    if isinstance(happened, SegmentDone) and happened.number == 2:
         os.kill(os.getpid(), signal.SIGKILL)
 
 
@@ -276,7 +276,7 @@ def test_a_run_in_progress_is_listed_as_running(machine, tmp_path):
     seen = []
 
     def event(happened):
-        if isinstance(happened, StretchDone) and happened.number == 1:
+        if isinstance(happened, SegmentDone) and happened.number == 1:
             seen.extend(list_runs(tmp_path))
 
     execute(replace(request, operator="Ada"), Listener(event=event))

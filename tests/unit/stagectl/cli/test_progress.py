@@ -17,7 +17,7 @@ from rich.console import Console
 from stagectl.cli.progress import RunProgress, clock_time
 from stagectl.config import load_machine
 from stagectl.recipe import Recipe, load_recipe
-from stagectl.sequencer import MoveStarted, Retrying, Settled, StretchDone, Waiting
+from stagectl.sequencer import MoveStarted, Retrying, SegmentDone, Settled, Waiting
 
 RECIPE = Path(__file__).parents[4] / "recipes" / "inspection-20.yaml"
 DEADLINE = 600.0  # only ends a wait that would otherwise never end
@@ -104,7 +104,7 @@ def test_a_repeated_site_is_counted_once(terminal: Terminal, recipe: Recipe) -> 
     with shown(terminal, recipe, *range(100)) as progress:
         for kind in ("macro", "micro"):
             progress.event(MoveStarted(1, kind, 0.0))
-        progress.event(StretchDone(1, 1))
+        progress.event(SegmentDone(1, 1))
         for attempt in (1, 2):
             progress.event(MoveStarted(2, "macro", 0.0))
             progress.event(MoveStarted(2, "micro", 0.0))
