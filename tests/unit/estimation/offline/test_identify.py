@@ -7,7 +7,7 @@ import pytest
 
 from estimation.noise import encoder_noise, quantisation
 from estimation.offline.identify import OfflineSettings, identify
-from estimation.offline.records import Samples, joined
+from estimation.offline.records import Samples
 from estimation.offline.uncertainty import BOUND, ESTIMATED, PRIOR
 from estimation.trajectory import Limits, plan
 from hil_sim.effects.library import own_effects
@@ -180,12 +180,6 @@ class TestRefusals:
         with pytest.raises(ValueError, match="no moves"):
             identify([], BELIEVED, SETTINGS)
 
-    def test_lengths_that_differ_and_nothing_valid(self):
-        with pytest.raises(ValueError, match="length"):
-            Samples(np.zeros(9), np.zeros(8), np.ones(9, dtype=bool), 0.0)
-        with pytest.raises(ValueError, match="valid"):
-            Samples(np.zeros(9), np.zeros(9), np.zeros(9, dtype=bool), 0.0)
-
     def test_a_figure_on_its_bound_is_not_an_estimate(self):
         samples = drive(macro=3, micro=1)
         # Twelve times the Coulomb force that is believed: beyond its bound.
@@ -193,22 +187,6 @@ class TestRefusals:
         found = identify([samples], low, replace(SETTINGS, misfit=1e9))
         assert found["coulomb"].verdict in (BOUND, PRIOR)
         assert found["coulomb"].value == found["coulomb"].prior
-
-
-def test_moves_that_overlap_are_one_record():
-    samples = drive(macro=2, micro=1)
-    count = len(samples.position)
-
-    def piece(begin, end):
-        return Samples(
-            samples.position[begin:end], samples.force[begin:end], samples.valid[begin:end],
-            begin * TS, samples.demand[begin:end],
-        )  # fmt: skip
-
-    together = joined([piece(0, 200), piece(198, 400), piece(400, count)], TS)
-    assert len(together) == 1
-    np.testing.assert_array_equal(together[0].position, samples.position)
-    assert len(joined([piece(0, 200), piece(230, count)], TS)) == 2
 
 
 def test_missing_samples_do_no_harm():
