@@ -79,8 +79,12 @@ def named(machine: Machine, recipe: Recipe, truth: Machine, seed: int) -> tuple[
         values = {key: p.value for key, p in cause.parameters.items()}
         added.setdefault(cause.axis, []).append((cause.effect, values))
     text = render_twin(machine, added, found.plant)
-    causes = ", ".join(f"{axis} {name}" for axis, each in added.items() for name, _ in each)
-    return parse_machine(text, "twin"), causes or "nothing"
+    axes: dict[str, list[str]] = {}
+    for axis, each in added.items():
+        for name, _ in each:
+            axes.setdefault(name, []).append(axis)
+    causes = [name if len(on) == 2 else f"{name} ({', '.join(on)})" for name, on in axes.items()]
+    return parse_machine(text, "twin"), ", ".join(causes) or "nothing"
 
 
 def cells(row: Row | None) -> str:
