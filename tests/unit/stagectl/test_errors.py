@@ -1,35 +1,9 @@
-"""Which failure to write is the fault of the path."""
+"""Exit codes as docs/formats/run.md has them, messages of one line, failures to write."""
 
 from __future__ import annotations
 
 import errno
 import os
-
-import pytest
-
-from stagectl.errors import StagectlError, UnusableInput, failure_to_write
-
-
-@pytest.mark.parametrize(
-    ("number", "code"),
-    [
-        (errno.EACCES, 2),
-        (errno.EROFS, 2),
-        (errno.ENOENT, 2),
-        (errno.ENOTDIR, 2),
-        (errno.ENOSPC, 1),
-        (errno.EIO, 1),
-    ],
-)
-def test_another_path_helps_or_not(number: int, code: int) -> None:
-    failure = failure_to_write("/x/y: cannot create", OSError(number, os.strerror(number)))
-    assert failure.exit_code == code
-    assert isinstance(failure, UnusableInput if code == 2 else StagectlError)
-    assert str(failure) == f"/x/y: cannot create: {os.strerror(number)}"
-
-
-"""Exit codes as docs/formats/run.md has them, and messages of one line per problem."""
-
 from pathlib import Path
 
 import pytest
@@ -39,6 +13,9 @@ from stagectl.errors import (
     ConfigError,
     LimitsMissed,
     RunFault,
+    StagectlError,
+    UnusableInput,
+    failure_to_write,
 )
 
 DOCUMENTED = {
@@ -63,3 +40,21 @@ def test_a_config_error_has_one_line_per_problem(problems):
     error = ConfigError(problems)
     assert str(error).splitlines() == list(error.problems)
     assert len(error.problems) == (1 if isinstance(problems, str) else 2)
+
+
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [
+        (errno.EACCES, 2),
+        (errno.EROFS, 2),
+        (errno.ENOENT, 2),
+        (errno.ENOTDIR, 2),
+        (errno.ENOSPC, 1),
+        (errno.EIO, 1),
+    ],
+)
+def test_another_path_helps_or_not(number: int, code: int) -> None:
+    failure = failure_to_write("/x/y: cannot create", OSError(number, os.strerror(number)))
+    assert failure.exit_code == code
+    assert isinstance(failure, UnusableInput if code == 2 else StagectlError)
+    assert str(failure) == f"/x/y: cannot create: {os.strerror(number)}"
