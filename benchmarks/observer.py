@@ -10,6 +10,8 @@ settling to 50 nm. The host's machine file is wafer-xy; the true stage is
 - `figures off`: Coulomb force, viscous friction, stiffness and attraction deviate by -40 to +60 %,
   drawn for each seed and axis;
 - `two effects`: 1.2 N cogging on x, 1 N cable hysteresis on y;
+- `noisy encoder`: 20 nm rms instead of 1 nm;
+- `no presliding`: friction law `coulomb`;
 - an effect of the library (`stagectl effects`) on both axes, in the middle of its usual range
   (of what is above, where it includes no effect at all).
 
@@ -29,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 from machine_facts import machine_facts
 from run_figures import RECIPE
-from settling import FIRST_SITE, drawn
+from settling import FIRST_SITE, drawn, of_law
 
 from hil_sim.effects import Effect as Known
 from hil_sim.effects.library import library
@@ -90,6 +92,15 @@ def with_effects(machine: Machine, effects: Mapping[str, tuple[Effect, ...]]) ->
     return machine.model_copy(update={"axes": axes})
 
 
+def with_noise(machine: Machine, noise: float) -> Machine:
+    """The machine with this noise of its encoders [m rms]."""
+    axes = {}
+    for name, axis in machine.axes.items():
+        encoder = axis.encoder.model_copy(update={"noise": noise})
+        axes[name] = axis.model_copy(update={"encoder": encoder})
+    return machine.model_copy(update={"axes": axes})
+
+
 def middle(effect: Known, axis: AxisSettings) -> Effect:
     """An effect in the middle of its usual range on this axis.
 
@@ -119,6 +130,8 @@ def cases(machine: Machine) -> dict[str, tuple[Truth, Demand]]:
         "as modelled": (lambda _: machine, AS_MODELLED),
         "figures off": (lambda seed: drawn(machine, seed), FIGURES_OFF),
         "two effects": (lambda _: two, TWO_EFFECTS),
+        "noisy encoder": (lambda _: with_noise(machine, 20e-9), NO_WORSE),
+        "no presliding": (lambda _: of_law(machine, "coulomb"), NO_WORSE),
     }
     settings = dict(zip(machine.axes, stage_settings(machine).axes, strict=True))
     for name, effect in library().items():
