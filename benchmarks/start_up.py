@@ -152,6 +152,8 @@ def installations(tree: Tree) -> Figures:
             python = f"{folder}/bin/python"
             own = Tree(tree.name, tree.folder, python)
             group = _development_group(tree) if "editable" in source[0] else []
+            if group:
+                own.call("-m", "pip", "install", "-q", "--upgrade", "pip>=25.1")
             own.call("-m", "pip", "install", "-q", *source, *group)
             found[f"{what}: installed in, s"] = time.perf_counter() - begin
             size = sum(p.lstat().st_size for p in Path(folder).rglob("*") if p.is_file())
