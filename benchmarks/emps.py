@@ -217,7 +217,7 @@ def _steps(searched: FreeSearch, other: FreeLoop) -> list[str]:
     ]
     for number, step in enumerate(searched.steps, 1):
         shares = f"{step.closed:.2f} | {_share(other, step.model):.2f}"
-        lines.append(f"| {number} | {step.added} | {shares} |")
+        lines.append(f"| {number} | {', '.join(step.added)} | {shares} |")
     return lines
 
 

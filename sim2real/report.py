@@ -223,14 +223,14 @@ class SelectionStep:
 
     Attributes:
         axis: on which.
-        added: effect that the step added.
+        added: effects that the step added, mostly one.
         effects: all of them from then on.
         gap_closed: share of the axis' gap that they close on held-out moves.
         sigma: of what the step added to it, one standard deviation over moves.
     """
 
     axis: str
-    added: str
+    added: tuple[str, ...]
     effects: tuple[str, ...]
     gap_closed: float
     sigma: float
@@ -239,7 +239,7 @@ class SelectionStep:
         """The entry of `steps`."""
         return {
             "axis": self.axis,
-            "added": self.added,
+            "added": list(self.added),
             "effects": list(self.effects),
             "gap_closed": _number(self.gap_closed),
             "sigma": _number(self.sigma),

@@ -19,7 +19,7 @@ class BaseMotion(Effect):
     name = "base_motion"
     group = "dynamics"
     parameters = mode_parameters(
-        frequency=("frequency of the base on its isolators", (5.0, 15.0)),
+        frequency=("frequency of the base on its isolators", (5.0, 30.0)),
         damping=("damping ratio of that mode", (0.04, 0.15)),
         mass_ratio=("moved mass over mass of the base", (0.01, 0.05)),
     )

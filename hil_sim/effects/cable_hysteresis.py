@@ -19,12 +19,21 @@ class CableHysteresis(Effect):
     name = "cable_hysteresis"
     group = "force"
     parameters = (
-        Parameter("force", "N", "sliding force of the element", (0.5, 1.6), neutral=0.0, least=0.0),
+        Parameter(
+            "force",
+            "N",
+            "sliding force of the element",
+            (0.07, 0.22),
+            relative_to="Coulomb force",
+            neutral=0.0,
+            least=0.0,
+        ),
         Parameter(
             "stiffness",
             "N/m",
             "stiffness before it slides",
-            (1e3, 5e3),
+            (150.0, 700.0),
+            relative_to="Coulomb force",
             role="shape",
             above=0.0,
             log=True,

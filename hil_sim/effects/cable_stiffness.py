@@ -18,7 +18,14 @@ class CableStiffness(Effect):
     name = "cable_stiffness"
     group = "force"
     parameters = (
-        Parameter("stiffness", "N/m", "stiffness of the spring", (8.0, 35.0), neutral=0.0),
+        Parameter(
+            "stiffness",
+            "N/m",
+            "stiffness of the spring",
+            (0.3, 1.4),
+            relative_to="Coulomb force over the travel",
+            neutral=0.0,
+        ),
         Parameter("center", "m", "position where it is relaxed", None, role="place"),
     )
     equation = "F_d += stiffness (x - center)"

@@ -20,7 +20,14 @@ class Cogging(Effect):
     name = "cogging"
     group = "force"
     parameters = (
-        Parameter("amplitude", "N", "amplitude of the force", (0.4, 2.0), neutral=0.0),
+        Parameter(
+            "amplitude",
+            "N",
+            "amplitude of the force",
+            (0.06, 0.3),
+            relative_to="Coulomb force",
+            neutral=0.0,
+        ),
         Parameter(
             "pitch", "m", "spatial period", (24e-3, 40e-3), role="shape", least=1e-3, log=True
         ),

@@ -22,8 +22,9 @@ class CrossCoupling(Effect):
             "mass",
             "kg",
             "force per acceleration of the other axis",
-            (0.15, 0.6),
+            (0.015, 0.05),
             signed=True,
+            relative_to="mass",
             neutral=0.0,
         ),
     )

@@ -24,11 +24,18 @@ GROUPS: tuple[Group, ...] = ("mass", "motor", "friction", "force", "dynamics")
 _LEAST_COULOMB = 0.01
 """Share of the rated force that Fc counts as at least, where forces are given in multiples of it:
 an axis on air has disturbances, too."""
+
+
+def _coulomb(axis: AxisSettings) -> float:
+    return max(axis.friction.coulomb, _LEAST_COULOMB * axis.control.rated_force)
+
+
 _AXIS_FIGURES = {
     "mass": lambda axis: axis.mass,
     "rated force": lambda axis: axis.control.rated_force,
-    "Coulomb force": lambda axis: max(
-        axis.friction.coulomb, _LEAST_COULOMB * axis.control.rated_force
+    "Coulomb force": lambda axis: _coulomb(axis),
+    "Coulomb force over the travel": lambda axis: (
+        _coulomb(axis) / (axis.travel[1] - axis.travel[0])
     ),
     "static_ratio": lambda axis: axis.friction.static_ratio,
     "current_bandwidth": lambda axis: axis.control.current_bandwidth,
@@ -51,8 +58,8 @@ class Parameter:
             multiples of that value of the axis; None: anywhere on the travel (place), any angle
             (phase). It is no limit.
         signed: the range with the opposite sign is plausible, too.
-        relative_to: value of the axis ("mass", "rated force", "Coulomb force") that `plausible`
-            multiplies.
+        relative_to: value of the axis ("mass", "rated force", "Coulomb force", the same "over the
+            travel") that `plausible` multiplies.
         neutral: value of a size parameter at which there is no effect; a string names the value of
             the axis that it equals. None: not a size parameter.
         above: a physical value is > this.

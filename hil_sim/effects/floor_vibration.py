@@ -18,7 +18,14 @@ class FloorVibration(Effect):
     name = "floor_vibration"
     group = "force"
     parameters = (
-        Parameter("amplitude", "N", "amplitude of the force", (0.25, 0.7), neutral=0.0),
+        Parameter(
+            "amplitude",
+            "N",
+            "amplitude of the force",
+            (0.035, 0.1),
+            relative_to="Coulomb force",
+            neutral=0.0,
+        ),
         Parameter(
             "frequency",
             "Hz",

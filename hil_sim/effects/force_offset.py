@@ -19,14 +19,20 @@ class ForceOffset(Effect):
     group = "force"
     parameters = (
         Parameter(
-            "force", "N", "force against positive motion", (0.4, 2.0), signed=True, neutral=0.0
+            "force",
+            "N",
+            "force against positive motion",
+            (0.06, 0.3),
+            signed=True,
+            relative_to="Coulomb force",
+            neutral=0.0,
         ),
     )
     equation = "F_d += force (tilt, cable pull)"
     enters = "A constant disturbance force."
     remedy = "Level the machine, route cables and hoses without pull, or feed the force forward."
     compensation = Compensation(
-        "fed forward, and told from friction at rest",
+        "fed forward, and kept apart from friction at rest",
         "estimation.known_effects.inverses:force_offset",
     )
 

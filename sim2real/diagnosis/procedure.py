@@ -159,16 +159,18 @@ class _StageSearch:
     def ask_free_loop(self, name: str) -> None:
         """Let the free loop find the effects of an axis that the innovations do not explain.
 
-        That is where they stay far from white and none of the effects tried comes near the floor.
+        That is where they stay far from white and none of the effects tried comes near the floor,
+        in whatever shape. Names that the innovations found give way only to a model that does.
         """
         found = self.searches[name]
         structure = slow_energy(found.problem.positions(found.best.residual))
-        if found.best.model.terms or structure < FAR_FROM_WHITE:
+        departs = any(repeat.departs for repeat in found.repeats.values())
+        if found.is_complete or departs or structure < FAR_FROM_WHITE:
             return
         tolerance = float(found.problem.spread[0])
         loop = FreeLoop(name, self._measured, self._settings, tolerance, self._workers)
         free = search_free(loop, self._all)
-        if free.names_causes():
+        if free.names_causes() and (not found.best.model.terms or free.is_near_floor()):
             found.take_over(free)
 
     def check_shapes(self, name: str) -> None:

@@ -26,9 +26,9 @@ F64 = NDArray[np.float64]
 
 _PLACES, _SHAPES, _FEW = 12, 6, 3
 """Places, and shapes alone or beside a place, that are tried."""
-_PEAKS, _BEYOND = 3, 1.5
-"""Peaks of the residual force that are tried for a pitch or a frequency; and the factor by which
-they may lie beyond what is plausible."""
+_PEAKS, _BESIDE, _BEYOND = 3, 0.35, 1.5
+"""Peaks of the residual force that are tried for a pitch or a frequency; how far to both sides, in
+waves over the extent; and the factor by which they may lie beyond what is plausible."""
 _SIZES = (0.25, 1.0)
 """Shares of the way from neutral to the far end of the plausible range, where a size is not
 scaled."""
@@ -216,9 +216,10 @@ class Dictionary:
         power = np.where((values >= low) & (values <= high), self._peaks[parameter.unit], 0.0)
         extent = self._loop.extent if over_travel else self._loop.duration
         found: list[float] = []
-        while len(found) < _PEAKS and power.max() > 0.0:
+        while len(found) < 3 * _PEAKS and power.max() > 0.0:
             peak = int(power.argmax())
-            found.append(float(values[peak]))
+            beside = lines[peak] + np.array([0.0, -_BESIDE, _BESIDE]) / extent
+            found += [float(v) for v in (1.0 / beside if over_travel else beside) if v > 0.0]
             power = np.where(np.abs(lines - lines[peak]) < 1.0 / extent, 0.0, power)
         return found
 

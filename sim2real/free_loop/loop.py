@@ -33,8 +33,6 @@ _MOVING = 0.05
 """Share of the highest speed from which an axis counts as moving."""
 _LOW = 120.0
 """Frequency up to which the residual force is known: above, the encoder's noise hides it [Hz]."""
-_SLOW = 201
-"""Samples over which the residual force is averaged before waves are sought in the rest."""
 _DIVERGED = 1e3
 """Elements are clipped to this many floors where a model makes the stage run away."""
 
@@ -243,12 +241,12 @@ class FreeLoop:
             at += 2 * count
             period = run.measured.replay.period
             place = run.measured.replay.place[run.valid]
+            travel = run.signals[0][run.valid]  # it lags behind the demand, each way
             low = butter(3, min(_LOW * 2.0 * period, 0.8), output="sos")
             position, force = sosfiltfilt(low, position), sosfiltfilt(low, force)
             force = force - mass * np.gradient(np.gradient(position, period), period)
-            force = force - _smoothed(force, _SLOW)
-            travel = run.signals[0][run.valid]  # it lags behind the demand, each way
             speed = np.gradient(run.demand[place], period)
+            force = force - _plain_part(force, speed, travel)
             if over_travel:
                 counted = counted & (np.abs(speed) > _MOVING * np.abs(speed).max())
             where = np.asarray(travel if over_travel else period * place, dtype=np.float64)[counted]
@@ -256,10 +254,16 @@ class FreeLoop:
         return power
 
 
-def _smoothed(values: F64, width: int) -> F64:
-    """Moving average."""
-    padded = np.pad(values, width // 2, "edge")
-    return np.asarray(np.convolve(padded, np.full(width, 1.0 / width), "valid")[: len(values)])
+def _plain_part(force: F64, speed: F64, travel: F64) -> F64:
+    """What friction, a constant force and a spring explain of a residual force, float64[T] [N].
+
+    Args:
+        force: float64[T] [N].
+        speed: of the demand, float64[T] [m/s].
+        travel: float64[T] [m].
+    """
+    columns = np.column_stack([np.ones_like(speed), np.sign(speed), speed, np.abs(speed), travel])
+    return np.asarray(columns @ np.linalg.lstsq(columns, force, rcond=None)[0])
 
 
 def _wave_power(lines: F64, where: F64, values: F64) -> F64:

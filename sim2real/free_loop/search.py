@@ -26,11 +26,14 @@ from sim2real.free_loop.constants import (
     LONG,
     MISFIT,
     MOST_EFFECTS,
+    NEAR,
+    PATIENCE,
     PROMISING,
     SHORT,
     SIGMAS,
     STRANGE,
     SWAPPED,
+    TRANSMISSION,
     VISIBLE,
 )
 from sim2real.free_loop.dictionary import Candidate, Dictionary
@@ -48,14 +51,14 @@ class Step:
 
     Attributes:
         effects: names of all effects from then on.
-        added: the effect that the step added.
+        added: effects that the step added, mostly one.
         closed: share of the axis' gap that they close on held-out moves.
         uncertainty: of what the step adds to that share, one standard deviation over moves.
         model: the effects fitted to all moves.
     """
 
     effects: tuple[str, ...]
-    added: str
+    added: tuple[str, ...]
     closed: float
     uncertainty: float
     model: AxisModel
@@ -99,6 +102,10 @@ class FreeSearch:
             and all(implausibility(term, self.loop.axis) <= STRANGE for term in terms)
         )
 
+    def is_near_floor(self) -> bool:
+        """Whether next to nothing is left."""
+        return self.loop.gap(self.best.residual) <= NEAR * FLOOR_LEVEL
+
     def probability(self, effect: str) -> tuple[float, list[str]]:
         """Probability that an effect is present, and the effects that could take its place.
 
@@ -135,6 +142,7 @@ def score(loop: FreeLoop, fitted: FreeFit) -> float:
         independent * math.log(max(loop.gap(fitted.residual), FLOOR_LEVEL))
         + float(np.square(fitted.model.base[:STEP] / loop.spread).sum())
         + EACH * sum(len(term.values) for term in terms)
+        + TRANSMISSION * sum(term.effect.transmission for term in terms)
         + IMPLAUSIBLE * sum(implausibility(term, loop.axis) for term in terms)
     )
 
@@ -157,28 +165,30 @@ def search_free(
     opened = loop.gap(loop.residual(loop.start))
     found = FreeSearch(loop, current, folds, opened, scores=selection.scores)
     held = _held_out(loop, folds)
+    found.best, found.folds = current, folds
     while len(current.model.terms) < MOST_EFFECTS:
         new = selection.add_best(current)
         if new is None or score(loop, new) >= score(loop, current):
             break
-        new = selection.look_back(new)
-        fits = fit_folds(loop, new.model, folds)
-        left = _held_out(loop, fits)
+        current = selection.look_back(new)
+        folds = fit_folds(loop, current.model, folds)
+        left = _held_out(loop, folds)
         gained, uncertainty = _fall(loop, held, left)
-        if gained < max(SIGMAS * uncertainty, VISIBLE):
-            break
-        names, above = new.model.names(), opened - FLOOR_LEVEL
-        added = [name for name in names if name not in current.model.names()]
-        closed = 1.0 - (float(left.sum() / loop.samples.sum()) - FLOOR_LEVEL) / above
-        found.steps.append(
-            Step(names, (added or names)[-1], closed, uncertainty / above, new.model)
-        )
-        current, folds, held = new, fits, left
+        names, before = current.model.names(), found.best.model.names()
         progress(len(names) / MOST_EFFECTS)
+        if gained < max(SIGMAS * uncertainty, VISIBLE):
+            if len(names) - len(before) >= PATIENCE:
+                break
+            continue
+        above = opened - FLOOR_LEVEL
+        closed = 1.0 - (float(left.sum() / loop.samples.sum()) - FLOOR_LEVEL) / above
+        added = [name for name in names if name not in before] or [names[-1]]
+        step = Step(names, tuple(added), closed, uncertainty / above, current.model)
+        found.steps.append(step)
+        found.best, found.folds, held = current, folds, left
         hopeless = HOPELESS * MISFIT * FLOOR_LEVEL
-        if len(names) > 1 and loop.gap(current.residual) > hopeless:
+        if len(names) > 3 and loop.gap(current.residual) > hopeless:
             break
-    found.best, found.folds = current, folds
     return found
 
 

@@ -131,8 +131,8 @@ def gap_closed(before: Gap, after: Gap) -> float | None:
         after: G1; the floors are those of `before`.
 
     Returns:
-        1 where nothing but the floor is left; None where G0^2 < 1.5 floor^2, or where a gap is not
-        finite.
+        1 where nothing but the floor is left, or less than that; None where G0^2 < 1.5 floor^2, or
+        where a gap is not finite.
     """
     same: Gap = {
         axis: {
@@ -144,4 +144,4 @@ def gap_closed(before: Gap, after: Gap) -> float | None:
     first, second = combined_gap(before), combined_gap(same)
     if not first >= NO_GAP_BELOW or not math.isfinite(first + second):
         return None
-    return 1.0 - (second - 1.0) / (first - 1.0)
+    return min(1.0, 1.0 - (second - 1.0) / (first - 1.0))

@@ -27,7 +27,7 @@ def combined_energy(energies: F64, samples: F64) -> float:
 def share_closed(
     before: F64, after: F64, samples: F64
 ) -> tuple[float | None, tuple[float, float] | None]:
-    """Gap closed and its 95 % interval; None where the gap is too small.
+    """Gap closed, at most 1, and its 95 % interval; None where the gap is too small.
 
     Args:
         before: energies of the moves by the machine file, float64[moves, signals].
@@ -39,7 +39,7 @@ def share_closed(
     def share(rows: NDArray[np.int64]) -> float:
         g0 = combined_energy(before[rows], samples[rows])
         g1 = combined_energy(after[rows], samples[rows])
-        return float(1.0 - (g1 - signals) / max(g0 - signals, 1e-9))
+        return min(1.0, float(1.0 - (g1 - signals) / max(g0 - signals, 1e-9)))
 
     everything = np.arange(len(before))
     if combined_energy(before, samples) < NO_GAP_BELOW * signals:
@@ -69,8 +69,8 @@ def share_given_back(
     def share(rows: NDArray[np.int64]) -> float:
         opened = combined_energy(without[rows], samples[rows])
         widest = max(opened, combined_energy(before[rows], samples[rows]))
-        back = opened - combined_energy(after[rows], samples[rows])
-        return float(back / max(widest - signals, 1e-9))
+        left = combined_energy(after[rows], samples[rows])
+        return float((opened - left) / max(widest - min(left, signals), 1e-9))
 
     rng = np.random.default_rng(_SEED)
     draws = [share(rng.integers(0, len(before), len(before))) for _ in range(_DRAWS)]

@@ -192,7 +192,7 @@ def _print_report(console: Console, report: GapReport, machine: str) -> None:
         if cause.remedy:
             lines.append(("", cause.remedy))
     lines += [
-        ("step", f"{s.axis}: + {s.added}: {100 * s.gap_closed:.0f} % closed on held-out moves")
+        ("step", f"{s.axis}: {', '.join(s.added)}: {100 * s.gap_closed:.0f} % on held-out moves")
         for s in report.steps
     ]
     for group in report.confusable:

@@ -42,7 +42,7 @@ def test_an_effect_is_described(stagectl):
     done = stagectl("effects", "base_motion", "--json", "-")
     (effect,) = json.loads(done.stdout)
     assert [p["key"] for p in effect["parameters"]] == ["frequency", "damping", "mass_ratio"]
-    assert effect["parameters"][0]["usual"] == [5.0, 15.0]
+    assert effect["parameters"][0]["usual"] == [5.0, 30.0]
     words = stagectl("effects", "base_motion").stdout
     assert "isolators" in words
     assert effect["remedy"][:20] in words

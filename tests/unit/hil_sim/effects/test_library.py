@@ -57,6 +57,7 @@ def typical(parameter):
         "mass": f" {TIMES} m",
         "rated force": f" {TIMES} rated force",
         "Coulomb force": f" {TIMES} Fc",
+        "Coulomb force over the travel": f" {TIMES} Fc/travel",
         None: "",
     }
     return f"{'±' if parameter.signed else ''}{low:g}…{high:g}{scale[parameter.relative_to]}"

@@ -36,3 +36,12 @@ def test_an_effect_gives_back_what_its_removal_reopens():
     share, interval = share_given_back(9.0 * FLOOR, 5.0 * FLOOR, FLOOR, SAMPLES)
     assert share == pytest.approx(0.5)
     assert interval == pytest.approx((0.5, 0.5))
+
+
+def test_no_share_exceeds_all():
+    share, _ = share_closed(3.0 * FLOOR, 0.5 * FLOOR, SAMPLES)
+    assert share == 1.0
+    below_the_floor, _ = share_given_back(2.0 * FLOOR, 2.0 * FLOOR, 0.5 * FLOOR, SAMPLES)
+    assert below_the_floor == pytest.approx(1.0)
+    held, _ = share_given_back(3.0 * FLOOR, 21.0 * FLOOR, FLOOR, SAMPLES)
+    assert held == pytest.approx(1.0)
