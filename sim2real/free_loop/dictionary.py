@@ -63,7 +63,8 @@ class Dictionary:
         self._loop = loop
         self._fitted = fitted
         self._own = np.ones(len(loop.move), dtype=np.bool_) if moves is None else moves[loop.move]
-        self._root = 1.0 / math.sqrt(loop.coherent)
+        energy = float(np.mean(fitted.residual[self._own] ** 2))
+        self._root = 1.0 / math.sqrt(loop.coherent * max(energy, 1.0))
         slopes = derivatives(loop, fitted.model, fitted.residual)
         columns = slopes[self._own] * self._root
         prior = np.zeros((STEP, columns.shape[1]))

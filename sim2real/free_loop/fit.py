@@ -19,6 +19,7 @@ from sim2real.fitting import (
     to_coordinates,
 )
 from sim2real.free_loop.loop import FreeLoop
+from sim2real.shrinkage import FLOOR_LEVEL
 from stagedata import BoolArray
 
 F64 = NDArray[np.float64]
@@ -33,8 +34,8 @@ _PHASE_STEP, _PHASE_REACH = 0.1, 2.0
 and in one iteration [rad]."""
 _DAMPING = (1e-4, 1e-2, 1e-1, 1.0)
 """Levenberg-Marquardt factors, tried at once."""
-_CONVERGED = 1e-3
-"""Relative fall of the cost below which a fit ends."""
+_CONVERGED = 0.05
+"""Fall of the cost below which a fit ends."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,8 +73,10 @@ def fit_free(
     for _ in range(iterations):
         columns = derivatives(loop, model, residual)[counted]
         where = _vector(loop, model)
-        normal = columns.T @ columns / loop.coherent
-        gradient = columns.T @ residual[counted] / loop.coherent
+        # The deviations of an incomplete model are larger than noise, and weigh less by as much.
+        weight = 1.0 / (loop.coherent * max(float(np.mean(residual[counted] ** 2)), 1.0))
+        normal = weight * (columns.T @ columns)
+        gradient = weight * (columns.T @ residual[counted])
         normal[:STEP, :STEP] += np.eye(STEP)  # the prior: base parameters are in sigmas
         gradient[:STEP] += where[:STEP]
         size = np.sqrt(np.diag(normal))
@@ -93,7 +96,7 @@ def fit_free(
             break
         gained = cost - best[0]
         cost, model, residual = best
-        if gained < _CONVERGED * cost:
+        if gained < _CONVERGED:
             break
     return FreeFit(model, residual, cost)
 
@@ -143,18 +146,25 @@ def move_covariance(loop: FreeLoop, fitted: FreeFit) -> F64:
     more (the sandwich estimate, by moves).
     """
     columns = derivatives(loop, fitted.model, fitted.residual)
-    normal = columns.T @ columns / loop.coherent
+    weight = 1.0 / (loop.coherent * max(float(np.mean(fitted.residual**2)), 1.0))
+    normal = weight * (columns.T @ columns)
     normal[:STEP, :STEP] += np.eye(STEP)
     inverse = invert_scaled(normal)
     scores = np.zeros((len(loop.samples), columns.shape[1]))
-    np.add.at(scores, loop.move, columns * (fitted.residual / loop.coherent)[:, None])
+    np.add.at(scores, loop.move, columns * (weight * fitted.residual)[:, None])
     return np.asarray(inverse + inverse @ (scores.T @ scores) @ inverse)
 
 
 def _cost(loop: FreeLoop, model: AxisModel, residual: F64, moves: BoolArray | None) -> float:
-    energies = loop.energies(residual)
-    energy = float(energies.sum() if moves is None else energies[moves].sum())
-    return energy / loop.coherent + float(np.square(model.base[:STEP] / loop.spread).sum())
+    """Twice the negative log posterior, up to a constant.
+
+    How large the deviations of an incomplete model are is not known beforehand: the likelihood
+    counts the logarithm of their energy, as often as there are independent elements.
+    """
+    samples = float(loop.samples.sum() if moves is None else loop.samples[moves].sum())
+    energy = max(loop.gap(residual, moves), FLOOR_LEVEL)
+    prior = float(np.square(model.base[:STEP] / loop.spread).sum())
+    return 2.0 * samples / loop.coherent * math.log(energy) + prior
 
 
 def _vector(loop: FreeLoop, model: AxisModel) -> F64:

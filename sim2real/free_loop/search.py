@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
-from sim2real.fitting import STEP, AxisModel, implausibility
+from sim2real.fitting import AxisModel, implausibility
 from sim2real.free_loop.constants import (
     CLOSED,
     EACH,
@@ -43,6 +43,10 @@ from sim2real.shrinkage import FLOOR_LEVEL, FOLDS
 from stagedata import BoolArray
 
 F64 = NDArray[np.float64]
+
+_ALIKE, _CHOSEN = 0.05, 0.53
+"""Posterior odds from which an effect could take another one's place; and the least share of an
+effect in the set that was chosen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,21 +113,22 @@ class FreeSearch:
     def probability(self, effect: str) -> tuple[float, list[str]]:
         """Probability that an effect is present, and the effects that could take its place.
 
-        By the scores of the sets of effects that were fitted without it; and no more than the
-        share of the gap that is closed: what is left may be part of it.
+        Sets of effects that were fitted count by their scores, as posterior odds; the set that was
+        chosen is the best or the simplest, so its effects count for half at least. What is left may
+        be part of any effect: no probability exceeds the share of the gap that is closed.
         """
         names = set(self.best.model.names())
-        least = self.scores[tuple(sorted(names))]
-        against, others = 0.0, []
+        least = min(self.scores.values())
+        present = total = 0.0
+        others: list[str] = []
         for other, value in sorted(self.scores.items(), key=lambda item: item[1]):
+            odds = math.exp(0.5 * (least - value))
+            total += odds
             if effect in other:
-                continue
-            odds = math.exp(-0.5 * max(value - least, 0.0))
-            against += odds
-            swapped = set(other) - names
-            if odds > 0.05 and len(swapped) == 1 and names - set(other) == {effect}:
-                others += sorted(swapped)
-        return self.closed / (1.0 + against), others
+                present += odds
+            elif odds > _ALIKE * total and names - set(other) == {effect}:
+                others += sorted(set(other) - names)[:1]
+        return min(self.closed, max(present / total, _CHOSEN)), others
 
     def covariance(self) -> F64:
         """Of the base parameters and all effects' coordinates, float64[P, P]."""
@@ -131,16 +136,13 @@ class FreeSearch:
 
 
 def score(loop: FreeLoop, fitted: FreeFit) -> float:
-    """Score of a model, to be minimised: twice its negative log posterior, up to a constant.
+    """Score of a model that was fitted to all moves, to be minimised: its cost and its price.
 
-    How large the deviations of an incomplete model are is not known beforehand: the likelihood
-    counts the logarithm of their energy, as often as there are independent elements.
+    Each parameter of an effect costs something, and so do values that are not plausible.
     """
-    independent = len(loop.move) / loop.coherent
     terms = fitted.model.terms
     return (
-        independent * math.log(max(loop.gap(fitted.residual), FLOOR_LEVEL))
-        + float(np.square(fitted.model.base[:STEP] / loop.spread).sum())
+        fitted.cost
         + EACH * sum(len(term.values) for term in terms)
         + TRANSMISSION * sum(term.effect.transmission for term in terms)
         + IMPLAUSIBLE * sum(implausibility(term, loop.axis) for term in terms)
