@@ -82,12 +82,13 @@ class AxisSearch:
     free: FreeSearch | None = None
 
     def take_over(self, free: FreeSearch) -> None:
-        """Take the effects that the free loop found instead of those of the innovations."""
+        """Take the effects that the free loop found; the innovations may confirm them."""
         model = free.best.model
         residual = self.problem.residual_or_worst(model)
         cost = self.problem.cost(model, residual)
         self.best = Fitted(model, cost, residual, free.covariance())
-        self.free, self.closes, self.is_complete = free, free.closed, False
+        self.free, self.closes = free, free.closed
+        self.is_complete = self.problem.is_nearly_white(residual)
         self.repeats = {}
 
     def fold_models(self) -> list[AxisModel]:
