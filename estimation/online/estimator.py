@@ -97,6 +97,10 @@ class SplitHorizonEstimator:
         frozen: bool = False,
         state: FrictionState | None = None,
     ) -> None:
+        if frozen:  # nothing has to be kept out of figures that stay
+            settings = replace(
+                settings, belief=replace(settings.belief, unmodelled=0.0, variation=0.0)
+            )
         self.settings = settings
         self.state = state
         self._start = friction
@@ -350,6 +354,8 @@ class SplitHorizonEstimator:
     @staticmethod
     def _shows_scale(outcome: Outcome) -> bool:
         """Whether a move determines the apparent mass by itself."""
+        if outcome.slide == 0:
+            return False
         gained = outcome.gain.item(MASS) ** 2 - 1.0
         variance = outcome.before.item(MASS) / max(gained, 1e-9)
         return variance < (SHOWS_SCALE * outcome.mean.item(MASS)) ** 2

@@ -27,11 +27,11 @@ MOSTLY = 0.25
 KNOWN_SCALE, SCALE_SHARE = 0.02, 0.05
 """Force per acceleration is known from this relative sigma on, and another one where it changes
 by more than this share."""
-SHOWS_SCALE = 0.005
+SHOWS_SCALE = 0.02
 """A move that determines the apparent mass to this by itself, relative, shows whether the force's
 scale is right."""
-GARBAGE = 3.0
-"""Beyond this many times the accepted misfit the mass that a move shows means nothing either."""
+LEARNED = 0.3
+"""A figure less certain than this, relative, cannot surprise."""
 SURPRISE = 3.0
 """A change of more than this many of its expected standard deviations goes into sigma."""
 UNUSUAL = 1.6
@@ -71,13 +71,12 @@ def judge(prepared, solution, axis, whole, before, after):  # type: ignore[no-un
         sound = sound and math.isfinite(after.mean[i]) and after.covariance[i, i] > 0.0
     if not sound:
         return Verdict(UNSOLVED, -1, 0.0)
-    scaled = whole and misfit <= GARBAGE * axis.misfit and is_another_scale(axis, before, after)
-    if scaled and solution.bound != LAG:
+    if not misfit <= axis.misfit:
+        return Verdict(MISFIT, -1, misfit)
+    if whole and solution.bound != LAG and is_another_scale(prepared.slide, axis, before, after):
         kept = after.covariance[MASS, MASS] / before.covariance[MASS, MASS]
         change = after.mean[MASS] / before.mean[MASS] - 1.0
         return Verdict(SCALE, MASS, change / max(1.0 - kept, 1e-3))  # as the move alone shows it
-    if not misfit <= axis.misfit:
-        return Verdict(MISFIT, -1, misfit)
     if solution.bound >= 0:
         return Verdict(BOUND, solution.bound, 0.0)
     figure = find_jump(axis, before, after) if whole else -1
@@ -102,18 +101,19 @@ def find_jump(axis, before, after):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def is_another_scale(axis, before, after):  # type: ignore[no-untyped-def]
+def is_another_scale(slide, axis, before, after):  # type: ignore[no-untyped-def]
     """Whether the force per acceleration, once known, is another one.
 
     Friction does not change it: the force constant, the reading of the force or the mass has. All
-    figures are then off by that factor. Arguments as of `judge`.
+    figures are then off by that factor. A move without zone A (`slide`: samples of it) shows the
+    mass by what else it is wrong in. The other arguments as of `judge`.
     """
     variance, mean = before.covariance[MASS, MASS], before.mean[MASS]
     narrowed = max(variance - after.covariance[MASS, MASS], 0.0)
-    if not 0.0 < variance < (KNOWN_SCALE * mean) ** 2:
+    if slide == 0 or not 0.0 < variance < (KNOWN_SCALE * mean) ** 2:
         return False
     if after.covariance[MASS, MASS] * variance > narrowed * (SHOWS_SCALE * mean) ** 2:
-        return False  # a short move shows the mass by what else it is wrong in
+        return False
     change = abs(after.mean[MASS] - mean)
     return (
         change > axis.jump * math.sqrt(narrowed)
@@ -140,6 +140,8 @@ def admit_surprise(before, after):  # type: ignore[no-untyped-def]
     standard deviations is an error of the model, in this move or in those before.
     """
     for i in range(MASS + 1):
+        if before.covariance[i, i] > (LEARNED * before.mean[i]) ** 2:
+            continue  # the start is a guess
         change = after.mean[i] - before.mean[i]
         expected = max(before.covariance[i, i] - after.covariance[i, i], 0.0)
         beyond = change * change - SURPRISE * SURPRISE * expected

@@ -93,7 +93,7 @@ def update_move(sampled, axis, law, state, elapsed, trend_variance, known, whole
     decay(before, time, place, axis)
     if prepared.slide == 0 and stick == 0:
         decay(after, time, place, axis)
-    if whole and _is_tempered(solution, axis, before, after):
+    if whole and _is_tempered(solution, prepared.slide, axis, before, after):
         temper(before, after, noise_excess(prepared, solution, axis))
     verdict = judge(prepared, solution, axis, whole, before, after)
     asked = axis.masks[USUAL, _zones_of(prepared.slide, stick)]
@@ -217,13 +217,16 @@ def _shared_step(axis, coulomb):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def _is_tempered(solution, axis, before, after):  # type: ignore[no-untyped-def]
-    """Whether a larger misfit makes the move count less: one that is refused anyway is left."""
+def _is_tempered(solution, slide, axis, before, after):  # type: ignore[no-untyped-def]
+    """Whether a larger misfit makes the move count less: one that is refused anyway is left.
+
+    `slide`: samples of zone A.
+    """
     return (
         solution.status != FAILED
         and math.sqrt(solution.chi) <= axis.misfit
         and find_jump(axis, before, after) < 0
-        and not is_another_scale(axis, before, after)
+        and not is_another_scale(slide, axis, before, after)
     )
 
 
