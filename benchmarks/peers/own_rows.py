@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numba
 import numpy as np
 
-from estimation.friction import make_constants
+from estimation.friction import count_states, make_constants
 from estimation.online import COULOMB, LEVEL, MASS, STIFFNESS, VISCOUS, Belief
 from estimation.online.belief import KNOTS, RESIDUAL
 from estimation.online.prepare import Sampled, prepare
@@ -29,7 +29,7 @@ def make(problem: Problem, p: F64) -> Callable[[int], float]:
     relative[figures] = p
     use = np.ones(prepared.end, dtype=np.bool_)
     use[: problem.rows(ZONE_AB).start] = False
-    rest = AtRest(np.zeros(START.states), START.coulomb, 0.0)
+    rest = AtRest(np.zeros(count_states(START)), START.coulomb, 0.0)
     chosen = np.append(figures, RESIDUAL)
 
     def call(times: int) -> float:
