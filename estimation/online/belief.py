@@ -54,7 +54,7 @@ class BeliefSettings:
     """
 
     start_spread: tuple[float, ...] = (0.6, 0.8, 0.8, 0.6, 0.05, 0.3, 0.5)
-    drift: tuple[float, ...] = (0.002, 0.004, 0.005, 0.01, 0.0005, 0.002, 0.001)
+    drift: tuple[float, ...] = (0.002, 0.004, 0.005, 0.002, 0.0005, 0.002, 0.001)
     wander: float = 0.01
     correlation_time: float = 0.5
     unmodelled: float = 0.0

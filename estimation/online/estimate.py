@@ -24,6 +24,8 @@ from stagedata import FrictionFigures
 
 INFORMATIVE = 0.5
 """A move that leaves more than this of the level's variance does not show the level."""
+SHOWN = 0.015
+"""... nor does one that leaves it uncertain by more than this, relative."""
 
 _WHY_NOT = {
     TOO_LITTLE: "too little motion to learn from",
@@ -118,8 +120,10 @@ class Estimate:
         where it says nothing of it.
         """
         found = sliding_shown(self._outcome)
+        if found is None or found[1] > (SHOWN * found[0]) ** 2:
+            return None
         coulomb = self._facts[0].coulomb
-        return None if found is None else (found[0] * coulomb, math.sqrt(found[1]) * coulomb)
+        return found[0] * coulomb, math.sqrt(found[1]) * coulomb
 
     @property
     def static_ratio(self) -> tuple[float, float]:

@@ -142,7 +142,7 @@ def _gain(
 ) -> tuple[dict[str, Gain], float]:
     """Run the estimator on its own model's response to the moves of one axis."""
     friction = axis.plant.friction.figures
-    estimator = AxisCompensation(axis, friction, Mode.ESTIMATED, period).estimator
+    estimator = AxisCompensation(axis, friction, Mode.ESTIMATED, period, calibration=True).estimator
     values = {name: float(getattr(friction, name)) for name in START if friction.has(name)}
     estimator.believe({name: (value, START[name] * value) for name, value in values.items()})
     state = FrictionState.relaxed(count_states(friction), 0.0)

@@ -17,6 +17,8 @@ UNMODELLED = 0.3
 """Rms of forces that no friction figure explains, over the Coulomb force that a run begins with: as
 expected before the first move. The moves show how large they are."""
 
+RATE_DRIFT = 0.01
+"""Of C/Fc per move where every move says something of it: a fast one takes up model errors."""
 VARIATION = 0.1
 """The same of the Coulomb force over place, relative."""
 
@@ -27,7 +29,10 @@ def kink_delay(drive: Drive) -> float:
 
 
 def estimator_settings(
-    axis: Axis, period: float, settled: Mapping[str, float] | None = None
+    axis: Axis,
+    period: float,
+    settled: Mapping[str, float] | None = None,
+    calibration: bool = False,
 ) -> EstimatorSettings:
     """Settings of an axis' estimator.
 
@@ -36,7 +41,10 @@ def estimator_settings(
         period: Ts [s].
         settled: with a friction map in use, drift by parameter name (relative 1-sigma per move),
             `SETTLED_DRIFT` for parameters not named; None without a map.
+        calibration: the friction of places is measured. There, and with a map, what differs over
+            the table has a model of its own.
     """
+    places = calibration or settled is not None
     drive, wander = axis.drive, axis.plant.friction.repeatability
     return EstimatorSettings(
         mass=axis.plant.mass,
@@ -44,20 +52,22 @@ def estimator_settings(
         position_noise=encoder_noise(axis.encoder.noise, axis.encoder.increment),
         force_noise=quantisation(drive.force_unit),
         peak_force=drive.peak_force,
-        request=("lag", "relaxation_rate"),
+        request=("lag",) if places else ("lag", "relaxation_rate"),
         belief=BeliefSettings(
             wander=wander.coulomb,
             correlation_time=wander.correlation_time,
-            unmodelled=UNMODELLED,
-            variation=VARIATION,
-            drift=BeliefSettings().drift if settled is None else _drift(settled),
+            unmodelled=0.0 if places else UNMODELLED,
+            variation=0.0 if places else VARIATION,
+            drift=_drift(settled, calibration),
         ),
     )
 
 
-def _drift(settled: Mapping[str, float]) -> tuple[float, ...]:
-    """Drift of all parameters: `SETTLED_DRIFT` with some replaced."""
-    drift = list(SETTLED_DRIFT)
-    for name, value in settled.items():
+def _drift(settled: Mapping[str, float] | None, calibration: bool) -> tuple[float, ...]:
+    """Drift of all parameters: `SETTLED_DRIFT` with some replaced, or that without a map."""
+    drift = list(BeliefSettings().drift if settled is None else SETTLED_DRIFT)
+    if settled is None and not calibration:
+        drift[FIGURES.index("relaxation_rate")] = RATE_DRIFT
+    for name, value in (settled or {}).items():
         drift[FIGURES.index(name)] = value
     return tuple(drift)

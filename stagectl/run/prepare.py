@@ -205,4 +205,5 @@ def _make_compensation(
     return make_compensation(
         request.machine, request.mode, request.friction_scale, request.truth, known,
         None if active is None else active.drift, _is_mapped(request, active),
+        bool(request.recipe.excursions or request.recipe.slipped),
     )  # fmt: skip

@@ -89,6 +89,7 @@ class AxisCompensation:
             `config.host_model.estimator_settings`.
         terms: effects that are known of the axis; None for none.
         number: of the axis.
+        calibration: the run measures the friction of places.
 
     Attributes:
         mode: what the offsets consist of.
@@ -106,6 +107,7 @@ class AxisCompensation:
         drift: Mapping[str, float] | None = None,
         terms: KnownTerms | None = None,
         number: int = 0,
+        calibration: bool = False,
     ) -> None:
         self.mode = mode
         self.observed = False
@@ -113,7 +115,7 @@ class AxisCompensation:
             axis = axis_as_known(axis, terms)
         self.estimator = SplitHorizonEstimator(
             friction,
-            estimator_settings(axis, period, drift),
+            estimator_settings(axis, period, drift, calibration),
             frozen=mode is not Mode.ESTIMATED,
         )
         self._mass, self._period = axis.plant.mass, period
@@ -379,6 +381,7 @@ def make_compensation(
     known: Mapping[str, Figures] | None = None,
     drift: Mapping[str, Mapping[str, float]] | None = None,
     mapped: bool = False,
+    calibration: bool = False,
 ) -> tuple[AxisCompensation, ...]:
     """Compensation of every axis in the machine's order, its kernels compiled.
 
@@ -391,6 +394,7 @@ def make_compensation(
         drift: axis -> drift as in `AxisCompensation`; None without a friction map.
         mapped: whether the Coulomb force over place and time is known from measurement, or is being
             measured: effects that change it are then left to that.
+        calibration: as in `AxisCompensation`.
     """
     source = truth if mode is Mode.ORACLE and truth is not None else machine
     scale = scale if source is machine else 1.0
@@ -410,6 +414,7 @@ def make_compensation(
                 None if drift is None else drift.get(name, {}),
                 terms.get(name),
                 number,
+                calibration,
             )
         )
     if mode is Mode.ESTIMATED and known is not None:
