@@ -16,11 +16,10 @@ SETTLED_DRIFT = (7e-4, 4e-4, 4e-4, 2e-4, 5e-5, 2e-4, 1e-4)
 UNMODELLED = 0.3
 """Rms of forces that no friction figure explains, over the Coulomb force that a run begins with: as
 expected before the first move. The moves show how large they are."""
-
-RATE_DRIFT = 0.01
-"""Of C/Fc per move where every move says something of it: a fast one takes up model errors."""
 VARIATION = 0.1
 """The same of the Coulomb force over place, relative."""
+RATE_DRIFT = 0.01
+"""Of C/Fc per move where every move says something of it: a fast one takes up model errors."""
 
 
 def kink_delay(drive: Drive) -> float:
