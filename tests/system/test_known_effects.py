@@ -54,7 +54,8 @@ def test_what_a_diagnosis_found_is_compensated_in_the_next_run(stagectl, recipe,
         y="{effect: cable_hysteresis, force: 1.0, stiffness: 3000}",
     )
     before, after, twin = tmp_path / "before", tmp_path / "after", tmp_path / "twin.yaml"
-    options = ("--simulate", truth, "--out")
+    # Without the observer, which would correct most of what the host does not know.
+    options = ("--simulate", truth, "--no-observer", "--out")
     for command in (
         ("run", recipe, *options, before),
         ("gap", "diagnose", before / "recording.h5", "--twin", twin),
@@ -67,14 +68,14 @@ def test_what_a_diagnosis_found_is_compensated_in_the_next_run(stagectl, recipe,
         after / "report.html"
     ).read_text(encoding="utf-8")
     summaries = [json.loads((out / "summary.json").read_text()) for out in (before, after)]
-    assert mean_settling(summaries[1]) < 0.4 * mean_settling(summaries[0])
+    assert mean_settling(summaries[1]) < 0.6 * mean_settling(summaries[0])
     done = stagectl(
         "gap", "compare", before / "recording.h5", after / "recording.h5", "--json", "-"
     )
     report = json.loads(done.stdout)
     assert report["gap_closed"] > 0.9
     settled = [report["settling"][str(out / "recording.h5")]["micro"] for out in (before, after)]
-    assert settled[1]["settling_mean"]["5e-08"] < 0.4 * settled[0]["settling_mean"]["5e-08"]
+    assert settled[1]["settling_mean"]["5e-08"] < 0.6 * settled[0]["settling_mean"]["5e-08"]
     table = stagectl("gap", "compare", before / "recording.h5", after / "recording.h5").stdout
     assert "after/recording.h5" in table
     assert "Settling" in table
@@ -95,8 +96,12 @@ def test_what_a_diagnosis_found_is_compensated_in_the_next_run(stagectl, recipe,
 def test_a_known_effect_no_longer_delays_settling(run, recipe, tmp_path, effect):
     plain = load_machine(with_effects(tmp_path / "plain.yaml", wander=0.001))
     truth = load_machine(with_effects(tmp_path / "truth.yaml", y=effect, wander=0.001))
-    unknown, known = (run(host=host, truth=truth, recipe=recipe).summary for host in (plain, truth))
-    assert mean_settling(known, "y") < 0.4 * mean_settling(unknown, "y")
+    none, unknown, known = (
+        run(host=host, truth=stage, recipe=recipe, observer=False).summary
+        for host, stage in ((plain, plain), (plain, truth), (truth, truth))
+    )
+    assert mean_settling(known, "y") < 1.5 * mean_settling(none, "y")
+    assert mean_settling(known, "y") < 0.7 * mean_settling(unknown, "y")
     assert sum(not entry["accepted"] for entry in known["friction"]) <= 2
     assert "effects" not in unknown
 
