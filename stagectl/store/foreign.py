@@ -13,10 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import PchipInterpolator
-from scipy.signal import savgol_filter
 
-from sim2real.phases import split_moves
 from stagectl.config.import_map import AxisColumns, Column, ImportMap, unit_factor
 from stagectl.config.machine import Axis, Machine
 from stagectl.errors import UnusableInput
@@ -108,6 +105,8 @@ class _Channels:
 
     def signals(self, columns: AxisColumns, valid: BoolArray) -> AxisSignals:
         """The signals of the axis; without a logged demand the smoothed position is one."""
+        from scipy.signal import savgol_filter  # slow to import; a run does not need it
+
         demand = None
         if columns.position_demand is not None:
             demand, _ = self._values(columns.position_demand, smooth=True)
@@ -123,6 +122,8 @@ class _Channels:
 
     def _values(self, column: Column, smooth: bool = False) -> tuple[FloatArray, BoolArray]:
         """A channel and where it has holes."""
+        from scipy.interpolate import PchipInterpolator
+
         file = self.files[column.file or ""]
         first = self.files[""]
         name = str(column.column)
@@ -207,6 +208,8 @@ def _check_rate(time: FloatArray, period: float, path: Path) -> None:
 
 
 def _moves(recording: Recording, period: float) -> tuple[Move, ...]:
+    from sim2real.phases import split_moves
+
     demands = {name: axis.position_demand for name, axis in recording.axes.items()}
     return tuple(
         Move(
