@@ -40,24 +40,32 @@ def command(folder: Path, json_out: Path | None) -> None:
 
 
 def _table(found: list[ListedRun]) -> RenderableType:
+    """A row a run; lot, wafer and operator have a column where any run names one."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
 
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for title in ("started", "recipe", "lot", "wafer", "operator", "outcome", "run"):
+    named = [key for key in ("lot", "wafer", "operator") if any(getattr(run, key) for run in found)]
+    table.add_column("started", no_wrap=True)
+    for title in ("recipe", *named, "outcome", "run"):
         table.add_column(title, overflow="fold")
     for run in found:
-        words = run.outcome
-        if run.outcome not in ("completed", "running", "unreadable") and run.of is not None:
-            words += f", {run.done} of {run.of} {run.unit}s"
-        if run.verdict is not None:
-            words += f", limits: {run.verdict}"
-        name = run.folder.name + (f"\n{run.comment}" if run.comment else "")
-        cells = (run.started[:19].replace("T", " "), run.recipe, run.lot, run.wafer, run.operator)
         table.add_row(
-            *(Text(cell or "-") for cell in cells),
-            Text(words, _STYLES.get(run.outcome, "")),
-            Text(name),
+            run.started[:19].replace("T", " "),
+            Text(run.recipe),
+            *(Text(getattr(run, key) or "-") for key in named),
+            Text(_outcome(run), _STYLES.get(run.outcome, "")),
+            Text(run.folder.name + (f"\n{run.comment}" if run.comment else "")),
         )
     return table
+
+
+def _outcome(run: ListedRun) -> str:
+    """How the run ended, how far it got, and its verdict by the recipe's limits."""
+    words = run.outcome
+    if run.outcome not in ("completed", "running", "unreadable") and run.of is not None:
+        words += f", {run.done} of {run.of} {run.unit}s"
+    if run.verdict is not None:
+        words += f", limits: {run.verdict}"
+    return words

@@ -1,0 +1,38 @@
+"""The table of `stagectl runs`: what no run names has no column."""
+
+from __future__ import annotations
+
+import json
+
+from click.testing import CliRunner
+
+from stagectl.cli.runs import command
+
+
+def _write_run(folder, **more):
+    folder.mkdir(parents=True)
+    summary = {
+        "format": "stagectl-summary",
+        "version": 1,
+        "recipe": "inspection-20",
+        "machine": "wafer-xy",
+        "started": "2026-03-04T05:06:07+00:00",
+        "simulated": True,
+        "lot": None,
+        "fault": None,
+        "outcome": "completed",
+        **more,
+    }
+    (folder / "summary.json").write_text(json.dumps(summary))
+
+
+def _header(folder):
+    printed = CliRunner().invoke(command, [str(folder)]).output
+    return next(line for line in printed.splitlines() if "started" in line).split()
+
+
+def test_columns_that_no_run_fills_are_left_out(tmp_path):
+    _write_run(tmp_path / "a")
+    assert _header(tmp_path) == ["started", "recipe", "outcome", "run"]
+    _write_run(tmp_path / "b", wafer="W7")
+    assert _header(tmp_path) == ["started", "recipe", "wafer", "outcome", "run"]
