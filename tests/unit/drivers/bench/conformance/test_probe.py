@@ -1,0 +1,137 @@
+"""The probe on a scripted drive: sizes and signs, what it restores, and its verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from canopen import SdoAbortedError, SdoCommunicationError
+
+from drivers.bench.conformance.probe import Probe, Verdict, code_of
+from drivers.canopen import Network
+from drivers.drive import State
+
+READ_ONLY, ABSENT = 0x06010002, 0x06020000
+
+
+@pytest.fixture
+def probe(scripted: Any) -> Iterator[Probe]:
+    network = Network(scripted, "scripted", beats=False)
+    probe = Probe(network, 1)
+    probe.group = "group"
+    yield probe
+    probe.close()
+
+
+@pytest.mark.parametrize(
+    ("index", "sub", "code"),
+    [
+        (0x6060, 0, "b"), (0x6077, 0, "h"), (0x6064, 0, "i"), (0x607D, 1, "i"), (0x607D, 0, "B"),
+        (0x1A00, 0, "B"), (0x1A00, 1, "I"), (0x1800, 1, "I"), (0x1800, 2, "B"), (0x1016, 0, "B"),
+        (0x1016, 1, "I"), (0x6040, 0, "H"), (0x60C2, 1, "B"), (0x60C2, 2, "b"), (0x1000, 0, "I"),
+    ],
+)  # fmt: skip
+def test_sizes_of_objects_are_those_of_the_standards(index: int, sub: int, code: str) -> None:
+    assert code_of(index, sub) == code
+
+
+def test_values_are_read_with_their_sign_and_written_with_their_size(
+    probe: Probe, scripted: Any
+) -> None:
+    drive = scripted.drives[0]
+    drive.objects[0x60B2, 0] = -5 & 0xFFFF
+    assert probe.read(0x60B2) == -5
+    probe.write(0x607D, 1, -7)
+    assert drive.objects[0x607D, 1] == 2**32 - 7
+    assert drive.sizes[0x607D, 1] == 4
+    probe.write(0x1017, 0, 50)
+    assert drive.sizes[0x1017, 0] == 2
+
+
+def test_changes_are_restored_the_latest_first(probe: Probe, scripted: Any) -> None:
+    drive = scripted.drives[0]
+    drive.objects[0x6066, 0], drive.objects[0x6068, 0] = 10, 20
+    probe.change(0x6066, 0, 11)
+    probe.change(0x6068, 0, 21)
+    probe.change(0x6066, 0, 12)
+    assert probe.changed
+    drive.writes.clear()
+    assert probe.restore() == []
+    assert drive.writes == [(0x6066, 0, 11), (0x6068, 0, 20), (0x6066, 0, 10)]
+    assert not probe.changed
+
+
+def test_what_the_drive_does_not_take_back_is_named(probe: Probe, scripted: Any) -> None:
+    drive = scripted.drives[0]
+    drive.objects[0x6066, 0] = 10
+    probe.change(0x6066, 0, 11)
+    drive.refuse_write[0x6066, 0] = READ_ONLY
+    assert probe.restore() == ["0x6066:00 holds 11, was 10"]
+
+
+def test_after_silence_the_rest_is_still_to_be_restored(probe: Probe, scripted: Any) -> None:
+    probe.change(0x6066, 0, 11)
+    scripted.drives[0].silent = True
+    with pytest.raises(SdoCommunicationError):
+        probe.restore()
+    assert probe.changed
+    scripted.drives[0].silent = False
+    assert probe.restore() == []
+    assert scripted.drives[0].objects[0x6066, 0] == 0
+
+
+@pytest.mark.parametrize(
+    ("answer", "verdict", "detail"),
+    [
+        (READ_ONLY, Verdict.PASS, ""),
+        (ABSENT, Verdict.DIFFERS, "abort 0x06020000 (Object does not exist)"),
+        (0x11111111, Verdict.DIFFERS, "(no abort code of CiA 301), not 0x06010002"),
+        (None, Verdict.FAIL, "accepted, not aborted (0x06010002)"),
+    ],
+)
+def test_a_refusal_passes_only_with_the_standards_code(
+    probe: Probe, scripted: Any, answer: int | None, verdict: Verdict, detail: str
+) -> None:
+    if answer is not None:
+        scripted.drives[0].refuse_write[0x6041, 0] = answer
+    found = probe.refusal("write", lambda: probe.write(0x6041, 0, 0), READ_ONLY)
+    assert (found.group, found.name, found.verdict) == ("group", "write", verdict)
+    assert detail in found.detail
+
+
+def test_an_absent_object_is_not_offered_but_silence_is_an_error(
+    probe: Probe, scripted: Any
+) -> None:
+    scripted.drives[0].refuse[0x6007, 0] = ABSENT
+    assert not probe.offers(0x6007)
+    with pytest.raises(SdoAbortedError):
+        probe.read(0x6007)
+    scripted.drives[0].silent = True
+    with pytest.raises(SdoCommunicationError):
+        probe.offers(0x6007)
+
+
+def test_supported_modes_are_bits_of_0x6502(probe: Probe) -> None:
+    assert [m for m in range(1, 11) if probe.supports(m)] == [1, 6, 8]
+
+
+def test_a_state_that_is_not_reached_ends_the_wait(probe: Probe, scripted: Any) -> None:
+    before = scripted.clock.now
+    assert not probe.reaches(State.OPERATION_ENABLED, 0.1)
+    assert 100_000_000 <= scripted.clock.now - before < 120_000_000
+
+
+def test_emergencies_heartbeats_and_tpdos_of_this_node_are_noted(
+    probe: Probe, scripted: Any
+) -> None:
+    scripted.deliver(0x081, b"\x30\x81\x11\0\0\0\0\0")
+    scripted.deliver(0x081, b"\x30\x81")  # no EMCY: eight bytes are
+    scripted.deliver(0x082, b"\x10\x43\x11\0\0\0\0\0")
+    scripted.deliver(0x701, b"\x85")
+    scripted.deliver(0x281, b"\x01\x02")
+    probe.network.pump(0.001)
+    assert probe.emergencies == [0x8130]
+    assert [state for _, state in probe.beats] == [5]
+    assert probe.tpdos == [(0x281, b"\x01\x02")]
+    assert "0x8130" in probe.fault_text()

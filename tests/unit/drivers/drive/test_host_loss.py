@@ -1,0 +1,101 @@
+"""What a drive is to do without its host: written, read back, and judged by what it holds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from drivers import objects as od
+from drivers.drive.host_loss import watch_host
+from drivers.errors import NodeError
+from drivers.stage import Stage
+
+QUICK_STOP = 3
+READ_ONLY, ABSENT = 0x06010002, 0x06020000
+
+
+@pytest.fixture
+def clauses() -> list[str]:
+    return []
+
+
+def watched(stage: Stage, clauses: list[str]) -> Any:
+    return watch_host(stage.axes[0].node, QUICK_STOP, clauses.append)
+
+
+def test_the_hosts_heartbeat_is_watched_for_half_a_second(
+    stage: Stage, scripted: Any, clauses: list[str]
+) -> None:
+    drive = scripted.drives[0]
+    drive.objects[0x1016, 1] = drive.objects[0x6007, 0] = 0
+    assert watched(stage, clauses) is None
+    assert drive.objects[0x1016, 1] == 127 << 16 | 500
+    assert drive.objects[0x6007, 0] == QUICK_STOP
+    assert clauses == []
+
+
+def test_a_drive_that_refuses_the_heartbeat_does_not_notice(
+    stage: Stage, scripted: Any, clauses: list[str]
+) -> None:
+    scripted.drives[0].objects[0x1016, 1] = 0
+    scripted.drives[0].refuse_write[0x1016, 1] = READ_ONLY
+    ref, why = watched(stage, clauses)
+    assert ref == od.HEARTBEAT_CONSUMER
+    assert why.startswith("is 0, not 8323572 (")
+    assert why.endswith(": the drive does not notice that its host is lost, and stays under power")
+
+
+def test_a_drive_that_watches_no_heartbeat_at_all_does_not_notice(
+    stage: Stage, scripted: Any, clauses: list[str]
+) -> None:
+    """Some keep 0x1016:01 and watch nothing: their number of entries is 0."""
+    scripted.drives[0].objects[0x1016, 0] = 0
+    ref, why = watched(stage, clauses)
+    assert ref == od.HEARTBEAT_CONSUMER
+    assert why.startswith("0x1016:00 number of heartbeats watched is 0: ")
+
+
+def test_a_drive_without_a_reaction_does_nothing(
+    stage: Stage, scripted: Any, clauses: list[str]
+) -> None:
+    scripted.drives[0].objects[0x6007, 0] = 0
+    scripted.drives[0].stuck.add((0x6007, 0))
+    ref, why = watched(stage, clauses)
+    assert ref == od.ABORT_CONNECTION_OPTION
+    assert why == (
+        "is 0, not 3: the drive does nothing when its host is lost, and stays under power"
+    )
+
+
+@pytest.mark.parametrize(
+    ("held", "reaction"),
+    [
+        (1, "without its host it faults"),
+        (2, "it switches the power off and the axis coasts, nothing brakes it"),
+        (-1 & 0xFFFF, "the reaction is manufacturer specific"),
+    ],
+)
+def test_another_reaction_is_a_limitation(
+    stage: Stage, scripted: Any, clauses: list[str], held: int, reaction: str
+) -> None:
+    scripted.drives[0].objects[0x6007, 0] = held
+    scripted.drives[0].stuck.add((0x6007, 0))
+    assert watched(stage, clauses) is None
+    (clause,) = clauses
+    assert clause.startswith("0x6007:00 abort connection option code is ")
+    assert clause.endswith(reaction)
+
+
+def test_a_reaction_that_is_not_offered_is_a_limitation(
+    stage: Stage, scripted: Any, clauses: list[str]
+) -> None:
+    scripted.drives[0].refuse[0x6007, 0] = ABSENT
+    assert watched(stage, clauses) is None
+    assert "is not offered: without its host the reaction is manufacturer" in clauses[0]
+
+
+def test_silence_is_an_error(stage: Stage, scripted: Any, clauses: list[str]) -> None:
+    scripted.drives[0].silent = True
+    with pytest.raises(NodeError, match=r"axis x: 0x1016:01 .*node 1 does not answer"):
+        watched(stage, clauses)

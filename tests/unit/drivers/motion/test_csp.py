@@ -1,0 +1,84 @@
+"""Streams in csp on scripted drives: what is asked of the stage before, and what it is left as."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drivers.drive import Mode, State
+from drivers.errors import AxisFault, LimitError
+from drivers.settings import AxisSettings, BusSettings
+from drivers.stage import Stage
+from tests.unit.drivers.conftest import ScriptedBus, power_is_off, rest
+
+
+def test_a_stream_needs_an_enabled_stage(stage: Stage, scripted: Any) -> None:
+    sent = len(scripted.sent)
+    with pytest.raises(AxisFault, match="not enabled"):
+        stage.stream(*rest(stage, 3))
+    assert not [f for f in scripted.sent[sent:] if f[1] == 0x080]
+
+
+def test_a_stream_in_another_mode_is_refused(
+    scripted: ScriptedBus, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
+) -> None:
+    for drive in scripted.drives:
+        drive.objects[0x6502, 0] = 0x1A1 | 0x200  # with csv and cst
+    with Stage.open(bus_settings, axis_settings, bus_object=scripted) as stage:
+        stage.boot()
+        stage.enable()
+        stage.stream_velocity(np.zeros((2, 2)))
+        with pytest.raises(AxisFault, match=r"^axis x: the stage is not in csp: enable it first"):
+            stage.stream(*rest(stage, 3))
+        stage.enable()
+        assert len(stage.stream(*rest(stage, 3))) == 3
+
+
+def test_enabling_an_enabled_stage_changes_no_mode(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+    for drive in scripted.drives:
+        drive.writes.clear()
+    stage.enable()
+    assert all(not drive.writes for drive in scripted.drives)
+    assert all(drive.objects[0x6060, 0] == Mode.CYCLIC_SYNC_POSITION for drive in scripted.drives)
+
+
+def test_a_setpoint_outside_the_travel_is_refused_and_the_stage_stays_enabled(
+    stage: Stage, scripted: Any
+) -> None:
+    stage.enable()
+    sent = len(scripted.sent)
+    position, offset = rest(stage, 3)
+    position[2, 1] = 0.16
+    with pytest.raises(LimitError, match=r"^axis y: "):
+        stage.stream(position, offset)
+    assert len(scripted.sent) == sent
+    assert stage.enabled
+
+
+def test_a_failure_in_a_stream_stops_all_axes(stage: Stage, scripted: Any) -> None:
+    stage.enable()
+    begun = scripted.drives[0].syncs
+
+    def on_sync(drive: Any, count: int) -> None:
+        if count == begun + 3:
+            drive.state = State.SWITCH_ON_DISABLED
+
+    scripted.drives[0].on_sync = on_sync
+    with pytest.raises(AxisFault, match=r"^axis x: .*left OPERATION ENABLED"):
+        stage.stream(*rest(stage, 20))
+    assert power_is_off(scripted)
+
+
+def test_samples_are_in_the_units_of_each_axis(
+    scripted: ScriptedBus, bus_settings: BusSettings, axis_settings: tuple[AxisSettings, ...]
+) -> None:
+    coarse = dataclasses.replace(axis_settings[1], increment=1e-8)
+    with Stage.open(bus_settings, (axis_settings[0], coarse), bus_object=scripted) as stage:
+        stage.boot()
+        stage.enable()
+        samples = stage.stream(*rest(stage, 2))
+    np.testing.assert_allclose(samples.position[-1], (1.234e-6, 1.234e-5))

@@ -1,0 +1,162 @@
+"""Redirected moves on scripted drives: which bits, what is refused, and where targets end."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from drivers.drive import Control
+from drivers.errors import AxisFault, ConfigurationError, LimitError
+from drivers.motion.profile_moves import ProfileMoves
+from drivers.settings import AxisSettings, BusSettings
+from drivers.stage import Stage
+from tests.unit.drivers.conftest import ScriptedBus
+
+Words = list[tuple[int, int]]
+
+
+@pytest.fixture
+def words(stage: Stage, acknowledging: Callable[[], Words]) -> Words:
+    stage.enable()
+    return acknowledging()
+
+
+@pytest.fixture
+def moves(stage: Stage, words: Words) -> Iterator[ProfileMoves]:
+    with stage.profile_moves(0.1, 1.0) as moves:
+        yield moves
+
+
+def edges(words: Words) -> list[tuple[int, int]]:
+    """Targets, and bits 5, 6 and 9, of every rising edge of bit 4."""
+    bits = int(Control.CHANGE_IMMEDIATELY | Control.RELATIVE | Control.CHANGE_ON_SETPOINT)
+    return [(target, word & bits) for word, target in words if word & Control.NEW_SETPOINT]
+
+
+def test_the_first_target_takes_effect_at_once_even_if_queued(
+    moves: ProfileMoves, words: Words
+) -> None:
+    moves.to("x", 1e-3, queued=True)
+    moves.to("x", 2e-3, queued=True)
+    moves.to("x", 3e-3, passing=True)
+    moves.to("x", 4e-3)
+    now, passing = int(Control.CHANGE_IMMEDIATELY), int(Control.CHANGE_ON_SETPOINT)
+    assert edges(words) == [
+        (1_000_000, now), (2_000_000, 0), (3_000_000, passing), (4_000_000, now),
+    ]  # fmt: skip
+
+
+def test_relative_targets_count_from_the_previous_one(moves: ProfileMoves, words: Words) -> None:
+    moves.to("x", 1e-3)
+    moves.to("x", 0.5e-3, relative=True)
+    assert edges(words)[-1] == (
+        500_000, int(Control.CHANGE_IMMEDIATELY | Control.RELATIVE),
+    )  # fmt: skip
+    with pytest.raises(LimitError, match=r"^axis x: "):
+        moves.to("x", 0.149, relative=True)  # from 1.5 mm: beyond 150 mm
+
+
+POSITIONING_OPTION = """
+[60F2]
+ParameterName=Positioning option code
+ObjectType=0x7
+DataType=0x0006
+AccessType=rw
+PDOMapping=0
+"""
+
+
+def test_a_drive_that_counts_relative_targets_from_elsewhere_is_refused(
+    scripted: ScriptedBus,
+    bus_settings: BusSettings,
+    axis_settings: tuple[AxisSettings, ...],
+    acknowledging: Callable[[], Words],
+    tmp_path: Path,
+) -> None:
+    eds = tmp_path / "drive.eds"
+    eds.write_text(axis_settings[0].eds.read_text() + POSITIONING_OPTION)
+    axes = tuple(dataclasses.replace(axis, eds=eds) for axis in axis_settings)
+    drive = scripted.drives[0]
+    with Stage.open(bus_settings, axes, bus_object=scripted) as stage:
+        stage.boot()
+        stage.enable()
+        words = acknowledging()
+        with stage.profile_moves(0.1, 1.0) as moves:
+            drive.objects[0x60F2, 0] = 0x0002  # from the actual position
+            with pytest.raises(
+                ConfigurationError,
+                match=r"^axis x: 0x60F2:00 .*0x0002: relative targets do not count from the prev",
+            ):
+                moves.to("x", 1e-3, relative=True)
+            assert edges(words) == []
+            drive.refuse[0x60F2, 0] = 0x06020000  # absent: the standard's default
+            moves.to("x", 1e-3, relative=True)
+        assert len(edges(words)) == 1
+
+
+def test_an_unknown_axis_is_named_with_those_there_are(moves: ProfileMoves) -> None:
+    with pytest.raises(ConfigurationError, match=r"^axis q: no such axis \(there are x, y\)"):
+        moves.to("q", 0.0)
+
+
+def test_the_profile_is_written_only_where_it_changes(moves: ProfileMoves, scripted: Any) -> None:
+    moves.to("x", 1e-3)
+    drive = scripted.drives[0]
+    drive.writes.clear()
+    moves.to("x", 2e-3)
+    assert [w for w in drive.writes if w[0] in (0x6081, 0x6083)] == []
+    moves.to("x", 3e-3, velocity=0.05)
+    assert [i for i, _, _ in drive.writes if i in (0x6081, 0x6083)] == [0x6081]
+
+
+def test_a_halted_move_cannot_be_waited_for(moves: ProfileMoves, scripted: Any) -> None:
+    moves.to("x", 1e-3)
+    for drive in scripted.drives:
+        drive.on_sync = lambda drive, count: setattr(drive, "bits", 0)  # under way
+    moves.halt()
+    with pytest.raises(AxisFault, match=r"^axis x: is halted: resume it first"):
+        moves.wait()
+    assert moves.halted
+
+
+def test_halt_sets_bit_8_on_all_axes_until_resume(moves: ProfileMoves, scripted: Any) -> None:
+    moves.to("x", 1e-3)
+    moves.halt()
+    assert all(d.latched[0] & Control.HALT for d in scripted.drives)
+    moves.resume()
+    assert not any(d.latched[0] & Control.HALT for d in scripted.drives)
+    assert not moves.halted
+
+
+def test_a_target_that_is_not_reached_in_time_is_named_with_the_actual_position(
+    moves: ProfileMoves, scripted: Any
+) -> None:
+    def on_sync(drive: Any, count: int) -> None:
+        word, _, offset = drive.latched
+        drive.bits = 1 << 12 if word & Control.NEW_SETPOINT else 0
+        drive.latched = (word, 1234, offset)
+
+    scripted.drives[0].on_sync = on_sync
+    moves.to("x", 1e-3)
+    with pytest.raises(
+        AxisFault,
+        match=r"^axis x: 0x607A:00 .*target 0\.001 m is not reached within 2\.\d+ s, it is at "
+        r"1\.234e-06 m \(statusword 0x0227\)",
+    ):
+        moves.wait()
+    moves.halt()  # so that the end of the block does not wait again
+
+
+def test_the_end_of_the_block_sets_csps_target_to_where_the_axis_ends(
+    stage: Stage, words: Words
+) -> None:
+    with stage.profile_moves(0.1, 1.0) as moves:
+        moves.to("x", 1e-3)
+        moves.to("x", 1e-3, relative=True)
+    assert stage.enabled
+    assert stage.targets[0] == pytest.approx(stage.positions[0])
+    assert stage.targets[1] == pytest.approx(1.234e-6)
