@@ -346,7 +346,7 @@ class Machine(Section):
 
     @property
     def text(self) -> str:
-        """The file's text as read, which goes into recordings."""
+        """The file's text, which goes into recordings: as read, but without a password."""
         return self._document.text
 
     @property

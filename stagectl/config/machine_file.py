@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib import resources
 from pathlib import Path
 
+from stagectl.config.history_address import is_server, without_password
 from stagectl.config.machine import Machine
 from stagectl.config.machine_checks import check_machine
 from stagectl.config.validation import sort_problems, validate
@@ -38,5 +39,9 @@ def _machine(document: Document) -> Machine:
     problems = check_machine(machine, document)
     if problems:
         raise ConfigError(sort_problems(problems))
+    if machine.history is not None and is_server(machine.history):
+        shown = without_password(machine.history)
+        if shown != machine.history:  # recordings and twins are passed on
+            document = document.with_text("history", shown)
     machine.attach(document)
     return machine

@@ -13,12 +13,13 @@ strings and are refused where a number is expected.
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, NoReturn
+from typing import Any, Final, NoReturn
 
 import yaml
 from yaml import events
@@ -74,7 +75,7 @@ class Document:
 
     Attributes:
         name: of the file, in messages.
-        text: the file's text as read.
+        text: of the file.
         root: the tree of values with their marks.
         problems: values that were refused, one line each. `data` holds placeholders for them, so
             that the rest can be validated too; `validation.validate` reports both.
@@ -89,6 +90,15 @@ class Document:
     def data(self) -> object:
         """The values: dicts, lists, str, int, float, bool, None."""
         return self.root.value
+
+    def with_text(self, key: str, value: str) -> Document:
+        """The document with another text as the value of a top-level key; the rest as written."""
+        mapping: Any = yaml.compose(self.text, Loader=_LOADER)
+        old = next(node for name, node in mapping.value if name.value == key)
+        begin, end = old.start_mark.index, old.end_mark.index
+        line_end = "\n" if self.text[begin:end].endswith("\n") else ""  # of a block scalar
+        new = json.dumps(value, ensure_ascii=False) + line_end
+        return parse_document(self.text[:begin] + new + self.text[end:], self.name)
 
     def problem(self, location: Location, reason: str, *, at_key: bool = False) -> str:
         """One line `file:line:column: key: reason`.

@@ -5,7 +5,7 @@
 (levels).
 """
 
-from stagectl.history.address import is_server, without_password
+from stagectl.config.history_address import is_server, without_password
 from stagectl.history.filing import file_run, file_unfiled_runs, runs_in
 from stagectl.history.measured import measured_level, misfit_error
 from stagectl.history.notes import note_of_estimate, note_of_run, step_record

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stagectl.history.address import is_server
+from stagectl.config.history_address import is_server
 from stagectl.history.port import History, NoHistory
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from stagectl.config.history_address import UNNAMED, hide_passwords, shown_address
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.history.address import UNNAMED, hide_passwords, shown_address
 from stagectl.history.port import NoHistory
 from stagectl.history.schema import MIGRATIONS, READABLE
 from stagectl.history.watchdog import Watchdog

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.config import load_machine
+from stagectl.config import load_machine, parse_machine
 from stagectl.config.fault_plan import load_faults
 from stagectl.errors import ConfigError
 
@@ -46,3 +46,28 @@ def test_files_may_be_named_by_text(tmp_path):
     path = tmp_path / "f.yaml"
     path.write_text("faults: [{fault: drop, frame: tpdo1, axis: x, probability: 0.002}]\n")
     assert load_faults(str(path), machine, 1) == load_faults(path, machine, 1)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "history: postgresql://lab:s3cret@db/stage",
+        "history: 'postgresql://lab:s3cret@db/stage'  # of the lab",
+        "history: >-\n  postgresql://lab:s3cret@db/stage",
+    ],
+)
+def test_a_password_of_the_history_stays_out_of_the_text_that_is_passed_on(line: str) -> None:
+    before, after = "# µm\n", "\n# the rest stays as written\n"
+    text = before + line + after + load_machine().text
+    machine = parse_machine(text, "machine.yaml")
+    assert machine.history == "postgresql://lab:s3cret@db/stage"
+    assert "s3cret" not in machine.text
+    assert machine.text.startswith(before + 'history: "postgresql://lab@db/stage"')
+    assert machine.text.endswith(after + load_machine().text)
+    assert "s3cret" not in str(machine.document.data)
+    assert parse_machine(machine.text, "recording").history == "postgresql://lab@db/stage"
+
+
+def test_an_address_without_a_password_is_left_as_written() -> None:
+    text = "history: postgresql://lab@db/stage\n" + load_machine().text
+    assert parse_machine(text, "machine.yaml").text == text

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from stagectl.config.history_address import shown_address
 from stagectl.errors import StagectlError
 from stagectl.history import is_server, open_history, without_password
-from stagectl.history.address import shown_address
 
 psycopg = pytest.importorskip("psycopg")
 
