@@ -1,13 +1,14 @@
 """Calibration: friction measured at fixed sites, and identified from recordings.
 
 `sites` (the file), `sequence` (moves at a site), `due` (when), `slip_in` (into production),
-`outcome` and `report` (results), `interrupted` (to be resumed), `identify` (figures of an axis).
+`outcome` and `report` (results), `recorded` (what a recording says), `documents` (results
+again from it), `identify` (figures of an axis).
 """
 
+from stagectl.calibration.documents import rewrite_all_documents
 from stagectl.calibration.due_sites import due_now, due_sites
 from stagectl.calibration.identify import identify_axis, identify_pieces
 from stagectl.calibration.insert_sites import slip_in_sites
-from stagectl.calibration.interrupted import load_interrupted_calibration
 from stagectl.calibration.outcome import (
     SiteOutcome,
     common_changes,
@@ -16,6 +17,7 @@ from stagectl.calibration.outcome import (
     site_outcomes,
     visited_sites,
 )
+from stagectl.calibration.recorded import read_calibration
 from stagectl.calibration.report import CalibrationReport, write_calibration_report
 from stagectl.calibration.sequence import SiteSequence
 from stagectl.calibration.sites import Calibration, DueSection, load_calibration
@@ -32,9 +34,10 @@ __all__ = [
     "identify_axis",
     "identify_pieces",
     "load_calibration",
-    "load_interrupted_calibration",
     "predicted_gains",
     "reached_gains",
+    "read_calibration",
+    "rewrite_all_documents",
     "site_outcomes",
     "slip_in_sites",
     "visited_sites",

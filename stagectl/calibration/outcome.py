@@ -113,20 +113,31 @@ def _outcome(
     level: MapSite | None,
     change: SiteChange | None,
 ) -> SiteOutcome:
+    """One axis at one site; without a map its level is that of the last accepted estimate."""
     accepted = [e for e in entries if e["accepted"]]
     refused = tuple(str(e["reason"]) for e in entries if not e["accepted"])
     gains: dict[str, Gain] = {}
+    coulomb = sigma = None
     if accepted:
+        coulomb, sigma = _level(accepted[-1]["parameters"])
         known = _known(accepted[-1]["parameters"])
         gains = {name: Gain(START[name], known[name]) for name in START if known.get(name)}
+    if level is not None:
+        coulomb, sigma = level.coulomb, level.sigma
     severity, suggestion = _judged(accepted, refused, change)
     return SiteOutcome(
-        number, place, axis,
-        None if level is None else level.coulomb,
-        None if level is None else level.sigma,
+        number, place, axis, coulomb, sigma,
         None if change is None else change.change,
         gains, refused, severity, suggestion,
     )  # fmt: skip
+
+
+def _level(figures: Mapping[str, Mapping[str, Any]]) -> tuple[float | None, float | None]:
+    """The Coulomb force [N] and its relative standard deviation."""
+    figure = figures.get("coulomb")
+    if figure is None or not figure["value"]:
+        return None, None
+    return figure["value"], figure["sigma"] / figure["value"]
 
 
 def _known(figures: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
@@ -153,7 +164,7 @@ def _judged(
     if len(refused) > len(accepted):
         return "watch", f"more moves refused than accepted ({refused[-1]}): calibrate again"
     if change is None:
-        return "good", "first calibration: nothing to compare with"
+        return "good", "not compared: no earlier map of this site"
     size = abs(change.change) if change.significant else 0.0
     if size >= ACT:
         dirty = change.change > 0

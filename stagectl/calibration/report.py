@@ -40,6 +40,7 @@ class CalibrationReport:
         sequence: of the moves at a site.
         version: the new map, or None.
         before: the version before, or None.
+        is_from_recording: made from the recording alone, which holds no maps.
     """
 
     name: str
@@ -54,6 +55,7 @@ class CalibrationReport:
     sequence: SiteSequence
     version: MapVersion | None
     before: MapVersion | None
+    is_from_recording: bool = False
 
 
 def write_calibration_report(path: Path, report: CalibrationReport) -> None:
@@ -92,6 +94,8 @@ def verdict(report: CalibrationReport) -> str:
     text = f"{report.visited} of {report.planned} visits"
     if parts:
         text += f"; results by site and axis: {', '.join(parts)}"
+    if report.is_from_recording:
+        return f"{text}. From the recording alone, which holds no maps; they are in the history."
     if report.version is None:
         return f"{text}. No new map."
     text += f". New map {report.version.number}"
@@ -102,7 +106,8 @@ def _level(report: CalibrationReport) -> str:
     worst = {_LEVELS[outcome.severity] for outcome in report.outcomes}
     if report.error is not None or "bad" in worst or not report.outcomes:
         return "bad"
-    return "warning" if "warning" in worst or report.version is None else "good"
+    has_map = report.version is not None or report.is_from_recording
+    return "warning" if "warning" in worst or not has_map else "good"
 
 
 def _row(outcome: SiteOutcome, sequence: SiteSequence) -> dict[str, str]:

@@ -14,7 +14,7 @@ from stagectl.calibration.sequence import REACH, SiteSequence, choose_sequence
 from stagectl.config.machine import Label, Machine
 from stagectl.config.units import PositiveLength, PositiveNumber, PositiveTime
 from stagectl.config.validation import Section, validate
-from stagectl.config.yaml_nodes import load_document
+from stagectl.config.yaml_nodes import load_document, parse_document
 from stagectl.errors import ConfigError
 from stagectl.recipe import (
     MAX_SITES,
@@ -144,6 +144,15 @@ def load_calibration(path: Path | str, machine: Machine) -> Calibration:
         excursions=sequence.excursions,
     )  # fmt: skip
     return Calibration(recipe, sequence, file.due, file.budget)
+
+
+def recorded_sequence(text: str, name: str, machine: Machine) -> SiteSequence:
+    """The moves at a site by the text of a calibration file, which messages call `name`.
+
+    Raises:
+        ConfigError: the text cannot be used.
+    """
+    return choose_sequence(machine, validate(parse_document(text, name), CalibrationFile).reach)
 
 
 def repeated_sites(sites: Sequence[Pair]) -> list[tuple[int, int]]:

@@ -127,11 +127,12 @@ def command(
 
 def _resume(calibration: Calibration, folder: Path) -> tuple[Recipe, Resumed, list[dict[str, Any]]]:
     """The sites of an interrupted calibration, due or not, and the estimates it made."""
-    from stagectl.calibration import load_interrupted_calibration
+    from stagectl.calibration import read_calibration
     from stagectl.run import load_interrupted
+    from stagectl.store import RECORDING_NAME
 
     resumed = load_interrupted(folder, calibration.recipe)
-    interrupted = load_interrupted_calibration(folder)
+    interrupted = read_calibration(folder / RECORDING_NAME)
     recipe = replace(calibration.recipe, sites=interrupted.sites)
     return recipe, resumed, list(interrupted.friction)
 

@@ -15,8 +15,8 @@ def command(folder: Path) -> None:
     Summary and report are made of the recording, as far as it got. `stagectl run --resume FOLDER`
     does all this by itself.
     """
+    from stagectl.calibration import rewrite_all_documents
     from stagectl.report import resume_command
-    from stagectl.run import rewrite_documents
     from stagectl.store import recover_folder
 
     recovered, log = recover_folder(folder)
@@ -25,7 +25,7 @@ def command(folder: Path) -> None:
     if log is not None:
         click.echo(f"its bus log is now {log}")
     if recovered is not None and recovered.path is not None:
-        summary, written = rewrite_documents(recovered.path)
+        summary, written = rewrite_all_documents(recovered.path)
         click.echo(f"written: {', '.join(map(str, written))}")
         command = resume_command(summary)
         if command is not None:

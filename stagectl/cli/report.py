@@ -14,10 +14,10 @@ from stagectl.cli.options import FILE
 def command(run: Path) -> None:
     """Make summary.json and report.html of RUN again, from its recording.
 
-    RUN is the folder of a run, or one of its recordings. Nothing else is read: after an update, the
-    documents are as this version makes them; and whoever has only a recording gets both.
+    RUN is the folder of a run or a calibration, or one of its recordings. Nothing else is read:
+    after an update, the documents are as this version makes them, and a recording alone is enough.
     """
-    from stagectl.run import rewrite_documents
+    from stagectl.calibration import rewrite_all_documents
 
-    _, written = rewrite_documents(run)
+    _, written = rewrite_all_documents(run)
     click.echo(f"written: {', '.join(map(str, written))}")

@@ -5,7 +5,7 @@ estimates), `summarise` and `documents` (from the recording), `retries` (after a
 (an interrupted run), `listing`, `replay` (a run again, on its bus log).
 """
 
-from stagectl.run.documents import rewrite_documents
+from stagectl.run.documents import document_paths, is_calibration, rewrite_documents
 from stagectl.run.listing import ListedRun, list_runs
 from stagectl.run.prepare import Substitutes, prepare
 from stagectl.run.request import Resumed, RunRequest, RunResult
@@ -21,7 +21,9 @@ __all__ = [
     "RunRequest",
     "RunResult",
     "Substitutes",
+    "document_paths",
     "execute",
+    "is_calibration",
     "list_runs",
     "load_interrupted",
     "prepare",

@@ -1,4 +1,7 @@
-"""Summary and report of a run: written when it ends, and again from its recording."""
+"""Summary and report of a run: written when it ends, and again from its recording.
+
+The page of a calibration is `stagectl.calibration`'s.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +43,9 @@ def write_documents(
     machine: Machine,
     path: Path,
 ) -> dict[str, Any]:
-    """Write the summary, and the report if there are samples; arguments as for `summarise`.
+    """Write the summary, and a production run's report if there are samples.
+
+    Arguments as for `summarise`.
 
     Returns:
         The summary.
@@ -52,20 +57,29 @@ def write_documents(
     summary = summarise(notes, recording, ledger, machine, path)
     summary_path, report_path = document_paths(path)
     write_summary(summary, summary_path)
-    if len(recording):
+    if len(recording) and not run_note(notes, path).get("calibration"):
         control_period = next(iter(machine.axes.values())).drive.control_period
         write_report(report_path, recording, summary, control_period=control_period)
     return summary
 
 
-def rewrite_documents(path: Path) -> tuple[dict[str, Any], tuple[Path, Path]]:
-    """Make summary and report again from a recording.
+def is_calibration(path: Path) -> bool:
+    """Whether a recording is of a calibration.
+
+    Raises:
+        UnusableInput: it cannot be read, or is not of a run by this version.
+    """
+    return bool(run_note(read_notes(path), path).get("calibration"))
+
+
+def rewrite_documents(path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
+    """Make summary and report again from a recording; of a calibration only the summary.
 
     Args:
         path: of the recording, or the folder of its run.
 
     Returns:
-        The summary; the paths of both.
+        The summary; the paths of what was written.
 
     Raises:
         UnusableInput: there is no recording, or not one of a run by this version.
@@ -78,7 +92,7 @@ def rewrite_documents(path: Path) -> tuple[dict[str, Any], tuple[Path, Path]]:
         raise UnusableInput(f"{path}: {missing}")
     notes, recording, machine = read_run(found)
     summary = write_documents(notes, recording, read_ledger(found), machine, found)
-    return summary, document_paths(found)
+    return summary, document_paths(found)[: 1 if is_calibration(found) else 2]
 
 
 def read_run(path: Path) -> tuple[RunNotes, Recording, Machine]:

@@ -130,6 +130,29 @@ def test_a_killed_calibration_goes_on_behind_the_last_site_and_loses_nothing(cal
     )  # fmt: skip
 
 
+def test_the_page_made_again_from_a_recording_is_that_of_the_calibration(calibrated):
+    folder, _, outcome = calibrated
+    for run, visits, badge in (
+        ("rest", "5 of 5 visits", "complete"),
+        ("killed", "2 of 5", "int"),
+    ):
+        page = folder / run / "report.html"
+        page.unlink(missing_ok=True)
+        said = stagectl("report", folder / run)
+        assert str(page) in said
+        text = page.read_text()
+        assert "Calibration weekly" in text
+        assert visits in text
+        assert f'class="badge good">{badge}' in text or f'class="badge bad">{badge}' in text
+        assert "No new map" not in text
+    # the levels are the estimates', within the map's uncertainty of the map's
+    levels = re.findall(r'class="n main">([\d.]+)<', (folder / "rest" / "report.html").read_text())
+    assert len(levels) == len(outcome["sites"])
+    for level, entry in zip(levels, outcome["sites"], strict=True):
+        assert float(level) == pytest.approx(entry["coulomb"], rel=0.05)
+    assert json.loads((folder / "rest" / "summary.json").read_text())["outcome"] == "completed"
+
+
 def test_friction_that_differs_on_the_way_is_not_taken_for_viscous(tmp_path):
     """+-25 % over 40 mm, sites 50 mm apart: what is the same everywhere is found as it is."""
     lines, seeds = [], iter((214, 215))

@@ -1,4 +1,4 @@
-"""An interrupted calibration: the sites it was to visit, and its estimates so far."""
+"""What a calibration's recording says: the sites it was to visit, and its estimates so far."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from stagectl.store import RECORDING_NAME, RunNotes, read_notes
 
 
 @dataclass(frozen=True, slots=True)
-class Interrupted:
-    """An interrupted calibration.
+class RecordedCalibration:
+    """A calibration, complete or interrupted.
 
     Attributes:
         sites: in the order of the visit, including the repeated first one at the end [m].
@@ -25,25 +25,24 @@ class Interrupted:
     friction: tuple[dict[str, Any], ...]
 
 
-def load_interrupted_calibration(folder: Path) -> Interrupted:
-    """Read an interrupted calibration, after `stagectl.run.load_interrupted` has accepted it.
+def read_calibration(path: Path) -> RecordedCalibration:
+    """Read the recording of a calibration.
 
     Raises:
         UnusableInput: the run was not a calibration, or is of an older version.
     """
-    path = folder / RECORDING_NAME
     notes = read_notes(path)
     run = next((e for e in notes.events if e.get("event") == "run"), None)
     if run is None or not run.get("sites"):
-        raise UnusableInput(f"{path}: not a calibration that can be resumed")
+        raise UnusableInput(f"{path}: not a calibration, or one of an older version")
     try:
         sites = tuple((float(x), float(y)) for x, y in run["sites"])
         before: tuple[dict[str, Any], ...] = ()
         if run["resumed"] is not None:
             earlier = Path(str(run["resumed"]["run"]))
             if (earlier / RECORDING_NAME).exists():  # it may have been deleted
-                before = load_interrupted_calibration(earlier).friction
-        return Interrupted(sites, (*before, *_friction(notes)))
+                before = read_calibration(earlier / RECORDING_NAME).friction
+        return RecordedCalibration(sites, (*before, *_friction(notes)))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise UnusableInput(f"{path}: /events: damaged ({type(error).__name__}: {error})") from None
 
