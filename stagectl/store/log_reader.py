@@ -6,15 +6,15 @@ import gzip
 import hashlib
 import re
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO, Protocol, cast
 
 from stagectl.errors import UnusableInput
 from stagectl.store.asc_log import DIGEST_LINE, END, HEAD_END, find_log
 
-MAX_FRAMES = 50_000_000
-
+_DIGEST, _HEAD_END = DIGEST_LINE.encode(), HEAD_END.encode()
 _LINE = re.compile(
     r" *(\d{1,12})\.(\d{6}) +1 +"
     r"(?:(?P<error>ErrorFrame)|(?P<id>[0-9A-F]{1,8})(?P<extended>x?) +(?P<way>Tx|Rx) +d +"
@@ -22,6 +22,10 @@ _LINE = re.compile(
     re.ASCII,
 )
 _HEADER = ("date ", "base hex ", "internal events ", "Begin Triggerblock", "End TriggerBlock", "//")
+
+
+class _Hash(Protocol):
+    def update(self, data: bytes, /) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,22 +52,37 @@ class LoggedFrame:
 
 @dataclass(frozen=True, slots=True)
 class LoggedBus:
-    """A whole log.
+    """A whole log, of which one line at a time is in memory.
 
     Attributes:
-        frames: in order.
+        files: of the log, in order.
+        count: number of frames.
         digest: SHA-256 of the frames' lines, in hex; of all parts, as if they were one file.
         stated: digest that the log states, or None; where a part states another one than its own,
             the one that this part states.
     """
 
-    frames: tuple[LoggedFrame, ...]
+    files: tuple[Path, ...]
+    count: int
     digest: str
     stated: str | None
 
+    def frames(self) -> Iterator[LoggedFrame]:
+        """All frames in order, read as they are taken.
+
+        Raises:
+            UnusableInput: as `read_log`; a file has changed since.
+        """
+        last = 0
+        for file in self.files:
+            lines = _Part(file).lines(hashlib.sha256(), is_last=True)
+            for frame in _frames(lines, file, last):
+                last = frame.time_ns
+                yield frame
+
 
 def read_log(path: Path) -> LoggedBus:
-    """Read a log written by `bus_log`.
+    """Check a log written by `bus_log` from end to end, and compute its digest.
 
     Args:
         path: of `bus.asc`, also where its parts are there instead.
@@ -72,32 +91,66 @@ def read_log(path: Path) -> LoggedBus:
         UnusableInput: there is none, a part is missing, or a line has another form; names the line.
     """
     files = find_log(path) or [path]
-    frames: list[LoggedFrame] = []
-    whole, wrong, complete = hashlib.sha256(), None, True
+    whole, wrong, complete, count, last = hashlib.sha256(), None, True, 0, 0
     for file in files:
-        body, mark, stated = _read_text(file).partition(DIGEST_LINE)
-        frames.extend(_frames(body, file, frames[-1].time_ns if frames else 0))
-        lines = body.partition(HEAD_END)[2].encode("ascii")
-        whole.update(lines if file is files[-1] else lines.removesuffix(END))
-        complete = complete and bool(mark)
-        if mark and stated.strip() != hashlib.sha256(lines).hexdigest():
-            wrong = wrong or stated.strip()
+        part = _Part(file)
+        for frame in _frames(part.lines(whole, file is files[-1]), file, last):
+            last = frame.time_ns
+            count += 1
+        complete = complete and part.stated is not None
+        if part.stated is not None and part.stated != part.digest:
+            wrong = wrong or part.stated
     digest = whole.hexdigest()
-    return LoggedBus(tuple(frames), digest, (wrong or digest) if complete else None)
+    return LoggedBus(tuple(files), count, digest, (wrong or digest) if complete else None)
 
 
-def _read_text(file: Path) -> str:
-    try:
-        data = file.read_bytes()
-        text = gzip.decompress(data) if file.suffix == ".gz" else data
-        return text.decode("ascii").replace("\r\n", "\n")
-    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else None
-        raise UnusableInput(f"{file}: {reason or 'not a bus log'}") from error
+class _Part:
+    """One file of a log.
+
+    Attributes:
+        digest: of its frames' lines; known once all lines were taken.
+        stated: digest that the file states, or None; likewise.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+        self.digest = ""
+        self.stated: str | None = None
+
+    def lines(self, whole: _Hash, is_last: bool) -> Iterator[str]:
+        """The lines up to the digest; those of the frames also go into the digest of the log.
+
+        Raises:
+            UnusableInput: the file cannot be read.
+        """
+        own, held, in_frames = hashlib.sha256(), b"", False
+        try:
+            with _open(self.file) as stream:
+                for raw in stream:
+                    line, mark, stated = raw.replace(b"\r\n", b"\n").partition(_DIGEST)
+                    if in_frames and line:
+                        whole.update(held)
+                        own.update(line)
+                        held = line
+                    in_frames = in_frames or line.endswith(_HEAD_END)
+                    yield line.decode("ascii").removesuffix("\n")
+                    if mark:
+                        rest = sum(bool(more.strip()) for more in stream)  # and gzip's check
+                        self.stated = stated.decode("ascii").strip() + (" ..." if rest else "")
+                        break
+        except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
+            reason = error.strerror if isinstance(error, OSError) else None
+            raise UnusableInput(f"{self.file}: {reason or 'not a bus log'}") from error
+        whole.update(held if is_last else held.removesuffix(END))
+        self.digest = own.hexdigest()
 
 
-def _frames(text: str, path: Path, last: int) -> Iterator[LoggedFrame]:
-    for number, line in enumerate(text.split("\n"), 1):
+def _open(file: Path) -> IO[bytes]:
+    return cast(IO[bytes], gzip.open(file)) if file.suffix == ".gz" else file.open("rb")
+
+
+def _frames(lines: Iterable[str], path: Path, last: int) -> Iterator[LoggedFrame]:
+    for number, line in enumerate(lines, 1):
         if not line.strip(" ") or line.startswith(_HEADER) or line.endswith("Start of measurement"):
             continue
         match = _LINE.fullmatch(line)

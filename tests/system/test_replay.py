@@ -61,7 +61,7 @@ def edit(path, pattern, replacement, occurrence):
 
 def test_a_log_in_parts_is_replayed_like_one_file(folder, tmp_path):
     seal = read_log(folder / "bus.asc").digest
-    frames = read_log(folder / "bus.asc").frames
+    frames = list(read_log(folder / "bus.asc").frames())
     (folder / "bus.asc").unlink()
     with BusLog(folder / "bus.asc", datetime.now(UTC), part_frames=len(frames) // 2) as log:
         for number, frame in enumerate(frames):

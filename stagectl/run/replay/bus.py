@@ -7,7 +7,8 @@ was in the run: a run in real time also depended on when the host read the clock
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,11 +49,40 @@ class ReplayClock:
         self._bus.wait_until(t)
 
 
+class _Window:
+    """The frames that a replay still needs, read from the log as it proceeds.
+
+    Args:
+        frames: of the log, in order.
+        count: their number.
+    """
+
+    def __init__(self, frames: Iterator[LoggedFrame], count: int) -> None:
+        self._frames, self._count = frames, count
+        self._held: deque[LoggedFrame] = deque()
+        self._first = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, number: int) -> LoggedFrame:
+        while number >= self._first + len(self._held):
+            self._held.append(next(self._frames))
+        return self._held[number - self._first]
+
+    def forget(self, before: int) -> None:
+        """Drop the frames before this number."""
+        while self._held and self._first < before:
+            self._held.popleft()
+            self._first += 1
+
+
 class ReplayBus(can.BusABC):
     """The bus of a replay.
 
     Args:
-        frames: of the log.
+        frames: of the log, taken as the replay proceeds.
+        count: their number.
         complete: whether the log lasts to the end of the run; not if it was killed.
 
     Attributes:
@@ -62,14 +92,14 @@ class ReplayBus(can.BusABC):
         compared: number of frames of the host that agreed.
     """
 
-    def __init__(self, frames: Sequence[LoggedFrame], complete: bool) -> None:
+    def __init__(self, frames: Iterator[LoggedFrame], count: int, complete: bool) -> None:
         super().__init__(channel="replay")
         self.channel_info = "replay"
         self.now_ns = 0
         self.clock = ReplayClock(self)
         self.difference: Difference | None = None
         self.compared = 0
-        self._frames = frames
+        self._frames = _Window(frames, count)
         self._complete = complete
         self._over = False
         self._received = self._next(-1, sent=False)
@@ -92,6 +122,7 @@ class ReplayBus(can.BusABC):
             self._end(Difference(at + 1, logged, mine))
         self.compared += 1
         self._sent = self._next(at, sent=True)
+        self._frames.forget(min(self._sent, self._received))
         if self._received == at + 1 and self._fails(self._received):
             self._fail()
 
@@ -108,6 +139,7 @@ class ReplayBus(can.BusABC):
                 if frame.failed:
                     self._fail()
                 self._received = self._next(at, sent=False)
+                self._frames.forget(min(self._sent, self._received))
                 return can.Message(
                     timestamp=self.now_ns * 1e-9,
                     arbitration_id=frame.can_id,

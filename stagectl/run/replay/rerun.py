@@ -87,7 +87,7 @@ def replay(folder: Path, listener: Listener | None = None) -> ReplayResult:
             _refuse_unless_replayable(path, run)
             machine = parse_machine(notes.machine, str(run["files"]["machine"]))
             request = _request(notes, run, machine, Path(scratch))
-            bus = ReplayBus(log.frames, notes.outcome != "killed")
+            bus = ReplayBus(log.frames(), log.count, notes.outcome != "killed")
             snapshot = run.get("map_then")
             active = None if snapshot is None else restore_snapshot(snapshot, machine, str(path))
             substitutes = Substitutes(bus, _RecordedMarks(_marks(notes)), _stop(notes), active)
@@ -100,7 +100,7 @@ def replay(folder: Path, listener: Listener | None = None) -> ReplayResult:
     bus.finish()
     stated = {s for s in (log.stated, *seals) if s is not None}
     return ReplayResult(
-        len(log.frames),
+        log.count,
         bus.compared,
         bus.difference,
         log.digest,

@@ -61,7 +61,8 @@ def test_a_long_log_is_kept_in_compressed_parts_with_the_digest_of_one_file(tmp_
     assert parts == [f"bus-{number:03}.asc.gz" for number in range(1, len(parts) + 1)]
     assert log.digest == short.digest
     whole, other = read_log(long / "bus.asc"), read_log(tmp_path / "short" / "bus.asc")
-    assert whole == other
+    assert (whole.count, whole.digest) == (other.count, other.digest)
+    assert list(whole.frames()) == list(other.frames())
     assert whole.stated == whole.digest == log.digest
 
 
@@ -98,9 +99,9 @@ def test_a_killed_long_run_loses_only_its_last_block(tmp_path: Path):
         gzip.decompress((killed / "bus-002.frames.gz").read_bytes())
     )
     assert recover_log(killed) == killed / "bus-001.asc.gz"
-    frames = read_log(killed / "bus.asc").frames
+    frames = list(read_log(killed / "bus.asc").frames())
     assert len(frames) >= 2 * PART
-    assert frames == read_log(live / "bus.asc").frames[: len(frames)]
+    assert frames == list(read_log(live / "bus.asc").frames())[: len(frames)]
     assert recover_log(killed) is None
     assert [name for name in names(killed) if "frames" in name] == ["bus-002.frames.gz.part"]
 
@@ -115,8 +116,8 @@ def test_the_next_run_keeps_the_parts_of_a_killed_one(tmp_path: Path):
     (folder / "bus-002.frames").write_bytes(b"")  # killed before its first block
     with BusLog(folder / "bus.asc", STARTED) as log:
         log.tap(0, 0x200, b"")
-    assert len(read_log(folder / "bus-recovered.asc").frames) == PART
-    assert [frame.can_id for frame in read_log(folder / "bus.asc").frames] == [0x200]
+    assert read_log(folder / "bus-recovered.asc").count == PART
+    assert [frame.can_id for frame in read_log(folder / "bus.asc").frames()] == [0x200]
 
 
 def test_the_cycle_does_not_wait_for_a_compression_that_hangs(tmp_path: Path):
@@ -140,7 +141,7 @@ def test_a_full_disk_leaves_the_parts_uncompressed(tmp_path: Path):
     with BusLog(tmp_path / "bus.asc", STARTED, part_frames=PART) as log:
         tap(log, tmp_path, 0, 2500)
     assert log.failure is None
-    assert len(read_log(tmp_path / "bus.asc").frames) == 2500
+    assert read_log(tmp_path / "bus.asc").count == 2500
 
 
 def test_a_missing_part_is_named(tmp_path: Path):

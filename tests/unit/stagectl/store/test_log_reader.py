@@ -28,7 +28,7 @@ def test_logged_frames_are_read_back(tmp_path, frames):
     back = read_log(path)
     assert back.digest == back.stated == log.digest
     first = frames[0][0] if frames else 0
-    assert [(f.time_ns, f.can_id, f.data) for f in back.frames] == [
+    assert [(f.time_ns, f.can_id, f.data) for f in back.frames()] == [
         ((t - first) * 1000, can_id, data) for t, can_id, data in frames
     ]
 
@@ -47,11 +47,11 @@ def test_a_bus_failure_is_in_the_log(tmp_path):
     with BusLog(path, STARTED) as log:
         log.tap(0, 0x201, b"\x01")
         log.tap(5000, BUS_FAILED, b"")
-    assert read_log(path).frames == (
+    assert tuple(read_log(path).frames()) == (
         LoggedFrame(0, True, 0x201, b"\x01"),
         LoggedFrame(5000, False, -1, b""),
     )
-    assert read_log(path).frames[1].failed
+    assert list(read_log(path).frames())[1].failed
 
 
 @pytest.mark.parametrize(
@@ -77,4 +77,40 @@ def test_a_log_without_digest_can_be_read(tmp_path):
     path = tmp_path / "bus.asc"
     path.write_text("date x\nbase hex  timestamps absolute\n0.000000 1  80  Tx   d 0\n")
     assert read_log(path).stated is None
-    assert len(read_log(path).frames) == 1
+    assert read_log(path).count == len(list(read_log(path).frames())) == 1
+
+
+def test_what_follows_the_digest_is_a_change(tmp_path):
+    path = tmp_path / "bus.asc"
+    with BusLog(path, STARTED) as log:
+        log.tap(0, 0x201, b"\x01")
+    assert read_log(path).stated == log.digest
+    path.write_text(path.read_text() + "0.000001 1 201 Tx d 0\n")
+    changed = read_log(path)
+    assert changed.digest == log.digest
+    assert changed.stated not in (None, log.digest)
+    assert changed.count == 1
+
+
+def test_line_ends_of_another_system_do_not_change_the_digest(tmp_path):
+    path = tmp_path / "bus.asc"
+    with BusLog(path, STARTED) as log:
+        log.tap(0, 0x201, b"\x01")
+    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    assert read_log(path).digest == read_log(path).stated == log.digest
+
+
+def test_frames_are_read_as_they_are_taken(tmp_path):
+    """The file may be larger than memory: what comes after a frame is not read before it."""
+    path = tmp_path / "bus.asc"
+    with BusLog(path, STARTED) as log:
+        for number in range(20_000):
+            log.tap(number * 1000, 0x201, b"\x01")
+    back = read_log(path)
+    frames = back.frames()
+    assert next(frames).time_ns == 0
+    text = path.read_text()
+    path.write_text(text[: len(text) // 2] + "rubbish\n")
+    with pytest.raises(UnusableInput, match="not a frame of a bus log"):
+        list(frames)
+    assert back.count == 20_000
