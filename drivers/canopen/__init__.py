@@ -2,6 +2,7 @@
 
 from drivers.canopen.bus import Network, OwnFrame, Tap, open_bus
 from drivers.canopen.clock import Clock, MonotonicClock, delivers_at_once, stamps_of
+from drivers.canopen.direct import DirectBus, direct_bus
 from drivers.canopen.emcy import error_text, register_text
 from drivers.canopen.node import REBOOTED, Node
 from drivers.canopen.other_host import LISTENING
@@ -13,6 +14,7 @@ __all__ = [
     "LISTENING",
     "REBOOTED",
     "Clock",
+    "DirectBus",
     "MappedObject",
     "MonotonicClock",
     "Network",
@@ -25,6 +27,7 @@ __all__ = [
     "Tap",
     "Value",
     "delivers_at_once",
+    "direct_bus",
     "error_text",
     "load_dictionary",
     "open_bus",

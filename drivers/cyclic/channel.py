@@ -33,6 +33,7 @@ class Channel:
         doubled: consecutive SYNCs with more TPDOs than late ones account for.
         ambiguous: the last of these TPDOs differed. Which one is the axis' own is unknown, so there
             is no sample until a SYNC brings a single TPDO again.
+        tpdo: CAN-ID and number of bytes of its TPDO.
         tardy: (statusword, position, force, arrival) of a TPDO that arrived after the host had
             stopped waiting but before the next SYNC, where frames have time stamps; else None.
         previous_tardy: the same of the SYNC before.
@@ -41,8 +42,8 @@ class Channel:
     __slots__ = (
         "_differ", "_first", "_outstanding", "_was_asked", "ambiguous", "arrival", "axis",
         "controlword", "doubled", "extra", "force", "message", "missed", "offset", "position",
-        "previous_extra", "previous_tardy", "seen", "sent_controlwords", "size", "statusword",
-        "tardy", "target", "unpack", "valid",
+        "previous_extra", "previous_tardy", "rpdo_id", "seen", "sent_controlwords", "size",
+        "statusword", "tardy", "target", "tpdo", "unpack", "valid",
     )  # fmt: skip
 
     def __init__(self, axis: Axis) -> None:
@@ -63,11 +64,13 @@ class Channel:
     def use_mappings(self) -> None:
         """Takes over the axis' present mappings."""
         axis = self.axis
+        self.rpdo_id = axis.rpdo_id
         self.message = OwnFrame(
             arbitration_id=axis.rpdo_id, is_extended_id=False, data=bytes(axis.rpdo.codec.size)
         )
         unpack = axis.tpdo.codec.unpack
         self.size = axis.tpdo.codec.size
+        self.tpdo = axis.tpdo_id, self.size
         # without 0x6077 the force reads 0
         self.unpack: Callable[[bytes | bytearray], tuple[int, ...]] = (
             unpack if axis.reports_force else lambda data: (*unpack(data), 0)
@@ -147,6 +150,22 @@ class Channel:
         self.statusword, self.position, self.force = self.unpack(self._first)
         self.seen = True
         self.missed = 0
+        return True
+
+    def take_sole(self, data: bytes) -> bool:
+        """A whole cycle in one, from `close_cycle` to `conclude`, where `data` is its only TPDO.
+
+        Returns:
+            Whether there is a sample.
+        """
+        if not self.valid or self.extra or self.doubled:
+            self.close_cycle()
+            self.open_cycle()
+            self.take(data, 0)
+            return self.conclude()
+        self.previous_extra, self.arrival = 0, 0
+        self._first, self._differ, self._was_asked = data, False, True
+        self.statusword, self.position, self.force = self.unpack(data)
         return True
 
     def expect_more(self, count: int) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 
 import can
 
-from drivers.canopen import Network, OwnFrame, delivers_at_once
+from drivers.canopen import DirectBus, Network, OwnFrame, delivers_at_once, direct_bus
 from drivers.cyclic.channel import Channel
 from drivers.cyclic.kernel_sync import KernelSync, receive_own_frames
 from drivers.cyclic.reception import Receive, Reception
@@ -59,6 +59,7 @@ class Exchange:
         self._setpoint_ids = frozenset(c.axis.rpdo_id for c in self.channels)
         self._now_ns = network.clock.now_ns
         self._at_once = delivers_at_once(network.bus)
+        self._direct = direct_bus(network.bus)
         self._phase: int | None = None
         self._sync = OwnFrame(arbitration_id=SYNC_ID, is_extended_id=False, data=b"")
         self._overflow, self._count = settings.sync_counter, 0
@@ -166,6 +167,8 @@ class Exchange:
         now = now_ns()
         self._send_setpoints(send, frames, now)
         due = self._due
+        if self._direct is not None and self._exchange_directly(self._direct, recv):
+            return late
         if now < due:
             if reception.arrival_of is not None and network.service_due < due:
                 # while there is time, so that nothing delays the SYNC at its instant
@@ -195,6 +198,31 @@ class Exchange:
         if reception.echo_at is not None:
             self.offset, self.doubt = min(reception.echo_at - due, _MAX_NS), 0
         return late
+
+    def _exchange_directly(self, direct: DirectBus, recv: Receive) -> bool:
+        """The SYNC that is due and its TPDOs in one, where nothing else happens until then.
+
+        It does what the rest of `_lead` does, frame for frame. Whatever is not as it nearly always
+        is (a heartbeat or our own service is due, a frame waits, the bus has faults) is left to
+        `_lead`: then False is returned, and nothing was done.
+        """
+        due = self._due
+        if due >= self._network.service_due or self._overflow:
+            return False
+        answers = direct.exchange(due, SYNC_ID, b"", [c.tpdo for c in self.channels])
+        if answers is None:
+            return False
+        if self._network.tap is not None:
+            self._network.tap(due, SYNC_ID, b"")
+        self.sent, self._due = due, due + self._period
+        self.offset, self.doubt = 0, -1
+        if answers:
+            self.reception.take(answers, due)
+            return True
+        for channel in self.channels:
+            channel.close_cycle()
+        self.reception.collect(recv, due)
+        return True
 
     def _send_sync(self, send: Send, now: int) -> None:
         if self._overflow:
@@ -287,12 +315,15 @@ class Exchange:
     # -- both ---------------------------------------------------------------------------------
 
     def _send_setpoints(self, send: Send, frames: Frames, now: int) -> None:
-        tap = self._network.tap
+        tap, direct = self._network.tap, self._direct
         for channel, frame in frames:
+            if tap is not None:
+                tap(now, channel.rpdo_id, frame)
+            if direct is not None:
+                direct.transmit(channel.rpdo_id, frame)
+                continue
             message = channel.message
             message.data = bytearray(frame)  # a new one: a receiver may keep the old one
-            if tap is not None:
-                tap(now, message.arbitration_id, frame)
             if self._note_sent is not None:
-                self._note_sent(message.arbitration_id, frame, now)
+                self._note_sent(channel.rpdo_id, frame, now)
             send(message)

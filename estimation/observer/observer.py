@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from estimation.compiled import machine_code
 from estimation.observer.design import Design
 from estimation.observer.kernel import (
     FAILED,
@@ -96,9 +97,10 @@ class StageObserver:
         """Compile the kernel, or load it, before anything moves."""
         axes = len(self.is_on)
         row, scratch = np.zeros((1, axes)), make_state(axes, self._state.trial.shape[1])
-        step(
-            self._observers, scratch, row.astype(np.int64), row, 0, 1, 0.0, self.sample, self._sent
-        )
+        self._step = machine_code(
+            step, self._observers, scratch, row.astype(np.int64), row, 0, 1, 0.0, self.sample,
+            self._sent,
+        )  # fmt: skip
 
     @property
     def correction(self) -> tuple[float, ...]:
@@ -124,7 +126,8 @@ class StageObserver:
             target: sent last [increments].
             continued: the last SYNC carried the last row of the stream before.
         """
-        self._targets, self._planned = targets, planned
+        self._targets = np.ascontiguousarray(targets, np.int64)  # as compiled for
+        self._planned = np.ascontiguousarray(planned, np.float64)
         if not continued:
             axes = self._state.axes
             axes["phase"][axes["phase"] != OFF] = FRESH
@@ -138,7 +141,7 @@ class StageObserver:
             periods: from the SYNC of the row before the last one to that of the last one.
             doubt: how far that SYNC was off its place on the grid, over Ts.
         """
-        step(
+        self._step(
             self._observers, self._state, self._targets, self._planned, row, periods, doubt,
             self.sample, self._sent,
         )  # fmt: skip

@@ -112,6 +112,10 @@ class FaultyWorld(World):
         send = super().transmit
         self._from_host.carry(can_id, data, None, lambda payload: send(owner, can_id, payload))
 
+    def pass_quietly(self, time_ns: int) -> bool:
+        """Never: with faults, hosts take every step by itself."""
+        return False
+
     def _emit_from(self, node: int, can_id: int, data: bytes) -> None:
         if not self._host_off:
             self._from_drives.carry(can_id, data, node, partial(self.emit, can_id))

@@ -21,7 +21,7 @@ from can.broadcastmanager import (
 )
 
 from hil_sim.bus.subscriptions import PendingAction
-from hil_sim.bus.world import Frame, LockstepClock, World
+from hil_sim.bus.world import DATA_FRAME, Frame, LockstepClock, World
 
 _new = object.__new__
 
@@ -70,6 +70,43 @@ class LockstepBus(can.BusABC):
             world.transmit(self, msg.arbitration_id, bytes(msg.data), flags)
         else:
             world.transmit(self, msg.arbitration_id, bytes(msg.data))
+
+    def transmit(self, can_id: int, data: bytes) -> None:
+        """Send a data frame, as `send`, without a message."""
+        if get_ident() != self._thread:
+            self._raise_refusal()
+        self.world.transmit(self, can_id, data)
+
+    def exchange(
+        self, at_ns: int, can_id: int, data: bytes, expected: Sequence[tuple[int, int]]
+    ) -> Sequence[bytes] | None:
+        """Send a data frame at `at_ns` and receive what it causes, unless more would happen.
+
+        Args:
+            at_ns: virtual time [ns].
+            can_id: of the frame.
+            data: of the frame.
+            expected: id and number of bytes of each data frame that it is to cause, in order.
+
+        Returns:
+            The data of the frames expected. Nothing where the frame caused other ones, or fewer, or
+            more: all of them wait for `recv`. None where frames wait already, a timer is due by
+            then, or the world has faults: nothing was done.
+        """
+        world, queue = self.world, self._queue
+        if get_ident() != self._thread:
+            self._raise_refusal()
+        if queue or self._filters is not None or not world.pass_quietly(at_ns):
+            return None
+        world.transmit(self, can_id, data)
+        if len(queue) != len(expected):
+            return ()
+        for (_, got, payload, flags, _), (wanted, size) in zip(queue, expected, strict=True):
+            if got != wanted or len(payload) != size or flags is not DATA_FRAME:
+                return ()
+        answers = [frame[2] for frame in queue]
+        queue.clear()
+        return answers
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """Return the next frame; virtual time passes only while there is none.

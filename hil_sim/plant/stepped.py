@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from hil_sim.plant.control import HELD_AT_POSITION
 from hil_sim.plant.mechanics import step
 from hil_sim.plant.noise import Noise
 from hil_sim.settings import StageSettings
+from stagedata.compiled import machine_code
 
 _NOISE_BLOCK = 4096  # control ticks of noise drawn at once
 _COUNTS, _FORCE, _VELOCITY = 0, 1, 3  # of a report
@@ -55,6 +56,7 @@ class Plant:
         self._report[:, 2] = arrays.state["encoder"]
         self._values: list[list[float]] = self._report.tolist()
         self._before = self._after = self._values
+        self._step: Callable[..., object] | None = None
         self._kernel = (
             arrays.plant, arrays.control, arrays.state, arrays.loop, arrays.forces,
             arrays.slipping, arrays.shares, arrays.arena, self._period,
@@ -94,7 +96,13 @@ class Plant:
                 self._normals = self._noise.draw(_NOISE_BLOCK)
                 self._used = 0
             part = min(ticks, _NOISE_BLOCK - self._used)
-            step(*self._kernel, self._normals, self._used, part, self._orders, self._report)
+            arguments = (
+                *self._kernel, self._normals, self._used, part, self._orders, self._report,
+            )  # fmt: skip
+            if self._step is None:
+                self._step = machine_code(step, *arguments)  # a first call
+            else:
+                self._step(*arguments)
             self._used += part
             ticks -= part
         self._values = self._before = self._after = self._report.tolist()

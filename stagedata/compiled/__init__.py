@@ -9,6 +9,14 @@ Loads numba; nothing else of `stagedata` does.
 """
 
 from stagedata.compiled.cache import SHIPPED, kernel_folder, on_compiling
-from stagedata.compiled.kernels import Kernel, KernelByType, kernel
+from stagedata.compiled.kernels import Kernel, KernelByType, kernel, machine_code
 
-__all__ = ["SHIPPED", "Kernel", "KernelByType", "kernel", "kernel_folder", "on_compiling"]
+__all__ = [
+    "SHIPPED",
+    "Kernel",
+    "KernelByType",
+    "kernel",
+    "kernel_folder",
+    "machine_code",
+    "on_compiling",
+]

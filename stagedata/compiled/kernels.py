@@ -72,6 +72,25 @@ class Kernel(CPUDispatcher):
         return self._inner.get_overload(sig) if self._inner else super().get_overload(sig)
 
 
+def machine_code(kernel: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
+    """What a call of the kernel runs in the end, compiled now for the types of these arguments.
+
+    A call of a kernel looks at the type of every argument first, which costs more than a small
+    kernel itself. The machine code does not: whoever calls it answers for the types, of arrays also
+    the order in memory. Other ones are misread.
+
+    Args:
+        kernel: decorated by `kernel`.
+        arguments: of the types to call it with; it is called with them once.
+    """
+    kernel(*arguments)
+    if not isinstance(kernel, Kernel):  # not compiled at all
+        return kernel
+    types = tuple(kernel.typeof_pyval(argument) for argument in arguments)
+    code: Callable[..., Any] = kernel.overloads[types].entry_point
+    return code
+
+
 class _InnerKernel(CPUDispatcher):
     """A kernel as other kernels call it."""
 

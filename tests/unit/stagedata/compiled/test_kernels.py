@@ -8,7 +8,7 @@ import numba
 import numpy as np
 import pytest
 
-from stagedata.compiled import KernelByType, kernel
+from stagedata.compiled import KernelByType, kernel, machine_code
 
 
 class Square(NamedTuple):
@@ -90,3 +90,10 @@ def test_collection_goes_on_after_compiling():
 
     assert doubled(1) == 2
     assert gc.isenabled()
+
+
+def test_the_machine_code_of_a_kernel_computes_what_the_kernel_does():
+    call = machine_code(both, Square(3.0), Circle(1.0))
+    assert call(Square(2.0), Circle(3.0)) == both(Square(2.0), Circle(3.0))
+    with pytest.raises(ValueError, match="negative"):
+        machine_code(refused, 1.0)(-1.0)

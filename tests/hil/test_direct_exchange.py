@@ -1,0 +1,205 @@
+"""Whole SYNCs at once on the lock-step bus: the same frames and samples as step by step."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+
+from drivers import objects as od
+from drivers.errors import DriverError
+from drivers.stage import Stage
+from hil_sim.bus import FaultyWorld, LockstepBus, World
+from hil_sim.bus import faults as f
+from hil_sim.stage import VirtualStage
+from stagectl.config.observer import design_observers, make_observer
+from stagectl.config.package_settings import driver_settings, stage_settings
+from stagectl.sequencer import ObservedOffsets
+
+NAMES = (f"direct-{n}" for n in itertools.count())
+COUNT = 700
+"""Of SYNCs: all heartbeats and the host's service fall due several times."""
+
+
+class StepByStep(LockstepBus):
+    """The same bus, and nothing but python-can's interface to it."""
+
+    exchange = None
+
+
+class Counted(LockstepBus):
+    """Counts the SYNCs that were exchanged at once."""
+
+    at_once = 0
+
+    def exchange(self, *arguments):
+        answers = super().exchange(*arguments)
+        self.at_once += bool(answers)
+        return answers
+
+
+class Run:
+    """A stage on a bus of this kind; what it sent, received and sampled."""
+
+    def __init__(self, machine, kind, faults=(), count_sync=False):
+        self.frames, self.samples, self.failure = [], [], None
+        bus, axes = driver_settings(machine)
+        name = next(NAMES)
+        self.drives = VirtualStage(stage_settings(machine), seed=1, start=(-5e-4, -4e-4))
+        if faults:
+            self.world = FaultyWorld(name, f.FaultPlan(faults, seed=1))
+            self.world.power_on(self.drives)
+        else:
+            self.world = World(name)
+            self.drives.attach(self.world)
+        bus = dataclasses.replace(
+            bus, interface="lockstep", channel=name, sync_counter=10 if count_sync else 0
+        )
+        self.bus = kind(channel=name)
+        axes = [dataclasses.replace(axis, homing_method=37) for axis in axes]
+        self.stage = Stage.open(bus, axes, self.note, self.bus)
+        self.stage.sink = self.samples.append
+        self.stage.boot()
+        self.stage.home()
+        self.stage.enable()
+
+    def note(self, t_ns, can_id, data):
+        self.frames.append((t_ns, can_id, bytes(data)))
+
+    def at(self, seconds, action):
+        """After so much time from now."""
+        self.world.at(self.world.now_ns + round(seconds * 1e9), action)
+
+    def observe(self, machine):
+        peaks = [axis.settings.peak_force for axis in self.stage.axes]
+        observer = make_observer(machine, design_observers(machine), peaks)
+        self.stage.correct_offsets(ObservedOffsets(observer))
+
+    def stream(self, until=None):
+        """There and back by 1 mm on x and half of that on y."""
+        way = 0.5e-3 * (1 - np.cos(2 * np.pi * np.arange(1, COUNT + 1) / COUNT))
+        position = np.array(self.stage.targets) + way[:, None] * [1.0, 0.5]
+        try:
+            self.stage.stream(position, np.full((COUNT, 2), 0.3), until)
+        except DriverError as error:
+            self.failure = str(error).replace(self.world.name, "")
+
+    def end(self):
+        self.stage.close()
+        self.bus.shutdown()
+
+
+def in_both_ways(machine, act, **options):
+    """What `act` does with a stage, step by step and at once."""
+    runs = []
+    for kind in (StepByStep, Counted):
+        run = Run(machine, kind, **options)
+        act(run)
+        run.end()
+        runs.append(run)
+    single, direct = runs
+    assert direct.frames == single.frames
+    assert direct.samples == single.samples
+    assert direct.failure == single.failure
+    assert len(direct.samples) > 100
+    return direct
+
+
+def test_a_stream_writes_the_same_frames_and_samples(stage_machine):
+    run = in_both_ways(stage_machine, lambda run: (run.stream(), run.stream()))
+    assert len(run.samples) == 2 * COUNT
+    assert run.bus.at_once > 0.9 * len(run.samples)
+
+
+def test_an_observed_stream_gets_the_same_offsets_and_samples(stage_machine):
+    def act(run):
+        run.observe(stage_machine)
+        run.stream()
+
+    run = in_both_ways(stage_machine, act)
+    assert len({sample[5] for sample in run.samples}) > 5  # offsets of axis x
+    assert run.bus.at_once > 0.9 * len(run.samples)
+
+
+def test_until_is_asked_after_every_sync(stage_machine):
+    asked = {}
+
+    def act(run):
+        positions = asked[run] = []
+
+        def until(position):
+            positions.append(position)
+            return len(positions) == 333
+
+        run.stream(until)
+
+    run = in_both_ways(stage_machine, act)
+    single, direct = asked.values()
+    assert direct == single
+    assert len(run.samples) == len(direct) == 333
+
+
+def test_an_object_read_between_two_syncs_does_not_disturb_them(stage_machine):
+    read = {}
+
+    def act(run):
+        values = read[run] = []
+        node = run.stage.axes[0].node
+
+        def until(position):
+            if len(run.samples) % 100 == 50:
+                values.append(node.read(od.STATUSWORD))
+            return False
+
+        run.stream(until)
+
+    in_both_ways(stage_machine, act)
+    single, direct = read.values()
+    assert len(direct) == 7
+    assert direct == single
+
+
+@pytest.mark.parametrize(
+    "strike",
+    [
+        pytest.param(lambda run: run.drives.drives[1].inject_fault(0x2310), id="drive fault"),
+        pytest.param(lambda run: run.drives.drives[0].emergency.announce(0x8130), id="emcy"),
+        pytest.param(lambda run: run.drives.drives[0].safe_torque_off(True), id="torque off"),
+        pytest.param(lambda run: run.world.emit(0x000, bytes((129, 1))), id="nmt reset"),
+        pytest.param(lambda run: run.world.emit(0x181, bytes(8)), id="second tpdo"),
+        pytest.param(lambda run: run.world.emit(0x181, bytes(5)), id="short tpdo"),
+    ],
+)
+@pytest.mark.parametrize("after", [0.2, 0.2003], ids=["at SYNC", "between SYNCs"])
+def test_a_fault_in_a_stream_ends_it_as_step_by_step(stage_machine, strike, after):
+    def act(run):
+        run.at(after, lambda: strike(run))
+        run.stream()
+
+    in_both_ways(stage_machine, act)
+
+
+def test_a_following_error_that_a_sync_itself_reveals_ends_it_as_step_by_step(stage_machine):
+    def act(run):
+        run.at(0.15, lambda: run.drives.drives[0].dictionary.set_data(0x6065, 0, b"\2\0\0\0"))
+        run.stream()
+
+    run = in_both_ways(stage_machine, act)
+    assert "axis x" in run.failure
+    assert "0x8611" in run.failure
+
+
+def test_frames_lost_and_doubled_are_treated_as_step_by_step(stage_machine):
+    frames = f.Frames(frozenset({0x181, 0x182}), "drives", after=0.5, probability=0.02)
+    run = in_both_ways(
+        stage_machine, lambda run: run.stream(), faults=(f.Drop(frames), f.Duplicate(frames))
+    )
+    assert run.bus.at_once == 0
+
+
+def test_a_sync_counter_counts_on(stage_machine):
+    run = in_both_ways(stage_machine, lambda run: run.stream(), count_sync=True)
+    counts = [data[0] for _, can_id, data in run.frames if can_id == 0x80][-COUNT:]
+    assert set(np.diff(counts)) == {1, -9}
