@@ -18,18 +18,16 @@ from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
 from hil_sim.settings import AxisSettings
-from sim2real.attribution.alternatives import Alternative, LoopGap, Ranking, of_size
+from sim2real.attribution.alternatives import Alternative, LoopGap, Ranking
 from sim2real.attribution.parameter_scan import Scanner, Start
 from sim2real.attribution.refinement import LEAST_GAIN, fit_alternatives, refine_contenders
 from sim2real.attribution.shape_check import Repeat
-from sim2real.fitting import AxisModel, AxisProblem, Fitted, fit, is_within_tolerance
-from sim2real.free_loop import FreeSearch
+from sim2real.fitting import AxisModel, AxisProblem, Fitted, Term, fit, is_within_tolerance
+from sim2real.free_loop import MOST_EFFECTS, FreeSearch
 from sim2real.shrinkage import FLOOR_LEVEL
 
 F64 = NDArray[np.float64]
 
-MOST_EFFECTS = 2
-"""Most effects sought on one axis."""
 _FITTED, _FITTED_FAINT = 4, 7
 """Most promising effects fitted in each step; and where all promise little."""
 _WANDERS = 2
@@ -46,9 +44,8 @@ _SHRUNK = (0.5, 0.0)
 """Shares of the fitted base parameters that are tried in the closed loop."""
 _NARROW = 1000.0
 """Score difference up to which the previous model is refitted too before an effect is added."""
-_OTHERS, _WORSE, _BESIDE = 2, 1.3, 3
-"""Single effects other than the best on which pairs are built where the best pair leaves something;
-their largest score, over the best one's; effects fitted beside each."""
+_RIVALS = 2
+"""Effects that came close in its place, with which each effect is tested again."""
 
 
 @dataclass(slots=True, eq=False)
@@ -128,6 +125,7 @@ def search_effects(
     ranking = Ranking(problem, loop)
     path = [_shrink_base(problem, ranking, plain)]
     promising: dict[str, Effect] = {}
+    rivals: dict[str, list[Term]] = {}
     # What does not show in the closed loop is no gap, whatever the innovations say.
     for depth in range(MOST_EFFECTS if found.open_gap > _OPEN * FLOOR_LEVEL else 0):
         # Fitted to a stage with an effect, the base parameters are distorted: start from nominal.
@@ -143,6 +141,7 @@ def search_effects(
         beside = [current.model.added(start.term) for start in candidates]
         trials = fit_alternatives(problem, ranking, beside, 5, columns)
         best = refine_contenders(problem, ranking, trials)
+        rivals[best.model.names()[-1]] = _rivals(ranking, trials, best)
         path[-1] = ranking.best(path[-1].model.names())
         if ranking.score(path[-1]) - ranking.score(best) < _NARROW:
             path[-1] = ranking.enter(fit(problem, path[-1].model, 4, thorough=False))
@@ -150,8 +149,8 @@ def search_effects(
             break
         if is_within_tolerance(best.model.terms[-1], problem.axis, float(problem.spread[0])):
             break
-        if depth > 0:
-            best = _retest_earlier(problem, best, promising, ranking, is_open)
+        if depth > 0 and not _leads_somewhere(problem, ranking, path[-1], best, depth):
+            break
         path.append(best)
         progress((depth + 1) / MOST_EFFECTS)
         problem.rescale(best.fitted.residual)
@@ -159,9 +158,8 @@ def search_effects(
             break
     problem.rescale(path[-1].fitted.residual)
     last = path[-1]
-    is_open = last.gap > _OPEN * FLOOR_LEVEL
-    if len(path) > 2 and (is_open or not problem.is_nearly_white(last.fitted.residual)):
-        last = _try_other_pairs(problem, last, promising, ranking)
+    if len(path) > 2:
+        last = _look_back(problem, last, rivals, ranking)
         problem.rescale(last.fitted.residual)
     settled = _shrink_base(problem, ranking, last.fitted)
     model = settled.fitted.model
@@ -265,44 +263,50 @@ def _shrink_base(problem: AxisProblem, ranking: Ranking, fitted: Fitted) -> Alte
     return min(tried, key=ranking.score)
 
 
-def _retest_earlier(
+def _leads_somewhere(
+    problem: AxisProblem, ranking: Ranking, before: Alternative, after: Alternative, depth: int
+) -> bool:
+    """Whether a step may be one of several that explain the axis.
+
+    Where n effects are to be found yet, the best removes an n-th of what is left; what acts is in
+    no list if none does.
+    """
+    share = 1.0 / (MOST_EFFECTS - depth)
+    open_score = ranking.score(before) - problem.expected_cost()
+    gained = ranking.score(before) - ranking.score(after)
+    closed = before.gap - after.gap
+    return gained > share * open_score or closed > share * (before.gap - FLOOR_LEVEL)
+
+
+def _rivals(ranking: Ranking, trials: Sequence[Alternative], best: Alternative) -> list[Term]:
+    """What was fitted in place of the last effect of the best trial and came close."""
+    others = [ranking.best(trial.model.names()) for trial in trials]
+    most = ranking.score(best) + _NARROW
+    close = sorted((r for r in others if ranking.score(r) < most), key=ranking.score)
+    own = best.model.names()[-1]
+    terms = {r.model.terms[-1].name: r.model.terms[-1] for r in close}
+    return [term for name, term in terms.items() if name != own][:_RIVALS]
+
+
+def _look_back(
     problem: AxisProblem,
     current: Alternative,
-    library: Mapping[str, Effect],
+    rivals: Mapping[str, Sequence[Term]],
     ranking: Ranking,
-    is_open: bool,
 ) -> Alternative:
-    """Test each earlier effect again beside the later ones."""
-    for index in range(len(current.model.terms) - 1):
-        ranking.enter(fit(problem, current.model.without(index), 2, thorough=False))
-        rest = ranking.best(current.model.without(index).names())
+    """Test each earlier effect again beside the later ones: without it, and with its rivals."""
+    for name in current.model.names()[:-1]:
+        index = current.model.names().index(name)
+        fewer = current.model.without(index)
+        ranking.enter(fit(problem, fewer, 2, thorough=False))
+        rest = ranking.best(fewer.names())
         if ranking.score(current) > ranking.score(rest) - LEAST_GAIN:
-            return rest
-        starts, columns = _candidates(problem, rest.fitted, library, is_open)
-        own = current.model.terms[index].name
-        others = [s.term for s in starts if s.term.name != own][:2]
-        beside = [rest.model.added(term) for term in others]
-        trials = fit_alternatives(problem, ranking, beside, 3, columns)
-        if trials:
-            current = refine_contenders(problem, ranking, [current, *trials])
-    return current
-
-
-def _try_other_pairs(
-    problem: AxisProblem, current: Alternative, library: Mapping[str, Effect], ranking: Ranking
-) -> Alternative:
-    """Try pairs built on other single effects: two may look like a third one alone."""
-    singles = of_size(ranking.ranked(), 1)
-    most = _WORSE * ranking.score(singles[0])
-    others = [
-        single
-        for single in singles
-        if single.model.names()[0] not in current.model.names() and ranking.score(single) < most
-    ]
-    for single in others[:_OTHERS]:
-        starts, columns = _candidates(problem, single.fitted, library, True)
-        beside = [single.model.added(start.term) for start in starts[:_BESIDE]]
-        trials = fit_alternatives(problem, ranking, beside, 4, columns)
-        if trials and min(map(ranking.score, trials)) < ranking.score(current):
+            current = rest
+            continue
+        beside = [
+            rest.model.added(term) for term in rivals[name] if term.name not in rest.model.names()
+        ]
+        if beside:
+            trials = fit_alternatives(problem, ranking, beside, 3)
             current = refine_contenders(problem, ranking, [current, *trials])
     return current

@@ -6,8 +6,18 @@ Here nothing is tracked: `loop` runs the axis free under models, `fit` fits them
 moves. `constants` holds every figure that was chosen, with its reason.
 """
 
-from sim2real.free_loop.constants import FAR_FROM_WHITE
+from sim2real.free_loop.constants import FAR_FROM_WHITE, MOST_EFFECTS
+from sim2real.free_loop.fit import fit_free, least_squares_covariance
 from sim2real.free_loop.loop import FreeLoop
 from sim2real.free_loop.search import FreeSearch, Step, search_free
 
-__all__ = ["FAR_FROM_WHITE", "FreeLoop", "FreeSearch", "Step", "search_free"]
+__all__ = [
+    "FAR_FROM_WHITE",
+    "MOST_EFFECTS",
+    "FreeLoop",
+    "FreeSearch",
+    "Step",
+    "fit_free",
+    "least_squares_covariance",
+    "search_free",
+]

@@ -145,14 +145,24 @@ def move_covariance(loop: FreeLoop, fitted: FreeFit) -> F64:
     What an incomplete model leaves is no noise; how much the moves disagree about the figures says
     more (the sandwich estimate, by moves).
     """
+    inverse, columns, weight = _least_squares(loop, fitted)
+    scores = np.zeros((len(loop.samples), columns.shape[1]))
+    np.add.at(scores, loop.move, columns * (weight * fitted.residual)[:, None])
+    return np.asarray(inverse + inverse @ (scores.T @ scores) @ inverse)
+
+
+def least_squares_covariance(loop: FreeLoop, fitted: FreeFit) -> F64:
+    """Covariance of a fit if all that it leaves were noise, float64[P, P]."""
+    return _least_squares(loop, fitted)[0]
+
+
+def _least_squares(loop: FreeLoop, fitted: FreeFit) -> tuple[F64, F64, float]:
+    """Inverse of the normal matrix, derivatives float64[R, P], and weight of an element."""
     columns = derivatives(loop, fitted.model, fitted.residual)
     weight = 1.0 / (loop.coherent * max(float(np.mean(fitted.residual**2)), 1.0))
     normal = weight * (columns.T @ columns)
     normal[:STEP, :STEP] += np.eye(STEP)
-    inverse = invert_scaled(normal)
-    scores = np.zeros((len(loop.samples), columns.shape[1]))
-    np.add.at(scores, loop.move, columns * (weight * fitted.residual)[:, None])
-    return np.asarray(inverse + inverse @ (scores.T @ scores) @ inverse)
+    return np.asarray(invert_scaled(normal)), columns, weight
 
 
 def _cost(loop: FreeLoop, model: AxisModel, residual: F64, moves: BoolArray | None) -> float:

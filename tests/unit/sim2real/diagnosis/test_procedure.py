@@ -34,6 +34,21 @@ def test_an_effect_is_named_with_its_figures(nominal: tuple[Recording, StageSett
     assert found.report.gap_closed > 0.9
 
 
+def test_three_effects_of_one_axis_are_named(nominal: tuple[Recording, StageSettings]) -> None:
+    there = {
+        "dead_time": {"delay": 4e-4},
+        "payload_mass": {"mass": 0.8},
+        "force_offset": {"force": 2.0},
+    }
+    recording = stage_with(nominal, 31, x=there)
+    found = diagnosed(recording, nominal[1], *there, "cable_stiffness", "viscous_damping")
+    assert {(c.axis, c.effect) for c in found.report.causes} == {("x", name) for name in there}
+    assert found.report.verdict == "explained"
+    for cause in found.report.causes:
+        for key, value in there[cause.effect].items():
+            assert abs(cause.parameters[key].value - value) < 3.0 * cause.parameters[key].sigma
+
+
 def test_progress_is_told_in_every_phase(nominal: tuple[Recording, StageSettings]) -> None:
     recording, settings = stage_with(nominal, 11, y={"dead_time": {"delay": 4e-4}}), nominal[1]
     known = {name: library()[name] for name in ("dead_time", "payload_mass", "force_offset")}
