@@ -17,7 +17,8 @@ from sim2real.blind.reserved_effects import OUTSIDE, VARIANTS
 from sim2real.blind.unlisted_effects import UnlistedEffect
 
 KINDS = ("one", "two", "none", "outside", "departing")
-"""Kinds of trial: one or two effects of the library, none, of no family, of another shape."""
+"""Kinds of trial: one or two effects of the library, none, of no family, of another shape.
+"several", on one axis, are drawn on request only."""
 SHARES = {"one": 0.42, "two": 0.14, "none": 0.14, "outside": 0.15, "departing": 0.15}
 """Probability of each kind; among the first three 0.6, 0.2, 0.2."""
 BASE = (
@@ -54,8 +55,8 @@ class Key:
     """The answer to a trial.
 
     Attributes:
-        kind: one of `KINDS`.
-        effects: none, one or two.
+        kind: one of `KINDS`, or "several".
+        effects: none, one or more.
         base: axis -> figure -> relative deviation from the machine file.
     """
 
@@ -82,6 +83,7 @@ def draw_key(
     *,
     kind: str | None = None,
     only: str | None = None,
+    several: int | None = None,
 ) -> Key:
     """Draw what is wrong with a stage.
 
@@ -94,6 +96,7 @@ def draw_key(
         gap_of: used to draw again what does not show.
         kind: of the trial; None draws that too.
         only: name of the only effect to draw (of the library or outside it).
+        several: effects of the library to draw on one axis.
 
     Raises:
         ValueError: `only` is no effect's name, or never opens a gap.
@@ -102,6 +105,12 @@ def draw_key(
     known = tuple(
         effect for effect in library.values() if effect.searched and not effect.transmission
     )
+    if several is not None:
+        axis = settings.axes[int(rng.integers(len(settings.axes)))]
+        together: list[Drawn] = []
+        for _ in range(several):
+            together.append(_draw_visible(rng, settings, known, together, gap_of, (axis,)))
+        return Key("several", tuple(together), base)
     kind = draw_kind(rng) if kind is None else kind
     pool: Sequence[Effect]
     if only is not None:
@@ -110,7 +119,7 @@ def draw_key(
         pool = {"outside": OUTSIDE, "departing": VARIANTS}.get(kind, known)
     drawn: list[Drawn] = []
     for _ in range({"none": 0, "two": 2}.get(kind, 1)):
-        drawn.append(_draw_visible(rng, settings, pool, drawn, gap_of))
+        drawn.append(_draw_visible(rng, settings, pool, drawn, gap_of, settings.axes))
     return Key(kind, tuple(drawn), base)
 
 
@@ -135,11 +144,12 @@ def _draw_visible(
     pool: Sequence[Effect],
     taken: Sequence[Drawn],
     gap_of: GapOf,
+    axes: Sequence[AxisSettings],
 ) -> Drawn:
     """Draw an effect that opens a gap on its own: sizes are drawn again, then names."""
     for _ in range(_OTHERS):
         effect = pool[int(rng.integers(len(pool)))]
-        axis = settings.axes[int(rng.integers(len(settings.axes)))]
+        axis = axes[int(rng.integers(len(axes)))]
         if any(d.axis == axis.name and d.effect == effect.name for d in taken):
             continue
         for _ in range(_TRIES):

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from sim2real.blind.draw import LEAST, SHARES
+from sim2real.blind.method_table import compare_methods
 from sim2real.blind.outcome import Outcome
 from sim2real.blind.score import BIN, Score, Share, is_wrong, score_outcomes
 
@@ -45,6 +46,7 @@ profile, another warm-up law, ...) | the family's name, and that a remainder is 
   (`--elements` changes it; the diagnosis then faces a stage that its model cannot describe).
 - The model's own step is not converged; how much finer the stage's is, the diagnosis has to
   estimate. `--substeps 5` takes the model's step, which shows how much is due to that.
+- With `--effects N` every trial has N effects of the library on one axis.
 - With `--leave-out` the true effects are removed from the library before the diagnosis. The right
   answer is then as for an effect of no family, or a near relative at a probability below 0.9.
 
@@ -68,6 +70,8 @@ _ROWS: tuple[tuple[str, str, float | None], ...] = (
     ("outside the library: safe answer", "outside", 0.90),
     ("two effects: both named", "two", 0.90),
     ("two effects: at least one right and none wrong", "two_safe", 0.96),
+    ("three to six effects on one axis: all named", "several", 0.80),
+    ("three to six effects on one axis: none wrong", "several_safe", 0.95),
     ("another shape: family named", "family", None),
     ("another shape: family named, remainder admitted", "remainder", 0.85),
     ("true effects left out of the library: safe or honest relative", "left_out", None),
@@ -92,7 +96,15 @@ def write_page(outcomes: Sequence[Outcome], facts: Mapping[str, str]) -> str:
         f"{counted.errors}",
         "",
     ]
-    return "\n".join([*lines, *table_rows(counted), *_confusion(counted), *_failures(outcomes)])
+    return "\n".join(
+        [
+            *lines,
+            *table_rows(counted),
+            *_other_methods(outcomes),
+            *_confusion(counted),
+            *_failures(outcomes),
+        ]
+    )
 
 
 def table_rows(counted: Score) -> list[str]:
@@ -128,6 +140,25 @@ def table_rows(counted: Score) -> list[str]:
         lines += ["", "| causes | mean probability | right |", "| --- | --- | --- |"]
         lines += [f"| {b.causes} | {b.probability:.3f} | {b.right:.3f} |" for b in counted.bins]
     return [*lines, ""]
+
+
+def _other_methods(outcomes: Sequence[Outcome]) -> list[str]:
+    """The diagnosis beside the methods that were asked about the same trials."""
+    asked = [o for o in outcomes if o.baselines and not o.leave_out]
+    if not asked:
+        return []
+    methods = list(asked[0].baselines)
+    rows = compare_methods(asked, methods)
+    return [
+        f"Beside other methods on the same {len(asked)} stages, which get the same recording,",
+        "machine file and library (`--baselines`; `fixed_list` and `sparse_regression` in",
+        "`sim2real.blind`):",
+        "",
+        f"| | this diagnosis | {' | '.join(methods)} |",
+        "| --- |" + " --- |" * (1 + len(methods)),
+        *(f"| {row[0]} | {' | '.join(row[1:])} |" for row in rows),
+        "",
+    ]
 
 
 def _confusion(counted: Score) -> list[str]:

@@ -78,6 +78,8 @@ class Score:
         outside: verdict `unexplained` or `partly_explained`, or no cause above 0.5.
         two: both named.
         two_safe: at least one right and none wrong.
+        several: all of three to six effects on one axis named.
+        several_safe: the same kind, none wrong.
         family: another shape: the family is named on the axis.
         remainder: the same, and what is left is admitted.
         left_out: safe answers, or an honest relative, where the true effects were not in the
@@ -102,6 +104,8 @@ class Score:
     outside: Share
     two: Share
     two_safe: Share
+    several: Share
+    several_safe: Share
     family: Share
     remainder: Share
     left_out: Share
@@ -120,7 +124,7 @@ def score_outcomes(outcomes: Sequence[Outcome]) -> Score:
     known = [o for o in outcomes if not o.leave_out]
     of_kind = {
         kind: [o for o in known if o.kind == kind]
-        for kind in ("one", "two", "none", "outside", "departing")
+        for kind in ("one", "two", "none", "outside", "departing", "several")
     }
     one = of_kind["one"]
     deviations = [value for o in known for value in o.sigmas.values()]
@@ -145,6 +149,8 @@ def score_outcomes(outcomes: Sequence[Outcome]) -> Score:
         _share(of_kind["outside"], is_safe),
         _share(of_kind["two"], lambda o: true_pairs(o) <= confident(o)),
         _share(of_kind["two"], lambda o: bool(confident(o)) and confident(o) <= true_pairs(o)),
+        _share(of_kind["several"], lambda o: true_pairs(o) <= confident(o)),
+        _share(of_kind["several"], lambda o: confident(o) <= true_pairs(o)),
         _share(of_kind["departing"], lambda o: true_pairs(o) <= confident(o)),
         _share(
             of_kind["departing"],
@@ -241,6 +247,7 @@ def is_wrong(outcome: Outcome) -> bool:
     checks: dict[str, Callable[[Outcome], bool]] = {
         "one": lambda o: is_first_right_or_set(o) and confident(o) <= true_pairs(o),
         "two": lambda o: confident(o) == true_pairs(o),
+        "several": lambda o: confident(o) == true_pairs(o),
         "none": lambda o: o.verdict == NO_GAP,
         "outside": is_safe,
         "departing": lambda o: true_pairs(o) == confident(o) and o.verdict == PARTLY_EXPLAINED,

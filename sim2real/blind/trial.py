@@ -12,6 +12,7 @@ import numpy as np
 from hil_sim.effects.effect import Effect
 from hil_sim.plant import simulate
 from hil_sim.settings import StageSettings
+from sim2real.blind.baselines import run_baselines
 from sim2real.blind.draw import Key, build_stage, draw_key
 from sim2real.blind.moves import Demands, draw_demands
 from sim2real.blind.outcome import Outcome, ReportedCause
@@ -48,6 +49,8 @@ class Setup:
         elements: friction elements of the real stage, None for the machine file's.
         substeps: plant steps per control tick of the real stage, None to draw one of `SUBSTEPS`.
         jobs: threads of a diagnosis.
+        effects: effects of the library on one axis in every trial, None to draw kinds.
+        baselines: ask the other methods, too.
     """
 
     settings: StageSettings
@@ -60,6 +63,8 @@ class Setup:
     elements: int | None = None
     substeps: int | None = None
     jobs: int = 2
+    effects: int | None = None
+    baselines: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,7 +98,7 @@ def draw_trial(setup: Setup, number: int) -> Trial:
     other = draw_demands(rng, setup.settings)
     key = draw_key(
         rng, setup.settings, setup.tolerance, setup.library, _gap_measure(setup, demands),
-        only=setup.only,
+        only=setup.only, several=setup.effects,
     )  # fmt: skip
     stage = build_stage(setup.settings, key, setup.library)
     if setup.elements is not None:
@@ -186,6 +191,9 @@ def run_trial(
         trial.sealed.nonce,
         trial.sealed.digest,
         error,
+        run_baselines(setup.settings, setup.tolerance, library, (trial.first, trial.second), spent)
+        if setup.baselines
+        else {},
     )
 
 

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 )
 @click.option("--leave-out", is_flag=True, help="Remove the true effects from the library first.")
 @click.option("--only", metavar="EFFECT", help="Draw this effect in every trial.")
+@click.option("--effects", type=click.IntRange(2, 6), help="Effects on one axis in every trial.")
+@click.option("--baselines", is_flag=True, help="Ask two other methods, too.")
 @click.option("--machine", type=FILE, help="Machine file of the stage.  [default: wafer-xy]")
 @click.option(
     "--elements",
@@ -55,6 +57,8 @@ def blind(
     seed: int,
     leave_out: bool,
     only: str | None,
+    effects: int | None,
+    baselines: bool,
     machine: Path | None,
     elements: int | None,
     substeps: int | None,
@@ -78,8 +82,12 @@ def blind(
         elements=elements,
         substeps=substeps,
         jobs=jobs,
+        effects=effects,
+        baselines=baselines,
     )
-    about = {"label": label, "only": only, "elements": elements, "substeps": substeps}
+    about = {
+        "label": label, "only": only, "elements": elements, "substeps": substeps, "effects": effects
+    }  # fmt: skip
     console = console_for(json_out)
     everything = _read(lines)
     outcomes = {
@@ -206,7 +214,7 @@ def _conclude(
             "measured on": f"{os.cpu_count()} cores ({platform.machine()}), "
             f"CPython {platform.python_version()}",
         }
-        for option in ("only", "elements", "substeps"):
+        for option in ("only", "elements", "substeps", "effects"):
             given = sorted({f"{line[option]}" for line, _ in lines if line.get(option)})
             if given:
                 count = sum(bool(line.get(option)) for line, _ in lines)

@@ -47,6 +47,15 @@ def test_two_effects_never_are_one_and_the_key_says_which_family(stage: StageSet
     assert all(not e.kin for seed in range(5) for e in drawn(stage, seed, "outside").effects)
 
 
+def test_several_effects_are_different_ones_of_one_axis(stage: StageSettings) -> None:
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        key = draw_key(rng, stage, TOLERANCE, LIBRARY, lambda _: 3.0, several=4)
+        assert key.kind == "several"
+        assert len({drawn.effect for drawn in key.effects}) == 4
+        assert len({drawn.axis for drawn in key.effects}) == 1
+
+
 def test_effects_that_open_no_gap_are_drawn_again_then_refused(stage: StageSettings) -> None:
     with pytest.raises(ValueError, match="opens no gap"):
         draw_key(
