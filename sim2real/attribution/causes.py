@@ -136,16 +136,17 @@ def _largest_probability(
     """Largest probability that a term's figures allow, and whether it may be another level.
 
     An effect in another shape shows in the closed loop, whatever the sigma of its innovations; the
-    nearest to a free form may have any values.
+    nearest to a free form may have any values, and so may one that leaves nothing to others.
     """
     axis = found.problem.axis
     entries = coordinates(term.effect, axis)
     repeat = found.repeats.get(term.name)
     departs = repeat is not None and repeat.departs
     is_free = repeat is not None and repeat.is_free
+    alone = found.is_complete and len(found.best.model.terms) == 1
     limit = 1.0
     uncertain = not departs and any(_is_size_uncertain(e, figures, axis) for e in entries)
-    if uncertain or (not is_free and implausibility(term, axis) > _STRANGE):
+    if uncertain or not (is_free or alone or implausibility(term, axis) <= _STRANGE):
         limit = _DOUBTED
     is_vague = (
         not is_free

@@ -112,8 +112,10 @@ def conclude(
         enough = whole and share is not None and share >= _ENOUGH
         verdict = EXPLAINED if enough else PARTLY_EXPLAINED
     else:
-        # Figures within tolerance that were fitted to a coarse log may fit worse than the file's.
-        remaining = min(combined_energy(after, samples), total) / signals
+        # Figures within tolerance that were fitted to a coarse log may fit worse than the file's;
+        # what improbable causes close is a gap all the same.
+        fitted = total if causes else combined_energy(after, samples)
+        remaining = min(fitted, total) / signals
         verdict = _verdict_without_causes(causes, remaining, whole)
     far_off = describe_far_off(examined)
     if verdict == NO_GAP and far_off:
