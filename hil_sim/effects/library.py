@@ -33,7 +33,8 @@ def own_effects() -> dict[str, Effect]:
             continue
         content = import_module(f"{effects.__name__}.{module.name}")
         for kind in vars(content).values():
-            if isinstance(kind, type) and issubclass(kind, Effect) and kind is not Effect:
+            is_effect = isinstance(kind, type) and issubclass(kind, Effect)
+            if is_effect and kind.__module__ == content.__name__:
                 found[kind.name] = kind()
     return _sort_by_group(found)
 
