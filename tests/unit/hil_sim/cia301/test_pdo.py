@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import struct
 
 import pytest
@@ -150,132 +149,6 @@ def test_event_driven_with_timer_and_inhibit(other):
     assert len(other.take(0x181)) == 1
 
 
-def test_no_process_data_outside_operational(host):
-    host.send(0x080)
-    assert host.take(0x181) == []
-    host.nmt(1)
-    host.send(0x080)
-    assert len(host.take(0x181)) == 1
-    host.nmt(128)
-    host.send(0x080)
-    assert host.take(0x181) == []
-
-
-def test_asynchronous_rpdo_acts_at_once_and_synchronous_at_sync(host):
-    host.nmt(1)
-    host.send(0x201, struct.pack("<Hih", 0x06, 0, 0))
-    assert host.statusword() & 0x4F == 0x40
-    host.send(0x080)
-    assert host.statusword() & 0x6F == 0x21
-    host.write(1, 0x1400, 2, "B", 255)
-    host.send(0x201, struct.pack("<Hih", 0x07, 0, 0))
-    assert host.statusword() & 0x6F == 0x23
-
-
-CONTROLWORD, MODE, TARGET = 0x60400010, 0x60600008, 0x607A0020
-
-
-@pytest.fixture
-def enabled(host):
-    """Enabled with no mode, at 0; controlword, target and mode in an RPDO each, RPDO 1 to 3."""
-    remap(host, 0x1600, 0x1400, [CONTROLWORD], 0x201)
-    remap(host, 0x1601, 0x1401, [TARGET], 0x301)
-    remap(host, 0x1602, 0x1402, [MODE], 0x401)
-    host.write(1, 0x6081, 0, "I", 50_000_000)
-    host.enable(0)
-    host.nmt(1)
-    return host
-
-
-@pytest.mark.parametrize("target_first", [False, True])
-def test_a_setpoint_uses_the_target_of_its_own_sync(enabled, target_first):
-    """Controlword in RPDO 1, target in RPDO 2, as a CiA 402 master maps them."""
-    enabled.write(1, 0x6060, 0, "b", 1)
-    for target in (1_000_000, -500_000, 300_000):
-        frames = [(0x201, struct.pack("<H", 0x3F)), (0x301, struct.pack("<i", target))]
-        for can_id, data in frames[:: -1 if target_first else 1]:
-            enabled.send(can_id, data)
-        enabled.send(0x080)
-        assert enabled.statusword() & 0x1000  # taken
-        enabled.send(0x201, struct.pack("<H", 0x0F))
-        enabled.send(0x080)
-        enabled.wait(500)
-        assert enabled.statusword() & 0x0400  # reached
-        assert enabled.read_object(1, 0x6064, 0, "i") == target
-
-
-@pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
-def test_a_command_finds_mode_and_target_of_its_own_sync(host, order):
-    """Whichever RPDO carries what: mode pp and its first set-point at once."""
-    entries = (CONTROLWORD, MODE, TARGET)
-    values = (("<H", 0x3F), ("<b", 1), ("<i", 700_000))
-    for number, which in enumerate(order):
-        remap(host, 0x1600 + number, 0x1400 + number, [entries[which]], 0x201 + 0x100 * number)
-    host.enable(0)
-    host.nmt(1)
-    for number, which in enumerate(order):
-        host.send(0x201 + 0x100 * number, struct.pack(*values[which]))
-    host.send(0x080)
-    host.wait(500)
-    assert host.read_object(1, 0x6064, 0, "i") == 700_000
-
-
-@pytest.mark.parametrize("kind", [1, 255])
-def test_a_frame_with_the_controlword_first_is_stored_before_it_acts(host, kind):
-    remap(host, 0x1600, 0x1400, [CONTROLWORD, MODE, TARGET], 0x201, kind)
-    host.enable(0)
-    host.nmt(1)
-    host.send(0x201, struct.pack("<Hbi", 0x3F, 1, 700_000))
-    if kind == 1:
-        host.send(0x080)
-    host.wait(500)
-    assert host.read_object(1, 0x6064, 0, "i") == 700_000
-
-
-def test_mode_and_target_come_into_force_together_in_csp(enabled, plant):
-    enabled.send(0x301, struct.pack("<i", 5_000))
-    enabled.send(0x401, struct.pack("<b", 8))
-    enabled.send(0x080)
-    assert enabled.read_object(1, 0x6061, 0, "b") == 8
-    assert plant.commands[-1][2] == pytest.approx(2.5e-3 + 5e-6, abs=1e-12)
-
-
-def test_a_refused_value_leaves_those_that_came_with_it(enabled):
-    enabled.write(1, 0x6060, 0, "b", 1)
-    enabled.send(0x401, struct.pack("<b", 7))  # no such mode
-    enabled.send(0x301, struct.pack("<i", 400_000))
-    enabled.send(0x201, struct.pack("<H", 0x3F))
-    enabled.send(0x080)
-    enabled.wait(500)
-    assert enabled.read_object(1, 0x6061, 0, "b") == 1
-    assert enabled.read_object(1, 0x6064, 0, "i") == 400_000
-
-
-def test_last_rpdo_before_the_sync_counts(host):
-    host.nmt(1)
-    for target in (1, 2, 3):
-        host.send(0x201, struct.pack("<Hih", 0, target, 0))
-    assert host.read_object(1, 0x607A, 0, "i") == 0
-    host.send(0x080)
-    assert host.read_object(1, 0x607A, 0, "i") == 3
-
-
-def test_wrong_length_is_announced_once(host):
-    host.nmt(1)
-    for _ in range(3):
-        host.send(0x201, b"\0\0\0")
-    (emcy,) = host.take(0x081)
-    assert struct.unpack_from("<H", emcy.data) == (0x8210,)
-    host.write(1, 0x1400, 1, "I", 0x80000201)
-    host.write(1, 0x1600, 0, "B", 0)
-    host.write(1, 0x1600, 0, "B", 2)
-    host.write(1, 0x1400, 1, "I", 0x201)
-    host.send(0x201, struct.pack("<Hih", 0, 9, 0))
-    host.send(0x080)
-    assert struct.unpack_from("<H", host.take(0x081)[0].data) == (0x8220,)
-    assert host.read_object(1, 0x607A, 0, "i") == 9
-
-
 def test_an_rpdo_cannot_store_what_sdo_refuses(host):
     remap(host, 0x1601, 0x1401, [0x60600008], 0x301)
     host.nmt(1)
@@ -285,15 +158,3 @@ def test_an_rpdo_cannot_store_what_sdo_refuses(host):
     host.send(0x301, struct.pack("<b", 8))
     host.send(0x080)
     assert host.read_object(1, 0x6061, 0, "b") == 8
-
-
-def test_rpdo_later_than_the_window_is_dropped(host):
-    host.write(1, 0x1007, 0, "I", 500)
-    host.nmt(1)
-    host.send(0x080)
-    host.wait(0.4)
-    host.send(0x201, struct.pack("<Hih", 0, 1, 0))
-    host.wait(0.4)
-    host.send(0x201, struct.pack("<Hih", 0, 2, 0))
-    host.send(0x080)
-    assert host.read_object(1, 0x607A, 0, "i") == 1

@@ -6,7 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 from stagectl.cli.doctor import command
-from stagectl.doctor import NAMES, Finding, buses, examine
+from stagectl.doctor import NAMES, Finding, examine
 from stagectl.errors import StagectlError
 
 
@@ -25,15 +25,6 @@ def test_what_is_missing_has_a_remedy(findings):
         assert one.available or one.remedy, one.name
 
 
-def test_interfaces_are_those_of_the_can_kind(tmp_path, monkeypatch):
-    for name, kind, state in (("can0", 280, "up"), ("can1", 280, "down"), ("eth0", 1, "up")):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "type").write_text(f"{kind}\n")
-        (tmp_path / name / "operstate").write_text(f"{state}\n")
-    monkeypatch.setattr(buses, "NETWORK", tmp_path)
-    assert buses.can_interfaces() == {"can0": "up", "can1": "down"}
-
-
 def test_what_is_required_and_missing_fails(findings):
     names = [one.name for one in findings if not one.available]
     required = [word for name in NAMES for word in ("--require", name)]
@@ -46,9 +37,3 @@ def test_what_is_required_and_missing_fails(findings):
         assert str(done.exception) == f"this machine lacks {', '.join(missing)}"
     else:
         assert done.exit_code == 0
-
-
-def test_the_kernels_say_where_they_are(findings):
-    kernels = findings[0]
-    assert kernels.available
-    assert "compiled here" in kernels.found

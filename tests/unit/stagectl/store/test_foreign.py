@@ -97,53 +97,6 @@ def read(tmp_path, path, head="", axis=AXIS, machine=MACHINE):
     return import_recording(path, *load_map(tmp_path / "map.yaml"))
 
 
-@pytest.mark.parametrize(
-    ("unit", "size"),
-    [("rad", 1.0), ("deg", np.pi / 180), ("counts", 5e-8), ("rev", 2 * np.pi)],
-)
-def test_units_of_positions(columns, tmp_path, unit, size):
-    axis = AXIS.replace("{column: qm}", f"{{column: qm, unit: {unit}}}")
-    slide = read(tmp_path, csv_of(columns, tmp_path / "a.csv"), axis=axis).axes["slide"]
-    np.testing.assert_allclose(slide.position_actual, columns["qm"] * size)
-
-
-@pytest.mark.parametrize(
-    ("unit", "size"),
-    [("N m", 1.0), ("'%'", 0.11), ("permille", 0.011), ("A, factor: 3.5", 3.5)],
-)
-def test_units_of_forces(columns, tmp_path, unit, size):
-    axis = AXIS.replace("{column: vir}", f"{{column: vir, unit: {unit}}}")
-    slide = read(tmp_path, csv_of(columns, tmp_path / "a.csv"), axis=axis).axes["slide"]
-    np.testing.assert_allclose(slide.force_actual, columns["vir"] * size)
-
-
-def test_amperes_need_their_factor(columns, tmp_path):
-    axis = AXIS.replace("{column: vir}", "{column: vir, unit: A}")
-    with pytest.raises(ConfigError, match="needs a factor: newtons"):
-        read(tmp_path, csv_of(columns, tmp_path / "a.csv"), axis=axis)
-
-
-@pytest.mark.parametrize("delimiter", [",", ";", "\t", "  "])
-def test_a_log_with_preamble_units_row_and_text(columns, tmp_path, delimiter):
-    log = {**columns, "state": np.arange(3000)}
-    path = csv_of(log, tmp_path / "a.txt", delimiter=delimiter)
-    lines = path.read_text().splitlines()
-    rows = [line.rsplit(delimiter, 1)[0] + delimiter + "moving" for line in lines[1:]]
-    units = delimiter.join(["s", "m", "m", "V", "-"])
-    path.write_text("\n".join(["Logger 3.1", "made: 2024-05-01, 10:00", lines[0], units, *rows]))
-    slide = read(tmp_path, path, "time: {column: t}\n").axes["slide"]
-    np.testing.assert_allclose(slide.position_demand, columns["qg"])
-    with pytest.raises(UnusableInput, match="column state: 'moving' is not a number"):
-        read(tmp_path, path, axis=AXIS.replace("vir", "state"))
-
-
-def test_decimal_commas(columns, tmp_path):
-    path = csv_of(columns, tmp_path / "a.csv", delimiter=";")
-    path.write_text(path.read_text().replace(".", ","))
-    slide = read(tmp_path, path).axes["slide"]
-    np.testing.assert_allclose(slide.force_actual, columns["vir"])
-
-
 def test_motion_in_one_file_and_force_in_another(columns, tmp_path):
     """The force has a clock of its own: it is read at the samples of the motion."""
     motion = csv_of({k: columns[k] for k in ("t", "qg", "qm")}, tmp_path / "motion.csv")
@@ -210,37 +163,6 @@ def test_unsuitable_data_are_one_line(example, columns, tmp_path, spoil, words):
         import_recording(tmp_path / "bad.mat", *example)
     assert "bad.mat" in str(refused.value)
     assert "\n" not in str(refused.value)
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "words"),
-    [
-        ("a.mat", b"no such thing", "not a readable"),
-        ("a.mat", b"\x89HDF\r\n\x1a\n" + bytes(600), "not a readable"),
-        ("a.xyz", b"", "only .mat and .csv, .txt"),
-        ("a.csv", b"", "empty"),
-        ("a.csv", b"t,qg\n1,2\n3\n", "row 3: 1 values"),
-        ("a.csv", b"t,qg\n1,x\n", "column qg: 'x' is not a number"),
-        ("a.csv", b"\xff\xfe\x00", "not readable text"),
-    ],
-)
-def test_unreadable_files_are_one_line(example, tmp_path, name, content, words):
-    (tmp_path / name).write_bytes(content)
-    with pytest.raises(UnusableInput, match=words):
-        import_recording(tmp_path / name, *example)
-
-
-def test_a_map_must_fit_its_machine(tmp_path):
-    (tmp_path / "machine.yaml").write_text((EXAMPLE / "machine.yaml").read_text())
-    text = (EXAMPLE / "map.yaml").read_text()
-    for old, new, words in (
-        ("slide:", "sled:", "no axis sled"),
-        ("{column: qm}", "{column: qm, unit: furlong}", "unknown unit 'furlong'"),
-        ("machine.yaml", "missing.yaml", r"missing\.yaml"),
-    ):
-        (tmp_path / "map.yaml").write_text(text.replace(old, new))
-        with pytest.raises(ConfigError, match=words):
-            load_map(tmp_path / "map.yaml")
 
 
 @pytest.mark.skipif(

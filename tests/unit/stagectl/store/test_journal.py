@@ -2,32 +2,21 @@
 
 from __future__ import annotations
 
-import json
 import os
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 
-from stagectl.errors import StagectlError, UnusableInput
+from stagectl.errors import StagectlError
 from stagectl.store import (
     AxisScaling,
     Journal,
     JournalHeader,
-    read_ledger,
-    read_recording,
-    recover_journal,
-    recover_left_over,
     sample_codec,
     sample_dtype,
 )
-from stagectl.store.journal import TEXT_TAG
 from stagectl.store.recovery import read_journal
-from stagedata import Move
 
 HEADER = JournalHeader(
     "machine: µ\n",
@@ -52,87 +41,9 @@ def sample(k: int) -> tuple[int, ...]:
     )  # fmt: skip
 
 
-def move(kind: str, start: int, end: int, site: int | None = 1) -> Move:
-    return Move(kind, start, end, {"x": 0.0, "y": 0.0}, {"x": 1e-6, "y": -1e-6}, site)
-
-
-def written(folder: Path, count: int = 30) -> Journal:
-    """A journal with `count` samples, an event before each fifth, two moves."""
-    journal = Journal(folder, HEADER)
-    for k in range(count):
-        if k == 3:
-            journal.move(move("macro", 3, 12))
-        if k == 20:
-            journal.move(move("micro", 20, 90))
-        if k % 5 == 0:
-            journal.event("phase", number=k)
-        journal.sink(sample(k))
-    return journal
-
-
 def test_codec_and_dtype_are_the_same_record():
     for axes in (1, 2, 3):
         assert sample_codec(axes).size == sample_dtype(axes).itemsize
-
-
-def test_a_finished_run_becomes_a_recording(tmp_path: Path):
-    journal = written(tmp_path)
-    assert journal.samples == 30
-    journal.move(move("micro", 20, 25))  # broken off: replaces what was announced
-    journal.finish("aborted")
-    recovered = recover_journal(journal.path, overwrite=True)
-    assert recovered.path == tmp_path / "recording.h5"
-    assert not journal.path.exists()
-    recording = read_recording(recovered.path)
-    np.testing.assert_allclose(recording.time, np.arange(30) * 1e-3, rtol=0, atol=1e-15)
-    x, y = recording.axes["x"], recording.axes["y"]
-    np.testing.assert_allclose(x.position_demand, -np.arange(30) * 1e-9, rtol=1e-15)
-    np.testing.assert_allclose(x.position_actual, (1 - np.arange(30)) * 1e-9, rtol=1e-15)
-    np.testing.assert_allclose(y.position_demand, np.arange(30) * 2e-8, rtol=1e-15)
-    assert set(x.force_offset) == {25 * 0.04}
-    assert set(x.force_actual) == {-26 * 0.04}
-    assert y.statusword is not None
-    assert set(y.statusword) == {0x1237}
-    assert list(np.flatnonzero(~y.valid)) == [9, 19, 29]
-    assert recording.moves == (move("macro", 3, 12), move("micro", 20, 25))
-    assert (recording.machine, recording.recipe) == (HEADER.machine, HEADER.recipe)
-    ledger = read_ledger(recovered.path)
-    assert ledger is not None
-    assert (ledger.missed, ledger.late_cycles, ledger.late_in_a_row) == (3, 1, 1)
-    assert list(np.flatnonzero(ledger.doubled_per_cycle)) == [5, 9]
-    assert list(np.flatnonzero(ledger.tardy_per_cycle)) == [9]
-    assert ledger.sync is not None
-    np.testing.assert_allclose(ledger.sync, 1e-8 * np.arange(30), rtol=1e-15)
-    assert ledger.doubt is not None
-    assert list(np.flatnonzero(np.isnan(ledger.doubt))) == [5]
-    assert (ledger.doubled, ledger.tardy) == (2, 1)
-    with h5py.File(recovered.path) as file:
-        assert file.attrs["outcome"] == "aborted"
-        events = [json.loads(text) for text in file["events"].asstr()]
-    assert events[2] == {"event": "phase", "sample": 10, "number": 10}
-
-
-def test_a_journal_cut_at_any_byte_gives_every_whole_sample_before_the_cut(tmp_path: Path):
-    journal = written(tmp_path, 12)
-    journal.close()
-    data = journal.path.read_bytes()
-    cut = tmp_path / "cut.journal"
-    counts: list[int] = []
-    for length in range(len(data) + 1):
-        cut.write_bytes(data[:length])
-        content = read_journal(cut)
-        if content is None:
-            counts.append(0)
-            continue
-        assert content.outcome == "killed"
-        assert all(m.end <= len(content.recording) for m in content.recording.moves)
-        counts.append(len(content.recording))
-        np.testing.assert_array_equal(
-            content.recording.axes["y"].position_demand, np.arange(counts[-1]) * 2 * 1e-8
-        )
-    assert counts == sorted(counts)
-    assert set(counts) == set(range(13))
-    assert counts[-1] == 12
 
 
 def test_an_event_may_hold_numpy_values_and_dataclasses(tmp_path: Path):
@@ -151,16 +62,6 @@ def test_an_event_may_hold_numpy_values_and_dataclasses(tmp_path: Path):
     )  # fmt: skip
 
 
-def test_zeros_in_place_of_a_note_end_the_journal(tmp_path: Path):
-    journal = written(tmp_path, 20)
-    journal.close()
-    path = tmp_path / "recording.journal"
-    path.write_bytes(path.read_bytes() + bytes((TEXT_TAG,)) + bytes(40))
-    recovered = recover_journal(path)
-    assert recovered.content is not None
-    assert len(recovered.content.recording) == 20
-
-
 def test_a_run_of_many_samples_spans_blocks(tmp_path: Path):
     journal = Journal(tmp_path, HEADER)
     for k in range(20_000):
@@ -174,107 +75,11 @@ def test_a_run_of_many_samples_spans_blocks(tmp_path: Path):
     assert content.events[0]["sample"] == 20_000
 
 
-KILLED_WRITER = """
-import sys
-from collections.abc import Callable
-from pathlib import Path
-from stagectl.store.journal import TEXT_TAG, AxisScaling, Journal, JournalHeader
-axes = (AxisScaling("x", 1e-9, 0.04), AxisScaling("y", 1e-8, 0.06))
-journal = Journal(Path(sys.argv[1]), JournalHeader("m", "", "t", axes))
-k = 0
-while True:
-    journal.sink((k * 1000000, 0, 0, -1) + (k, 0, k, 0, 0, 1, 5, 0) * 2)
-    k += 1
-    if k % 1000 == 0:
-        print(k, flush=True)
-"""
-
-
-def test_a_killed_process_loses_nothing_and_the_next_command_finds_it(tmp_path: Path):
-    process = subprocess.Popen(
-        [sys.executable, "-c", KILLED_WRITER, str(tmp_path)],
-        stdout=subprocess.PIPE,
-        text=True,
-        cwd=Path(__file__).parents[4],
-    )
-    assert process.stdout is not None
-    reported = [int(process.stdout.readline()) for _ in range(3)]
-    with pytest.raises(StagectlError, match="in progress"):
-        recover_left_over(tmp_path)  # never takes the journal of a living run
-    os.kill(process.pid, signal.SIGKILL)
-    rest, _ = process.communicate()
-    reported += [int(line) for line in rest.split()]
-    recovered = recover_left_over(tmp_path)
-    assert recovered is not None
-    assert recovered.path is not None
-    assert len(read_recording(recovered.path)) >= reported[-1]
-    assert str(recovered.path) in recovered.describe()
-    assert recover_left_over(tmp_path) is None
-
-
-def test_the_recording_of_another_run_is_kept(tmp_path: Path):
-    first = written(tmp_path, 5)
-    first.finish("completed")
-    recover_journal(first.path)
-    second = written(tmp_path, 8)
-    second.close()
-    recovered = recover_journal(second.path)
-    assert recovered.path == tmp_path / "recording-2.h5"
-    assert len(read_recording(tmp_path / "recording.h5")) == 5
-    third = written(tmp_path, 9)
-    third.close()
-    aside = recover_left_over(tmp_path, aside=True)
-    assert aside is not None
-    assert aside.path == tmp_path / "recording-recovered.h5"
-
-
-def test_a_kill_between_recording_and_removal_does_not_double_it(tmp_path: Path):
-    journal = written(tmp_path, 5)
-    journal.close()
-    data = journal.path.read_bytes()
-    recover_journal(journal.path)
-    journal.path.write_bytes(data)
-    assert recover_journal(journal.path).path == tmp_path / "recording.h5"
-
-
-def test_a_journal_without_samples_is_removed(tmp_path: Path):
-    journal = Journal(tmp_path, HEADER)
-    journal.event("boot")
-    journal.close()
-    recovered = recover_journal(journal.path)
-    assert recovered.path is None
-    assert "without samples" in recovered.describe()
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_second_run_does_not_overwrite_a_journal(tmp_path: Path):
     with Journal(tmp_path, HEADER), pytest.raises(StagectlError, match="another run"):
         Journal(tmp_path, HEADER)
     with pytest.raises(StagectlError, match="cannot create"):
         Journal(tmp_path / "absent", HEADER)
-
-
-def test_other_files_are_refused_and_kept(tmp_path: Path):
-    path = tmp_path / "recording.journal"
-    path.write_bytes(b"\x89HDF something else\n")
-    with pytest.raises(UnusableInput, match="not a journal"):
-        recover_journal(path)
-    assert path.exists()
-    path.write_bytes(b"stagectl-journal 3 {}\n")
-    with pytest.raises(UnusableInput, match="header is damaged"):
-        recover_journal(path)
-    with pytest.raises(UnusableInput, match="No such file"):
-        recover_journal(tmp_path / "absent.journal")
-
-
-def test_a_journal_that_contradicts_itself_is_refused_and_kept(tmp_path: Path):
-    journal = written(tmp_path)
-    journal.close()
-    data = journal.path.read_bytes()
-    journal.path.write_bytes(data.replace(b'"name": "x"', b'"name": "q"', 1))
-    with pytest.raises(UnusableInput, match=r"recording.journal: it is damaged: moves\[0\]"):
-        recover_journal(journal.path)
-    assert journal.path.exists()
 
 
 def test_a_full_disk_is_an_error_not_a_gap(tmp_path: Path):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.store import CycleLedger, read_ledger, read_recording, write_recording
+from stagectl.store import read_recording, write_recording
 from stagedata import AxisSignals, Move, Recording
 
 DATA = Path(__file__).parents[3] / "data"
@@ -75,24 +75,6 @@ def test_every_dataset_has_a_unit_and_no_part_file_remains(path: Path):
         assert file["axes/x/force_actual"].attrs["unit"] == "N"
     assert lacking == []
     assert [p.name for p in path.parent.iterdir()] == ["recording.h5"]
-
-
-def test_the_ledger_is_read_back(tmp_path: Path):
-    arrival = np.full(50, 2e-4)
-    arrival[[7, 8]] = np.nan
-    late = np.arange(50) == 9
-    path = tmp_path / "r.h5"
-    ledger = CycleLedger({"y": arrival, "x": np.full(50, 1e-4)}, late)
-    write_recording(small_recording(), path, ledger)
-    read = read_ledger(path)
-    assert read is not None
-    np.testing.assert_array_equal(read.arrival["y"], arrival)
-    assert (read.missed, read.late_cycles) == (2, 1)
-    assert list(read.missed_per_cycle[6:10]) == [0, 1, 1, 0]
-
-
-def test_a_recording_without_ledger_has_none(path: Path):
-    assert read_ledger(path) is None
 
 
 @pytest.mark.parametrize("name", ["null-1", "null-1-other-moves", "null-2", "null-3"])

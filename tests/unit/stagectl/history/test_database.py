@@ -10,9 +10,8 @@ import time
 
 import pytest
 
-from stagectl.config.machine_file import load_machine, parse_machine
 from stagectl.errors import StagectlError, UnusableInput
-from stagectl.history import StageKey, database, default_history, open_history
+from stagectl.history import StageKey, database, open_history
 from stagectl.history.schema import MIGRATIONS, READABLE
 
 
@@ -93,27 +92,6 @@ def test_a_history_can_be_read_in_a_read_only_folder(tmp_path, a_run):
             assert [entry.name for entry in kept.iterdir()] == ["stage.db"]
     finally:
         kept.chmod(0o755)
-
-
-def test_the_default_history_depends_on_option_machine_and_folder(tmp_path):
-    plain = load_machine()
-    text = plain.text + "history: fleet.db\n"
-    named = parse_machine(text, str(tmp_path / "m.yaml"))
-    run = tmp_path / "runs" / "a"
-    beside, within = str(tmp_path / "runs" / "stage.db"), str(run / "stage.db")
-    #        option, machine, simulated, folder named by the user
-    cases = [
-        ("h.db", named, False, False, "h.db"),
-        ("h.db", named, True, True, "h.db"),
-        ("none", named, False, False, None),
-        (None, named, False, True, str(tmp_path / "fleet.db")),
-        (None, named, True, False, beside),
-        (None, plain, False, False, beside),
-        (None, plain, False, True, within),
-        (None, plain, True, True, None),
-    ]
-    for option, machine, simulated, own, where in cases:
-        assert default_history(option, machine, simulated, run, own) == where
 
 
 WRITER = """

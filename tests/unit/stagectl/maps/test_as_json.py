@@ -1,4 +1,4 @@
-"""The JSON of a map."""
+"""Maps as JSON: written, read back, and refused where damaged."""
 
 import pytest
 

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from stagectl.errors import StagectlError
-from stagectl.history import StageKey, StepRecord
+from stagectl.history import StageKey
 
 BEGIN = 1.7e9
 STAGE = StageKey("wafer-xy", True)
@@ -70,54 +70,6 @@ def test_a_date_gives_the_last_accepted_estimate_of_each_place_and_axis(
     assert len(history.trend(STAGE, "z", sites[1])) == 0
 
 
-def test_a_trend_may_span_estimators_with_different_figures(where, opened, a_run, an_estimate):
-    history = opened(where)
-    number = history.start_run(a_run())
-    history.add([an_estimate(number)])
-    history.add([an_estimate(number, time=BEGIN + 9, figures={"bias": 0.1}, covariance=(0.09,))])
-    trend = history.trend(STAGE, "x", (0.01, -0.02))
-    assert trend.values["coulomb"].tolist() == [6.0, pytest.approx(math.nan, nan_ok=True)]
-    assert trend.sigma["bias"].tolist() == [pytest.approx(math.nan, nan_ok=True), 0.3]
-
-
-def test_series_are_thinned_backwards_from_the_last_estimate(where, opened, a_run, an_estimate):
-    """However long production goes on: so many of each place, so far apart."""
-    history = opened(where)
-    number = history.start_run(a_run())
-    places = ((0.0, 0.0), (0.01, 0.0))
-    history.add(
-        [
-            an_estimate(
-                number, axis=axis, place=place, time=BEGIN + 10.0 * k,
-                measured=None if k % 3 == 0 else (6.0 + k, 0.1), accepted=k % 4 > 0,
-            )
-            for k in range(12) for place in places for axis in "xy"
-        ]
-    )  # fmt: skip
-
-    def trend(**asked):
-        found = history.trend(STAGE, "x", places[1], **asked)
-        return [round((t - BEGIN) / 10.0) for t in found.time]
-
-    assert trend() == [1, 2, 3, 5, 6, 7, 9, 10, 11]
-    assert trend(last=3) == [9, 10, 11]
-    assert trend(apart=40.0) == [3, 7, 11]
-    assert trend(apart=40.0, last=2) == [7, 11]
-    assert trend(apart=30.0, until=BEGIN + 100.0, since=BEGIN + 30.0) == [3, 7, 10]
-    measured = history.measurements(STAGE, each=2)
-    assert [m.time for m in measured] == sorted(m.time for m in measured)
-    assert {(m.axis, m.place, m.value) for m in measured} == {
-        (axis, place, 6.0 + k) for axis in "xy" for place in places for k in (10, 11)
-    }
-    far = history.measurements(STAGE, each=9, apart=50.0)
-    assert [m.value - 6.0 for m in far] == [5.0] * 4 + [11.0] * 4
-    assert history.measurements(STAGE, since=BEGIN + 95.0, each=9) == history.measurements(
-        STAGE, since=BEGIN + 95.0
-    )
-    assert history.newest(STAGE) == BEGIN + 110.0
-    assert history.newest(StageKey("nobody's", False)) is None
-
-
 def test_what_counts_as_a_calibration(where, opened, a_run, an_estimate):
     """Sites of a calibration, and such as were slipped into production; no other move."""
     history = opened(where)
@@ -160,36 +112,6 @@ def test_estimates_are_added_all_or_none(where, opened, a_run, an_estimate):
     assert history.at_date(STAGE, math.inf) == []
     history.add([good])  # the place of the failed one was rolled back with it
     assert history.at_date(STAGE, math.inf) == [good]
-
-
-def test_filing_again_adds_nothing(where, opened, a_run, an_estimate):
-    """After a connection was lost nobody knows whether the last rows got through."""
-    history = opened(where)
-    run = a_run(uuid="5eed")
-    number = history.start_run(run)
-    assert history.start_run(run) == number != history.start_run(a_run(uuid="0ther"))
-    history.add([an_estimate(number, number=1)])
-    history.add([an_estimate(number, number=n, time=BEGIN + n) for n in (1, 2, 3)])
-    step = StepRecord(number, "x", (0.01, -0.02), BEGIN + 2.0, 0.1, "site", number=1)
-    history.add_step(step)
-    history.add_step(step)
-    assert history.filed(number) == 3
-    assert history.at_date(STAGE, BEGIN + 1.5)[0].time == BEGIN + 1.0  # as it was
-    assert history.steps(STAGE) == [step]
-
-
-def test_runs_with_estimates_that_may_be_missing_are_listed(where, opened, a_run):
-    history = opened(where)
-    runs = {name: history.start_run(a_run(uuid=name, folder=f"runs/{name}")) for name in "abcd"}
-    history.start_run(a_run(StageKey("another", True), uuid="e"))
-    history.start_run(a_run())  # of an older version: nobody could tell which files are its own
-    history.end_run(runs["a"], "completed", estimates=7)
-    history.end_run(runs["b"], None, estimates=2)  # killed, and filed since
-    history.end_run(runs["c"], "fault", "axis x: ...")
-    assert history.unfiled(STAGE) == [("d", "runs/d"), ("c", "runs/c")]
-    assert history.unfiled(STAGE, last=1) == [("d", "runs/d")]
-    outcomes = {number: outcome for number, _, outcome in history.runs(STAGE)}
-    assert [outcomes[runs[name]] for name in "abcd"] == ["completed", None, "fault", None]
 
 
 def test_a_reader_reads_while_the_writer_writes(where, opened, a_run, an_estimate):
