@@ -6,7 +6,7 @@ whole SYNC, from its setpoints to the TPDOs that it brings, needs neither waitin
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Protocol, runtime_checkable
 
 
@@ -14,24 +14,26 @@ from typing import Protocol, runtime_checkable
 class DirectBus(Protocol):
     """What such a bus offers, in step with `send` and `recv`."""
 
-    def transmit(self, can_id: int, data: bytes) -> None:
-        """Sends a data frame, as `send`."""
-
     def exchange(
-        self, at_ns: int, can_id: int, data: bytes, expected: Sequence[tuple[int, int]]
+        self,
+        frames: Iterable[tuple[int, bytes]],
+        at_ns: int,
+        sync_id: int,
+        expected: Sequence[tuple[int, int]],
     ) -> Sequence[bytes] | None:
-        """Lets time pass until `at_ns` and sends a data frame then, unless more would happen.
+        """Sends frames now and SYNC at `at_ns`, unless more would happen until then.
 
         Args:
-            at_ns: when to send it [ns].
-            can_id: of the frame.
-            data: of the frame.
+            frames: CAN-ID and data of each.
+            at_ns: when to send SYNC, a data frame without data [ns].
+            sync_id: its CAN-ID.
             expected: CAN-ID and number of bytes of each data frame that it is to cause, in order.
 
         Returns:
-            The data of the frames expected, where these are all that it has caused. Nothing where
+            The data of the frames expected, where these are all that SYNC has caused. Nothing where
             it has caused other ones, or fewer, or more: all of them wait for `recv`. None where
-            frames wait already, or anything else is due by then: nothing was done.
+            frames wait already, or anything else is due by then: time has not moved, and SYNC was
+            not sent.
         """
 
 

@@ -22,6 +22,7 @@ class Channel:
     """Process data of one axis, as last sent and last received.
 
     Attributes:
+        accepts_offset: whether the RPDO carries a force offset.
         controlword, target, offset: of the last RPDO, or of the next one outside streams. The
             target is a position, in csv a velocity, in cst a force.
         statusword, position, force: of the last sample; `seen` is False before the first.
@@ -40,10 +41,10 @@ class Channel:
     """
 
     __slots__ = (
-        "_differ", "_first", "_outstanding", "_was_asked", "ambiguous", "arrival", "axis",
-        "controlword", "doubled", "extra", "force", "message", "missed", "offset", "position",
-        "previous_extra", "previous_tardy", "rpdo_id", "seen", "sent_controlwords", "size",
-        "statusword", "tardy", "target", "tpdo", "unpack", "valid",
+        "_differ", "_first", "_outstanding", "_pack", "_was_asked", "accepts_offset", "ambiguous",
+        "arrival", "axis", "controlword", "doubled", "extra", "force", "message", "missed",
+        "offset", "position", "previous_extra", "previous_tardy", "rpdo_id", "seen",
+        "sent_controlwords", "size", "statusword", "tardy", "target", "tpdo", "unpack", "valid",
     )  # fmt: skip
 
     def __init__(self, axis: Axis) -> None:
@@ -68,6 +69,8 @@ class Channel:
         self.message = OwnFrame(
             arbitration_id=axis.rpdo_id, is_extended_id=False, data=bytes(axis.rpdo.codec.size)
         )
+        self.accepts_offset = axis.accepts_force_offset
+        self._pack = axis.rpdo.codec.pack
         unpack = axis.tpdo.codec.unpack
         self.size = axis.tpdo.codec.size
         self.tpdo = axis.tpdo_id, self.size
@@ -181,10 +184,10 @@ class Channel:
 
     def pack(self) -> bytes:
         """The RPDO's data for the present controlword, target and offset."""
-        word = self.controlword
-        if not self.sent_controlwords or self.sent_controlwords[-1] != word:
-            self.sent_controlwords.append(word)
-        if self.axis.accepts_force_offset:
-            return self.axis.rpdo.codec.pack(word, self.target, self.offset)
+        word, sent = self.controlword, self.sent_controlwords
+        if not sent or sent[-1] != word:
+            sent.append(word)
+        if self.accepts_offset:
+            return self._pack(word, self.target, self.offset)
         self.offset = 0
-        return self.axis.rpdo.codec.pack(word, self.target)
+        return self._pack(word, self.target)

@@ -82,7 +82,7 @@ class CorrectedOffsets:
         """
         sync, channels = self._sync, self._sync.channels
         for j, channel in enumerate(channels):
-            if not channel.axis.accepts_force_offset:
+            if not channel.accepts_offset:
                 planned[:, j] = 0.0
         continued = sync.sent == self._last
         if not continued:

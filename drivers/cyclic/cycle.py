@@ -276,7 +276,7 @@ class Cycle:
         """
         frames, setpoints = [], []
         for j, channel in enumerate(self.channels):
-            if not channel.axis.accepts_force_offset:
+            if not channel.accepts_offset:
                 offsets[:, j] = 0
             packed = self._frames(channel, targets[:, j], offsets[:, j])
             frames.append(zip(repeat(channel), packed, strict=False))

@@ -161,14 +161,21 @@ class Exchange:
 
     def _lead(self, bus: can.BusABC, frames: Frames) -> int:
         """One SYNC of our own, at its instant on the grid."""
-        network, now_ns, reception = self._network, self._now_ns, self.reception
-        send, recv = bus.send, bus.recv
-        late = self._open_window(send) if self._strict else 0
-        now = now_ns()
-        self._send_setpoints(send, frames, now)
-        due = self._due
-        if self._direct is not None and self._exchange_directly(self._direct, recv):
+        late = self._open_window(bus.send) if self._strict else 0
+        now, direct = self._now_ns(), self._direct
+        if direct is None or self._overflow or self._due >= self._network.service_due:
+            self._send_setpoints(bus.send, frames, now)
+        elif self._exchange_directly(direct, bus.recv, frames, now):
+            self.late += late
             return late
+        late = self._exchange_in_time(bus, now, late)
+        self.late += late
+        return late
+
+    def _exchange_in_time(self, bus: can.BusABC, now: int, late: int) -> int:
+        """Waits from `now` [ns] for the SYNC that is due, sends it and receives; returns `late`."""
+        network, now_ns, reception = self._network, self._now_ns, self.reception
+        recv, due = bus.recv, self._due
         if now < due:
             if reception.arrival_of is not None and network.service_due < due:
                 # while there is time, so that nothing delays the SYNC at its instant
@@ -184,14 +191,13 @@ class Exchange:
             passed = (now - due) // self._period
             due += passed * self._period
             self._stall = (due, passed)
-        self.late += late
         self.sent = due
         self._due = due + self._period
         if reception.arrival_of is not None:
             now = now_ns()
         for channel in self.channels:
             channel.close_cycle()
-        self._send_sync(send, now)
+        self._send_sync(bus.send, now)
         self.offset = min(now - due, _MAX_NS)
         self.doubt = min(now_ns() - now, _MAX_NS) if self._at_once else -1
         reception.collect(recv, now)
@@ -199,21 +205,29 @@ class Exchange:
             self.offset, self.doubt = min(reception.echo_at - due, _MAX_NS), 0
         return late
 
-    def _exchange_directly(self, direct: DirectBus, recv: Receive) -> bool:
-        """The SYNC that is due and its TPDOs in one, where nothing else happens until then.
+    def _exchange_directly(
+        self, direct: DirectBus, recv: Receive, frames: Frames, now: int
+    ) -> bool:
+        """Setpoints at `now` [ns], the SYNC that is due and its TPDOs in one.
 
-        It does what the rest of `_lead` does, frame for frame. Whatever is not as it nearly always
-        is (a heartbeat or our own service is due, a frame waits, the bus has faults) is left to
-        `_lead`: then False is returned, and nothing was done.
+        The same frames at the same times as `_send_setpoints` and `_exchange_in_time`.
+
+        Returns:
+            False where only the setpoints were sent: something else is due before SYNC, such as a
+            drive's heartbeat, or the bus has faults.
         """
-        due = self._due
-        if due >= self._network.service_due or self._overflow:
-            return False
-        answers = direct.exchange(due, SYNC_ID, b"", [c.tpdo for c in self.channels])
+        due, tap = self._due, self._network.tap
+        if tap is not None:
+            for channel, data in frames:
+                tap(now, channel.rpdo_id, data)
+        answers = direct.exchange(
+            [(channel.rpdo_id, data) for channel, data in frames], due, SYNC_ID,
+            [channel.tpdo for channel in self.channels],
+        )  # fmt: skip
         if answers is None:
             return False
-        if self._network.tap is not None:
-            self._network.tap(due, SYNC_ID, b"")
+        if tap is not None:
+            tap(due, SYNC_ID, b"")
         self.sent, self._due = due, due + self._period
         self.offset, self.doubt = 0, -1
         if answers:
@@ -315,15 +329,12 @@ class Exchange:
     # -- both ---------------------------------------------------------------------------------
 
     def _send_setpoints(self, send: Send, frames: Frames, now: int) -> None:
-        tap, direct = self._network.tap, self._direct
+        tap = self._network.tap
         for channel, frame in frames:
-            if tap is not None:
-                tap(now, channel.rpdo_id, frame)
-            if direct is not None:
-                direct.transmit(channel.rpdo_id, frame)
-                continue
             message = channel.message
             message.data = bytearray(frame)  # a new one: a receiver may keep the old one
+            if tap is not None:
+                tap(now, message.arbitration_id, frame)
             if self._note_sent is not None:
-                self._note_sent(channel.rpdo_id, frame, now)
+                self._note_sent(message.arbitration_id, frame, now)
             send(message)

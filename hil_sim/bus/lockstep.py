@@ -8,7 +8,7 @@ cannot be used: its thread would move the time, and is refused.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from threading import get_ident
 from typing import Any
 
@@ -71,38 +71,38 @@ class LockstepBus(can.BusABC):
         else:
             world.transmit(self, msg.arbitration_id, bytes(msg.data))
 
-    def transmit(self, can_id: int, data: bytes) -> None:
-        """Send a data frame, as `send`, without a message."""
-        if get_ident() != self._thread:
-            self._raise_refusal()
-        self.world.transmit(self, can_id, data)
-
     def exchange(
-        self, at_ns: int, can_id: int, data: bytes, expected: Sequence[tuple[int, int]]
+        self,
+        frames: Iterable[tuple[int, bytes]],
+        at_ns: int,
+        sync_id: int,
+        expected: Sequence[tuple[int, int]],
     ) -> Sequence[bytes] | None:
-        """Send a data frame at `at_ns` and receive what it causes, unless more would happen.
+        """Send data frames now and SYNC at `at_ns`, unless more would happen until then.
 
         Args:
-            at_ns: virtual time [ns].
-            can_id: of the frame.
-            data: of the frame.
-            expected: id and number of bytes of each data frame that it is to cause, in order.
+            frames: id and data of each.
+            at_ns: virtual time of SYNC [ns].
+            sync_id: id of SYNC, which carries no data.
+            expected: id and number of bytes of each data frame that SYNC is to cause, in order.
 
         Returns:
-            The data of the frames expected. Nothing where the frame caused other ones, or fewer, or
+            The data of the frames expected. Nothing where SYNC caused other ones, or fewer, or
             more: all of them wait for `recv`. None where frames wait already, a timer is due by
-            then, or the world has faults: nothing was done.
+            `at_ns`, or the world has faults: time has not moved, and SYNC was not sent.
         """
         world, queue = self.world, self._queue
         if get_ident() != self._thread:
             self._raise_refusal()
+        for can_id, data in frames:
+            world.transmit(self, can_id, data)
         if queue or self._filters is not None or not world.pass_quietly(at_ns):
             return None
-        world.transmit(self, can_id, data)
+        world.transmit(self, sync_id, b"")
         if len(queue) != len(expected):
             return ()
-        for (_, got, payload, flags, _), (wanted, size) in zip(queue, expected, strict=True):
-            if got != wanted or len(payload) != size or flags is not DATA_FRAME:
+        for (_, can_id, data, flags, _), (wanted, size) in zip(queue, expected, strict=True):
+            if can_id != wanted or len(data) != size or flags is not DATA_FRAME:
                 return ()
         answers = [frame[2] for frame in queue]
         queue.clear()
