@@ -4,6 +4,7 @@ The rooms, each importing only from those above it:
 
 - `phases`, `report`: the phases of motion of a recorded move; what a diagnosis reports
 - `gap`: free-run simulation against a recording
+- `residuals`: what a model leaves, over velocity and position, at reversals, by frequency
 - `audit`: whether the channels mean what the machine file says
 - `tracking`: a simulation kept on the recorded course, and its innovations
 - `fitting`: the model of one axis fitted to the innovations
@@ -26,6 +27,7 @@ __all__ = [
     "gap",
     "phases",
     "report",
+    "residuals",
     "shrinkage",
     "tracking",
 ]

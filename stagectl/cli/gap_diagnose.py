@@ -86,6 +86,7 @@ def diagnose(
     from sim2real import diagnosis
     from sim2real.diagnosis import PHASES, examine
     from sim2real.report import NO_GAP
+    from sim2real.residuals import residuals_json, view_residuals
     from stagectl.config import stage_settings
     from stagectl.errors import ConfigError, UnusableInput
     from stagectl.store import read_recording
@@ -106,7 +107,9 @@ def diagnose(
         except ValueError as error:
             raise UnusableInput(str(error)) from error
     report = found.report
-    write_json(report.to_json(), json_out)
+    if json_out is not None or html_out is not None:
+        views = view_residuals(examined.measured, found.explained or None, examined.settings)
+        write_json(report.to_json() | residuals_json(views), json_out)
     if html_out is not None:
         from stagectl.report import write_gap_page
 
@@ -118,6 +121,7 @@ def diagnose(
             explained=found.explained or None,
             similarity=_similarity(found),
             profiles=found.profiles,
+            views=views,
         )
     has_twin = bool(report.causes) or report.verdict == NO_GAP
     if twin is not None and has_twin:

@@ -16,7 +16,7 @@ from stagectl.report.render import render_template
 from stagectl.report.svg import Line, Panel, Span, draw, ticks
 
 if TYPE_CHECKING:
-    from stagectl.report.gap_page import write_gap_page
+    from stagectl.report.gap import write_gap_page
 
 __all__ = [
     "Line",
@@ -37,6 +37,6 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name != "write_gap_page":
         raise AttributeError(f"module 'stagectl.report' has no attribute {name!r}")
-    from stagectl.report.gap_page import write_gap_page
+    from stagectl.report.gap import write_gap_page
 
     return write_gap_page

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
-
 from stagectl.report import content
 from stagectl.report.ending import resume_command
-from stagectl.report.render import render_template
+from stagectl.report.render import render_template, script_json
 from stagectl.report.traces import chart_data
 from stagectl.store import write_atomically
 from stagedata import Recording
 
-_STATIC = ("uPlot.min.css", "uPlot.iife.min.js", "report.css", "report.js")
+_STATIC = ("uPlot.min.css", "uPlot.iife.min.js", "report.css", "charts.js", "report.js")
 
 
 def write_report(
@@ -47,7 +44,7 @@ def render_report(
     return render_template(
         "run.html.j2",
         _STATIC,
-        data=_script_json(chart_data(recording, summary, control_period)),
+        data=script_json(chart_data(recording, summary, control_period)),
         summary=summary,
         recording=recording,
         sites=len({move.site for move in recording.moves if move.site is not None}),
@@ -67,11 +64,3 @@ def render_report(
         micrometres=content.format_micrometres,
         milliseconds=content.format_milliseconds,
     )
-
-
-def _script_json(data: object) -> Markup:
-    """JSON that cannot end the script element around it."""
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
-    for character in "<>&\u2028\u2029":
-        text = text.replace(character, f"\\u{ord(character):04x}")
-    return Markup(text)  # noqa: S704 (no character is left that HTML would interpret)

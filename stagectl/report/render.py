@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -29,3 +30,11 @@ def render_template(name: str, static: tuple[str, ...], **values: Any) -> str:
     # Our own files, not input: they go into <style> and <script> unescaped.
     inline = {n: Markup((_HERE / "static" / n).read_text(encoding="utf-8")) for n in static}  # noqa: S704
     return environment.get_template(name).render(static=inline, **values)
+
+
+def script_json(data: object) -> Markup:
+    """JSON that cannot end the script element around it."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return Markup(text)  # noqa: S704 (no character is left that HTML would interpret)

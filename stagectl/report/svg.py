@@ -1,6 +1,6 @@
 """Line plots as standalone SVG: panels with axes, lines and shaded spans.
 
-`Scale`, `ticks`, `thinned` and the element functions also serve `gap_charts`.
+`Scale`, `ticks`, `thinned` and the element functions also serve `gap.charts`.
 """
 
 from __future__ import annotations

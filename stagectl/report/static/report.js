@@ -1,53 +1,20 @@
-// Draws the charts of the report from the data embedded in the page. No network, no state.
+// Draws the charts of a run's report from the data embedded in the page, by the parts of charts.js.
 "use strict";
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
-  const root = document.documentElement;
-  const find = (id) => document.getElementById(id);
-  const css = (name) => getComputedStyle(root).getPropertyValue(name).trim();
+  const { find, css, number, axes, plainTicks, draw, plot, segments } = page;
   const axisColour = (axis) => css("--axis-" + (data.axes.indexOf(axis) % 4));
   const windowName = (key) => "±" + +(Number(key) * 1e9).toPrecision(6) + " nm";
-  const FONT = "15px system-ui, 'Liberation Sans', sans-serif";
-  const charts = new Map(); // element id -> the charts in it
   let shown = data.first;
   let zoom = data.moves.length ? firstZoom(data.moves[shown]) : "settle";
   let settlingKind = null;
   let settlingWindow = data.windows[0];
-
-  const number = (digits) => (chart, value) => (value == null ? "–" : value.toFixed(digits));
 
   const micrometres = (metres) => {
     const value = metres * 1e6;
     const decimals = value > 0 ? Math.min(Math.max(0, 2 - Math.floor(Math.log10(value))), 9) : 0;
     return value.toFixed(decimals) + " µm";
   };
-
-  // As wide as its longest figure: stiffnesses have seven digits, errors three.
-  const yWidth = (chart, values) =>
-    Math.max(76, 24 + 9 * Math.max(0, ...(values || []).map((value) => String(value).length)));
-
-  function axes(xLabel, yValues, options = {}) {
-    const common = {
-      stroke: () => css("--soft"), font: FONT,
-      grid: { stroke: () => css("--grid"), width: 1 }, ticks: { stroke: () => css("--line"), width: 1 },
-    };
-    return [
-      { ...common, label: xLabel, labelFont: FONT, labelSize: 24, size: 34, ...options.x },
-      { ...common, size: yWidth, values: yValues },
-    ];
-  }
-
-  const plainTicks = (chart, ticks) => ticks.map((tick) => (tick == null ? "" : String(+tick.toPrecision(6))));
-
-  function draw(id, build) {
-    for (const chart of charts.get(id) || []) chart.destroy();
-    charts.set(id, build(find(id)));
-  }
-
-  function plot(element, options, values) {
-    const full = { width: Math.max(element.clientWidth, 300), padding: [12, 16, 0, 0], ...options };
-    return new uPlot(full, values, element);
-  }
 
   // ---- one move ------------------------------------------------------------------------------
 
@@ -141,12 +108,6 @@
   function firstZoom(move) {
     const peaks = Object.values(move.entries).map((entry) => entry.peak || 0);
     return Math.max(0, ...peaks) <= 2 * Math.max(...data.windows.map(Number)) ? "settle" : "whole";
-  }
-
-  function showMove(index) {
-    shown = (index + data.moves.length) % data.moves.length;
-    find("move").value = String(shown);
-    moveCharts();
   }
 
   // ---- settling over sites -------------------------------------------------------------------
@@ -310,45 +271,14 @@
 
   // ---- page ----------------------------------------------------------------------------------
 
-  function segments(element, names, label, chosen, choose) {
-    element.replaceChildren(...names.map((name) => {
-      const button = document.createElement("button");
-      button.type = "button";
-      button.textContent = label(name);
-      button.setAttribute("aria-pressed", String(name === chosen()));
-      button.addEventListener("click", () => {
-        choose(name);
-        segments(element, names, label, chosen, choose);
-      });
-      return button;
-    }));
-  }
-
   function drawAll() {
     for (const key of document.querySelectorAll(".key")) key.style.background = axisColour(key.dataset.axis);
     if (data.moves.length) { moveCharts(); settlingChart(); }
     if (find("friction")) frictionCharts();
   }
 
-  function theme(name) {
-    root.dataset.theme = name;
-    find("theme").textContent = name === "dark" ? "Light" : "Dark";
-  }
-
-  theme(matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
-  find("theme").hidden = false;
-  find("theme").addEventListener("click", () => {
-    theme(root.dataset.theme === "dark" ? "light" : "dark");
-    drawAll();
-  });
-
   if (data.moves.length) {
-    const select = find("move");
-    data.moves.forEach((move, i) => select.add(new Option(moveName(move), String(i))));
-    select.value = String(shown);
-    select.addEventListener("change", () => showMove(Number(select.value)));
-    find("previous").addEventListener("click", () => showMove(shown - 1));
-    find("next").addEventListener("click", () => showMove(shown + 1));
+    page.chooser(data.moves.map(moveName), shown, (index) => { shown = index; moveCharts(); });
     segments(document.querySelector("[aria-label='range of the error']"), ["whole", "settle"],
       (name) => (name === "whole" ? "Whole error" : "Settling"), () => zoom,
       (name) => { zoom = name; moveCharts(); });
@@ -362,11 +292,5 @@
     segments(find("settling-window"), data.windows, windowName, () => settlingWindow,
       (name) => { settlingWindow = name; settlingChart(); });
   }
-  drawAll();
-
-  let pending = 0;
-  addEventListener("resize", () => {
-    cancelAnimationFrame(pending);
-    pending = requestAnimationFrame(drawAll);
-  });
+  page.start(drawAll);
 })();

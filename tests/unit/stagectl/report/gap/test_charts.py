@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from stagectl.report.gap_charts import Curve, bars, chart, matrix
+from stagectl.report.gap.charts import Curve, bars, chart, matrix
 
 
 def test_empty_flat_missing_and_long_data_can_be_drawn():
@@ -11,7 +11,7 @@ def test_empty_flat_missing_and_long_data_can_be_drawn():
     assert "y &lt;z&gt;" in flat
     assert "nan" not in flat
     gone = np.array([np.nan, -1.0, 0.0, 1.0, 10.0])
-    assert "nan" not in chart([Curve("after", gone, gone)], "x", "y", logarithmic=True)
+    assert "nan" not in chart([Curve("after", gone, gone)], "x", "y", log="xy")
     long = chart([Curve("measured", np.arange(1e5), np.sin(np.arange(1e5)))], "x", "y")
     assert len(long) < 40_000
     assert "nan" not in bars(["rest", "micro"], {"before": [1.0, np.nan], "after": [0.0, 0.0]}, "y")

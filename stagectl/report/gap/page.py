@@ -15,13 +15,24 @@ from sim2real.attribution import FrictionOverPosition, Pairs
 from sim2real.diagnosis import Examination
 from sim2real.gap import Signals, combined_gap
 from sim2real.report import GapReport
-from stagectl.report import gap_traces
+from sim2real.residuals import ResidualViews
 from stagectl.report.content import DASH, Notice
-from stagectl.report.gap_charts import legend, matrix
-from stagectl.report.render import render_template
+from stagectl.report.gap import traces
+from stagectl.report.gap.charts import legend, matrix
+from stagectl.report.gap.moves import move_data
+from stagectl.report.gap.views import (
+    View,
+    plane_view,
+    response_view,
+    reversal_view,
+    velocity_view,
+)
+from stagectl.report.render import render_template, script_json
 from stagectl.store import write_atomically
 
-_STATIC = ("report.css", "gap.css")
+_STATIC = (
+    "uPlot.min.css", "uPlot.iife.min.js", "report.css", "gap.css", "charts.js", "gap.js",
+)  # fmt: skip
 _MAX_CANDIDATES = 12
 _VERDICTS = {
     "no_gap": Notice("good", "No gap"),
@@ -54,6 +65,7 @@ def write_gap_page(
     explained: Sequence[Signals] | None = None,
     similarity: Mapping[str, Pairs] | None = None,
     profiles: Sequence[FrictionOverPosition] = (),
+    views: Mapping[str, ResidualViews] | None = None,
 ) -> None:
     """Write the page, atomically; arguments as for `render_gap_page`.
 
@@ -62,7 +74,7 @@ def write_gap_page(
     """
     text = render_gap_page(
         report, examined, machine,
-        explained=explained, similarity=similarity, profiles=profiles,
+        explained=explained, similarity=similarity, profiles=profiles, views=views,
     )  # fmt: skip
     write_atomically(path, text, "report")
 
@@ -75,6 +87,7 @@ def render_gap_page(
     explained: Sequence[Signals] | None = None,
     similarity: Mapping[str, Pairs] | None = None,
     profiles: Sequence[FrictionOverPosition] = (),
+    views: Mapping[str, ResidualViews] | None = None,
 ) -> str:
     """The page's HTML.
 
@@ -85,8 +98,20 @@ def render_gap_page(
         explained: signals of the model with the causes, one per recording; None without causes.
         similarity: axis -> similarity of pairs of effects.
         profiles: friction over position, where it was found to be a cause.
+        views: axis -> what the models leave over velocity, position, frequency, at reversals.
     """
-    sections, (move_name, move_panels) = _residuals(examined, explained)
+    order = _largest_first(examined)
+    ratio = examined.settings.control_period / examined.settings.sync_period
+    sections = [
+        traces.residual_section(examined.measured, explained, axis, signal, share, ratio)
+        for share, axis, signal in order
+    ]
+    move_charts = (
+        move_data(examined.measured, explained, order[0][1], ratio) if order else {"moves": []}
+    )
+    axes = list(dict.fromkeys(axis for _, axis, _ in order))
+    shown = [views[axis] for axis in axes] if views else []
+    models = ("before", *(("after",) if explained is not None else ()))
     ranked = sorted(report.candidates, key=lambda c: -c.probability)
     moves = report.next_experiment.to_json()["moves"] if report.next_experiment else ()
     return render_template(
@@ -102,12 +127,15 @@ def render_gap_page(
         explained=explained is not None,
         repeats=_repeats(examined),
         sections=sections,
-        profiles=[gap_traces.friction_panel(profile) for profile in profiles],
+        profiles=[traces.friction_panel(profile) for profile in profiles],
         profile_key=legend(("measured", "after")),
-        move_name=move_name,
-        move_panels=move_panels,
-        move_key=legend(("measured", "before", *(("after",) if explained is not None else ()))),
-        residual_key=gap_traces.residual_legend(explained is not None),
+        data=script_json(move_charts),
+        has_moves=bool(move_charts["moves"]),
+        every=move_charts.get("every", 1),
+        views=_view_sections(shown) if shown else (),
+        move_key=legend(("measured", *models)),
+        model_key=legend(models),
+        residual_key=traces.residual_legend(explained is not None),
         candidates=ranked[:_MAX_CANDIDATES],
         more_candidates=max(len(ranked) - _MAX_CANDIDATES, 0),
         taken={(cause.axis, cause.effect) for cause in report.causes},
@@ -117,43 +145,49 @@ def render_gap_page(
     )
 
 
-def _residuals(
-    examined: Examination, explained: Sequence[Signals] | None
-) -> tuple[list[gap_traces.Section], tuple[str, tuple[gap_traces.Panel, ...]]]:
-    """Charts of the residuals, largest share of the gap first, and of the worst move."""
-    measured, located = examined.measured, examined.located
-    if not measured or located is None:
-        return [], ("", ())
-    ratio = examined.settings.control_period / examined.settings.sync_period
-    order = sorted(
-        ((share, a, s) for a, of in located.excess.items() for s, share in of.items()),
-        reverse=True,
+def _largest_first(examined: Examination) -> list[tuple[float, str, str]]:
+    """Share of the gap, axis and signal, the largest share first; empty without measurements."""
+    if not examined.measured or examined.located is None:
+        return []
+    excess = examined.located.excess
+    return sorted(
+        ((share, a, s) for a, of in excess.items() for s, share in of.items()), reverse=True
     )
-    sections = [
-        gap_traces.residual_section(measured, explained, axis, signal, share, ratio)
-        for share, axis, signal in order
+
+
+def _view_sections(shown: Sequence[ResidualViews]) -> list[tuple[str, View]]:
+    """Key of the section in the template, and its pictures."""
+    return [
+        ("velocity", velocity_view(shown)),
+        ("plane", plane_view(shown)),
+        ("reversal", reversal_view(shown)),
+        ("response", response_view(shown)),
     ]
-    return sections, gap_traces.worst_move(measured, explained, order[0][1], ratio)
 
 
 def headline(report: GapReport) -> str:
     """The verdict in one sentence."""
-    named = " and ".join(
-        f"{cause.effect.replace('_', ' ')} on {cause.axis}" for cause in report.causes
-    )
-    closed = "" if report.gap_closed is None else f" closes {100 * report.gap_closed:.0f} % of it"
+    named = _listed([f"{c.effect.replace('_', ' ')} on {c.axis}" for c in report.causes])
+    closed = ""
+    if report.gap_closed is not None:
+        which = "which closes" if len(report.causes) == 1 else "which together close"
+        closed = f", {which} {100 * report.gap_closed:.0f} % of it"
     match report.verdict:
         case "no_gap":
             return "The machine file describes this stage down to the noise floor."
         case "explained":
-            return f"The gap is {named}{':' if closed else ''}{closed}."
+            return f"The gap is {named}{closed}."
         case "partly_explained":
-            colon = ":" if closed else ""
-            return f"Part of the gap is {named}{colon}{closed}; the rest is unexplained."
+            return f"Part of the gap is {named}{closed}; the rest is unexplained."
         case "unexplained":
             return "There is a gap, but no known effect explains it."
         case _:
             return "These recordings cannot support a diagnosis."
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names as in a sentence: a, b and c."""
+    return " and ".join(", ".join(names).rsplit(", ", 1))
 
 
 def _figures(report: GapReport) -> list[tuple[str, str]]:
@@ -162,7 +196,7 @@ def _figures(report: GapReport) -> list[tuple[str, str]]:
     if report.gap:
         gap = combined_gap(report.gap)  # type: ignore[arg-type]
         if math.isfinite(gap):
-            figures.append((f"{gap**0.5:.1f} x floor", "gap of the machine file"))
+            figures.append((f"{gap**0.5:.1f} \u00d7 floor", "gap of the machine file"))
     if report.gap_closed is not None:
         figures.append((f"{100 * report.gap_closed:.0f} %", "of the gap closed, on held-out moves"))
         if report.gap_closed_interval is not None:
@@ -183,7 +217,7 @@ def _gap_rows(report: GapReport) -> list[GapRow]:
     rows = []
     for axis, signals in (report.gap or {}).items():
         for signal, figures in signals.items():
-            scale, unit = gap_traces.SCALES[signal]
+            scale, unit = traces.SCALES[signal]
 
             def shown(value: float | None, scale: float = scale, unit: str = unit) -> str:
                 return DASH if value is None else f"{_digits(value * scale)} {unit}"

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -20,6 +21,8 @@ F64 = NDArray[np.float64]
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 78, 14, 14, 48
 _POINTS = 900
+_FEW_DECADES = 2.7
+"""Decades of a logarithmic axis from which on only powers of ten are marked."""
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -37,6 +40,21 @@ class Curve:
     y: F64
 
 
+@dataclass(frozen=True, slots=True)
+class Band:
+    """A shaded range of y over x, behind the curves.
+
+    Attributes:
+        name: CSS class, as of a curve.
+        x, low, high: points, float64[n].
+    """
+
+    name: str
+    x: F64
+    low: F64
+    high: F64
+
+
 def chart(
     curves: Sequence[Curve],
     x_label: str,
@@ -44,8 +62,10 @@ def chart(
     *,
     width: int = 600,
     height: int = 300,
-    logarithmic: bool = False,
+    log: Literal["", "x", "xy"] = "",
     zero: bool = False,
+    bands: Sequence[Band] = (),
+    shaded: Sequence[tuple[float, float]] = (),
 ) -> Markup:
     """A line chart.
 
@@ -55,27 +75,42 @@ def chart(
         y_label: with unit.
         width: of the drawing [px] before it is scaled to the page.
         height: likewise.
-        logarithmic: whether both axes are logarithmic.
+        log: the axes that are logarithmic.
         zero: whether the vertical axis starts at zero.
+        bands: behind the curves.
+        shaded: ranges of x about which nothing is known.
     """
-    shown = [_thinned(c, logarithmic) for c in curves]
-    shown = [c for c in shown if len(c.x) > 1]
+    log_x, log_y = "x" in log, "y" in log
+    shown = [_thinned(c, log_x, log_y) for c in curves]
+    shown = [c for c in shown if len(c.x)]
     if not shown:
         return Markup("<p class='note'>Nothing to draw.</p>")
-    if logarithmic:
-        shown = [Curve(c.name, np.log10(c.x), np.log10(c.y)) for c in shown]
     right, bottom = width - _RIGHT, height - _BOTTOM
-    low_x, high_x = _range([c.x for c in shown])
+    low_x, high_x = _range([c.x for c in shown] + [np.array(ends) for ends in _logs(shaded, log_x)])
     px = Scale(low_x, high_x if high_x > low_x else low_x + 1.0, _LEFT, right)
-    py = Scale(*_padded(*_range([c.y for c in shown]), zero), bottom, _TOP)
+    heights = [c.y for c in shown] + [end for band in bands for end in (band.low, band.high)]
+    py = Scale(*_padded(*_range(heights), zero), bottom, _TOP)
     parts = [_open(width, height, f"{y_label} over {x_label}")]
-    for x in _marks(px, 7, logarithmic):
+    for first, last in _logs(shaded, log_x):
+        parts.append(
+            f'<rect class="unknown" x="{px(first):.1f}" y="{_TOP}" '
+            f'width="{px(last) - px(first):.1f}" height="{bottom - _TOP}"/>'
+        )
+    for x in _marks(px, 7, log_x):
         parts.append(f'<path class="grid" d="M{px(x):.1f} {_TOP}V{bottom}"/>')
-        parts.append(text_element(px(x), bottom + 20, _label(x, logarithmic), "middle"))
-    for y in _marks(py, 5, logarithmic):
-        parts += _horizontal(py(y), right, _label(y, logarithmic))
+        parts.append(text_element(px(x), bottom + 20, _label(x, log_x), "middle"))
+    for y in _marks(py, 5, log_y):
+        parts += _horizontal(py(y), right, _label(y, log_y))
+    for band in bands:
+        ends = np.concatenate((band.low, band.high[::-1]))
+        points = points_of(px, py, np.concatenate((band.x, band.x[::-1])), ends)
+        parts.append(f'<polygon class="band {_class(band.name)}" points="{points}"/>')
     for c in shown:
         points = points_of(px, py, c.x, c.y)
+        if len(c.x) == 1:
+            centre = f'cx="{px(float(c.x[0])):.1f}" cy="{py(float(c.y[0])):.1f}"'
+            parts.append(f'<circle class="point {_class(c.name)}" {centre} r="3"/>')
+            continue
         parts.append(f'<polyline class="line {_class(c.name)}" points="{points}"/>')
     parts.append(text_element((_LEFT + right) / 2, height - 8, x_label, "middle", "axis"))
     return _closed([*parts, _y_title(y_label, bottom)])
@@ -146,13 +181,20 @@ def legend(names: Sequence[str]) -> Markup:
     return Markup(f'<p class="legend">{keys}</p>')  # noqa: S704
 
 
-def _thinned(curve: Curve, logarithmic: bool) -> Curve:
-    """A curve with fewer points but its extremes, without points that cannot be drawn."""
+def _thinned(curve: Curve, log_x: bool, log_y: bool) -> Curve:
+    """A curve as it is drawn: with fewer points but its extremes, logarithms where they are drawn.
+
+    Points that cannot be drawn are left out.
+    """
     x, y = np.asarray(curve.x, dtype=float), np.asarray(curve.y, dtype=float)
     good = np.isfinite(x) & np.isfinite(y)
-    if logarithmic:
-        good &= (x > 0) & (y > 0)
-    return Curve(curve.name, *thinned(x[good], y[good], _POINTS))
+    good &= ((x > 0) | (not log_x)) & ((y > 0) | (not log_y))
+    x, y = thinned(x[good], y[good], _POINTS)
+    return Curve(curve.name, np.log10(x) if log_x else x, np.log10(y) if log_y else y)
+
+
+def _logs(ranges: Sequence[tuple[float, float]], log: bool) -> list[tuple[float, float]]:
+    return [(math.log10(a), math.log10(b)) if log else (a, b) for a, b in ranges]
 
 
 def _range(values: Sequence[F64]) -> tuple[float, float]:
@@ -169,17 +211,23 @@ def _padded(low: float, high: float, zero: bool) -> tuple[float, float]:
 
 
 def _marks(scale: Scale, most: int, logarithmic: bool) -> list[float]:
-    """Where an axis has grid lines; powers of ten on a logarithmic one."""
+    """Where an axis has grid lines; on a logarithmic one at powers of ten, or at 1, 2 and 5."""
     if not logarithmic:
         return ticks(scale.low, scale.high, most)
-    whole = [float(k) for k in range(math.ceil(scale.low), math.floor(scale.high) + 1)]
+    decades = range(math.floor(scale.low), math.ceil(scale.high) + 1)
+    if scale.high - scale.low < _FEW_DECADES:
+        fine = [k + math.log10(digit) for k in decades for digit in (1, 2, 5)]
+        return [mark for mark in fine if scale.low - 1e-9 <= mark <= scale.high + 1e-9]
+    whole = [float(k) for k in decades if scale.low <= k <= scale.high]
     return whole if len(whole) <= most + 2 else whole[:: math.ceil(len(whole) / most)]
 
 
 def _label(value: float, logarithmic: bool) -> str:
     if logarithmic:
-        power = round(value)
-        return f"{10**power:g}" if -3 <= power <= 3 else "10" + str(power).translate(_SUPERSCRIPT)
+        power = math.floor(value + 1e-9)
+        if -3 <= power <= 3:
+            return f"{10**value:.3g}"
+        return "10" + str(power).translate(_SUPERSCRIPT)
     return f"{value:.4g}" if abs(value) > 1e-12 else "0"
 
 

@@ -1,4 +1,4 @@
-"""The charts of the gap report: the worst move, and residuals by phase, position, speed and time.
+"""The rms of what a model leaves by phase of motion, position, velocity, time and frequency.
 
 Values are in µm, N, mm and mm/s. `before` is the machine file as given, `after` the model with the
 causes found, `floor` one noisy run of the model minus its noise-free run.
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from sim2real.attribution import FrictionOverPosition
 from sim2real.gap import Measured, Signals
-from sim2real.phases import PHASES, REST, SETTLING, split_moves, split_phases
-from stagectl.report.gap_charts import Curve, bars, chart, legend
+from sim2real.phases import PHASES, REST, SETTLING, split_phases
+from stagectl.report.gap.charts import Curve, bars, chart, legend
 from stagedata import aligned_demand
 
 F64 = NDArray[np.float64]
@@ -25,7 +25,6 @@ SCALES = {"position": (1e6, "µm"), "force": (1.0, "N")}
 _BINS = 40
 _MIN_SAMPLES = 8  # in a bin that is drawn
 _SEGMENT = 1024  # samples, of the spectrum
-_BEFORE, _AFTER = 30, 150  # samples shown around the worst move
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,68 +51,6 @@ class Section:
     panels: tuple[Panel, ...]
 
 
-def worst_move(
-    measured: Sequence[Measured],
-    explained: Sequence[Signals] | None,
-    axis: str,
-    ratio: float,
-) -> tuple[str, tuple[Panel, ...]]:
-    """Charts of the move with the largest force residual on an axis, measured and simulated.
-
-    Args:
-        measured: the gap of each recording.
-        explained: signals of the model with the causes, per recording; None without causes.
-        axis: to show.
-        ratio: Tc/Ts.
-
-    Returns:
-        Which move it is, and its charts of force and following error.
-    """
-    worst, energy = (0, 0), -1.0
-    for r, m in enumerate(measured):
-        for block in split_moves(m.replay.recording, m.replay.period):
-            cut = slice(block.moving, block.end)
-            residual = m.residual[axis]["force"][cut] / (m.gap[axis]["force"].floor or 1.0)
-            if float(np.sum(residual**2)) > energy:
-                worst, energy = (r, block.number), float(np.sum(residual**2))
-    m = measured[worst[0]]
-    found = split_moves(m.replay.recording, m.replay.period)
-    if not found:
-        return "", ()
-    block = found[worst[1]]
-    shown = slice(max(block.moving - _BEFORE, 0), min(block.end + _AFTER, block.stop))
-    signals = m.replay.recording.axes[axis]
-    demand = aligned_demand(signals, ratio)
-    time = 1e3 * (m.replay.recording.time[shown] - m.replay.recording.time[block.moving])
-    panels = []
-
-    def force(of: dict[str, F64]) -> F64:
-        return of["force"][shown]
-
-    def error(of: dict[str, F64]) -> F64:
-        return np.asarray(1e6 * (demand - of["position"])[shown], dtype=np.float64)
-
-    for title, pick, label in (("Force", force, "N"), ("Following error", error, "µm")):
-        measured_curve = pick(m.replay.measured()[axis])
-        models = {"before": pick(m.floor.nominal[axis])}
-        if explained is not None:
-            models["after"] = pick(explained[worst[0]][axis])
-        curves = [Curve("measured", time, measured_curve)]
-        curves += [Curve(kind, time, values) for kind, values in models.items()]
-        residuals = [Curve(kind, time, measured_curve - values) for kind, values in models.items()]
-        panels += [
-            Panel(title, chart(curves, "time [ms]", f"{title.lower()} [{label}]", height=300)),
-            Panel(
-                f"{title}: residual",
-                chart(residuals, "time [ms]", f"measured - simulated [{label}]", height=300),
-            ),
-        ]
-    where = f"axis {axis}, move {worst[1]}"
-    if len(measured) > 1:
-        where += f" of {m.replay.recording.source}"
-    return where, tuple(panels)
-
-
 def residual_section(
     measured: Sequence[Measured],
     explained: Sequence[Signals] | None,
@@ -126,7 +63,7 @@ def residual_section(
 
     Args:
         measured: the gap of each recording.
-        explained: as for `worst_move`.
+        explained: signals of the model with the causes, per recording; None without causes.
         axis: its name.
         signal: "position" or "force".
         share: of the gap's energy above the floor.
@@ -171,7 +108,7 @@ def residual_section(
         for kind, values in residuals.items()
     ]
     density = f"density [{unit}/√Hz]"
-    panels.append(Panel("Spectrum", chart(curves, "frequency [Hz]", density, logarithmic=True)))
+    panels.append(Panel("Spectrum", chart(curves, "frequency [Hz]", density, log="xy")))
     return Section(axis, signal, share, tuple(panels))
 
 

@@ -1,5 +1,6 @@
 """The page of a gap diagnosis: one file, everything on it, nothing from outside."""
 
+import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -18,13 +19,15 @@ from sim2real.report import (
     GapReport,
     NextExperiment,
     Parameter,
+    SelectionStep,
 )
+from sim2real.residuals import view_residuals
 from stagectl.config import load_machine, stage_settings
 from stagectl.report import write_gap_page
-from stagectl.report.gap_page import headline, render_gap_page
+from stagectl.report.gap.page import headline, render_gap_page
 from stagectl.store import read_recording
 
-DATA = Path(__file__).parents[3] / "data"
+DATA = Path(__file__).parents[4] / "data"
 VOID = {"meta", "br", "link", "img"}
 
 
@@ -114,7 +117,7 @@ def test_the_page_is_complete_and_loads_nothing(examined, explained):
         similarity={"y": {("force_ripple", "cogging"): 0.8}},
     )  # fmt: skip
     Balanced().feed(page)
-    assert "The gap is force ripple on y: closes 93 % of it." in page
+    assert "The gap is force ripple on y, which closes 93 % of it." in page
     for text in (
         "Nothing &lt;else&gt; is left.", "wafer &lt;xy&gt;", "Correct the commutation.", "x: late",
         "90–95 %", "both waves", "move slowly", "to: [0.0, 0.1]", "± 0.0020",  # noqa: RUF001
@@ -122,9 +125,29 @@ def test_the_page_is_complete_and_loads_nothing(examined, explained):
     ):  # fmt: skip
         assert text in page
     assert not re.search(r"(src|href|@import|url\()\s*=?\s*[\"']?(https?:)?//", page)
-    assert page.count("<svg") == 4 + 4 * 5 + 1
-    assert page.count('class="line after"') >= 4 + 4 * 4
+    assert page.count("<svg") == 4 * 5 + 1
+    assert page.count('class="line after"') >= 4 * 4
     assert "nan" not in page
+
+
+def test_what_the_models_leave_is_drawn_and_explained(examined, explained):
+    model = [m.floor.nominal for m in examined.measured]
+    views = view_residuals(examined.measured, model, examined.settings)
+    page = render_gap_page(explained, examined, "m", explained=model, views=views)
+    Balanced().feed(page)
+    for heading in ("over velocity", "over position and velocity", "around reversals", "response"):
+        assert re.search(f"<h2>[^<]*{heading}[^<]*</h2>", page)
+    assert not re.search(r"\bnan\b", page)
+    data = json.loads(re.search(r'id="data">(.*?)</script>', page, re.S)[1])
+    assert data["kinds"] == ["before", "after"]
+
+
+def test_steps_are_a_table(examined, explained):
+    steps = (SelectionStep("x", ("dead_time",), ("dead_time",), 0.71, 0.02),)
+    page = render_gap_page(replace(explained, steps=steps), examined, "m")
+    assert "Step by step" in page
+    assert "71 %" in page
+    assert "Step by step" not in render_gap_page(explained, examined, "m")
 
 
 def test_verdict_comes_first(examined, explained):

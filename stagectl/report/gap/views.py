@@ -1,0 +1,201 @@
+"""The pictures of what a model leaves: over velocity, over the plane, at reversals, by frequency.
+
+Each is drawn from `sim2real.residuals`; where that has nothing, a sentence says why.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from sim2real.residuals import (
+    FrequencyResponse,
+    ResidualViews,
+    ReversalLoop,
+    VelocityMeans,
+)
+from stagectl.report.gap.charts import Band, Curve, chart
+from stagectl.report.gap.plane_picture import colour_limit, plane_picture
+from stagectl.report.gap.traces import Panel
+
+F64 = NDArray[np.float64]
+
+_SLOW = 0.12
+"""Share of the highest speed that the picture of low speeds shows."""
+_FEWEST_SLOW = 3
+"""Points in each direction without which there is no such picture."""
+_NAMES = {"before": "before", "after": "after the explanation"}
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """The pictures of one kind, of all axes, and what there is to say where there are none.
+
+    Attributes:
+        panels: with their headings.
+        missing: sentences.
+    """
+
+    panels: tuple[Panel, ...]
+    missing: tuple[str, ...]
+
+
+def velocity_view(views: Sequence[ResidualViews]) -> View:
+    """Mean residual force over velocity: all speeds, and low ones where the axis has crept."""
+    panels, missing = [], []
+    for of_axis in views:
+        if not of_axis.velocity:
+            missing.append(f"Axis {of_axis.axis} did not move long enough at any speed.")
+            continue
+        panels.append(_velocity_panel(of_axis.velocity, f"Axis {of_axis.axis}: all speeds"))
+        fastest = max(float(np.abs(m.velocity).max()) for m in of_axis.velocity)
+        slow = [_slower(means, _SLOW * fastest) for means in of_axis.velocity]
+        if all(len(means.velocity) >= _FEWEST_SLOW for means in slow):
+            panels.append(_velocity_panel(slow, f"Axis {of_axis.axis}: low speeds"))
+    return View(tuple(panels), tuple(missing))
+
+
+def plane_view(views: Sequence[ResidualViews]) -> View:
+    """Mean residual force over position and velocity; all pictures of an axis on one scale."""
+    panels, missing = [], []
+    for of_axis in views:
+        plane = of_axis.plane
+        if plane is None:
+            missing.append(f"Axis {of_axis.axis} did not move.")
+            continue
+        limit = colour_limit(plane.mean["before"])
+        for model, values in plane.mean.items():
+            title = f"Axis {of_axis.axis}: {_NAMES.get(model, model)}"
+            picture = plane_picture(
+                1e3 * plane.positions, 1e3 * plane.velocities, values, limit, title
+            )
+            panels.append(Panel(title, picture))
+    return View(tuple(panels), tuple(missing))
+
+
+def reversal_view(views: Sequence[ResidualViews]) -> View:
+    """Force over position around reversals, measured and simulated."""
+    panels, missing = [], []
+    for of_axis in views:
+        if not of_axis.reversals:
+            missing.append(f"Axis {of_axis.axis}: too few samples around reversals.")
+        for loop in of_axis.reversals:
+            way = "forward, then back" if loop.direction > 0 else "backward, then forward"
+            turns = f"{loop.turns} reversal{'s' if loop.turns > 1 else ''}"
+            title = f"Axis {of_axis.axis}: {way} ({turns})"
+            panels.append(Panel(title, _reversal_picture(loop)))
+    return View(tuple(panels), tuple(missing))
+
+
+def response_view(views: Sequence[ResidualViews]) -> View:
+    """Frequency response from demand to position: magnitude and phase."""
+    panels, missing = [], []
+    for of_axis in views:
+        response = of_axis.response
+        if not of_axis.has_demand:
+            missing.append(f"Axis {of_axis.axis}: no demand was recorded.")
+        elif response is None:
+            missing.append(f"Axis {of_axis.axis}: no recording is long enough (2.5 s).")
+        elif response.excited.sum() < 2:
+            missing.append(
+                f"Axis {of_axis.axis}: these moves excite no frequency enough. "
+                "stagectl gap excite writes a recipe with chirps, which do."
+            )
+        else:
+            panels += _response_panels(of_axis.axis, response)
+    return View(tuple(panels), tuple(missing))
+
+
+def _slower(means: VelocityMeans, speed: float) -> VelocityMeans:
+    """The bins up to a speed."""
+    kept = np.abs(means.velocity) <= speed
+
+    def cut(values: Mapping[str, F64]) -> dict[str, F64]:
+        return {model: v[kept] for model, v in values.items()}
+
+    return VelocityMeans(
+        means.direction, means.velocity[kept], means.samples[kept], means.bins[kept],
+        cut(means.mean), cut(means.spread),
+    )  # fmt: skip
+
+
+def _velocity_panel(directions: Sequence[VelocityMeans], title: str) -> Panel:
+    curves, bands = [], []
+    for means in directions:
+        velocity = 1e3 * means.velocity
+        gaps = np.flatnonzero(np.diff(means.bins) > 1) + 1
+        for part in np.split(np.arange(len(velocity)), gaps):
+            for model, every in means.mean.items():
+                mean, spread = every[part], means.spread[model][part]
+                curves.append(Curve(model, velocity[part], mean))
+                bands.append(Band(model, velocity[part], mean - spread, mean + spread))
+    fastest = max(float(np.abs(c.x).max()) for c in curves)
+    zero = Curve("zero", np.array([-fastest, fastest]), np.zeros(2))
+    picture = chart(
+        [zero, *curves], "velocity [mm/s]", "measured \u2212 simulated [N]", bands=bands
+    )
+    return Panel(title, picture)
+
+
+def _reversal_picture(loop: ReversalLoop) -> Markup:
+    curves, bands = [], []
+    for name, approach in loop.approach.items():
+        departure = loop.departure.get(name)
+        if departure is None:
+            continue
+        place = np.concatenate((approach.place[::-1], departure.place))
+        force = np.concatenate((approach.force[::-1], departure.force))
+        curves.append(Curve(name, 1e6 * place, force))
+        if name == "measured":
+            bands = [
+                Band(name, 1e6 * b.place, b.force - b.spread, b.force + b.spread)
+                for b in (approach, departure)
+            ]
+    return chart(curves, "position from the turning point [µm]", "force [N]", bands=bands)
+
+
+def _response_panels(axis: str, response: FrequencyResponse) -> list[Panel]:
+    excited, frequency = response.excited, response.frequency
+    unknown = _unknown(response)
+    magnitudes, phases = [], []
+    measured = response.response["measured"]
+    reference = np.full(len(frequency), np.nan)
+    reference[excited] = np.unwrap(np.angle(measured[excited]))
+    for name, values in response.response.items():
+        # Each phase within half a turn of the measured one, whatever the turns between.
+        phase = reference + np.angle(values / np.where(measured == 0.0, 1.0, measured))
+        with np.errstate(divide="ignore"):
+            decibels = 20.0 * np.log10(np.abs(values))
+        for first, end in _runs(excited):
+            cut = slice(first, end)
+            magnitudes.append(Curve(name, frequency[cut], decibels[cut]))
+            phases.append(Curve(name, frequency[cut], np.degrees(phase[cut])))
+    return [
+        Panel(
+            f"Axis {axis}: {title}",
+            chart(curves, "frequency [Hz]", label, log="x", shaded=unknown),
+        )
+        for title, curves, label in (
+            ("magnitude", magnitudes, "position / demand [dB]"),
+            ("phase", phases, "phase [°]"),
+        )
+    ]
+
+
+def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First number and one past the last of every run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _unknown(response: FrequencyResponse) -> list[tuple[float, float]]:
+    """Bands of frequency that are not excited, from midway to midway between two frequencies."""
+    f = response.frequency
+    middles = np.array([np.sqrt(a * b) for a, b in pairwise(f)])
+    edges = np.concatenate((f[:1], middles, f[-1:]))
+    return [(float(edges[a]), float(edges[b])) for a, b in _runs(~response.excited)]

@@ -1,0 +1,68 @@
+"""The pictures of what a model leaves, and the sentences where there is nothing to draw."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim2real.gap import compare_with_model
+from sim2real.residuals import view_residuals
+from stagectl.config import load_machine, stage_settings
+from stagectl.report.gap.views import plane_view, response_view, reversal_view, velocity_view
+from stagectl.store import read_recording
+
+DATA = Path(__file__).parents[4] / "data"
+
+
+@pytest.fixture(scope="module")
+def seen():
+    settings = stage_settings(load_machine())
+    measured = compare_with_model(read_recording(DATA / "null-2.h5"), settings, draws=1)
+    return view_residuals([measured], [measured.floor.nominal], settings)["x"]
+
+
+def test_each_picture_has_measured_before_and_after(seen):
+    velocity = velocity_view([seen])
+    assert [p.title for p in velocity.panels] == ["Axis x: all speeds", "Axis x: low speeds"]
+    for panel in velocity.panels:
+        for name in ("line before", "line after", "band before", "band after"):
+            assert name in panel.picture
+    assert len(plane_view([seen]).panels) == 2
+    for view in (reversal_view([seen]), response_view([seen])):
+        assert view.panels
+        for panel in view.panels:
+            for name in ("line measured", "line before", "line after"):
+                assert name in panel.picture
+            assert "nan" not in panel.picture
+
+
+def test_empty_data_are_a_sentence(seen):
+    still = replace(seen, velocity=(), plane=None, response=None, reversals=())
+    for draw in (velocity_view, plane_view, reversal_view, response_view):
+        view = draw([still])
+        assert view.panels == ()
+        (sentence,) = view.missing
+        assert sentence.startswith("Axis x")
+    assert "no demand" in response_view([replace(still, has_demand=False)]).missing[0]
+
+
+def test_frequencies_that_are_not_excited_are_shaded_and_not_drawn(seen):
+    response = seen.response
+    none = replace(response, excited=np.zeros(len(response.frequency), dtype=bool))
+    (sentence,) = response_view([replace(seen, response=none)]).missing
+    assert "gap excite" in sentence
+    some = replace(response, excited=response.frequency < 50.0)
+    (magnitude, _) = response_view([replace(seen, response=some)]).panels
+    assert 'class="unknown"' in magnitude.picture
+    every = replace(response, excited=np.ones(len(response.frequency), dtype=bool))
+    (magnitude, _) = response_view([replace(seen, response=every)]).panels
+    assert 'class="unknown"' not in magnitude.picture
+
+
+def test_speeds_that_did_not_occur_are_not_bridged(seen):
+    (panel, *_) = velocity_view([seen]).panels
+    forward = seen.velocity[-1]
+    jumped = replace(forward, bins=forward.bins + 5 * (np.arange(len(forward.bins)) > 3))
+    (split, *_) = velocity_view([replace(seen, velocity=(*seen.velocity[:-1], jumped))]).panels
+    assert split.picture.count("<polyline") == panel.picture.count("<polyline") + 2
