@@ -91,7 +91,7 @@ def command(
             click.echo(f"  {line}")
         if not calibration.sequence.reaches():
             click.echo("  below the required accuracy: a larger 'reach' may help")
-    from stagectl.run import RunRequest, prepare
+    from stagectl.run import RunRequest, check
     from stagectl.sequencer import Mode
 
     request = RunRequest(
@@ -112,7 +112,7 @@ def command(
         recipe = calibration.at(selected)
     request = replace(request, recipe=recipe)
     if dry_run:
-        prepare(request)
+        check(request)
         places = recipe.sites[0 if request.resumed is None else request.resumed.done :]
         for x, y in places:
             click.echo(f"  would visit ({x * 1e3:g}, {y * 1e3:g}) mm", err=quiet)
@@ -177,8 +177,9 @@ def _measure(
         write_calibration_report,
     )
     from stagectl.cli.progress import RunProgress
+    from stagectl.config import is_server, without_password
     from stagectl.errors import StagectlError, UnusableInput
-    from stagectl.history import StageKey, is_server, without_password
+    from stagectl.history import StageKey
     from stagectl.report import friction_map_used, resume_command
     from stagectl.run import Listener, execute
 

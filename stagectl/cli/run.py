@@ -167,9 +167,14 @@ def command(
             f"{folder}: holds the run to continue; the continuation needs its own folder",
             param_hint="--out",
         )
+    resumed = None
+    if resume is not None:
+        from stagectl.run import load_interrupted
+
+        resumed = load_interrupted(resume, loaded)
     from stagectl.history import default_history
-    from stagectl.run import RunRequest, load_interrupted
-    from stagectl.sequencer import Mode
+    from stagectl.run import RunRequest
+    from stagectl.sequencer.mode import Mode
 
     request = RunRequest(
         recipe=loaded,
@@ -183,7 +188,7 @@ def command(
         started=started,
         faults=plan,
         retries=retries,
-        resumed=None if resume is None else load_interrupted(resume, loaded),
+        resumed=resumed,
         history=default_history(history, believed, truth is not None, folder, out is not None),
         use_map=use_map == "active",
         operator=operator or None,
@@ -226,9 +231,9 @@ def _with_due_sites(request: RunRequest, path: Path, budget: float | None) -> Ru
 def _dry_run(request: RunRequest, json_out: Path | None) -> None:
     """Check all that the run would check before it opens the bus, and print its plan."""
     from stagectl.recipe import dry_run
-    from stagectl.run import prepare
+    from stagectl.run import check
 
-    prepare(request)
+    check(request)
     done = 0 if request.resumed is None else request.resumed.done
     outcome = dry_run(request.recipe, request.machine, done=done)
     write_json(outcome.as_dict(), json_out)

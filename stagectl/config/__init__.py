@@ -1,5 +1,6 @@
 """Machine files: YAML with units, validated models, and their settings for the other packages."""
 
+from stagectl.config.history_address import is_server, without_password
 from stagectl.config.machine import Axis, Drive, Machine
 from stagectl.config.machine_file import load_machine, parse_machine
 from stagectl.config.package_settings import driver_settings, eds_path, stage_settings
@@ -10,7 +11,9 @@ __all__ = [
     "Machine",
     "driver_settings",
     "eds_path",
+    "is_server",
     "load_machine",
     "parse_machine",
     "stage_settings",
+    "without_password",
 ]

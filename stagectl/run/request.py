@@ -6,14 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from hil_sim.bus import FaultPlan
 from stagectl.config.machine import Machine
 from stagectl.errors import StagectlError
 from stagectl.recipe import Recipe, count_segments
-from stagectl.sequencer import Figures, Mode, SiteVerdict
-from stagedata import Recording
+from stagectl.sequencer.mode import Figures, Mode
+
+if TYPE_CHECKING:
+    from hil_sim.bus import FaultPlan
+    from stagectl.sequencer import SiteVerdict
+    from stagedata import Recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +40,8 @@ class Resumed:
     @classmethod
     def from_note(cls, note: Mapping[str, Any]) -> Resumed:
         """From the note in a recording (`RunRequest.as_note`)."""
+        from stagectl.sequencer import SiteVerdict
+
         friction = {
             str(axis): {str(name): (float(p[0]), float(p[1])) for name, p in figures.items()}
             for axis, figures in note["friction"].items()

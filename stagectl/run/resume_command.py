@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from stagectl.config import without_password
 from stagectl.config.machine import Machine
-from stagectl.history import default_history, without_password
+from stagectl.history import default_history
 from stagectl.sequencer import Mode
 
 

@@ -139,19 +139,6 @@ class RunHistory:
         return f"{lacks} ({why}); 'stagectl history import {folder}' files the rest"
 
 
-def start_time(history: History | None, request: RunRequest) -> float:
-    """When a run starts, in the time of its history [s since 1970].
-
-    The time of a virtual stage runs faster than this computer's. It continues where the stage's
-    last run ended, so that no earlier estimate lies in the future.
-    """
-    now = request.started.timestamp()
-    if request.truth is None or history is None:
-        return now
-    newest = history.newest(StageKey(request.machine.name, simulated=True))
-    return now if newest is None else max(now, newest + 1.0)
-
-
 def run_entry(request: RunRequest, started: float) -> RunEntry:
     """A run as entered in the history; `started` is its `start_time`."""
     simulated = request.truth is not None

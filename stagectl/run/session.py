@@ -28,7 +28,8 @@ from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError, Unusa
 from stagectl.history import open_history, stage_temperature
 from stagectl.maps import ActiveMap, sites_outside
 from stagectl.recipe import plan_from
-from stagectl.run.prepare import Preparation, Substitutes, file_earlier_runs, prepare
+from stagectl.run.checks import Substitutes
+from stagectl.run.prepare import Preparation, file_earlier_runs, prepare
 from stagectl.run.record import RunRecord
 from stagectl.run.request import RunRequest, RunResult
 from stagectl.run.retries import recover_stage

@@ -15,7 +15,6 @@ import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 
@@ -39,6 +38,7 @@ from stagectl.config.host_model import estimator_settings, kink_delay
 from stagectl.config.known_effects import axis_as_known, known_terms
 from stagectl.config.machine import Axis, Machine
 from stagectl.sequencer.known_axis import KnownAxis
+from stagectl.sequencer.mode import Figures, Mode
 from stagedata import FrictionFigures
 
 TAKE_OVER = 0.1
@@ -47,18 +47,6 @@ REVISE_AT = 0.65
 """Share of a move's duration after which its offsets may be revised; it decelerates then."""
 REVISE_FROM = 0.03
 """Relative change of the sliding force from which they are."""
-
-Figures = Mapping[str, tuple[float, float]]
-"""Friction figures by name (coulomb, viscous, stiffness, relaxation_rate), each with its sigma."""
-
-
-class Mode(StrEnum):
-    """What the force offsets consist of."""
-
-    NONE = "none"  # mass times acceleration only
-    MODEL = "model"  # and friction of the machine file
-    ESTIMATED = "estimated"  # and friction as estimated
-    ORACLE = "oracle"  # and the virtual stage's own friction
 
 
 @dataclass(frozen=True, slots=True)

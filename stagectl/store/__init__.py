@@ -3,48 +3,57 @@
 `journal` (while the run goes on), `recovery` (from there to the recording), `recording` (HDF5;
 `hdf5`, `ledger`), `bus_log` (`frame_spool`, `asc_log`) and `log_reader`, `summary`, `foreign` and
 `columns` (data of other programs), `atomic`.
+
+Names are imported on first use.
 """
 
-from stagectl.store.asc_log import LOG_NAME, find_log
-from stagectl.store.atomic import write_atomically
-from stagectl.store.bus_log import SPOOL_NAME, BusLog, recover_log
-from stagectl.store.foreign import import_recording
-from stagectl.store.journal import (
-    FILE_NAME,
-    SAMPLE_TAG,
-    AxisScaling,
-    Journal,
-    JournalHeader,
-    refuse_in_progress,
-    sample_codec,
-    sample_dtype,
-)
-from stagectl.store.ledger import CycleLedger
-from stagectl.store.log_reader import LoggedFrame, read_log
-from stagectl.store.recording import (
-    RunNotes,
-    read_ledger,
-    read_notes,
-    read_recording,
-    write_recording,
-)
-from stagectl.store.recovery import (
-    RECORDING_NAME,
-    RECOVERED_NAME,
-    read_journal_notes,
-    recover_folder,
-    recover_journal,
-    recover_left_over,
-)
-from stagectl.store.summary import (
-    FrictionEntry,
-    ParameterEstimate,
-    Retry,
-    RunFacts,
-    build_summary,
-    finite,
-    write_summary,
-)
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from stagectl.on_first_use import on_first_use
+
+if TYPE_CHECKING:
+    from stagectl.store.asc_log import LOG_NAME, find_log
+    from stagectl.store.atomic import write_atomically
+    from stagectl.store.bus_log import SPOOL_NAME, BusLog, recover_log
+    from stagectl.store.foreign import import_recording
+    from stagectl.store.journal import (
+        FILE_NAME,
+        SAMPLE_TAG,
+        AxisScaling,
+        Journal,
+        JournalHeader,
+        refuse_in_progress,
+        sample_codec,
+        sample_dtype,
+    )
+    from stagectl.store.ledger import CycleLedger
+    from stagectl.store.log_reader import LoggedFrame, read_log
+    from stagectl.store.recording import (
+        RunNotes,
+        read_ledger,
+        read_notes,
+        read_recording,
+        write_recording,
+    )
+    from stagectl.store.recovery import (
+        RECORDING_NAME,
+        RECOVERED_NAME,
+        read_journal_notes,
+        recover_folder,
+        recover_journal,
+        recover_left_over,
+    )
+    from stagectl.store.summary import (
+        FrictionEntry,
+        ParameterEstimate,
+        Retry,
+        RunFacts,
+        build_summary,
+        finite,
+        write_summary,
+    )
 
 __all__ = [
     "FILE_NAME",
@@ -84,3 +93,43 @@ __all__ = [
     "write_recording",
     "write_summary",
 ]
+
+__getattr__ = on_first_use(
+    __name__,
+    {
+        "asc_log": ("LOG_NAME", "find_log"),
+        "atomic": ("write_atomically",),
+        "bus_log": ("SPOOL_NAME", "BusLog", "recover_log"),
+        "foreign": ("import_recording",),
+        "journal": (
+            "FILE_NAME",
+            "SAMPLE_TAG",
+            "AxisScaling",
+            "Journal",
+            "JournalHeader",
+            "refuse_in_progress",
+            "sample_codec",
+            "sample_dtype",
+        ),
+        "ledger": ("CycleLedger",),
+        "log_reader": ("LoggedFrame", "read_log"),
+        "recording": ("RunNotes", "read_ledger", "read_notes", "read_recording", "write_recording"),
+        "recovery": (
+            "RECORDING_NAME",
+            "RECOVERED_NAME",
+            "read_journal_notes",
+            "recover_folder",
+            "recover_journal",
+            "recover_left_over",
+        ),
+        "summary": (
+            "FrictionEntry",
+            "ParameterEstimate",
+            "Retry",
+            "RunFacts",
+            "build_summary",
+            "finite",
+            "write_summary",
+        ),
+    },
+)

@@ -17,7 +17,7 @@ from stagectl.config.machine_file import parse_machine
 from stagectl.errors import UnusableInput
 from stagectl.maps import restore_snapshot
 from stagectl.recipe import Pair, parse_recipe
-from stagectl.run.prepare import Substitutes
+from stagectl.run.checks import Substitutes
 from stagectl.run.replay.bus import Difference, ReplayBus
 from stagectl.run.request import Resumed, RunRequest
 from stagectl.run.session import Listener, execute

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from stagectl.config import is_server, without_password
 from stagectl.config.history_address import shown_address
 from stagectl.errors import StagectlError
-from stagectl.history import is_server, open_history, without_password
+from stagectl.history import open_history
 
 psycopg = pytest.importorskip("psycopg")
 

@@ -5,8 +5,9 @@ import threading
 
 import pytest
 
+from stagectl.config import without_password
 from stagectl.errors import StagectlError
-from stagectl.history import HistoryWriter, StageKey, StepRecord, open_history, without_password
+from stagectl.history import HistoryWriter, StageKey, StepRecord, open_history
 from tests.sqlite_lock import locked
 
 BEGIN = 1.7e9
