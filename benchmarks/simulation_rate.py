@@ -5,11 +5,13 @@
 Both axes of a recording in `tests/data`, scaled to 10 s of it; one thread, its processor time (the
 least of some rounds, so that other load on the machine counts little). "Off the reference" is rms
 over the recording, worst axis; a perfect model is still 0.04 µm and 0.07 N off a real recording.
+"Over C": the same equations without effects in a plain C loop, built on the spot (`peers/plant.c`).
 """
 
 from __future__ import annotations
 
 import argparse
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,16 +19,20 @@ from pathlib import Path
 
 import numpy as np
 from machine_facts import machine_facts
+from numpy.typing import NDArray
+from peers.c_plant import CPlant
 
 from hil_sim.effects import AppliedEffect
 from hil_sim.effects.library import own_effects
 from hil_sim.plant import simulate
-from hil_sim.settings import StageSettings
+from hil_sim.settings import SUBSTEPS, StageSettings
 from stagectl.config import load_machine, stage_settings
 from stagectl.store import read_recording
 
 RECORDING = Path(__file__).parents[1] / "tests" / "data" / "null-2.h5"
 SPAN = 10.0  # s
+SAME = 1e-9
+"""Rounding makes the two programs differ by less [m]."""
 EFFECTS: dict[str, dict[str, float]] = {
     "cogging": {"amplitude": 1.2, "pitch": 0.03, "phase": 1.0},
     "dead_time": {"delay": 0.00045},
@@ -35,6 +41,9 @@ EFFECTS: dict[str, dict[str, float]] = {
     "cross_coupling": {"mass": 0.4},
 }
 """On axis x in turn; 10 elements."""
+
+
+F64 = NDArray[np.float64]
 
 
 def stage(elements: int, *effects: AppliedEffect) -> StageSettings:
@@ -58,6 +67,30 @@ def least_time(action: Callable[[], object], rounds: int) -> float:
     return min(spent)
 
 
+def over_c(
+    loop: CPlant, settings: StageSettings, demand: F64, offset: F64, rounds: int
+) -> tuple[float, float]:
+    """Times of the reference and of the coarse step over those of the C loop.
+
+    Raises:
+        ValueError: the C loop computes something else.
+    """
+    ratios = []
+    for substeps in (SUBSTEPS, 1):
+        run = loop.prepare(settings, demand, offset, substeps)
+        theirs = least_time(run, rounds)
+        ours = least_time(
+            lambda n=substeps: simulate(settings, demand, offset, None, substeps=n), rounds
+        )
+        position, _ = run()
+        response = simulate(settings, demand, offset, None, substeps=substeps)
+        off = float(np.sqrt(np.mean((position - response.position) ** 2, axis=0)).max())
+        if off > SAME:
+            raise ValueError(f"{substeps} steps: the C loop is {off * 1e9:.1f} nm (rms) off")
+        ratios.append(ours / theirs)
+    return ratios[0], ratios[1]
+
+
 def main() -> None:
     """Print one row per stage."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -78,10 +111,11 @@ def main() -> None:
             least_time(
                 lambda s=settings, n=n: simulate(s, demand, offset, None, substeps=n), rounds
             )
-            for n in (5, 1)
+            for n in (SUBSTEPS, 1)
         ]
         fine, coarse = (
-            simulate(settings, demand, offset, None, substeps=n, rounded=False) for n in (5, 1)
+            simulate(settings, demand, offset, None, substeps=n, rounded=False)
+            for n in (SUBSTEPS, 1)
         )
         off = [
             float(np.sqrt(np.mean((one - other) ** 2, axis=0)).max())
@@ -91,6 +125,18 @@ def main() -> None:
             f"| {name} | {cost[0] * share * 1e3:.1f} | {cost[1] * share * 1e3:.1f} "
             f"| {off[0] * 1e6:.4f} | {off[1]:.4f} |"
         )
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            loop = CPlant(Path(folder))
+        except OSError as why:
+            print(f"\nNot compared with a C loop: {why}.")
+            return
+        print(f"\nOver a C loop of the same equations ({loop.built_by}):\n")
+        print("| | reference | coarse |")
+        print("| --- | --- | --- |")
+        for name in [name for name in stages if name not in EFFECTS]:
+            fine_ratio, coarse_ratio = over_c(loop, stages[name], demand, offset, rounds)
+            print(f"| {name}, over C | {fine_ratio:.2f} | {coarse_ratio:.2f} |")
 
 
 if __name__ == "__main__":

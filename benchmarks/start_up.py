@@ -132,6 +132,9 @@ def rates(tree: Tree) -> Figures:
     simulation = _rows(tree.call("benchmarks/simulation_rate.py").output)
     found["10 s of one axis, reference, ms"] = float(simulation["N = 10"][0])
     found["10 s of one axis, coarse, ms"] = float(simulation["N = 10"][1])
+    if over := simulation.get("N = 10, over C"):
+        found["the same, reference, over a C loop"] = float(over[0])
+        found["the same, coarse, over a C loop"] = float(over[1])
     test = tree.folder / "test_fixture.py"
     test.write_text(FIXTURE_TEST)
     shown = tree.call("-m", "pytest", test, "-q", "-s", "-c", os.devnull).output
