@@ -180,6 +180,7 @@ class Arrays:
         pull = ports.standing_force(float(self.state[a]["position"]))
         asked = ports.force_constant * force - pull
         static = float(record["coulomb"]) * (1.0 + ports.static_ratio)
+        static *= ports.coulomb_forward if asked > 0.0 else ports.coulomb_backward
         forces, held = rest_forces(axis.friction, static, asked)
         motor = (held + pull) / ports.force_constant
         self.forces[self._elements(a)] = forces

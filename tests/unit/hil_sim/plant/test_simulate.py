@@ -186,3 +186,12 @@ def test_rest_force_is_shared_between_friction_and_disturbance(nominal, with_eff
     response = simulate(stage, zero, zero, None, rest_force=[4.0, 0.0], rounded=False)
     np.testing.assert_allclose(response.force[:, 0], 4.0, atol=0.01)
     assert np.abs(response.position).max() <= 1e-9
+
+
+def test_rest_force_reaches_the_limit_of_its_own_direction(nominal, with_effects, effects):
+    """6 N of Coulomb friction hold 8.4 N at rest; 12 % more one way, 9.4 N that way."""
+    stage = with_effects(nominal, effects["friction_asymmetry"].at(ratio=0.12))
+    still = np.zeros((5, 2))
+    for held, force in ((9.3, 9.3), (-9.3, -8.4 * 0.88)):
+        response = simulate(stage, still, still, None, rest_force=[held, 0.0], rounded=False)
+        assert response.force[0, 0] == pytest.approx(force, abs=0.01)
