@@ -3,8 +3,8 @@
 `search` selects effects one at a time. `parameter_scan` finds where to start fitting each, over the
 nodes of `parameter_grid`, with first-order `signature`s; `alternatives` scores the sets of effects
 fitted, `refinement` fits close ones to convergence, and `similarity` compares their signatures.
-`shape_check`, `free_form`, `friction_profile` and `travel_hysteresis` (both on `residual_force`)
-recognise an effect of the right family in another shape. `closed_loop_check` drops what does not
+`shape_check` recognises an effect of the right family in another shape, `free_form` friction over
+position in any (`friction_profile`, on `residual_force`). `closed_loop_check` drops what does not
 reduce the free-run gap, and `causes` puts probabilities and sigmas to what remains.
 """
 
@@ -20,10 +20,8 @@ from sim2real.attribution.shape_check import (
     fit_repeats,
     free_form_repeat,
     is_one_profile,
-    nearest_model,
 )
 from sim2real.attribution.similarity import Pairs, signature_similarity
-from sim2real.attribution.travel_hysteresis import fit_travel_hysteresis
 
 __all__ = [
     "AxisSearch",
@@ -36,11 +34,9 @@ __all__ = [
     "find_causes",
     "fit_friction_profile",
     "fit_repeats",
-    "fit_travel_hysteresis",
     "free_form_repeat",
     "is_one_profile",
     "list_candidates",
-    "nearest_model",
     "of_size",
     "refit_beside",
     "search_effects",

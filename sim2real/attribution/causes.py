@@ -38,7 +38,7 @@ _RIVALRY = 0.9
 """Largest odds of all alternatives together: what was chosen is the most probable or simplest."""
 _SCATTER, _RELATIVE, _WANDERS, _STEP, _DAMPED, _TUNED = 2.2, 0.003, 0.4, 0.05, 0.02, 5e-4
 """Contributions that a fit's own sigma leaves out: see `_sigma`."""
-_STEEP = 3.5
+_STEEP = 4.0
 """How fast confidence in the only name falls with the share of the gap that is left."""
 _FAMILY = 0.55
 """Least share of an axis' gap that an effect of the right family closes in the wrong shape."""
@@ -75,7 +75,7 @@ def find_causes(
     """
     problem, best = found.problem, found.best
     causes, alike = [], []
-    at = NUISANCES if found.free is None else STEP
+    at = STEP if found.folds else NUISANCES  # the free loop knows no integration step
     for index, term in enumerate(best.model.terms):
         entries = coordinates(term.effect, problem.axis)
         spread = (

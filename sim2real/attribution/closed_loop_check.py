@@ -9,12 +9,12 @@ effect only if it closes much of what is left, and none if none closes enough.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 
 from hil_sim.settings import StageSettings
 from sim2real.attribution.alternatives import of_size
 from sim2real.attribution.search import AxisSearch
-from sim2real.fitting import AxisModel, AxisProblem, Fitted, fit
+from sim2real.fitting import AxisModel, fit
+from sim2real.free_loop import FreeLoop
 from sim2real.gap import Measured
 from sim2real.shrinkage import FLOOR_LEVEL, axis_gap
 
@@ -27,50 +27,34 @@ _SETS = 4
 
 
 def drop_ineffective(
-    searches: Mapping[str, AxisSearch], measured: Sequence[Measured], settings: StageSettings
+    searches: Mapping[str, AxisSearch],
+    measured: Sequence[Measured],
+    settings: StageSettings,
+    loop: Callable[[str], FreeLoop],
 ) -> None:
-    """Drop effects that do nothing for the free-run gap; searches are changed in place."""
+    """Drop effects that do nothing for the free-run gap.
+
+    Args:
+        searches: axis -> its search, changed in place.
+        measured: recordings.
+        settings: of the machine file.
+        loop: the free loop of an axis.
+    """
     models = {name: found.best.model for name, found in searches.items()}
     for name, found in searches.items():
-        if not found.best.model.terms:
+        if found.is_complete and not found.best.model.terms:
             continue
-        best = (
-            _drop_invisible(name, models, measured, settings)
-            if found.is_complete
-            else _best_closing(name, found, models, measured, settings)
-        )
-        alone = partial(_gap_of_model, name, models, measured, settings)
-        same = best.names() == found.best.model.names()
-        if not same or alone(best) < alone(found.best.model):
-            problem = found.problem
-            if best.terms:
-                problem = problem.finer_if_close(problem.residual(best))
-            found.best = _refit(problem, best, alone)
+        if found.is_complete:
+            best = _drop_invisible(name, models, measured, settings)
+            if best.names() != found.best.model.names():
+                found.best = fit(found.problem.finer_if_close(found.best.residual), best, 3)
+        else:
+            found.fit_in_loop(loop(name), _best_closing(name, found, models, measured, settings))
         models[name] = found.best.model
         before = axis_gap(name, {**models, name: found.problem.start}, measured, settings)
         after = _gap(name, found, models, measured, settings)
         if before > FLOOR_LEVEL + _VISIBLE:
             found.closes = 1.0 - (after - FLOOR_LEVEL) / (before - FLOOR_LEVEL)
-
-
-def _gap_of_model(
-    name: str,
-    models: Mapping[str, AxisModel],
-    measured: Sequence[Measured],
-    settings: StageSettings,
-    model: AxisModel,
-) -> float:
-    """Gap of an axis under another model of it, with the other axes unchanged."""
-    return axis_gap(name, {**models, name: model}, measured, settings)
-
-
-def _refit(problem: AxisProblem, model: AxisModel, gap: Callable[[AxisModel], float]) -> Fitted:
-    """The model fitted once more, or unchanged where that would widen its gap.
-
-    An effect whose shape is not quite the stage's is distorted by innovations it cannot explain.
-    """
-    again = fit(problem, model, 3)
-    return again if gap(again.model) <= gap(model) else fit(problem, model, 0)
 
 
 def _drop_invisible(

@@ -1,8 +1,7 @@
-"""Effects in free form: recognised whatever their shape, and where to start fitting them.
+"""Friction over position, recognised whatever its shape, and where to start fitting it.
 
-Friction over position and hysteresis over travel can each be recognised in any shape
-(`sim2real.attribution.friction_profile`, `sim2real.attribution.travel_hysteresis`). The library's
-effect of that kind is the nearest that a machine file can hold.
+Its shape is measured (`sim2real.attribution.friction_profile`). The library's effect of that kind
+is the nearest that a machine file can hold.
 """
 
 from __future__ import annotations
@@ -18,7 +17,6 @@ from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.attribution.friction_profile import FrictionProfile, fit_friction_profile
 from sim2real.attribution.parameter_grid import midrange
-from sim2real.attribution.travel_hysteresis import TravelHysteresis, fit_travel_hysteresis
 from sim2real.fitting import AxisModel, Coordinate, Term, coordinates
 from sim2real.gap import Measured
 
@@ -88,10 +86,6 @@ class FreeFormTest:
             if is_profile(effect, axis):
                 profile = fit_friction_profile(self.name, {}, self.measured, self.settings)
                 forms.append(FreeForm(effect, profile.share, tuple(_bells(effect, profile, axis))))
-            elif is_hysteresis(effect, axis):
-                travel = fit_travel_hysteresis(self.name, {}, self.measured, self.settings)
-                if travel.force > 0.0:
-                    forms.append(FreeForm(effect, travel.share, (_cable(effect, travel, axis),)))
         return max(forms, key=lambda form: form.share, default=None)
 
     def profiles(self, models: Mapping[str, AxisModel]) -> tuple[FrictionOverPosition, ...]:
@@ -115,20 +109,12 @@ class FreeFormTest:
         axis = self._axis
         if is_profile(effect, axis):
             return fit_friction_profile(self.name, models, self.measured, self.settings).share
-        if is_hysteresis(effect, axis):
-            travel = fit_travel_hysteresis(self.name, models, self.measured, self.settings)
-            return travel.share if travel.force > 0.0 else 0.0
         return 0.0
 
 
 def is_profile(effect: Effect, axis: AxisSettings) -> bool:
     """Whether an effect is friction over position."""
     return effect.group == "friction" and _typical(effect, axis).position_coulomb is not None
-
-
-def is_hysteresis(effect: Effect, axis: AxisSettings) -> bool:
-    """Whether an effect is a spring that slides at its force."""
-    return bool(_typical(effect, axis).hysteresis)
 
 
 def relative_profile(term: Term, axis: AxisSettings, places: F64) -> F64:
@@ -175,8 +161,3 @@ def _bells(effect: Effect, profile: FrictionProfile, axis: AxisSettings) -> list
                 values["size"] = typical * along / square
                 best[along > 0.0] = (along**2 / square, _term(effect, axis, values))
     return [term for _, term in best.values()]
-
-
-def _cable(effect: Effect, travel: TravelHysteresis, axis: AxisSettings) -> Term:
-    """The single element that is equivalent to all."""
-    return _term(effect, axis, {"size": travel.force, "shape": travel.stiffness})

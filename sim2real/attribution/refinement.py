@@ -60,9 +60,7 @@ def refine_contenders(
         last = before + max(_CLOSE, _CLOSE_SHARE * before, left)
         # And those that would come close if their cost kept falling at its last rate.
         near = [r for r in order if ranking.score(r) - _ITERATIONS * r.fitted.last_gain <= last]
-        starts = [
-            _share_figures(problem, ranking, alternative, near[0]).model for alternative in near
-        ]
+        starts = [alternative.model for alternative in near]
         # The derivatives by base parameters hardly depend on which effect is beside them.
         columns = problem.base_columns(near[0].model, near[0].fitted.residual)
         fit_alternatives(problem, ranking, starts, _ITERATIONS, columns)
@@ -75,20 +73,3 @@ def refine_contenders(
         ):
             break
     return best
-
-
-def _share_figures(
-    problem: AxisProblem, ranking: Ranking, alternative: Alternative, best: Alternative
-) -> Alternative:
-    """The alternative, or the same with the best one's values for what they share, if better.
-
-    Fits of different names stop at different figures of the same plant.
-    """
-    if alternative.model.names() == best.model.names():
-        return alternative
-    shared = {term.name: term for term in best.model.terms}
-    terms = tuple(shared.get(term.name, term) for term in alternative.model.terms)
-    model = AxisModel(best.model.base, terms)
-    residual = problem.residual_or_worst(model)
-    ranking.enter(Fitted(model, problem.cost(model, residual), residual, None))
-    return ranking.best(alternative.model.names())

@@ -1,10 +1,10 @@
 """The residual force that a model leaves in motion, and the share that a kind of effect predicts.
 
-Some effects come in any shape: friction over position, hysteresis over travel. Whether the
-residual is of such a kind is tested without assuming a shape: regressors that only this kind has
-are fitted to all strokes but two and evaluated on these two. Changes over time, and what
-friction of a constant level, viscous friction, drag, another mass, a spring, a constant force
-and presliding explain, do not count.
+Some effects come in any shape, such as friction over position. Whether the residual is of such a
+kind is tested without assuming a shape: regressors that only this kind has are fitted to all
+strokes but two and evaluated on these two. Changes over time, and what friction of a constant
+level, viscous friction, drag, another mass, a spring, a constant force and presliding explain, do
+not count.
 """
 
 from __future__ import annotations

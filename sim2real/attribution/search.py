@@ -23,7 +23,14 @@ from sim2real.attribution.parameter_scan import Scanner, Start
 from sim2real.attribution.refinement import LEAST_GAIN, fit_alternatives, refine_contenders
 from sim2real.attribution.shape_check import Repeat
 from sim2real.fitting import AxisModel, AxisProblem, Fitted, Term, fit, is_within_tolerance
-from sim2real.free_loop import MOST_EFFECTS, FreeSearch
+from sim2real.free_loop import (
+    MOST_EFFECTS,
+    FreeFit,
+    FreeLoop,
+    FreeSearch,
+    fit_figures,
+    move_covariance,
+)
 from sim2real.shrinkage import FLOOR_LEVEL
 
 F64 = NDArray[np.float64]
@@ -34,14 +41,10 @@ _WANDERS = 2
 """Further effects that only the filter's wander supports."""
 _PROMISING = 0.03
 """Effects are fitted whose first-order gain is at least this share of the best one's."""
-_AGAIN = 0.01
-"""The same share for effects that later scans consider, beside another effect."""
 _FAINT = 40.0
 """First-order gain from which effects are fitted where the closed loop shows a gap."""
 _OPEN = 2.0
 """Squared gap over floor per signal from which the closed loop shows a gap."""
-_SHRUNK = (0.5, 0.0)
-"""Shares of the fitted base parameters that are tried in the closed loop."""
 _NARROW = 1000.0
 """Score difference up to which the previous model is refitted too before an effect is added."""
 _RIVALS = 2
@@ -64,6 +67,7 @@ class AxisSearch:
         scanned: effect -> first-order gain in the first scan.
         signatures: effect -> signature in the first scan (`parameter_scan.Start`).
         free: the search in the free loop, where that took over.
+        folds: models fitted to all moves but a fold's, where the free loop gave the figures.
     """
 
     problem: AxisProblem
@@ -77,20 +81,31 @@ class AxisSearch:
     scanned: dict[str, float] = field(default_factory=dict)
     signatures: dict[str, F64] = field(default_factory=dict)
     free: FreeSearch | None = None
+    folds: list[AxisModel] = field(default_factory=list)
 
     def take_over(self, free: FreeSearch) -> None:
         """Take the effects that the free loop found; the innovations may confirm them."""
-        model = free.best.model
-        residual = self.problem.residual_or_worst(model)
-        cost = self.problem.cost(model, residual)
-        self.best = Fitted(model, cost, residual, free.covariance())
+        self._take_figures(free.loop, free.best, free.folds)
         self.free, self.closes = free, free.closed
-        self.is_complete = self.problem.is_nearly_white(residual)
+        self.is_complete = self.problem.is_nearly_white(self.best.residual)
         self.repeats = {}
 
+    def fit_in_loop(self, loop: FreeLoop, model: AxisModel) -> None:
+        """Take effects with figures fitted in the free loop, as where structure is left.
+
+        Innovations that a model cannot explain distort its figures.
+        """
+        self._take_figures(loop, *fit_figures(loop, model))
+
+    def _take_figures(self, loop: FreeLoop, fitted: FreeFit, folds: Sequence[FreeFit]) -> None:
+        residual = self.problem.residual_or_worst(fitted.model)
+        cost = self.problem.cost(fitted.model, residual)
+        self.best = Fitted(fitted.model, cost, residual, move_covariance(loop, fitted))
+        self.folds = [fold.model for fold in folds]
+
     def fold_models(self) -> list[AxisModel]:
-        """Models fitted to other moves than each fold's, where the free loop took over."""
-        return [] if self.free is None else [fitted.model for fitted in self.free.folds]
+        """Models fitted to other moves than each fold's, where the free loop gave the figures."""
+        return self.folds
 
     def discard(self, names: tuple[str, ...]) -> None:
         """Discard a set of effects, as if it had never been considered."""
@@ -123,8 +138,7 @@ def search_effects(
     plain = fit(problem, plain.model, 3, thorough=False)
     found = AxisSearch(problem, plain, plain, loop(problem.start))
     ranking = Ranking(problem, loop)
-    path = [_shrink_base(problem, ranking, plain)]
-    promising: dict[str, Effect] = {}
+    path = [ranking.enter(plain)]
     rivals: dict[str, list[Term]] = {}
     # What does not show in the closed loop is no gap, whatever the innovations say.
     for depth in range(MOST_EFFECTS if found.open_gap > _OPEN * FLOOR_LEVEL else 0):
@@ -134,7 +148,7 @@ def search_effects(
         is_open = path[-1].gap > _OPEN * FLOOR_LEVEL
         scanned = partial(_advance, progress, depth)
         candidates, columns = _candidates(
-            problem, current, library, is_open, found if depth == 0 else None, promising, scanned
+            problem, current, library, is_open, found if depth == 0 else None, scanned
         )
         if not candidates:
             break
@@ -149,7 +163,7 @@ def search_effects(
             break
         if is_within_tolerance(best.model.terms[-1], problem.axis, float(problem.spread[0])):
             break
-        if depth > 0 and not _leads_somewhere(problem, ranking, path[-1], best, depth):
+        if not _leads_somewhere(problem, ranking, path[-1], best, depth):
             break
         path.append(best)
         progress((depth + 1) / MOST_EFFECTS)
@@ -161,11 +175,10 @@ def search_effects(
     if len(path) > 2:
         last = _look_back(problem, last, rivals, ranking)
         problem.rescale(last.fitted.residual)
-    settled = _shrink_base(problem, ranking, last.fitted)
-    model = settled.fitted.model
-    fine = problem.finer_if_close(settled.fitted.residual)
-    found.best = fit(fine, model, 2) if model.terms else settled.fitted
-    nothing = not model.terms and settled.gap < _OPEN * FLOOR_LEVEL
+    model = last.model
+    fine = problem.finer_if_close(last.fitted.residual)
+    found.best = fit(fine, model, 2) if model.terms else last.fitted
+    nothing = not model.terms and last.gap < _OPEN * FLOOR_LEVEL
     found.is_complete = nothing or problem.is_nearly_white(found.best.residual)
     found.alternatives = ranking.ranked()
     return found
@@ -205,13 +218,12 @@ def _candidates(
     library: Mapping[str, Effect],
     is_open: bool,
     found: AxisSearch | None = None,
-    promising: dict[str, Effect] | None = None,
     progress: Callable[[float], object] = lambda _: None,
 ) -> tuple[list[Start], F64]:
     """Starts of the most promising effects, and derivatives by the base parameters.
 
-    `found` records the results of the scan; `promising` gains the effects worth considering
-    again. `progress` is called with the share of the effects scanned, from any thread.
+    `found` records the results of the scan. `progress` is called with the share of the effects
+    scanned, from any thread.
     """
     columns = problem.base_columns(current.model, current.residual)
     scanner = Scanner(
@@ -233,10 +245,6 @@ def _candidates(
             found.scanned[name] = tried[0].gain
             found.signatures[name] = tried[0].signature
     starts.sort(key=lambda start: -start.gain)
-    if promising is not None:
-        promising |= {
-            s.term.name: library[s.term.name] for s in starts if s.gain >= _AGAIN * starts[0].gain
-        }
     needed = _FAINT if is_open else LEAST_GAIN
     if not starts or starts[0].gain < needed:
         return [], columns
@@ -247,20 +255,6 @@ def _candidates(
         wanders = [s for s in starts if s.from_wander and s.gain >= needed and s not in chosen]
         chosen += wanders[:_WANDERS]
     return chosen, columns
-
-
-def _shrink_base(problem: AxisProblem, ranking: Ranking, fitted: Fitted) -> Alternative:
-    """The fit, or one with base parameters nearer to the machine file where the loop prefers it.
-
-    What the innovations hardly weigh may shift base parameters by all that their tolerance
-    allows.
-    """
-    tried = [ranking.enter(fitted)]
-    for share in _SHRUNK:
-        model = replace(fitted.model, base=share * fitted.model.base)
-        residual = problem.residual(model)
-        tried.append(ranking.enter(Fitted(model, problem.cost(model, residual), residual, None)))
-    return min(tried, key=ranking.score)
 
 
 def _leads_somewhere(

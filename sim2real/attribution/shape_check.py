@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from hil_sim.effects.effect import Effect, Parameter
 from hil_sim.settings import AxisSettings
@@ -33,8 +32,8 @@ from sim2real.shrinkage import FLOOR_LEVEL
 
 F64 = NDArray[np.float64]
 
-_HARMONICS, _FUNDAMENTAL = (2.0, 3.0), 0.5
-"""Harmonics tried for a periodic effect; its fundamental, in case the second was found."""
+_ORDERS = ((2.0, 3.0), (0.5,))
+"""Harmonics tried for a periodic effect; and its fundamental, in case the second was found."""
 
 _LEAST_GAIN, _MOST = 100.0, 0.5
 """Cost that a repeat must save, and the share of what is left (also of the free-run gap), for an
@@ -47,11 +46,6 @@ _CLOSED = 3.0 * FLOOR_LEVEL
 _AGAINST = 1.5
 """How much wider than the machine file's own gap it must be without one of a pair, for the pair
 to be a single profile."""
-_TRIES, _NEAR = 60, 0.02
-"""Simulations that the search for the nearest effect may take, and its tolerance: in the
-logarithm of the gap, and in coordinates."""
-_FIRST, _LEAST_FIRST = 0.1, 0.05
-"""Its first steps, relative to each coordinate, and the least of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,8 +123,6 @@ def fit_repeats(
         if term.effect.group == "dynamics" or not _has_shape(term.effect):
             continue
         starts = _repeat_starts(found.model, index, scanner, library[term.name], problem.axis)
-        if _is_periodic(term.effect) and not problem.is_nearly_white(found.residual):
-            starts += _harmonic_starts(problem, found.model, index, library[term.name])
         trials = problem.workers.map(
             lambda start: fit(problem, start, 10, columns, thorough=False), starts
         )
@@ -206,82 +198,20 @@ def is_one_profile(
     return max(loop(model.without(index)) for index in range(2)) > _AGAINST * open_gap
 
 
-def nearest_model(
-    starts: Sequence[AxisModel], axis: AxisSettings, loop: Callable[[AxisModel], float]
-) -> AxisModel:
-    """The effect of its kind that comes nearest to one in another shape, in the closed loop.
-
-    Innovations that an effect cannot explain distort it: a bell in place of a plateau ends at half
-    the height, a wave in place of two at the smaller one's pitch.
-
-    Args:
-        starts: models with the effect alone, at least one.
-        axis: of the machine file.
-        loop: squared closed-loop gap of the axis under a model.
-    """
-    start = min(starts, key=loop)
-    own = start.terms[0]
-    entries = coordinates(own.effect, axis)
-
-    def at(where: F64) -> AxisModel:
-        values = tuple(e.outward(float(w)) for e, w in zip(entries, where, strict=True))
-        return replace(start, terms=(Term(own.effect, values),))
-
-    def gap(where: F64) -> float:
-        try:
-            return float(np.log(loop(at(where))))
-        except ValueError:  # physics does not allow it
-            return np.inf
-
-    first = np.array([e.inward(v) for e, v in zip(entries, start.terms[0].values, strict=True)])
-    steps = np.diag(np.maximum(_FIRST * np.abs(first), _LEAST_FIRST))
-    found = minimize(
-        gap,
-        first,
-        method="Nelder-Mead",
-        options={
-            "maxfev": _TRIES,
-            "initial_simplex": np.vstack([first, first + steps]),
-            "xatol": _NEAR,
-            "fatol": _NEAR,
-        },
-    )
-    return at(found.x)
-
-
 def _repeat_starts(
     model: AxisModel, index: int, scanner: Scanner, effect: Effect, axis: AxisSettings
 ) -> list[AxisModel]:
     """Where to start with an effect twice: beside itself, or split in two."""
     term = model.terms[index]
-    nodes = _harmonics(term, _HARMONICS) if _is_periodic(effect) else None
     found = []
-    if starts := scanner.best(effect, nodes=nodes):
-        found.append(replace(model, terms=(*model.terms, *(s.term for s in starts))))
-    if nodes is None:
+    nodes = [_harmonics(term, orders) for orders in _ORDERS] if _is_periodic(effect) else [None]
+    for own in nodes:
+        if starts := scanner.best(effect, nodes=own):
+            found.append(replace(model, terms=(*model.terms, *(s.term for s in starts))))
+    if nodes == [None]:
         halves = tuple(_split_half(term, side, axis) for side in (-1.0, 1.0))
         rest = model.without(index)
         found.append(replace(rest, terms=(*rest.terms, *halves)))
-    return found
-
-
-def _harmonic_starts(
-    problem: AxisProblem, model: AxisModel, index: int, effect: Effect
-) -> list[AxisModel]:
-    """Where to start with a wave and its harmonics together, from the machine file's figures.
-
-    A single wave fitted to two distorts everything else; and it may be the second harmonic.
-    """
-    rest = replace(model.without(index), base=problem.start.base)
-    residual = problem.residual(rest)
-    problem.rescale(residual)
-    columns = problem.base_columns(rest, residual)
-    scanner = Scanner(problem, rest, residual, columns, problem.weights(residual))
-    found = []
-    for orders in ((1.0, *_HARMONICS), (1.0, _FUNDAMENTAL)):
-        starts = scanner.best(effect, nodes=_harmonics(model.terms[index], orders))
-        if len(starts) > 1:
-            found.append(replace(rest, terms=(*rest.terms, *(s.term for s in starts))))
     return found
 
 

@@ -7,7 +7,7 @@ took no part in fitting.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
@@ -20,7 +20,6 @@ from sim2real.attribution import (
     fit_repeats,
     free_form_repeat,
     is_one_profile,
-    nearest_model,
     of_size,
     refit_beside,
     search_effects,
@@ -34,7 +33,7 @@ from sim2real.fitting import (
     compose_stage,
     slow_energy,
 )
-from sim2real.free_loop import FAR_FROM_WHITE, FreeLoop, search_free
+from sim2real.free_loop import FAR_FROM_WHITE, FreeLoop, fit_figures, search_free
 from sim2real.shrinkage import HeldOut, axis_gap
 from sim2real.tracking import Tracker, needs_other_axes
 
@@ -78,7 +77,7 @@ def diagnose(
         progress("shapes", 1, 3)
         list(pool.map(stage.check_shapes, names))
         progress("shapes", 2, 3)
-        drop_ineffective(searches, examined.measured, settings)
+        drop_ineffective(searches, examined.measured, settings, stage.free_loop)
         for name in names:
             stage.ask_free_loop(name)
         list(pool.map(lambda name: stage.fit_repeats(name, searches[name].best.model), names))
@@ -142,6 +141,16 @@ class _StageSearch:
         self._workers.check()
         return axis_gap(name, {name: model}, self._measured, self._settings)
 
+    def free_loop(self, name: str) -> FreeLoop:
+        """The free loop of an axis; the others are nominal."""
+        tolerance = float(self.searches[name].problem.spread[0])
+        return FreeLoop(name, self._measured, self._settings, tolerance, self._workers)
+
+    def _nearest(self, name: str, starts: Sequence[AxisModel]) -> AxisModel:
+        """The effect of its kind that comes nearest to one in another shape, in the free loop."""
+        start = min(starts, key=partial(self._loop_gap, name))
+        return fit_figures(self.free_loop(name), start)[0].model
+
     def fit_repeats(self, name: str, model: AxisModel) -> None:
         """Fit each effect of a model once more beside itself, unless that was done already."""
         found = self.searches[name]
@@ -167,9 +176,7 @@ class _StageSearch:
         departs = any(repeat.departs for repeat in found.repeats.values())
         if found.is_complete or departs or structure < FAR_FROM_WHITE:
             return
-        tolerance = float(found.problem.spread[0])
-        loop = FreeLoop(name, self._measured, self._settings, tolerance, self._workers)
-        free = search_free(loop, self._all)
+        free = search_free(self.free_loop(name), self._all)
         if free.names_causes() and (not found.best.model.terms or free.is_near_floor()):
             found.take_over(free)
 
@@ -189,20 +196,20 @@ class _StageSearch:
             return
         for effect, repeat in found.repeats.items():
             if repeat.departs:
-                model = nearest_model([single[0].model, *repeat.alone(effect)], problem.axis, loop)
+                model = self._nearest(name, [single[0].model, *repeat.alone(effect)])
                 found.prefer(model, loop(model))
 
     def _take_free_form(self, name: str) -> bool:
         """Prefer the library's nearest to an effect in free form, where one explains the gap."""
         found, loop = self.searches[name], partial(self._loop_gap, name)
-        axis, start = found.problem.axis, found.problem.start
+        start = found.problem.start
         form = self._free_forms[name].most_likely(self._library.values())
         if form is None or form.share <= _FREE_FORM:
             return False
         kind = form.effect
         starts = [start.added(term) for term in form.starts]
         starts += [r.model for r in found.alternatives if r.model.names() == (kind.name,)]
-        model = nearest_model(starts, axis, loop)
+        model = self._nearest(name, starts)
         shares = (form.share, self._free_forms[name].share(kind, {name: model}))
         repeat = free_form_repeat(model, shares, (found.open_gap, loop(model)))
         if not repeat.before < found.open_gap:

@@ -7,17 +7,20 @@ moves. `constants` holds every figure that was chosen, with its reason.
 """
 
 from sim2real.free_loop.constants import FAR_FROM_WHITE, MOST_EFFECTS
-from sim2real.free_loop.fit import fit_free, least_squares_covariance
+from sim2real.free_loop.fit import FreeFit, fit_free, least_squares_covariance, move_covariance
 from sim2real.free_loop.loop import FreeLoop
-from sim2real.free_loop.search import FreeSearch, Step, search_free
+from sim2real.free_loop.search import FreeSearch, Step, fit_figures, search_free
 
 __all__ = [
     "FAR_FROM_WHITE",
     "MOST_EFFECTS",
+    "FreeFit",
     "FreeLoop",
     "FreeSearch",
     "Step",
+    "fit_figures",
     "fit_free",
     "least_squares_covariance",
+    "move_covariance",
     "search_free",
 ]

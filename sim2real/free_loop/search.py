@@ -253,6 +253,17 @@ class _Selection:
         return self.fit(min(tried, key=lambda f: score(self._loop, f)).model, LONG)
 
 
+def fit_figures(loop: FreeLoop, model: AxisModel) -> tuple[FreeFit, list[FreeFit]]:
+    """A model fitted to all moves, and to all but a fold's for each fold.
+
+    Args:
+        loop: the axis.
+        model: whose effects are known; to start from.
+    """
+    fitted = fit_free(loop, model, LONG)
+    return fitted, [fit_free(loop, fitted.model, SHORT, train) for train in _training(loop)]
+
+
 def fit_folds(loop: FreeLoop, model: AxisModel, before: Sequence[FreeFit]) -> list[FreeFit]:
     """The effects of a model fitted to all moves but a fold's, for each fold.
 

@@ -14,7 +14,6 @@ from hil_sim.settings import StageSettings
 from sim2real.fitting import AxisModel, AxisProblem, Fitted, compose_stage, fit
 from sim2real.gap import Measured, Signals, subtract_signals
 from sim2real.phases import split_moves
-from sim2real.shrinkage.closed_loop import axis_gap
 from stagedata import BoolArray
 
 F64 = NDArray[np.float64]
@@ -33,10 +32,6 @@ class FittedAxis(Protocol):
     @property
     def best(self) -> Fitted:
         """The fitted model."""
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether the model leaves nothing but noise."""
 
     def fold_models(self) -> Sequence[AxisModel]:
         """Models fitted to the moves of all folds but one already, for each fold; or none."""
@@ -77,14 +72,7 @@ class HeldOut:
                 masks = [_to_periods(~mask, m) for mask, m in zip(held, measured, strict=True)]
                 problem = found.problem.masked(masks)
                 model = fit(problem, found.best.model, 1, thorough=False).model
-                others = [~mask for mask in held]
-
-                def gap(model: AxisModel, others: Sequence[BoolArray] = others) -> float:
-                    return axis_gap(name, {**best, name: model}, measured, settings, others)
-
-                # What a model cannot explain may distort its fit, even on the moves fitted.
-                distorted = not found.is_complete and gap(model) > gap(found.best.model)
-                out.append(found.best.model if distorted else model)
+                out.append(model)
                 progress(next(numbers), fits)
             return out
 

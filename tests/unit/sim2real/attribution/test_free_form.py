@@ -1,4 +1,4 @@
-"""Friction over position and hysteresis over travel, told in any shape from whatever else is."""
+"""Friction over position, told in any shape from whatever else is."""
 
 from __future__ import annotations
 
@@ -44,8 +44,6 @@ def likeliest(nominal: tuple[Recording, StageSettings]) -> Likeliest:
             {"periodic_friction": {"amplitude": 0.25, "pitch": 0.008, "phase": 1.0}},
             "friction_position",
         ),
-        ({"two_strand_cable": {"force": 1.0, "stiffness": 4e3}}, "cable_hysteresis"),
-        ({"cable_hysteresis": {"force": 1.0, "stiffness": 3e3}}, "cable_hysteresis"),
     ],
     ids=lambda of: next(iter(of)) if isinstance(of, dict) else None,
 )
@@ -62,6 +60,7 @@ def test_its_kind_is_recognised_in_any_shape(
     [
         {},
         {"coulomb_level": {"ratio": 1.25}},
+        {"two_strand_cable": {"force": 1.0, "stiffness": 4e3}},
         {"viscous_damping": {"ratio": 1.8}},
         {"presliding_stiffness": {"ratio": 0.6}},
         {"thermal_drift": {"amplitude": 0.3, "time_constant": 4.0}},
@@ -80,7 +79,6 @@ def test_nothing_else_is_of_such_a_kind(likeliest: Likeliest, effects: Effects) 
     ("effect", "values"),
     [
         ("friction_position", {"amplitude": 0.4, "center": 0.012, "width": 0.01}),
-        ("cable_hysteresis", {"force": 1.2, "stiffness": 1.5e3}),
     ],
 )
 def test_a_fit_begins_near_what_there_is(

@@ -1,4 +1,4 @@
-"""Effects in another shape: the nearest of their kind, and when two effects are one profile."""
+"""Effects in another shape, and when two effects are one profile."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.attribution import free_form_repeat, is_one_profile, nearest_model
+from sim2real.attribution import free_form_repeat, is_one_profile
 from sim2real.fitting import NUISANCES, AxisModel, Term
 from stagedata import Recording
 
@@ -17,21 +17,6 @@ LEVEL = library()["coulomb_level"]
 
 def model(*terms: Term) -> AxisModel:
     return AxisModel(np.zeros(NUISANCES), terms)
-
-
-def test_the_nearest_effect_is_where_the_loop_is_least(
-    nominal: tuple[Recording, StageSettings],
-) -> None:
-    axis = nominal[1].axes[0]
-    true = {"amplitude": 0.5, "center": 0.01, "width": 0.015}
-
-    def loop(tried: AxisModel) -> float:
-        away = tried.terms[0].mapping()
-        return 2.0 + sum((away[key] / true[key] - 1.0) ** 2 for key in true)
-
-    starts = [model(Term(BELL, (a, 0.013, 0.02))) for a in (-0.3, 0.35)]
-    found = nearest_model(starts, axis, loop).terms[0].mapping()
-    assert found == pytest.approx(true, rel=0.1)
 
 
 @pytest.mark.parametrize(

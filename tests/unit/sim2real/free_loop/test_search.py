@@ -8,7 +8,7 @@ import pytest
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
 from sim2real.fitting import NUISANCES, AxisModel, Term
-from sim2real.free_loop import FreeLoop, search_free
+from sim2real.free_loop import FreeLoop, fit_figures, search_free
 from sim2real.gap import compare_with_model
 from stagedata import Recording
 from tests.unit.sim2real.conftest import TOLERANCE, stage_with
@@ -59,6 +59,17 @@ def test_what_the_right_model_leaves_is_the_floor(screw: FreeLoop) -> None:
     )
     assert screw.gap(screw.residual(screw.start)) > 50.0
     assert screw.gap(screw.residual(right)) < 8.0
+
+
+def test_figures_of_an_incomplete_model_are_those_that_close_the_loop(screw: FreeLoop) -> None:
+    """Each half of the moves gives its own, and none of them opens the other half."""
+    start = screw.start.added(Term(library()["force_offset"], (0.3,)))
+    fitted, folds = fit_figures(screw, start)
+    assert screw.gap(fitted.residual) < screw.gap(screw.residual(start))
+    assert fitted.model.terms[0].values[0] == pytest.approx(1.2, abs=0.5)
+    assert len({fold.model.terms[0].values for fold in folds}) == len(folds)
+    for fold in folds:
+        assert screw.gap(fold.residual) < screw.gap(screw.residual(screw.start))
 
 
 def test_values_that_are_not_physical_have_no_residual(screw: FreeLoop) -> None:
