@@ -5,7 +5,8 @@ nodes of `parameter_grid`, with first-order `signature`s; `alternatives` scores 
 fitted, `refinement` fits close ones to convergence, and `similarity` compares their signatures.
 `shape_check` recognises an effect of the right family in another shape, `free_form` friction over
 position in any (`friction_profile`, on `residual_force`). `closed_loop_check` drops what does not
-reduce the free-run gap, and `causes` puts probabilities and sigmas to what remains.
+reduce the free-run gap, and `causes` puts probabilities and sigmas to what remains. `constants`
+holds every figure that was chosen for selection and probabilities, with its reason.
 """
 
 from sim2real.attribution.alternatives import of_size

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from sim2real.attribution.constants import COHERENT, IMPLAUSIBLE, OCCAM, OCCAM_COURSE
 from sim2real.fitting import (
     AxisModel,
     AxisProblem,
@@ -20,16 +21,6 @@ from sim2real.fitting import (
 
 LoopGap = Callable[[AxisModel], float]
 """Squared closed-loop gap over floor of the axis under a model (`sim2real.shrinkage.axis_gap`)."""
-
-_OCCAM = 20.0
-"""Score that each parameter of an effect after the first must save: more than chance does."""
-_OCCAM_COURSE = 6.0
-"""The same for a Coulomb level that changes with time, against one that does not: within ten
-seconds most warm-ups change little, and constant levels are no more probable a priori."""
-_IMPLAUSIBLE = 40.0
-"""Score for each tenth of its plausible range by which a value exceeds it."""
-_COHERENT = 1000.0
-"""Samples over which deviations of the closed loop are correlated, for their weight."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,9 +41,7 @@ class Alternative:
         return self.fitted.model
 
 
-def score_alternative(
-    problem: AxisProblem, alternative: Alternative, each: float = _OCCAM
-) -> float:
+def score_alternative(problem: AxisProblem, alternative: Alternative, each: float = OCCAM) -> float:
     """Score of an explanation, to be minimised: cost of the innovations and of the closed-loop gap.
 
     The gap counts as twice a negative log likelihood too, of as many samples as are independent;
@@ -67,13 +56,13 @@ def score_alternative(
         each: score that each further parameter must save.
     """
     samples = sum(int(mask.sum()) for mask in problem.masks)
-    loop = samples / _COHERENT * alternative.gap
+    loop = samples / COHERENT * alternative.gap
     simpler = sum(
-        (min(each, _OCCAM_COURSE) if is_coulomb_drift(term, problem.axis) else each)
+        (min(each, OCCAM_COURSE) if is_coulomb_drift(term, problem.axis) else each)
         * (len(term.values) - 1)
         for term in alternative.model.terms
     )
-    far = _IMPLAUSIBLE * sum(implausibility(term, problem.axis) for term in alternative.model.terms)
+    far = IMPLAUSIBLE * sum(implausibility(term, problem.axis) for term in alternative.model.terms)
     return problem.cost(alternative.model, alternative.fitted.residual) + loop + simpler + far
 
 

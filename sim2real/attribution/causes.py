@@ -11,6 +11,24 @@ from numpy.typing import NDArray
 from hil_sim.effects.effect import Effect
 from hil_sim.settings import AxisSettings
 from sim2real.attribution.alternatives import of_size, score_alternative
+from sim2real.attribution.constants import (
+    CLOSED,
+    DAMPED,
+    DOUBTED,
+    FAMILY,
+    RELATIVE,
+    RIVALRY,
+    SCATTER,
+    SHOWN,
+    SIMPLER,
+    STEEP,
+    STEP_SHARE,
+    TEMPER,
+    TEMPER_OF_LEVELS,
+    TUNED,
+    VAGUE,
+    WANDER_SHARE,
+)
 from sim2real.attribution.search import AxisSearch
 from sim2real.fitting import (
     NUISANCES,
@@ -22,37 +40,11 @@ from sim2real.fitting import (
     is_coulomb_level,
     reported_values,
 )
+from sim2real.free_loop import STRANGE
 from sim2real.report import Candidate, Cause, Confusable, Parameter
 from sim2real.shrinkage import HeldOut, share_given_back
 
 F64 = NDArray[np.float64]
-
-_TEMPER = 5.0
-"""Divisor of the log likelihood: innovations of the true model are white, those of a model that is
-right except for details are not."""
-_LEVELS = 50.0
-"""The same between effects on the Coulomb level: the filter follows them, and it wanders."""
-_SIMPLER = 10.0
-"""Cost of a further parameter in the odds of names: simple causes are a little more probable."""
-_RIVALRY = 0.9
-"""Largest odds of all alternatives together: what was chosen is the most probable or simplest."""
-_SCATTER, _RELATIVE, _WANDERS, _STEP, _DAMPED, _TUNED = 2.2, 0.003, 0.4, 0.05, 0.02, 5e-4
-"""Contributions that a fit's own sigma leaves out: see `_sigma`."""
-_STEEP = 4.0
-"""How fast confidence in the only name falls with the share of the gap that is left."""
-_FAMILY = 0.55
-"""Least share of an axis' gap that an effect of the right family closes in the wrong shape."""
-_CLOSED = 0.8
-"""Share of an axis' gap from which it counts as closed."""
-_DOUBTED = 0.45
-"""Largest probability of an effect whose size may be zero by its sigma, or whose values are not
-plausible at all."""
-_VAGUE = 0.55
-"""Largest probability of an effect on the Coulomb level that may as well be another such effect."""
-_STRANGE = 4.0
-"""Tenths of its plausible ranges beyond which an effect's values are not plausible at all."""
-_SHOWN = 8
-"""Candidates shown per axis."""
 
 
 def find_causes(
@@ -146,14 +138,14 @@ def _largest_probability(
     alone = found.is_complete and len(found.best.model.terms) == 1
     limit = 1.0
     uncertain = not departs and any(_is_size_uncertain(e, figures, axis) for e in entries)
-    if uncertain or not (is_free or alone or implausibility(term, axis) <= _STRANGE):
-        limit = _DOUBTED
+    if uncertain or not (is_free or alone or implausibility(term, axis) <= STRANGE):
+        limit = DOUBTED
     is_vague = (
         not is_free
         and is_coulomb_level(term, axis)
         and any(_is_duration_uncertain(entry, figures) for entry in entries)
     )
-    return (min(limit, _VAGUE) if is_vague else limit), is_vague
+    return (min(limit, VAGUE) if is_vague else limit), is_vague
 
 
 def _is_size_uncertain(
@@ -202,23 +194,23 @@ def _sigma(
     """
     parameter = entry.parameter
     value = values[parameter.key]
-    own = _SCATTER * fitted * abs(entry.slope(value))
+    own = SCATTER * fitted * abs(entry.slope(value))
     if parameter.key == "damping" and "frequency" in values:
         turned = 2.0 * math.pi * values["frequency"] * axis.control.period
-        return math.hypot(own, _DAMPED * turned)
+        return math.hypot(own, DAMPED * turned)
     if parameter.key == "frequency" and effect.group == "dynamics":
-        return math.hypot(own, _TUNED * value)
+        return math.hypot(own, TUNED * value)
     neutral = parameter.neutral_on(axis)
     if parameter.role != "size" or neutral is None:
         return own
     if not math.isfinite(neutral):
-        return math.hypot(own, _RELATIVE * abs(value))
-    wander = _WANDERS * axis.wander
+        return math.hypot(own, RELATIVE * abs(value))
+    wander = WANDER_SHARE * axis.wander
     if effect.group != "friction":  # a force shows in the mean over both directions
         slow = not any(p.role == "phase" for p in effect.parameters)
         wander *= axis.friction.coulomb if slow and parameter.unit == "N" else 0.0
-    step = _STEP * axis.control.period if parameter.unit == "s" else 0.0
-    return math.hypot(own, _RELATIVE * abs(value - neutral), wander, step)
+    step = STEP_SHARE * axis.control.period if parameter.unit == "s" else 0.0
+    return math.hypot(own, RELATIVE * abs(value - neutral), wander, step)
 
 
 def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
@@ -230,7 +222,7 @@ def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
     reached = [
         r for r in found.alternatives if set(r.model.names()) == set(names)
     ] or found.alternatives[:1]
-    least = min(score_alternative(problem, r, _SIMPLER) for r in reached)
+    least = min(score_alternative(problem, r, SIMPLER) for r in reached)
     # Among models that all leave structure the closed loop decides, not the innovations.
     departs = effect in found.repeats and found.repeats[effect].departs
     widest = min(r.gap for r in reached) if departs else math.inf
@@ -239,7 +231,7 @@ def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
         others = tuple(sorted(alternative.model.names()))
         if effect in others or alternative.gap > widest:
             continue
-        worse = score_alternative(problem, alternative, _SIMPLER) - least
+        worse = score_alternative(problem, alternative, SIMPLER) - least
         swapped = [n for n in others if n not in rest]
         courses = len(swapped) == 1 and all(
             is_coulomb_level(term, problem.axis)
@@ -247,11 +239,11 @@ def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
             for term in model.terms
             if term.name in (effect, *swapped)
         )
-        odds = math.exp(-max(worse, 0.0) / (2.0 * (_LEVELS if courses else _TEMPER)))
+        odds = math.exp(-max(worse, 0.0) / (2.0 * (TEMPER_OF_LEVELS if courses else TEMPER)))
         weight += odds
         if odds > 0.05 and len(others) == len(names) and len(swapped) == 1:
             alternatives.append(swapped[0])
-    preference = 1.0 / (1.0 + min(weight, _RIVALRY))
+    preference = 1.0 / (1.0 + min(weight, RIVALRY))
     return preference * _confidence(found, effect), alternatives
 
 
@@ -262,11 +254,11 @@ def _confidence(found: AxisSearch, effect: str) -> float:
     up the rest; the nearest relative of an unlisted effect closes less, two of them together
     more (docs/blind.md).
     """
-    if effect in found.repeats and found.repeats[effect].departs and found.closes > _FAMILY:
+    if effect in found.repeats and found.repeats[effect].departs and found.closes > FAMILY:
         return 0.97
-    if found.is_complete and found.closes > _CLOSED:
+    if found.is_complete and found.closes > CLOSED:
         return 0.99
-    steep = _STEEP * len(found.best.model.terms)
+    steep = STEEP * len(found.best.model.terms)
     return float(np.clip(1.0 - steep * (1.0 - found.closes), 0.05, 0.95))
 
 
@@ -287,7 +279,7 @@ def list_candidates(
         for alternative in of_size(found.alternatives, 1)
     }
     closes |= {cause.effect: cause.gap_closed or 0.0 for cause in causes}
-    ranked = sorted(found.scanned.items(), key=lambda item: -item[1])[:_SHOWN]
+    ranked = sorted(found.scanned.items(), key=lambda item: -item[1])[:SHOWN]
     left = max(0.0, 1.0 - sum(probabilities.values()))
     total = sum(math.log1p(max(gain, 0.0)) for n, gain in ranked if n not in probabilities) + 1e-9
     return [

@@ -12,18 +12,12 @@ from collections.abc import Callable, Mapping, Sequence
 
 from hil_sim.settings import StageSettings
 from sim2real.attribution.alternatives import of_size
+from sim2real.attribution.constants import CLOSES, SETS
 from sim2real.attribution.search import AxisSearch
 from sim2real.fitting import AxisModel, fit
-from sim2real.free_loop import FreeLoop
+from sim2real.free_loop import VISIBLE, FreeLoop
 from sim2real.gap import Measured
 from sim2real.shrinkage import FLOOR_LEVEL, axis_gap
-
-_CLOSES = 0.4
-"""Share of the gap, or of its remainder, that an effect must close where structure is left."""
-_VISIBLE = 0.25
-"""Rise of the squared gap over floor that an effect's removal must cause."""
-_SETS = 4
-"""Sets of effects that are simulated."""
 
 
 def drop_ineffective(
@@ -53,7 +47,7 @@ def drop_ineffective(
         models[name] = found.best.model
         before = axis_gap(name, {**models, name: found.problem.start}, measured, settings)
         after = _gap(name, found, models, measured, settings)
-        if before > FLOOR_LEVEL + _VISIBLE:
+        if before > FLOOR_LEVEL + VISIBLE:
             found.closes = 1.0 - (after - FLOOR_LEVEL) / (before - FLOOR_LEVEL)
 
 
@@ -68,7 +62,7 @@ def _drop_invisible(
     gap = axis_gap(name, models, measured, settings)
     for index in reversed(range(len(model.terms))):
         fewer = {**models, name: model.without(index)}
-        if axis_gap(name, fewer, measured, settings) - gap < _VISIBLE:
+        if axis_gap(name, fewer, measured, settings) - gap < VISIBLE:
             model = model.without(index)
     return model
 
@@ -99,12 +93,12 @@ def _best_closing(
     best = found.problem.start
     least = axis_gap(name, {**models, name: best}, measured, settings)
     for size in (1, 2):
-        sets = [r.model for r in of_size(found.alternatives, size)][:_SETS]
+        sets = [r.model for r in of_size(found.alternatives, size)][:SETS]
         gaps = [_gap(name, found, {**models, name: m}, measured, settings) for m in sets]
         if not gaps:
             continue
         lowest = min(gaps)
         left = max(least - FLOOR_LEVEL, 0.0)
-        if least - lowest > max(_VISIBLE, _CLOSES * left):
+        if least - lowest > max(VISIBLE, CLOSES * left):
             best, least = sets[gaps.index(lowest)], lowest
     return best

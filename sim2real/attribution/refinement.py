@@ -8,20 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim2real.attribution.alternatives import Alternative, Ranking
+from sim2real.attribution.constants import (
+    CLOSE,
+    CLOSE_SHARE,
+    CONTENDERS,
+    ITERATIONS,
+    LEAST_GAIN,
+    LEAST_PROGRESS,
+    OUTLIER_SHRINKAGE,
+    ROUNDS,
+)
 from sim2real.fitting import AxisModel, AxisProblem, Fitted, fit
 
 F64 = NDArray[np.float64]
-
-LEAST_GAIN = 100.0
-"""Score that an effect must save: nominal stages show accidental ones of 12."""
-_ROUNDS, _ITERATIONS, _OUTLIER_SHRINKAGE = 5, 4, 0.9
-"""Fits that an alternative may take until it has converged, iterations of each, and the share of
-its former value below which the outlier limit must not have fallen, or another fit follows."""
-_LEAST_PROGRESS = 0.01
-"""Share of what the best leaves beyond noise that another fit has to gain."""
-_CONTENDERS, _CLOSE, _CLOSE_SHARE = 4, 1000.0, 0.1
-"""Alternatives that are refined, and the score (or share of it, or all that the best leaves beyond
-noise) within which they are considered close."""
 
 
 def fit_alternatives(
@@ -53,23 +52,23 @@ def refine_contenders(
     def ranked() -> list[Alternative]:
         return sorted((ranking.best(each) for each in names), key=ranking.score)
 
-    for _ in range(_ROUNDS):
-        order = ranked()[:_CONTENDERS]
+    for _ in range(ROUNDS):
+        order = ranked()[:CONTENDERS]
         before, wide = ranking.score(order[0]), problem.outlier
         left = max(before - problem.expected_cost(), 0.0)
-        last = before + max(_CLOSE, _CLOSE_SHARE * before, left)
+        last = before + max(CLOSE, CLOSE_SHARE * before, left)
         # And those that would come close if their cost kept falling at its last rate.
-        near = [r for r in order if ranking.score(r) - _ITERATIONS * r.fitted.last_gain <= last]
+        near = [r for r in order if ranking.score(r) - ITERATIONS * r.fitted.last_gain <= last]
         starts = [alternative.model for alternative in near]
         # The derivatives by base parameters hardly depend on which effect is beside them.
         columns = problem.base_columns(near[0].model, near[0].fitted.residual)
-        fit_alternatives(problem, ranking, starts, _ITERATIONS, columns)
+        fit_alternatives(problem, ranking, starts, ITERATIONS, columns)
         best = ranked()[0]
         gained = before - ranking.score(best)
         problem.rescale(best.fitted.residual)
         if (
-            gained < max(LEAST_GAIN, _LEAST_PROGRESS * left)
-            and problem.outlier > _OUTLIER_SHRINKAGE * wide
+            gained < max(LEAST_GAIN, LEAST_PROGRESS * left)
+            and problem.outlier > OUTLIER_SHRINKAGE * wide
         ):
             break
     return best

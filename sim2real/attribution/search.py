@@ -19,8 +19,19 @@ from numpy.typing import NDArray
 from hil_sim.effects.effect import Effect
 from hil_sim.settings import AxisSettings
 from sim2real.attribution.alternatives import Alternative, LoopGap, Ranking
+from sim2real.attribution.constants import (
+    CLOSE,
+    FAINT,
+    FITTED,
+    FITTED_FAINT,
+    LEAST_GAIN,
+    OPEN,
+    PROMISING,
+    RIVALS,
+    WANDERS,
+)
 from sim2real.attribution.parameter_scan import Scanner, Start
-from sim2real.attribution.refinement import LEAST_GAIN, fit_alternatives, refine_contenders
+from sim2real.attribution.refinement import fit_alternatives, refine_contenders
 from sim2real.attribution.shape_check import Repeat
 from sim2real.fitting import AxisModel, AxisProblem, Fitted, Term, fit, is_within_tolerance
 from sim2real.free_loop import (
@@ -34,21 +45,6 @@ from sim2real.free_loop import (
 from sim2real.shrinkage import FLOOR_LEVEL
 
 F64 = NDArray[np.float64]
-
-_FITTED, _FITTED_FAINT = 4, 7
-"""Most promising effects fitted in each step; and where all promise little."""
-_WANDERS = 2
-"""Further effects that only the filter's wander supports."""
-_PROMISING = 0.03
-"""Effects are fitted whose first-order gain is at least this share of the best one's."""
-_FAINT = 40.0
-"""First-order gain from which effects are fitted where the closed loop shows a gap."""
-_OPEN = 2.0
-"""Squared gap over floor per signal from which the closed loop shows a gap."""
-_NARROW = 1000.0
-"""Score difference up to which the previous model is refitted too before an effect is added."""
-_RIVALS = 2
-"""Effects that came close in its place, with which each effect is tested again."""
 
 
 @dataclass(slots=True, eq=False)
@@ -141,11 +137,11 @@ def search_effects(
     path = [ranking.enter(plain)]
     rivals: dict[str, list[Term]] = {}
     # What does not show in the closed loop is no gap, whatever the innovations say.
-    for depth in range(MOST_EFFECTS if found.open_gap > _OPEN * FLOOR_LEVEL else 0):
+    for depth in range(MOST_EFFECTS if found.open_gap > OPEN * FLOOR_LEVEL else 0):
         # Fitted to a stage with an effect, the base parameters are distorted: start from nominal.
         current = path[-1].fitted if depth else problem.nominal_fit()
         problem.rescale(current.residual)
-        is_open = path[-1].gap > _OPEN * FLOOR_LEVEL
+        is_open = path[-1].gap > OPEN * FLOOR_LEVEL
         scanned = partial(_advance, progress, depth)
         candidates, columns = _candidates(
             problem, current, library, is_open, found if depth == 0 else None, scanned
@@ -157,7 +153,7 @@ def search_effects(
         best = refine_contenders(problem, ranking, trials)
         rivals[best.model.names()[-1]] = _rivals(ranking, trials, best)
         path[-1] = ranking.best(path[-1].model.names())
-        if ranking.score(path[-1]) - ranking.score(best) < _NARROW:
+        if ranking.score(path[-1]) - ranking.score(best) < CLOSE:
             path[-1] = ranking.enter(fit(problem, path[-1].model, 4, thorough=False))
         if ranking.score(path[-1]) - ranking.score(best) < LEAST_GAIN:
             break
@@ -168,7 +164,7 @@ def search_effects(
         path.append(best)
         progress((depth + 1) / MOST_EFFECTS)
         problem.rescale(best.fitted.residual)
-        if problem.is_white(best.fitted.residual) and best.gap < _OPEN * FLOOR_LEVEL:
+        if problem.is_white(best.fitted.residual) and best.gap < OPEN * FLOOR_LEVEL:
             break
     problem.rescale(path[-1].fitted.residual)
     last = path[-1]
@@ -178,7 +174,7 @@ def search_effects(
     model = last.model
     fine = problem.finer_if_close(last.fitted.residual)
     found.best = fit(fine, model, 2) if model.terms else last.fitted
-    nothing = not model.terms and last.gap < _OPEN * FLOOR_LEVEL
+    nothing = not model.terms and last.gap < OPEN * FLOOR_LEVEL
     found.is_complete = nothing or problem.is_nearly_white(found.best.residual)
     found.alternatives = ranking.ranked()
     return found
@@ -245,15 +241,15 @@ def _candidates(
             found.scanned[name] = tried[0].gain
             found.signatures[name] = tried[0].signature
     starts.sort(key=lambda start: -start.gain)
-    needed = _FAINT if is_open else LEAST_GAIN
+    needed = FAINT if is_open else LEAST_GAIN
     if not starts or starts[0].gain < needed:
         return [], columns
-    least = max(needed, _PROMISING * starts[0].gain)
-    most = _FITTED_FAINT if starts[0].gain < 10.0 * LEAST_GAIN else _FITTED
+    least = max(needed, PROMISING * starts[0].gain)
+    most = FITTED_FAINT if starts[0].gain < 10.0 * LEAST_GAIN else FITTED
     chosen = [start for start in starts[:most] if start.gain >= least]
     if is_open:  # wander weighs little beside innovations, whatever it does to the loop
         wanders = [s for s in starts if s.from_wander and s.gain >= needed and s not in chosen]
-        chosen += wanders[:_WANDERS]
+        chosen += wanders[:WANDERS]
     return chosen, columns
 
 
@@ -275,11 +271,11 @@ def _leads_somewhere(
 def _rivals(ranking: Ranking, trials: Sequence[Alternative], best: Alternative) -> list[Term]:
     """What was fitted in place of the last effect of the best trial and came close."""
     others = [ranking.best(trial.model.names()) for trial in trials]
-    most = ranking.score(best) + _NARROW
+    most = ranking.score(best) + CLOSE
     close = sorted((r for r in others if ranking.score(r) < most), key=ranking.score)
     own = best.model.names()[-1]
     terms = {r.model.terms[-1].name: r.model.terms[-1] for r in close}
-    return [term for name, term in terms.items() if name != own][:_RIVALS]
+    return [term for name, term in terms.items() if name != own][:RIVALS]
 
 
 def _look_back(

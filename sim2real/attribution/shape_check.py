@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect, Parameter
 from hil_sim.settings import AxisSettings
+from sim2real.attribution.constants import AGAINST, COURSE, LEAST_GAIN, ORDERS, REPEATED, SATISFIED
 from sim2real.attribution.free_form import is_profile
 from sim2real.attribution.parameter_scan import Scanner
 from sim2real.fitting import (
@@ -31,21 +32,6 @@ from sim2real.fitting import (
 from sim2real.shrinkage import FLOOR_LEVEL
 
 F64 = NDArray[np.float64]
-
-_ORDERS = ((2.0, 3.0), (0.5,))
-"""Harmonics tried for a periodic effect; and its fundamental, in case the second was found."""
-
-_LEAST_GAIN, _MOST = 100.0, 0.5
-"""Cost that a repeat must save, and the share of what is left (also of the free-run gap), for an
-effect to depart from its equation."""
-_COURSE = 15.0
-"""The same for a Coulomb level that changes with time, which the filter follows and friction's
-wander hides: true ones save up to 9 if the gap does not widen."""
-_CLOSED = 3.0 * FLOOR_LEVEL
-"""Squared closed-loop gap over floor of an axis that needs nothing more."""
-_AGAINST = 1.5
-"""How much wider than the machine file's own gap it must be without one of a pair, for the pair
-to be a single profile."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,21 +64,21 @@ class Repeat:
     @property
     def is_free(self) -> bool:
         """Whether what is left is of the same kind in another shape, and more than noise."""
-        return self.share > _MOST and self.before > _CLOSED
+        return self.share > REPEATED and self.before > SATISFIED
 
     @property
     def closes(self) -> bool:
         """Whether the repeat takes up most of what is left in the closed loop."""
-        return self.before - self.gap >= _MOST * (self.before - _CLOSED)
+        return self.before - self.gap >= REPEATED * (self.before - SATISFIED)
 
     @property
     def departs(self) -> bool:
         """Whether the repeat takes up most of what is left, beyond chance."""
         if self.is_free:
             return True
-        if self.course and self.gain > _COURSE and self.gap < self.before:
+        if self.course and self.gain > COURSE and self.gap < self.before:
             return True
-        return self.closes and self.gain > max(_LEAST_GAIN, _MOST * self.excess)
+        return self.closes and self.gain > max(LEAST_GAIN, REPEATED * self.excess)
 
 
 def fit_repeats(
@@ -139,7 +125,7 @@ def fit_repeats(
             is_coulomb_drift(term, problem.axis),
         )
         out[term.name] = repeat
-        if repeat.closes and repeat.gain > _LEAST_GAIN and not repeat.departs:
+        if repeat.closes and repeat.gain > LEAST_GAIN and not repeat.departs:
             out[term.name] = _fit_further(problem, repeat, found, best, loop)
     return out
 
@@ -195,7 +181,7 @@ def is_one_profile(
         return False
     if not any(is_profile(term.effect, axis) for term in terms):
         return False
-    return max(loop(model.without(index)) for index in range(2)) > _AGAINST * open_gap
+    return max(loop(model.without(index)) for index in range(2)) > AGAINST * open_gap
 
 
 def _repeat_starts(
@@ -204,7 +190,7 @@ def _repeat_starts(
     """Where to start with an effect twice: beside itself, or split in two."""
     term = model.terms[index]
     found = []
-    nodes = [_harmonics(term, orders) for orders in _ORDERS] if _is_periodic(effect) else [None]
+    nodes = [_harmonics(term, orders) for orders in ORDERS] if _is_periodic(effect) else [None]
     for own in nodes:
         if starts := scanner.best(effect, nodes=own):
             found.append(replace(model, terms=(*model.terms, *(s.term for s in starts))))
