@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 )
 @click.option("--leave-out", is_flag=True, help="Remove the true effects from the library first.")
 @click.option("--only", metavar="EFFECT", help="Draw this effect in every trial.")
-@click.option("--effects", type=click.IntRange(2, 6), help="Effects on one axis in every trial.")
+@click.option("--effects", type=click.IntRange(3, 6), help="Effects on one axis in every trial.")
 @click.option("--baselines", is_flag=True, help="Ask two other methods, too.")
 @click.option("--machine", type=FILE, help="Machine file of the stage.  [default: wafer-xy]")
 @click.option(
