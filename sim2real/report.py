@@ -227,6 +227,8 @@ class SelectionStep:
         effects: all of them from then on.
         gap_closed: share of the axis' gap that they close on held-out moves.
         sigma: of what the step added to it, one standard deviation over moves.
+        elsewhere: share that they close on recordings that took no part in the diagnosis, with the
+            same figures; None where there are none.
     """
 
     axis: str
@@ -234,16 +236,18 @@ class SelectionStep:
     effects: tuple[str, ...]
     gap_closed: float
     sigma: float
+    elsewhere: float | None = None
 
     def to_json(self) -> Json:
         """The entry of `steps`."""
-        return {
+        step: Json = {
             "axis": self.axis,
             "added": list(self.added),
             "effects": list(self.effects),
             "gap_closed": _number(self.gap_closed),
             "sigma": _number(self.sigma),
         }
+        return step if self.elsewhere is None else {**step, "elsewhere": _number(self.elsewhere)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,6 +301,8 @@ class GapReport:
             nothing was fitted.
         gap_closed_interval: 95 % interval of it, by bootstrap over moves.
         gap_closed_in_sample: on the moves that were fitted.
+        gap_closed_elsewhere: on recordings that took no part in the diagnosis; None where there are
+            none.
         steps: of axes where effects were added one after another.
         next_experiment: None where nothing is left to distinguish.
 
@@ -312,6 +318,7 @@ class GapReport:
     gap_closed: float | None = None
     gap_closed_interval: tuple[float, float] | None = None
     gap_closed_in_sample: float | None = None
+    gap_closed_elsewhere: float | None = None
     where: tuple[Where, ...] = ()
     causes: tuple[Cause, ...] = ()
     candidates: tuple[Candidate, ...] = ()
@@ -337,6 +344,7 @@ class GapReport:
             "gap_closed": _number(self.gap_closed),
             "gap_closed_interval": _interval(self.gap_closed_interval),
             "gap_closed_in_sample": _number(self.gap_closed_in_sample),
+            "gap_closed_elsewhere": _number(self.gap_closed_elsewhere),
             "where": [cell.to_json() for cell in self.where],
             "causes": [cause.to_json() for cause in self.causes],
             "candidates": [candidate.to_json() for candidate in self.candidates],

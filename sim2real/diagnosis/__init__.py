@@ -1,9 +1,11 @@
 """The whole diagnosis of a sim-to-real gap.
 
 `examination` comes first: channels, floor, gap and its location. `procedure` then searches the axes
-for effects, and `verdict` draws the conclusions into a `GapReport`.
+for effects, and `verdict` draws the conclusions into a `GapReport`. `elsewhere` judges them on
+recordings that took no part.
 """
 
+from sim2real.diagnosis.elsewhere import judge_elsewhere
 from sim2real.diagnosis.examination import (
     PHASES,
     Examination,
@@ -22,6 +24,7 @@ __all__ = [
     "Progress",
     "diagnose",
     "examine",
+    "judge_elsewhere",
     "report_without_causes",
     "why_insufficient",
 ]

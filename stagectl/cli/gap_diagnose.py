@@ -39,6 +39,14 @@ _VERDICTS = {
     "--machine", type=FILE, help="Machine file to examine.  [default: the recordings' own]"
 )
 @JSON_OUT
+@click.option(
+    "--check",
+    "checks",
+    type=FILE,
+    multiple=True,
+    metavar="REC.h5",
+    help="Judge the causes on this recording too, which takes no part in finding them; repeatable.",
+)
 @click.option("--html", "html_out", type=OUTPUT, help="Write the report as an HTML page.")
 @click.option("--twin", type=OUTPUT, help="Write the machine file with the causes found added.")
 @click.option(
@@ -57,6 +65,7 @@ def diagnose(
     recordings: tuple[Path, ...],
     machine: Path | None,
     json_out: Path | None,
+    checks: tuple[Path, ...],
     html_out: Path | None,
     twin: Path | None,
     next_out: Path | None,
@@ -67,7 +76,8 @@ def diagnose(
 
     The channels of the recording are checked first: units, signs, delays, clocks and the control
     law. Then gap and floor are measured, effects are fitted, and what they explain is tested on
-    held-out moves. Several recordings of one stage are diagnosed together.
+    held-out moves. Several recordings of one stage are diagnosed together; recordings of --check
+    only judge what was found.
 
     \b
     Verdicts:
@@ -84,7 +94,7 @@ def diagnose(
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from hil_sim.effects.library import EffectError, library
     from sim2real import diagnosis
-    from sim2real.diagnosis import PHASES, examine
+    from sim2real.diagnosis import PHASES, examine, judge_elsewhere
     from sim2real.report import NO_GAP
     from sim2real.residuals import residuals_json, view_residuals
     from stagectl.config import stage_settings
@@ -92,6 +102,7 @@ def diagnose(
     from stagectl.store import read_recording
 
     recorded = [read_recording(path) for path in recordings]
+    others = [read_recording(path) for path in checks]
     model = machine_of(machine, *recorded)
     settings = stage_settings(model)
     tolerance = {name: axis.plant.tolerance for name, axis in model.axes.items()}
@@ -102,11 +113,13 @@ def diagnose(
             effects = library()
             examined = examine(recorded, settings, correct=correct, progress=progress)
             found = diagnosis.diagnose(examined, tolerance, effects, jobs=jobs, progress=progress)
+            report = found.report
+            if others:
+                report = judge_elsewhere(found, examine(others, settings, correct=correct))
         except EffectError as error:
             raise ConfigError(f"effects: {error}") from error
         except ValueError as error:
             raise UnusableInput(str(error)) from error
-    report = found.report
     if json_out is not None or html_out is not None:
         views = view_residuals(examined.measured, found.explained or None, examined.settings)
         write_json(report.to_json() | residuals_json(views), json_out)
@@ -196,7 +209,11 @@ def _print_report(console: Console, report: GapReport, machine: str) -> None:
         if cause.remedy:
             lines.append(("", cause.remedy))
     lines += [
-        ("step", f"{s.axis}: {', '.join(s.added)}: {100 * s.gap_closed:.0f} % on held-out moves")
+        (
+            "step",
+            f"{s.axis}: {', '.join(s.added)}: {100 * s.gap_closed:.0f} % on held-out moves"
+            + _elsewhere(s.elsewhere),
+        )
         for s in report.steps
     ]
     for group in report.confusable:
@@ -205,11 +222,20 @@ def _print_report(console: Console, report: GapReport, machine: str) -> None:
         ends = report.gap_closed_interval
         interval = "" if ends is None else f" ({100 * ends[0]:.0f} to {100 * ends[1]:.0f} %)"
         lines.append(
-            ("closed", f"{100 * report.gap_closed:.0f} %{interval} of the gap, on held-out moves")
+            (
+                "closed",
+                f"{100 * report.gap_closed:.0f} %{interval} of the gap, on held-out moves"
+                + _elsewhere(report.gap_closed_elsewhere),
+            )
         )
     if report.next_experiment is not None:
         lines.append(("next", report.next_experiment.why))
     console.print(_grid(lines))
+
+
+def _elsewhere(share: float | None) -> str:
+    """The share closed on recordings that took no part; nothing where there are none."""
+    return "" if share is None else f"; {100 * share:.0f} % on the recordings of --check"
 
 
 def _grid(lines: Sequence[tuple[str, str]]) -> RenderableType:

@@ -19,6 +19,8 @@ from stagectl.report.svg import Scale, points_of, text_element, thinned, ticks
 
 F64 = NDArray[np.float64]
 
+_WIDTH, _HEIGHT = 600, 300
+"""Of a chart before it is scaled to the page [px]."""
 _LEFT, _RIGHT, _TOP, _BOTTOM = 78, 14, 14, 48
 _POINTS = 900
 _FEW_DECADES = 2.7
@@ -60,8 +62,6 @@ def chart(
     x_label: str,
     y_label: str,
     *,
-    width: int = 600,
-    height: int = 300,
     log: Literal["", "x", "xy"] = "",
     zero: bool = False,
     bands: Sequence[Band] = (),
@@ -73,8 +73,6 @@ def chart(
         curves: drawn in order.
         x_label: with unit.
         y_label: with unit.
-        width: of the drawing [px] before it is scaled to the page.
-        height: likewise.
         log: the axes that are logarithmic.
         zero: whether the vertical axis starts at zero.
         bands: behind the curves.
@@ -85,12 +83,12 @@ def chart(
     shown = [c for c in shown if len(c.x)]
     if not shown:
         return Markup("<p class='note'>Nothing to draw.</p>")
-    right, bottom = width - _RIGHT, height - _BOTTOM
+    right, bottom = _WIDTH - _RIGHT, _HEIGHT - _BOTTOM
     low_x, high_x = _range([c.x for c in shown] + [np.array(ends) for ends in _logs(shaded, log_x)])
     px = Scale(low_x, high_x if high_x > low_x else low_x + 1.0, _LEFT, right)
     heights = [c.y for c in shown] + [end for band in bands for end in (band.low, band.high)]
     py = Scale(*_padded(*_range(heights), zero), bottom, _TOP)
-    parts = [_open(width, height, f"{y_label} over {x_label}")]
+    parts = [_open(_WIDTH, _HEIGHT, f"{y_label} over {x_label}")]
     for first, last in _logs(shaded, log_x):
         parts.append(
             f'<rect class="unknown" x="{px(first):.1f}" y="{_TOP}" '
@@ -112,20 +110,17 @@ def chart(
             parts.append(f'<circle class="point {_class(c.name)}" {centre} r="3"/>')
             continue
         parts.append(f'<polyline class="line {_class(c.name)}" points="{points}"/>')
-    parts.append(text_element((_LEFT + right) / 2, height - 8, x_label, "middle", "axis"))
+    parts.append(text_element((_LEFT + right) / 2, _HEIGHT - 8, x_label, "middle", "axis"))
     return _closed([*parts, _y_title(y_label, bottom)])
 
 
-def bars(
-    names: Sequence[str], groups: Mapping[str, Sequence[float]], y_label: str, width: int = 600
-) -> Markup:
+def bars(names: Sequence[str], groups: Mapping[str, Sequence[float]], y_label: str) -> Markup:
     """A bar chart: one group of bars per name, in it one bar per key of `groups`."""
-    height = 300
-    right, bottom = width - _RIGHT, height - _BOTTOM
+    right, bottom = _WIDTH - _RIGHT, _HEIGHT - _BOTTOM
     top = max((v for values in groups.values() for v in values if math.isfinite(v)), default=1.0)
     top = top * 1.06 or 1.0
     py = Scale(0.0, top, bottom, _TOP)
-    parts = [_open(width, height, y_label)]
+    parts = [_open(_WIDTH, _HEIGHT, y_label)]
     for y in ticks(0.0, top, 5):
         parts += _horizontal(py(y), right, f"{y:.3g}")
     step = (right - _LEFT) / max(len(names), 1)

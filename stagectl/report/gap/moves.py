@@ -27,6 +27,9 @@ _RESOLVED = 20_000
 """Steps that the largest value of a series is told in."""
 
 
+NO_MOVES: dict[str, Any] = {"axes": [], "moves": [], "every": 1}
+
+
 def move_data(
     measured: Sequence[Measured],
     explained: Sequence[Signals] | None,
@@ -45,7 +48,7 @@ def move_data(
     """
     blocks = [(r, b) for r, m in enumerate(measured) for b in _blocks(m)]
     if not blocks:
-        return {"axes": [], "moves": []}
+        return NO_MOVES
     axes = list(measured[0].replay.names)
     kinds = ["before"] if explained is None else ["before", "after"]
     samples = sum(b.stop - b.start for _, b in blocks)

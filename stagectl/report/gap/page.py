@@ -19,14 +19,8 @@ from sim2real.residuals import ResidualViews
 from stagectl.report.content import DASH, Notice
 from stagectl.report.gap import traces
 from stagectl.report.gap.charts import legend, matrix
-from stagectl.report.gap.moves import move_data
-from stagectl.report.gap.views import (
-    View,
-    plane_view,
-    response_view,
-    reversal_view,
-    velocity_view,
-)
+from stagectl.report.gap.moves import NO_MOVES, move_data
+from stagectl.report.gap.views import draw_views
 from stagectl.report.render import render_template, script_json
 from stagectl.store import write_atomically
 
@@ -106,11 +100,8 @@ def render_gap_page(
         traces.residual_section(examined.measured, explained, axis, signal, share, ratio)
         for share, axis, signal in order
     ]
-    move_charts = (
-        move_data(examined.measured, explained, order[0][1], ratio) if order else {"moves": []}
-    )
-    axes = list(dict.fromkeys(axis for _, axis, _ in order))
-    shown = [views[axis] for axis in axes] if views else []
+    charts = move_data(examined.measured, explained, order[0][1], ratio) if order else NO_MOVES
+    shown = [views[axis] for axis in dict.fromkeys(a for _, a, _ in order)] if views else []
     models = ("before", *(("after",) if explained is not None else ()))
     ranked = sorted(report.candidates, key=lambda c: -c.probability)
     moves = report.next_experiment.to_json()["moves"] if report.next_experiment else ()
@@ -129,10 +120,10 @@ def render_gap_page(
         sections=sections,
         profiles=[traces.friction_panel(profile) for profile in profiles],
         profile_key=legend(("measured", "after")),
-        data=script_json(move_charts),
-        has_moves=bool(move_charts["moves"]),
-        every=move_charts.get("every", 1),
-        views=_view_sections(shown) if shown else (),
+        checked=any(step.elsewhere is not None for step in report.steps),
+        data=script_json(charts),
+        moves=charts,
+        views=draw_views(shown),
         move_key=legend(("measured", *models)),
         model_key=legend(models),
         residual_key=traces.residual_legend(explained is not None),
@@ -153,16 +144,6 @@ def _largest_first(examined: Examination) -> list[tuple[float, str, str]]:
     return sorted(
         ((share, a, s) for a, of in excess.items() for s, share in of.items()), reverse=True
     )
-
-
-def _view_sections(shown: Sequence[ResidualViews]) -> list[tuple[str, View]]:
-    """Key of the section in the template, and its pictures."""
-    return [
-        ("velocity", velocity_view(shown)),
-        ("plane", plane_view(shown)),
-        ("reversal", reversal_view(shown)),
-        ("response", response_view(shown)),
-    ]
 
 
 def headline(report: GapReport) -> str:
@@ -202,6 +183,9 @@ def _figures(report: GapReport) -> list[tuple[str, str]]:
         if report.gap_closed_interval is not None:
             low, high = (100 * end for end in report.gap_closed_interval)
             figures.append((f"{low:.0f}{DASH}{high:.0f} %", "its confidence interval"))
+    if report.gap_closed_elsewhere is not None:
+        closed = f"{100 * report.gap_closed_elsewhere:.0f} %"
+        figures.append((closed, "closed on other recordings"))
     if report.causes:
         probable = report.causes[0]
         figures.append(

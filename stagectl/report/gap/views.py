@@ -45,6 +45,18 @@ class View:
     missing: tuple[str, ...]
 
 
+def draw_views(views: Sequence[ResidualViews]) -> list[tuple[str, View]]:
+    """Key of each section in the template, and its pictures; nothing without views."""
+    if not views:
+        return []
+    return [
+        ("velocity", velocity_view(views)),
+        ("plane", plane_view(views)),
+        ("reversal", reversal_view(views)),
+        ("response", response_view(views)),
+    ]
+
+
 def velocity_view(views: Sequence[ResidualViews]) -> View:
     """Mean residual force over velocity: all speeds, and low ones where the axis has crept."""
     panels, missing = [], []

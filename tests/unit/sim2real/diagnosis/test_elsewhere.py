@@ -1,0 +1,68 @@
+"""What was found is worth as much on other recordings as it is right."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from hil_sim.effects.library import library
+from sim2real.diagnosis import Diagnosis, examine, judge_elsewhere, report_without_causes
+from sim2real.fitting import NUISANCES, AxisModel, Term
+from sim2real.report import Cause, SelectionStep
+from tests.unit.sim2real.conftest import stage_with
+
+COGGING = {"amplitude": 1.2, "pitch": 0.032, "phase": 0.5}
+OFFSET = {"force": 1.0}
+
+
+def model(**effects):
+    terms = tuple(Term(library()[name], tuple(of.values())) for name, of in effects.items())
+    return AxisModel(np.zeros(NUISANCES), terms)
+
+
+@pytest.fixture(scope="module")
+def others(nominal):
+    recorded = stage_with(nominal, 5, x={"cogging": COGGING, "force_offset": OFFSET})
+    return examine([recorded], nominal[1])
+
+
+def found(others, *steps):
+    """A diagnosis of x whose steps have these models; the last one is what it found."""
+    causes = (Cause("x", "cogging", 0.9, {}, 0.9, None),) if steps else ()
+    listed = tuple(SelectionStep("x", s.names()[-1:], s.names(), 0.9, 0.01) for s in steps)
+    report = replace(report_without_causes(others), causes=causes, steps=listed)
+    free = SimpleNamespace(steps=[SimpleNamespace(model=s) for s in steps])
+    models = {"x": steps[-1]} if steps else {}
+    return Diagnosis(report, models, {"x": SimpleNamespace(free=free)})
+
+
+def test_each_step_is_judged_with_its_own_figures(others):
+    right = model(force_offset=OFFSET, cogging=COGGING)
+    report = judge_elsewhere(found(others, model(force_offset=OFFSET), right), others)
+    first, second = (step.elsewhere for step in report.steps)
+    assert 0.05 < first < 0.8
+    assert second > 0.95
+    assert report.gap_closed_elsewhere > 0.9
+    assert report.to_json()["steps"][1]["elsewhere"] == second
+
+
+def test_wrong_figures_close_less_than_nothing(others):
+    wrong = model(cogging={**COGGING, "phase": 0.5 + np.pi})
+    report = judge_elsewhere(found(others, wrong), others)
+    assert report.steps[0].elsewhere < 0.0
+    assert report.gap_closed_elsewhere < 0.0
+
+
+def test_a_gap_no_larger_than_the_floor_is_no_gap_to_close(others):
+    (m,) = others.measured
+    high = {axis: {s: 100.0 * v for s, v in of.items()} for axis, of in m.floor.rms.items()}
+    quiet = replace(others, measured=(replace(m, floor=replace(m.floor, rms=high)),))
+    report = judge_elsewhere(found(quiet, model(cogging=COGGING)), quiet)
+    assert report.gap_closed_elsewhere is None
+    assert "elsewhere" not in report.to_json()["steps"][0]
+
+
+def test_without_causes_there_is_nothing_to_judge(others):
+    diagnosis = found(others)
+    assert judge_elsewhere(diagnosis, others) is diagnosis.report
