@@ -112,10 +112,11 @@ def diagnose(
         try:
             effects = library()
             examined = examine(recorded, settings, correct=correct, progress=progress)
+            judges = examine(others, settings, correct=correct) if others else None
+            if judges is not None and judges.insufficient is not None:
+                raise UnusableInput(f"--check: {judges.insufficient}")
             found = diagnosis.diagnose(examined, tolerance, effects, jobs=jobs, progress=progress)
-            report = found.report
-            if others:
-                report = judge_elsewhere(found, examine(others, settings, correct=correct))
+            report = found.report if judges is None else judge_elsewhere(found, judges)
         except EffectError as error:
             raise ConfigError(f"effects: {error}") from error
         except ValueError as error:

@@ -51,8 +51,8 @@
 
   function moveCharts() {
     const move = data.moves[shown];
-    find("move-facts").textContent = Object.entries(move.stroke)
-      .map(([name, distance]) => "Axis " + name + " travels " + +distance.toPrecision(4) + " mm").join(", ");
+    find("move-facts").textContent = "Travel: " + Object.entries(move.stroke)
+      .map(([name, distance]) => name + " " + +distance.toPrecision(4) + " mm").join(", ");
     pair("move-force", move.axes[axis].force, 2);
     // Without a demand there is no following error.
     find("move-error").hidden = !("error" in move.axes[axis]);

@@ -104,6 +104,26 @@ def test_recordings_with_too_little_motion_get_a_report(small, tmp_path, spoil, 
     assert report["causes"] == []
 
 
+def test_a_recording_that_cannot_judge_is_one_line(small, tmp_path):
+    still = spoilt(
+        small, tmp_path,
+        lambda f: [replaced(f, f"axes/{a}/position_demand", np.zeros(KEPT)) for a in "xy"],
+    )  # fmt: skip
+    report, line = run(small, "--check", still)
+    assert report is None
+    assert line.startswith("--check: ")
+    assert "no motion" in line
+
+
+def test_the_curves_of_the_page_are_in_the_json(small, tmp_path):
+    page = tmp_path / "gap.html"
+    report, _ = run(small, "--check", small, "--html", page)
+    assert report["gap_closed_elsewhere"] is None
+    assert set(report["residuals"]) == {"x", "y"}
+    assert report["residuals"]["x"]["over_velocity"]
+    assert "over position and velocity" in page.read_text()
+
+
 def test_without_a_diagnosis_there_is_no_twin(small, tmp_path):
     path = spoilt(
         small, tmp_path,
