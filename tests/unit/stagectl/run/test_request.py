@@ -1,0 +1,68 @@
+"""A run's request as the note that resumes and replays it."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from stagectl.config import load_machine
+from stagectl.recipe import parse_recipe
+from stagectl.run import Resumed, RunRequest
+from stagectl.sequencer import Mode, SiteVerdict
+
+MACHINE = load_machine()
+SHIPPED = resources.files("stagectl") / "data" / "recipes" / "inspection-20.yaml"
+RECIPE = parse_recipe(SHIPPED.read_text(encoding="utf-8"), "inspection-20.yaml", MACHINE)
+RESUMED = Resumed(
+    "runs/a", "2026-11-22T08:00:00+00:00", 7, {"x": {"coulomb": (6.1, 0.05)}},
+    (SiteVerdict(1, ()), SiteVerdict(2, ("settling",))),
+)  # fmt: skip
+
+
+def request(**changes: Any) -> RunRequest:
+    return RunRequest(
+        **{
+            "recipe": RECIPE, "machine": MACHINE, "truth": MACHINE, "bus": None,
+            "mode": Mode.ESTIMATED, "friction_scale": 1.0, "seed": 3, "folder": Path("runs/b"),
+            "started": datetime(2026, 11, 22, tzinfo=UTC), **changes,
+        }
+    )  # fmt: skip
+
+
+def test_an_interrupted_run_comes_back_from_its_note_as_json() -> None:
+    note = json.loads(json.dumps(RESUMED.as_note()))
+    assert Resumed.from_note(note) == RESUMED
+    assert RESUMED.link() == {"run": "runs/a", "started": RESUMED.started, "done": 7}
+
+
+def test_a_note_without_verdicts_is_of_a_recipe_without_limits() -> None:
+    note = {key: value for key, value in RESUMED.as_note().items() if key != "verdicts"}
+    assert Resumed.from_note(note).verdicts == ()
+
+
+@pytest.mark.parametrize("spoil", [{"done": "many"}, {"friction": {"x": {"coulomb": [1.0]}}}])
+def test_a_damaged_note_is_not_taken(spoil: dict[str, Any]) -> None:
+    with pytest.raises((ValueError, IndexError)):
+        Resumed.from_note({**RESUMED.as_note(), **spoil})
+
+
+def test_the_note_has_what_the_recipe_counts_and_limits() -> None:
+    note = json.loads(json.dumps(request(resumed=RESUMED).as_note()))
+    assert (note["unit"], note["stretches"], note["calibration"]) == ("site", 20, False)
+    assert note["limits"]["window"] == RECIPE.settle.window
+    assert (note["seed"], note["compensation"], note["simulated"]) == (3, "estimated", True)
+    assert note["resumed"]["done"] == 7
+    assert note["files"]["recipe"] == "inspection-20.yaml"
+
+
+def test_the_truth_goes_into_the_note_only_where_the_host_knew_it() -> None:
+    assert request().as_note()["truth"] is None
+    assert request(mode=Mode.ORACLE).as_note()["truth"] == MACHINE.text
+    real = request(truth=None, bus=("socketcan", "can0")).as_note()
+    assert (real["simulated"], real["truth"], real["files"]["truth"]) == (False, None, None)
+    assert real["bus"] == ["socketcan", "can0"]

@@ -1,0 +1,78 @@
+"""The command that continues a run: its options again, no default spelled out."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from stagectl.config import load_machine, parse_machine
+from stagectl.run.resume_command import resume_command
+
+PACKAGED = "wafer-xy.yaml (packaged)"
+BESIDE = str(Path("runs/stage.db").absolute())
+
+
+def note(**changes: Any) -> dict[str, Any]:
+    files = {"recipe": "r.yaml", "machine": PACKAGED, "truth": PACKAGED}
+    plain = {
+        "files": files, "simulated": True, "calibration": False, "seed": 1, "bus": None,
+        "compensation": "estimated", "friction_scale": 1.0, "retries": 0,
+        "history": {"where": BESIDE},
+    }  # fmt: skip
+    files.update(changes.pop("files", {}))
+    return {**plain, **changes}
+
+
+def command(machine: Any = None, folder: str = "runs/a", **changes: Any) -> str:
+    return resume_command(note(**changes), machine or load_machine(), folder)
+
+
+def test_a_plain_run_needs_its_recipe_and_its_folder() -> None:
+    assert command() == "stagectl run r.yaml --simulate --resume runs/a"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"seed": 4}, "--seed 4"),
+        ({"files": {"machine": "m.yaml", "truth": "m.yaml"}}, "--machine m.yaml --simulate"),
+        ({"files": {"truth": "worn.yaml (packaged)"}}, "--simulate worn"),
+        ({"compensation": "none"}, "--compensation none"),
+        ({"friction_scale": 0.5}, "--friction-scale 0.5"),
+        ({"retries": 2}, "--retries 2"),
+        ({"use_map": False}, "--map none"),
+        ({"history": {"where": "h.db"}}, "--history h.db"),
+        ({"history": {"where": None}}, "--history none"),
+    ],
+)
+def test_what_was_asked_for_is_asked_for_again(changes: dict[str, Any], words: str) -> None:
+    assert f" {words} " in command(**changes)
+
+
+def test_a_calibration_is_continued_as_one() -> None:
+    assert command(calibration=True).startswith("stagectl calibrate r.yaml ")
+
+
+def test_a_real_run_names_its_bus_and_no_seed() -> None:
+    said = command(simulated=False, bus=["socketcan", "can0"], seed=9)
+    assert said == "stagectl run r.yaml --bus socketcan:can0 --resume runs/a"
+
+
+def test_a_servers_password_is_in_neither_and_makes_no_option() -> None:
+    text = load_machine().text + "history: postgresql://lab:s3cret@db/stage\n"
+    machine = parse_machine(text, "m.yaml")
+    said = command(
+        machine, simulated=False, files={"machine": "m.yaml"},
+        history={"where": "postgresql://lab@db/stage"},
+    )  # fmt: skip
+    assert said == "stagectl run r.yaml --machine m.yaml --resume runs/a"
+
+
+def test_names_with_blanks_survive_the_shell() -> None:
+    said = command(folder="runs/my wafer", files={"recipe": "it's.yaml"})
+    assert shlex.split(said) == [
+        "stagectl", "run", "it's.yaml", "--simulate", "--resume", "runs/my wafer",
+    ]  # fmt: skip

@@ -1,0 +1,69 @@
+"""One record per axis from the samples of a move, on an even grid, whatever came late."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+
+from stagectl.sequencer.move_data import prepare_move_data
+from tests.unit.stagectl.sequencer.jittered import COUNT, MOTION, TS, jittered
+
+
+def test_a_clean_move_is_taken_as_it_is():
+    samples = jittered(0.0)
+    (record,), path = prepare_move_data(samples, np.array([1.5]), [8.0], TS)
+    np.testing.assert_array_equal(record.position, samples.position[:, 0])
+    np.testing.assert_array_equal(record.force, samples.force[:, 0])
+    assert record.valid.all()
+    assert (record.time, record.rest_force) == (samples.time[0], 1.5)
+    np.testing.assert_array_equal(path[:, 0], samples.position[:, 0])
+
+
+def test_samples_of_early_and_late_syncs_come_to_their_places():
+    samples = jittered(1e-5)
+    (record,), _ = prepare_move_data(samples, np.array([0.0]), [8.0], TS)
+    on_grid = MOTION.sample(np.clip(samples.time, 0.0, None))[0]
+    before = np.abs(samples.position[:, 0] - on_grid).max()
+    placed = np.abs(record.position - on_grid)[record.valid].max()
+    assert placed < 0.1 * before
+
+
+def test_skipped_periods_are_gaps_that_the_path_bridges():
+    samples = jittered(0.0)
+    samples.time[80:] += 3 * TS
+    (record,), path = prepare_move_data(samples, np.array([0.0]), [8.0], TS)
+    assert len(record.position) == len(path) == COUNT + 3
+    assert not record.valid[80:83].any()
+    assert record.valid[83:].all()
+    ends = path[79, 0], path[83, 0]
+    np.testing.assert_allclose(path[80:83, 0], np.linspace(*ends, 5)[1:-1])
+
+
+def test_every_axis_has_a_record_of_its_own():
+    one = jittered(0.0)
+    both = replace(
+        one,
+        **{
+            f.name: np.column_stack([getattr(one, f.name)] * 2)
+            for f in fields(one)
+            if getattr(one, f.name).ndim == 2
+        },
+    )
+    both.valid[5, 1] = False
+    records, path = prepare_move_data(both, np.array([1.0, 2.0]), [8.0, 14.0], TS)
+    assert [r.rest_force for r in records] == [1.0, 2.0]
+    assert records[0].valid.all()
+    assert not records[1].valid[5]
+    assert path.shape == (COUNT, 2)
+
+
+def test_a_force_that_a_late_setpoint_made_is_masked_not_lost():
+    at = 60
+    samples = jittered(1e-5)
+    samples.position[:, 0] = np.round(samples.position[:, 0], 9)
+    samples.sync[at] += 1e-4
+    (record,), _ = prepare_move_data(samples, np.array([0.0]), [8.0], TS)
+    assert record.disturbed is not None
+    assert record.disturbed[at - 1 : at + 2].any()
+    assert record.valid[at + 2 :].any()
