@@ -19,10 +19,11 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.canopen import LISTENING, Clock, MonotonicClock, Network, Tap, open_bus
+from drivers.boot import Boot
+from drivers.canopen import Clock, MonotonicClock, Network, Tap, open_bus
 from drivers.cyclic import Cycle, OffsetCorrection, RealTime, Sink, Until
 from drivers.drive import Axis
-from drivers.errors import BusError, ConfigurationError, DriverError, NodeError
+from drivers.errors import BusError, ConfigurationError, DriverError
 from drivers.motion import (
     HOLDING_TIMEOUT,
     CyclicForce,
@@ -37,9 +38,6 @@ from drivers.motion import (
 )
 from drivers.settings import AxisSettings, BusSettings
 from stagedata import Samples
-
-_ATTEMPTS = 3
-"""At configuring the nodes, where two devices seem to share a node id."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -77,11 +75,12 @@ class Stage:
         self.sink: Sink | None = None
         self.settings = bus
         self._owned: can.BusABC | None = None
-        self._open, self._listened = True, False
+        self._open = True
         _check_unique(axes)
         self._network = Network(bus_object, str(bus), tap)
         self.axes = tuple(Axis(self._network, axis) for axis in axes)
         self._cycle = cycle = Cycle(self._network, self.axes, bus)
+        self._start = Boot(self._network, cycle, self.axes, bus)
         self._power = power = Power(cycle)
         self._real_time = real_time = RealTime(bus.realtime)
         self._stopping = stopping = SafeStop(cycle, power)
@@ -224,51 +223,11 @@ class Stage:
         self._stopping.begun = False
         self._network.other_host.forget()
         self._network.beats = True
-        self._listen_for_other_host()
-        self._cycle.sync.stop()
-        self._cycle.reset()
+        self._start.listen()
         self._power.mode = None
         if isinstance(self.clock, MonotonicClock):
             self._real_time.begin()
-        try:
-            self._configure_and_start()
-        except (NodeError, ConfigurationError):
-            self._network.check_alone()  # another host explains it better
-            raise
-        self._network.check_alone()
-        self._cycle.clear_alarms()
-
-    def _configure_and_start(self) -> None:
-        for _ in range(_ATTEMPTS):
-            self._configure()
-            doubles = [error for axis in self.axes if (error := axis.node.find_double())]
-            if not doubles:
-                break
-        else:
-            raise doubles[0]
-        for axis in self.axes:
-            axis.node.start()
-
-    def _configure(self) -> None:
-        for axis in self.axes:
-            axis.node.boot()
-        for axis in self.axes:
-            axis.configure(self.settings)
-        for channel in self._cycle.channels:
-            channel.use_mappings()
-        self._network.service(self._network.clock.now_ns())
-
-    def _listen_for_other_host(self) -> None:
-        """Listens before our first frame, once, on buses in real time."""
-        if self._listened or not isinstance(self.clock, MonotonicClock):
-            return
-        self._listened = True
-        try:
-            self._network.listen(LISTENING)
-        except BusError:
-            for axis in self.axes:
-                axis.node.booted = 0  # not on our request: nothing to release at the end
-            raise
+        self._start.run()
 
     @_exclusive
     def home(self, force: bool = False) -> None:
