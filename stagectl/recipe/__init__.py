@@ -2,7 +2,7 @@
 
 from stagectl.recipe.dry_run import dry_run
 from stagectl.recipe.fiducial import Fiducial, make_fiducial
-from stagectl.recipe.load import MAX_SITES, grid_positions, load_recipe, parse_recipe
+from stagectl.recipe.load import load_recipe, parse_recipe
 from stagectl.recipe.model import Excite, Excursion, NoMark, Pair, Profile, Recipe, SiteLimits
 from stagectl.recipe.plan import (
     DoneStep,
@@ -17,6 +17,7 @@ from stagectl.recipe.plan import (
     plan,
     plan_from,
 )
+from stagectl.recipe.sites import MAX_SITES, grid_positions
 from stagectl.recipe.tables import read_sites
 
 __all__ = [
