@@ -70,7 +70,7 @@ def virtual_stage(stage_bus: can.BusABC, stage_machine: Machine) -> Iterator[Sta
 
 @pytest.fixture(scope="module")
 def module_stage(stage_machine: Machine, stage_seed: int) -> Iterator[Stage]:
-    """As `virtual_stage`, homed once for all tests of a module: each goes on where one ended."""
+    """As `virtual_stage`, homed once for a module: each test continues where the last one ended."""
     with _powered(_drives(stage_machine, stage_seed)) as bus, _enabled(bus, stage_machine) as stage:
         yield stage
 

@@ -98,8 +98,8 @@ class Network(canopen.Network):
     Attributes:
         clock: of the bus.
         tap: called with every frame, or None.
-        beats: whether the host's heartbeat is sent. Not by an observer: drives would go on when
-            their real host is lost.
+        beats: whether the host's heartbeat is sent. Not by an observer: drives would keep
+            running when their real host is lost.
         own_ids: CAN-IDs that the host sends. Received, they are its own echo (udp_multicast loops
             frames back), since a CAN-ID has one sender.
         other_host: detects frames that only another host can have sent.

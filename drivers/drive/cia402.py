@@ -138,7 +138,7 @@ def next_command(state: State, target: State) -> Command | None:
                     return command if first is None else first
                 seen.add(after)
                 queue.append((after, command if first is None else first))
-    raise ValueError(f"no way from {state} to {target}")
+    raise ValueError(f"no transition leads from {state} to {target}")
 
 
 def next_controlword(state: State, target: State, previous: int = 0) -> int:

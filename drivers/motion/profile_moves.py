@@ -59,7 +59,7 @@ class _Course:
 
 
 class ProfileMoves:
-    """All axes in pp. Between calls the drives go on, but receive no heartbeat.
+    """All axes in pp. Between calls the drives keep moving, but receive no heartbeat.
 
     Args:
         cycle: the cyclic path; all axes are enabled in pp.

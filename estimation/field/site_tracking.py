@@ -160,7 +160,7 @@ class SiteTracker:
         mean, covariance = numbers["mean"], numbers["covariance"]
         size = SITES + len(mean)
         if covariance.shape != (size, size) or numbers["state"].shape != (size,):
-            raise ValueError("numbers of a tracker that do not belong together")
+            raise ValueError("the tracker's arrays do not fit together")
         tracker = cls(mean, covariance[SITES:, SITES:], settings, time)
         tracker.state, tracker.covariance = numbers["state"].copy(), covariance.copy()
         tracker.moves = numbers["moves"].astype(np.int64)

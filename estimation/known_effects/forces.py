@@ -97,7 +97,7 @@ class KnownForces:
         return np.asarray(force)
 
     def rest(self, state: ForceState, duration: float) -> None:
-        """Let `state` go on for `duration` [s], the axis at rest."""
+        """Advance `state` by `duration` [s], the axis at rest."""
         if self._terms.bases:
             state.sway[-1] = 0.0
             state.sway[:-1] = self._transition(duration)[0] @ state.sway[:-1]

@@ -3,9 +3,9 @@
 Time axis, units, signs, scales, quantisation and saturation come from the numbers alone
 (`sim2real.audit.signal_checks`); delays, the force's scale and the controller from the logged force
 against the controller's law (`sim2real.audit.controller_law`, `law_hypotheses`). Each fault is
-corrected inside the audit as soon as it is found, so that it does not hide the next; whether the
-caller goes on with the corrected recording is the caller's choice. Dead time and current bandwidth
-belong to the stage and are not findings: they are returned as measured.
+corrected inside the audit as soon as it is found, so that it does not hide the next; whether to
+continue with the corrected recording is the caller's choice. Dead time and current bandwidth belong
+to the stage and are not findings: they are returned as measured.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Loggers drop rows, and hold a value where none arrived. Neither is physics: such samples are marked
 as not valid, lost rows are put back with demands in between those around them. Where the host
 itself paused, the drives held their setpoint, and nothing is put back: the demand tells the two
-apart, because it goes on as if nothing had been where only the log was away.
+apart: the motion continues undisturbed where only the log has a gap.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from stagedata import AxisSignals, BoolArray, FloatArray, Move, Recording
 
 _STEPS = 3.0
 """Changes of the position from sample to sample, in steps of the log plus its noise, from which one
-that does not change can be told from one at rest."""
+that does not change can be distinguished from one at rest."""
 _JUMP = 1.5
 """After a held value the position makes up for it: its change is at least this many times that of
 the samples around."""
@@ -79,7 +79,7 @@ def _applied(axis: str, channel: str, kind: str, share: float, text: str) -> Cha
 def _lost_rows(recording: Recording, place: NDArray[np.int64]) -> NDArray[np.int64]:
     """Rows lost before each sample, int64[K].
 
-    At a jump of the time axis the demand has gone on by as many periods as were jumped.
+    At a jump of the time axis the demand has advanced by as many periods as were skipped.
     """
     lost = np.zeros(len(recording), dtype=np.int64)
     for k in np.flatnonzero(np.diff(place) > 1) + 1:

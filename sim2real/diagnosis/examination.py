@@ -84,7 +84,7 @@ def examine(
     Args:
         recordings: at least one.
         settings: of the machine file.
-        correct: go on with corrected channels instead of giving up.
+        correct: continue with corrected channels instead of giving up.
         progress: called along the way.
 
     Raises:
@@ -114,7 +114,7 @@ def examine(
         worst = (beyond or misleading)[0]
         way = "no diagnosis is possible"
         if worst.finding not in UNCORRECTABLE:
-            way = "correct it first, or go on with --correct"
+            way = "correct it first, or continue with --correct"
         reason = f"{worst.text}; {way}"
         return _with_gap(Examination(names, findings, reason, settings), recordings, progress)
     if correct:

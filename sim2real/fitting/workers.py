@@ -13,7 +13,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-class Stopped(Exception):  # noqa: N818  (an end, not an error: it is reported to nobody)
+class Stopped(Exception):  # noqa: N818  (an end, not an error: it is not reported)
     """Work whose result is no longer wanted."""
 
 

@@ -1,6 +1,6 @@
 """Calibration: friction measured at fixed sites, and identified from recordings.
 
-`sites` (the file), `sequence` (moves at a site), `due` (when), `slip_in` (into production),
+`sites` (the file), `sequence` (moves at a site), `due` (when), `insert_sites` (into production),
 `outcome` and `report` (results), `recorded` (what a recording says), `documents` (results
 again from it), `identify` (figures of an axis).
 """
@@ -8,7 +8,7 @@ again from it), `identify` (figures of an axis).
 from stagectl.calibration.documents import rewrite_all_documents
 from stagectl.calibration.due_sites import due_now, due_sites
 from stagectl.calibration.identify import identify_axis, identify_pieces
-from stagectl.calibration.insert_sites import slip_in_sites
+from stagectl.calibration.insert_sites import insert_sites
 from stagectl.calibration.outcome import (
     SiteOutcome,
     common_changes,
@@ -33,13 +33,13 @@ __all__ = [
     "due_sites",
     "identify_axis",
     "identify_pieces",
+    "insert_sites",
     "load_calibration",
     "predicted_gains",
     "reached_gains",
     "read_calibration",
     "rewrite_all_documents",
     "site_outcomes",
-    "slip_in_sites",
     "visited_sites",
     "write_calibration_report",
 ]

@@ -18,10 +18,10 @@ from stagectl.calibration.sequence import REST, SiteSequence
 from stagectl.recipe import Pair, Recipe
 
 
-def slip_in_sites(
+def insert_sites(
     recipe: Recipe, due: Sequence[DueSite], sequence: SiteSequence, budget: float
 ) -> tuple[Recipe, float]:
-    """The recipe with calibrations slipped in, and the time they take [s].
+    """The recipe with calibration sites inserted, and the time they take [s].
 
     Args:
         recipe: of production, with sites.

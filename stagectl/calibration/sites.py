@@ -69,7 +69,7 @@ class Calibration:
         recipe: of the sites and the moves at each.
         sequence: of the moves, with its predicted gains.
         due: limits of a site.
-        budget: time for sites slipped into a production run [s], or None.
+        budget: time for sites inserted into a production run [s], or None.
     """
 
     recipe: Recipe

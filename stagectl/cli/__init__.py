@@ -33,11 +33,11 @@ COMMANDS = {
     "history": ("stagectl.cli.history", "Import runs into the friction history."),
     "calibrate": ("stagectl.cli.calibrate", "Measure friction at fixed sites and build a map."),
     "paper": ("stagectl.cli.paper", "Reproduce the source paper's tables and claims."),
-    "runs": ("stagectl.cli.runs", "List runs: what, when, on which wafer, by whom, outcome."),
+    "runs": ("stagectl.cli.runs", "List runs with recipe, time, lot, wafer, operator and outcome."),
     "report": ("stagectl.cli.report", "Make summary and report of a run again."),
     "recover": ("stagectl.cli.recover", "Recover the recording of a killed run."),
     "replay": ("stagectl.cli.replay", "Rerun the host on a recorded bus log."),
-    "doctor": ("stagectl.cli.doctor", "Say what this machine can, and what it lacks."),
+    "doctor": ("stagectl.cli.doctor", "Report what this machine offers a stage and what it lacks."),
     "completion": ("stagectl.cli.completion", "Print a shell completion script."),
 }
 

@@ -22,7 +22,7 @@ from stagectl.errors import StagectlError
               help="Measure jitter for this long [s].")  # fmt: skip
 @JSON_OUT
 def command(require: tuple[str, ...], seconds: float, json_out: Path | None) -> None:
-    """Say what this machine can, what it lacks, and how to get that.
+    """Report what this machine offers a stage, what it lacks, and how to get it.
 
     Compiled kernels, real-time scheduling, jitter at a SYNC period of 1 ms, SocketCAN, SYNC by the
     kernel, virtual CAN, UDP multicast, other adapters, PostgreSQL. A simulation needs none of them.

@@ -14,7 +14,7 @@ from stagectl.cli.options import FILE, OUTPUT
 @click.option("--axis", "axes", multiple=True, metavar="NAME", help="Only this axis; repeatable.")
 @click.option("--out", type=OUTPUT, default=Path("excite.yaml"), show_default=True)
 def excite(machine: Path | None, axes: tuple[str, ...], out: Path) -> None:
-    """Write a recipe that excites whatever effects act on.
+    """Write a recipe whose recording tells physical effects apart.
 
     Slow sweeps, strokes at several speeds, small reversals and chirps, within the machine's limits
     and travel. Record it with `stagectl run`, then `stagectl gap diagnose` the recording: it tells

@@ -54,9 +54,13 @@ def history_options(command: Callable[..., None]) -> Callable[..., None]:
             "--simulated/--real",
             "simulated",
             default=None,
-            help="The simulated or the real stage, if both have what is needed.",
+            help="The simulated or the real stage, where both qualify.",
         ),
-        click.option("--stage", "stage_name", help="Machine name, if several have what is needed."),
+        click.option(
+            "--stage",
+            "stage_name",
+            help="Machine name, where the history has several that qualify.",
+        ),
         click.option(
             "--history",
             metavar="FILE|URL",

@@ -123,8 +123,13 @@ class _Line(click.ParamType[str]):
 def run_by_options(command: Callable[..., None]) -> Callable[..., None]:
     """`--operator` and `--comment` of commands that make a run."""
     for option in (
-        click.option("--comment", type=_Line(), help="A line to keep with the run."),
-        click.option("--operator", type=_Line(), metavar="NAME", help="Who runs it."),
+        click.option("--comment", type=_Line(), help="One-line comment, stored with the run."),
+        click.option(
+            "--operator",
+            type=_Line(),
+            metavar="NAME",
+            help="Name of the operator, stored with the run.",
+        ),
     ):
         command = option(command)
     return command

@@ -198,11 +198,11 @@ def _site(site: int | None) -> str:
 
 
 def _site_verdicts(result: RunResult) -> list[RenderableType]:
-    told = verdict(result.summary)
-    if told is None:
+    judged = verdict(result.summary)
+    if judged is None:
         return []
     failed = [f"site {v.site}: {'; '.join(v.failures)}" for v in result.verdicts if v.failures]
-    return _list(told + (":" if failed else ""), failed, always=True)
+    return _list(judged + (":" if failed else ""), failed, always=True)
 
 
 def _list(title: str, lines: Sequence[str], always: bool = False) -> list[RenderableType]:

@@ -12,7 +12,7 @@ import click
 def command(folder: Path) -> None:
     """Convert the journal that a killed run left in FOLDER into its recording.h5.
 
-    Summary and report are made of the recording, as far as it got. `stagectl run --resume FOLDER`
+    Summary and report cover what was recorded. `stagectl run --resume FOLDER`
     does all this by itself.
     """
     from stagectl.calibration import rewrite_all_documents

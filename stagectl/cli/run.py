@@ -49,7 +49,7 @@ DEFAULT_BUDGET = 5.0
     "--observer/--no-observer",
     default=True,
     show_default=True,
-    help="Correct force offsets from SYNC to SYNC by what positions show to be lacking, on every "
+    help="Correct the force offset at every SYNC from the measured position, on every "
     "axis that can have an observer (stagectl observer).",
 )
 @click.option(
@@ -207,7 +207,7 @@ def _with_due_sites(request: RunRequest, path: Path, budget: float | None) -> Ru
     """The run with as many due calibration sites inserted as the budget allows."""
     from dataclasses import replace
 
-    from stagectl.calibration import due_now, load_calibration, slip_in_sites
+    from stagectl.calibration import due_now, insert_sites, load_calibration
 
     if request.history is None:
         raise click.UsageError("--calibrate needs a history, from which it sees what is due")
@@ -216,7 +216,7 @@ def _with_due_sites(request: RunRequest, path: Path, budget: float | None) -> Ru
     calibration = load_calibration(path, request.machine)
     due = due_now(calibration, request)
     allowed = budget if budget is not None else calibration.budget
-    recipe, spent = slip_in_sites(
+    recipe, spent = insert_sites(
         request.recipe, due, calibration.sequence, DEFAULT_BUDGET if allowed is None else allowed
     )
     where = "; ".join(f"({x * 1e3:g}, {y * 1e3:g}) mm" for _, (x, y) in recipe.slipped)
@@ -256,6 +256,6 @@ def _run(request: RunRequest, json_out: Path | None) -> None:
     console.print(render_outcome(result, request.folder), crop=False)
     if result.error is not None:
         raise result.error
-    told = verdict(result.summary)
-    if told is not None and any(site.failures for site in result.verdicts):
-        raise LimitsMissed(told)
+    judged = verdict(result.summary)
+    if judged is not None and any(site.failures for site in result.verdicts):
+        raise LimitsMissed(judged)

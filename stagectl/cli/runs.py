@@ -24,8 +24,8 @@ _STYLES = {"completed": "green", "aborted": "yellow", "fault": "red", "killed": 
 def command(folder: Path, json_out: Path | None) -> None:
     """List the runs in FOLDER [runs], oldest first: when, what, on which wafer, by whom, outcome.
 
-    A run that was killed is listed as far as it got ('stagectl recover' makes its recording); one
-    that goes on is `running`. With --json also stage, comment and how far each run got.
+    A killed run is listed with what it recorded ('stagectl recover' makes its recording); one in
+    progress is `running`. With --json also stage, comment and the progress of each run.
     """
     from stagectl.run import list_runs
 

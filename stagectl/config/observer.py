@@ -23,7 +23,7 @@ from stagedata import FrictionFigures
 LIMIT = 0.5
 """Largest correction, over the rated force."""
 DOUBT = 3.0
-"""The mass may be off by so many times the machine file's tolerance."""
+"""Multiples of the machine file's tolerance by which the mass may be off."""
 
 
 def observer_figures(axis: Axis, friction: FrictionFigures, period: float) -> AxisFigures | str:

@@ -13,12 +13,12 @@ Summary = Mapping[str, Any]
 
 def interruption(summary: Summary) -> str | None:
     """Where a run ended early: "at site 8 of 20"; None where it is complete."""
-    told = summary.get("interrupted")
-    if told is None:
+    stop = summary.get("interrupted")
+    if stop is None:
         return None
-    unit, done, of = told["unit"], told["done"], told["of"]
-    if told["at"] is not None:
-        return f"at {unit} {told['at']} of {of}"
+    unit, done, of = stop["unit"], stop["done"], stop["of"]
+    if stop["at"] is not None:
+        return f"at {unit} {stop['at']} of {of}"
     return f"after {unit} {done} of {of}" if done else f"before the first of {of} {unit}s"
 
 

@@ -92,7 +92,7 @@ def _unknown(folder: Path, outcome: str, reason: str | None = None) -> ListedRun
 
 def _of_summary(path: Path) -> ListedRun:
     summary = json.loads(path.read_text(encoding="utf-8"))
-    told: Mapping[str, Any] = summary.get("interrupted", {})
+    stop: Mapping[str, Any] = summary.get("interrupted", {})
     return ListedRun(
         path.parent,
         str(summary.get("started", "")),
@@ -105,10 +105,10 @@ def _of_summary(path: Path) -> ListedRun:
         summary.get("comment"),
         summary["outcome"],
         summary.get("limits", {}).get("verdict"),
-        told.get("unit"),
-        told.get("done"),
-        told.get("of"),
-        told.get("reason") or summary["fault"],
+        stop.get("unit"),
+        stop.get("done"),
+        stop.get("of"),
+        stop.get("reason") or summary["fault"],
     )
 
 

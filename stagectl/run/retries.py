@@ -8,7 +8,7 @@ from drivers import AxisFault, BusError, DriverError, Stage
 from stagectl.errors import RunFault
 
 LASTING = (0x2, 0x3, 0x4, 0x5, 0x7)
-"""Classes of error codes (first digit) that need somebody to look before power returns: current,
+"""Classes of error codes (first digit) that need an inspection before power returns: current,
 voltage, temperature, hardware, sensors."""
 OVER_TRAVEL = 0x8612
 

@@ -181,7 +181,7 @@ class AxisCompensation:
     ) -> F64 | None:
         """Recompute the rest of a move's offsets where its samples contradict the model.
 
-        Solves zone A while the move still goes on (the paper's first aim), so that this move
+        Solves zone A during the move (the paper's first aim), so that this move
         already settles with the better model. The offset continues from the last one sent.
 
         Args:

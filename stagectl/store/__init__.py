@@ -1,6 +1,6 @@
 """Files of a run: journal, recording, summary, bus log.
 
-`journal` (while the run goes on), `recovery` (from there to the recording), `recording` (HDF5;
+`journal` (during the run), `recovery` (from there to the recording), `recording` (HDF5;
 `hdf5`, `ledger`), `bus_log` (`frame_spool`, `asc_log`) and `log_reader`, `summary`, `foreign` and
 `columns` (data of other programs), `atomic`.
 

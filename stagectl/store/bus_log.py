@@ -54,7 +54,7 @@ class BusLog:
             path: of the ASC file, replacing an existing one at the end.
             started: when the run began, for the header.
             host_node: node id of the host, to tell its heartbeats from received ones.
-            part_frames: a longer log is kept in compressed parts of so many frames.
+            part_frames: frames per compressed part of a longer log.
 
         Raises:
             StagectlError: it cannot be written.

@@ -1,4 +1,4 @@
-"""Frames on disk while a run goes on: binary, appended in the SYNC cycle, in parts.
+"""Frames on disk during a run: binary, appended in the SYNC cycle, in parts.
 
 The first part is `bus.frames`. After PART_FRAMES frames the next one (`bus-002.frames`, ...) takes
 over, and a thread compresses the full one (`bus.frames.gz`, ...). zlib works without Python's lock,

@@ -97,7 +97,7 @@ def sample_dtype(axes: int) -> np.dtype[np.void]:
 
 @contextmanager
 def locked_journal(path: Path) -> Iterator[BinaryIO]:
-    """Open a journal for reading and lock it: its writer is gone, and nobody else recovers it.
+    """Open a journal for reading and lock it: its writer has ended, no one else recovers it.
 
     Raises:
         UnusableInput: it cannot be opened.

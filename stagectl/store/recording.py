@@ -276,7 +276,7 @@ def _move_table(recording: Recording) -> npt.NDArray[np.void]:
 
 def _check_format(file: h5py.File) -> None:
     if read_line(file, "format", default="") != FORMAT:
-        raise UnusableInput(f"attribute format: not {FORMAT!r}, so not a recording of ours")
+        raise UnusableInput(f"attribute format: not {FORMAT!r}: not a stagectl recording")
     version = file.attrs.get("version")
     if not isinstance(version, int | np.integer) or version < 1:
         raise UnusableInput(f"attribute version: must be a whole number from 1, is {version!r}")

@@ -310,4 +310,4 @@ def test_due_sites_are_slipped_into_a_run_within_its_budget(calibrated, tmp_path
     assert newest - begun[0] > 1.0
     assert begun[0] - begun[1] > 1.0
     said = stagectl("replay", tmp_path / "slipped", code=2)
-    assert "had calibrations slipped in" in said
+    assert "had calibration sites inserted" in said

@@ -189,7 +189,7 @@ def test_unusable_runs(folder, tmp_path):
         ({"map": 3}, "used friction map 3 as it stood then"),
         ({"map": 3, "map_then": {"content": "{}"}}, "/events: damaged"),
         ({"calibration": True}, "was a calibration"),
-        ({"slipped": 2}, "had calibrations slipped in"),
+        ({"slipped": 2}, "had calibration sites inserted"),
         ({"seed": None}, "/events: damaged"),
     ):
         with h5py.File(folder / "recording.h5", "r+") as file:

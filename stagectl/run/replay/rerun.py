@@ -122,7 +122,7 @@ def _refuse_unless_replayable(path: Path, run: Mapping[str, Any]) -> None:
             "holds; runs with --simulate can be replayed"
         )
     if run.get("calibration") or run.get("slipped"):
-        what = "was a calibration" if run.get("calibration") else "had calibrations slipped in"
+        what = "was a calibration" if run.get("calibration") else "had calibration sites inserted"
         raise UnusableInput(
             f"{path}: {what}: a calibration's moves are not in the recipe; runs with "
             "--simulate and without any can be replayed"
