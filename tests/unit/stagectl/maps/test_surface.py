@@ -1,13 +1,12 @@
 """One axis of a map over the table: what is drawn and summed up of it."""
 
 import io
-import re
 
 import numpy as np
 import pytest
 from rich.console import Console
 
-from stagectl.maps import changes_table, compare, draw_maps, map_versions, summary, version_as_json
+from stagectl.maps import changes_table, compare, map_versions, summary, version_as_json
 from stagectl.maps.report import render
 from stagectl.maps.surface import surface
 from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, keep
@@ -28,12 +27,6 @@ def printed(part):
     return console.export_text()
 
 
-def scale(picture):
-    """Lowest and highest number beside the colour scale."""
-    numbers = re.findall(r'text-anchor="start">([\d.]+)</text>', picture)
-    return float(numbers[0]), float(numbers[2])
-
-
 def test_known_to_is_one_figure_on_terminal_page_and_json(history, versions):
     first, second = versions
     page = render(history, STAGE, second, first)
@@ -45,22 +38,6 @@ def test_known_to_is_one_figure_on_terminal_page_and_json(history, versions):
         assert told[name]["known_to"] == pytest.approx(known)
         # Between the sites less is known than at them.
         assert known > np.median([site.sigma for site in axis.sites])
-
-
-def test_maps_that_are_compared_have_one_scale(versions):
-    first, second = versions
-    drawn = draw_maps(second, first)
-    for name, axis in second.map.axes.items():
-        now, before, _ = drawn[name]
-        assert scale(now) == scale(before)
-        values = [surface(a).value for a in (axis, first.map.axes[name])]
-        low, high = scale(now)
-        assert low == pytest.approx(min(map(np.nanmin, values)), abs=0.006)
-        assert high == pytest.approx(max(map(np.nanmax, values)), abs=0.006)
-    x, y = (scale(drawn[name][-1]) for name in ("x", "y"))
-    assert x == y
-    alone = draw_maps(second, None)
-    assert all(len(pictures) == 2 for pictures in alone.values())
 
 
 def test_lists_that_are_cut_say_how_many_more(history, versions):

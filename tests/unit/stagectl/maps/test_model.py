@@ -1,4 +1,4 @@
-"""Maps as JSON: written, read back, and refused where damaged."""
+"""Maps: written as JSON, read back, and refused where damaged."""
 
 import pytest
 

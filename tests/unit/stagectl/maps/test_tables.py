@@ -1,0 +1,70 @@
+"""Maps on a terminal: figures, places, versions and changes."""
+
+import io
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from stagectl.history import Activation
+from stagectl.maps import MapVersion, changes_table, compare, map_versions, summary
+from stagectl.maps.tables import at_place, day, versions_table
+from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, keep, level
+
+
+@pytest.fixture
+def versions(history):
+    calibrate(history)
+    keep(history, BEGIN)
+    calibrate(history, at=BEGIN + 5000, spot=GRID[7], seed=2)
+    keep(history, BEGIN + 5000)
+    return map_versions(history, STAGE)
+
+
+def printed(part):
+    console = Console(width=120, file=io.StringIO(), record=True)
+    console.print(part)
+    return console.export_text()
+
+
+def test_times_are_in_utc():
+    assert day(0.0) == "1970-01-01 00:00"
+    assert day(1.7e9, seconds=True) == "2023-11-14 22:13:20"
+
+
+def test_the_summary_has_a_row_for_each_axis_and_dashes_for_what_is_not_known(versions):
+    text = printed(summary(versions[0]))
+    assert "map 1 of wafer-xy (simulated)" in text
+    rows = [line.split() for line in text.splitlines() if line.strip().startswith(("x ", "y "))]
+    assert [row[:2] for row in rows[:2]] == [["x", "25"], ["y", "25"]]
+    mean = float(rows[0][2])
+    assert mean == pytest.approx(np.mean([level("x", place) for place in GRID]), rel=0.01)
+    assert rows[0][3].startswith("-")
+    assert rows[0][4].startswith("+")
+    assert "-" in rows[2]  # C/Fc, which these calibrations did not show
+
+
+def test_a_place_outside_the_map_says_so(versions):
+    inside, outside = (printed(at_place(versions[0], place)) for place in (GRID[3], (0.14, 0.14)))
+    assert "outside of the map" not in inside
+    assert outside.count("outside of the map: the value at its edge") == 2
+    shown = float(inside.split("Fc ")[1].split(" N")[0])
+    assert shown == pytest.approx(level("x", GRID[3]), rel=0.05)
+
+
+def test_versions_with_what_was_in_use(versions):
+    used = [Activation(1, BEGIN, "activated"), Activation(None, BEGIN + 9.0, "rolled back")]
+    active = MapVersion(1, BEGIN, "weekly", True, versions[0].map)
+    text = printed(versions_table(STAGE, [active, versions[1]], used))
+    assert "25/25" in text
+    assert "rolled back" in text
+    assert "none" in text
+    assert "no map has been in use yet" in printed(versions_table(STAGE, versions, []))
+
+
+def test_a_changed_site_is_marked(versions):
+    text = printed(changes_table(1, 2, compare(versions[0].map, versions[1].map)))
+    marked = [line for line in text.splitlines() if line.rstrip().endswith("changed")]
+    x, y = (1e3 * value for value in GRID[7])
+    assert any(f"({x:.1f}, {y:.1f})" in line for line in marked)
+    assert "the two maps have no axis in common" in printed(changes_table(1, 2, []))
