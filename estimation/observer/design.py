@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -72,6 +73,11 @@ class Design:
         return self.figures.period / self.gain if self.gain else float("inf")
 
     @property
+    def walk(self) -> float:
+        """Of the disturbance, per period [N]."""
+        return _walk(self.figures)
+
+    @property
     def assumed_stiffness(self) -> float:
         """Of friction, in the model [N/m]."""
         return ASSUMED_STIFFNESS * self.figures.carriage.stiffness
@@ -108,6 +114,10 @@ class Design:
         )
 
 
+def _walk(figures: AxisFigures) -> float:
+    return WALK * figures.coulomb * math.sqrt(figures.period)
+
+
 def carriages(figures: AxisFigures) -> Iterator[Carriage]:
     """The axis with figures that are off: stiffness, mass, viscous friction."""
     carriage, doubt = figures.carriage, figures.mass_doubt
@@ -129,8 +139,7 @@ def design_observer(figures: AxisFigures) -> Design:
     that are off and for all `LATENCIES`. Where the drive alone would be unstable, nothing is asked.
     """
     assumed = replace(figures.carriage, stiffness=ASSUMED_STIFFNESS * figures.carriage.stiffness)
-    walk = WALK * figures.coulomb * figures.period**0.5
-    model = make_model(figures.drive, assumed, figures.period, walk, figures.noise)
+    model = make_model(figures.drive, assumed, figures.period, _walk(figures), figures.noise)
     demands = []
     for carriage in carriages(figures):
         maps = period_maps(figures.drive, carriage, figures.period)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.compiled import kernel
+from estimation.observer.filter import READ, predict, take_in
 from estimation.observer.model import LACK
 
 POSITION, MEASURED_FORCE, VALID, ARRIVAL = range(4)
@@ -22,13 +23,9 @@ POSITION, MEASURED_FORCE, VALID, ARRIVAL = range(4)
 OFF, FRESH, RUNNING, FAILED = range(4)
 """Phases of an axis: its offsets are sent as planned; before its first sample; observed; a value
 was not finite, the correction stays as it is."""
-RAMP_FROM, RAMP_TO, GAIN = range(3)
-"""Vectors of a model, as in `ObserverModel`."""
-PUNCTUAL = 1.0
-"""A sample says nothing where what is not known of its instant is worth more than so many sigma of
-its prediction at the speed of the demand."""
 USUAL = 1e-3
-"""The usual arrival of a frame follows the actual one by so much of Ts at most, per SYNC."""
+"""The usual arrival of a frame, and its usual distance from that, follow the actual ones by so much
+of Ts at most, per SYNC: outliers do not count for more."""
 STALE = 20
 """Setpoints moved by more than so many increments, yet the sample repeats the one before: stale."""
 LOST = 20
@@ -39,7 +36,9 @@ Records = NDArray[np.void]
 
 AXIS_DTYPE = np.dtype(
     [
-        ("spread", "f8"),
+        ("noise", "f8"),
+        ("walk", "f8"),
+        ("jump", "f8"),
         ("correction_gain", "f8"),
         ("kept", "f8"),
         ("limit", "f8"),
@@ -52,10 +51,11 @@ AXIS_DTYPE = np.dtype(
     ],
     align=True,
 )
-"""Figures of an axis: sigma of a sample around its prediction [m]; g over force ratio; share of the
-correction kept, 1 - g; limit of the correction [N]; units of position [m] and force [N]; force from
-which the drive counts as saturated [1/1000 rated]; Tc/Ts, the share of a step of the demand that is
-made when the sample is taken; `USUAL` and Ts [ns]."""
+"""Figures of an axis: variance of a sample [m^2] and of a period's step of the disturbance [N^2];
+innovation that no force brings about [m]; g over force ratio; share of the correction kept, 1 - g;
+limit of the correction [N]; units of position [m] and force [N]; force from which the drive counts
+as saturated [1/1000 rated]; Tc/Ts, the share of a step of the demand that is made when the sample
+is taken; `USUAL` and Ts [ns]."""
 NOW_DTYPE = np.dtype(
     [
         ("phase", "i8"),
@@ -68,12 +68,14 @@ NOW_DTYPE = np.dtype(
         ("position", "i8"),
         ("force", "i8"),
         ("usual_arrival", "f8"),
+        ("usual_distance", "f8"),
     ],
     align=True,
 )
 """State of an axis: phase; correction [N]; offset sent less planned, in this period and the one
 before [N]; what rounding has left [1/1000 rated]; target sent last and the one before [increments];
-sample before [increments, 1/1000 rated]; usual arrival [ns], negative before the first."""
+sample before [increments, 1/1000 rated]; usual arrival, negative before the first, and usual
+distance from it [ns]."""
 
 
 class Observers(NamedTuple):
@@ -82,12 +84,14 @@ class Observers(NamedTuple):
     Attributes:
         axes: records of `AXIS_DTYPE`, (n,).
         transition: (n, N, N).
-        vectors: `RAMP_FROM`, `RAMP_TO` and `GAIN`, (n, 3, N).
+        vectors: of `estimation.observer.filter`, (n, 3, N).
+        steady: covariance of the prediction with punctual samples, (n, N, N).
     """
 
     axes: Records
     transition: F64
     vectors: F64
+    steady: F64
 
 
 class State(NamedTuple):
@@ -96,24 +100,30 @@ class State(NamedTuple):
     Attributes:
         axes: records of `NOW_DTYPE`, (n,).
         estimate: prediction for the next sample, (n, N).
-        trial: estimate being computed, (2, N).
+        covariance: of it, (n, N, N).
+        rooms: estimate being computed, then scratch, (N + 2, N).
     """
 
     axes: Records
     estimate: F64
-    trial: F64
+    covariance: F64
+    rooms: F64
 
 
 def make_observers(axes: int, states: int) -> Observers:
     """Observers whose figures are still to be set."""
+    square = (axes, states, states)
     return Observers(
-        np.zeros(axes, AXIS_DTYPE), np.zeros((axes, states, states)), np.zeros((axes, 3, states))
+        np.zeros(axes, AXIS_DTYPE), np.zeros(square), np.zeros((axes, 3, states)), np.zeros(square)
     )
 
 
 def make_state(axes: int, states: int) -> State:
     """The state of observers that are off."""
-    state = State(np.zeros(axes, NOW_DTYPE), np.zeros((axes, states)), np.zeros((2, states)))
+    state = State(
+        np.zeros(axes, NOW_DTYPE), np.zeros((axes, states)), np.zeros((axes, states, states)),
+        np.zeros((states + 2, states)),
+    )  # fmt: skip
     state.axes["phase"], state.axes["usual_arrival"] = OFF, -1.0
     return state
 
@@ -165,7 +175,8 @@ def observe(observers, state, a, periods, doubt, sample):  # type: ignore[no-unt
     Arguments as those of `step`.
     """
     own, now = observers.axes[a], state.axes[a]
-    estimate, trial = state.estimate[a], state.trial
+    estimate, covariance = state.estimate[a], state.covariance[a]
+    trial = state.rooms[0]
     position, force = sample[a, POSITION], sample[a, MEASURED_FORCE]
     valid = sample[a, VALID] != 0
     begins = now.phase == FRESH
@@ -175,60 +186,66 @@ def observe(observers, state, a, periods, doubt, sample):  # type: ignore[no-unt
     deviation = (position - (now.target_before + own.first_tick * going)) * own.increment
     saturated = valid and abs(force) >= own.saturation
     stale = position == now.position and force == now.force and abs(going) > STALE
-    doubt = abs(doubt)
+    off = doubt**2
     if valid:
-        doubt += unpunctuality(own, now, sample[a, ARRIVAL])
-    late = abs(going) * doubt * own.increment > PUNCTUAL * own.spread
+        off += unpunctuality(own, now, sample[a, ARRIVAL])
+    shaken = off * (going * own.increment) ** 2
     now.position, now.force = position, force
     lacking = estimate[LACK]
+    trial[:] = estimate
     if begins or saturated:  # nothing else is known: what was lacking still is
-        trial[0] = 0.0
-        trial[0, 0], trial[0, LACK] = deviation, lacking
+        trial[:] = 0.0
+        trial[READ], trial[LACK] = deviation, lacking
+        covariance[:] = observers.steady[a]
+        take_in(trial, covariance, 0.0, own.noise + shaken)
     else:
-        trial[0] = estimate
         for _ in range(periods - 1):
-            predict(observers, a, now.acting_before, now.acting_before, trial)
-        if valid and not stale and not late:
-            trial[0] += observers.vectors[a, GAIN] * (deviation - trial[0, 0])
-    predict(observers, a, now.acting_before, now.acting, trial)
+            advance(observers, state, a, now.acting_before, now.acting_before, shaken)
+        if valid and not stale:
+            innovation = deviation - trial[READ]
+            if abs(innovation) > own.jump:
+                shaken = max(shaken, innovation**2)
+            take_in(trial, covariance, innovation, own.noise + shaken)
+    advance(observers, state, a, now.acting_before, now.acting, shaken)
     if saturated:
-        trial[0, LACK] = lacking
-    for value in trial[0]:
+        trial[LACK] = lacking
+    for value in trial:
         if not math.isfinite(value):
             now.phase = FAILED
             return
     now.phase = RUNNING
-    estimate[:] = trial[0]
-    if not saturated and not late:
+    estimate[:] = trial
+    if not saturated:
         moved = own.kept * now.correction + own.correction_gain * estimate[LACK]
         now.correction = min(max(moved, -own.limit), own.limit)
 
 
 @kernel()
 def unpunctuality(own, now, arrival):  # type: ignore[no-untyped-def]
-    """How far a sample may be off its instant by the arrival of its frame [ns], over Ts.
+    """How far a sample may be off its instant by the arrival of its frame [ns]: square, over Ts.
 
-    A drive samples when SYNC reaches it, and its answer follows; both may have been delayed. `own`
-    and `now` are the axis' records.
+    A drive samples when SYNC reaches it, and its answer follows; both may have been delayed. Where
+    arrivals scatter, one at the usual time is no better than they usually are. `own` and `now` are
+    the axis' records.
     """
     if now.usual_arrival < 0.0:
         now.usual_arrival = arrival
     off = arrival - now.usual_arrival
     now.usual_arrival += min(max(off, -own.usual_step), own.usual_step)
-    return abs(off) / own.period
+    further = abs(off) - now.usual_distance
+    now.usual_distance += min(max(further, -own.usual_step), own.usual_step)
+    return (off**2 + now.usual_distance**2) / own.period**2
 
 
 @kernel()
-def predict(observers, a, start, end, trial):  # type: ignore[no-untyped-def]
-    """Advance the state in `trial`'s first row, (2, N), by a period of axis `a`.
+def advance(observers, state, a, start, end, shaken):  # type: ignore[no-untyped-def]
+    """Predict the estimate in `rooms` and its covariance over a period of axis `a`.
 
-    The offset goes from `start` to `end` [N].
+    The offset goes from `start` to `end` [N]; `shaken` as in `predict`.
     """
-    transition, vectors = observers.transition[a], observers.vectors[a]
-    states = trial.shape[1]
-    for i in range(states):
-        total = vectors[RAMP_FROM, i] * start + vectors[RAMP_TO, i] * end
-        for k in range(states):
-            total += transition[i, k] * trial[0, k]
-        trial[1, i] = total
-    trial[0] = trial[1]
+    covariance = state.covariance[a]
+    predict(
+        observers.transition[a], observers.vectors[a], (start, end), shaken, state.rooms[0],
+        covariance, state.rooms[1:],
+    )  # fmt: skip
+    covariance[LACK, LACK] += observers.axes[a].walk

@@ -35,7 +35,9 @@ class ObserverModel(NamedTuple):
     Attributes:
         transition: (N, N).
         ramp_from, ramp_to: (N,).
-        gain: Kalman's, of a sample's deviation [m], (N,).
+        kick: effect of what the drive reads too much through a period [m], (N,).
+        gain: Kalman's in the steady state, of a sample's deviation [m], (N,).
+        covariance: of the prediction, in the steady state, (N, N).
         spread: of the deviation around its prediction, 1 sigma [m].
         force_ratio: motor force over force offset.
     """
@@ -43,7 +45,9 @@ class ObserverModel(NamedTuple):
     transition: F64
     ramp_from: F64
     ramp_to: F64
+    kick: F64
     gain: F64
+    covariance: F64
     spread: float
     force_ratio: float
 
@@ -70,7 +74,10 @@ def make_model(
     change[-1, INTEGRAL] = -drive.force_ratio
     order = [DEVIATION, VELOCITY, FORCE, SLOPE, states, *range(INTEGRAL + 1, states)]
     transition = (change @ full @ np.linalg.inv(change))[np.ix_(order, order)]
-    ramps = [(change @ np.append(ramp, 0.0))[order] for ramp in (maps.ramp_from, maps.ramp_to)]
+    ramp_from, ramp_to, kick = (
+        (change @ np.append(effect, 0.0))[order]
+        for effect in (maps.ramp_from, maps.ramp_to, maps.noise.sum(axis=1))
+    )
     drift = np.zeros_like(transition)
     drift[LACK, LACK] = walk**2
     reads = np.zeros((len(order), 1))
@@ -78,6 +85,6 @@ def make_model(
     covariance = solve_discrete_are(transition.T, reads, drift, np.array([[noise**2]]))
     spread = float(covariance[DEVIATION, DEVIATION]) + noise**2
     return ObserverModel(
-        transition, ramps[0], ramps[1], covariance[:, DEVIATION] / spread, spread**0.5,
-        drive.force_ratio,
+        transition, ramp_from, ramp_to, kick, covariance[:, DEVIATION] / spread, covariance,
+        spread**0.5, drive.force_ratio,
     )  # fmt: skip

@@ -19,6 +19,7 @@ from estimation.observer.kernel import (
     make_state,
     step,
 )
+from estimation.observer.model import LACK
 
 I64 = NDArray[np.int64]
 F64 = NDArray[np.float64]
@@ -39,6 +40,8 @@ class BusUnits:
     peak_force: float
 
 
+JUMP = 2.0
+"""Of the Coulomb force: within a period no force changes by more, all friction turned round."""
 _SATURATED = 0.98
 """Of the peak force: the reading is rounded, and behind the output."""
 
@@ -81,8 +84,11 @@ class StageObserver:
                 continue
             model, size = chosen.model, len(chosen.model.gain)
             made.transition[a, :size, :size] = model.transition
-            made.vectors[a, :, :size] = model.ramp_from, model.ramp_to, model.gain
-            axes[a]["spread"], axes[a]["limit"] = model.spread, chosen.figures.limit
+            made.vectors[a, :, :size] = model.ramp_from, model.ramp_to, model.kick
+            made.steady[a, :size, :size] = model.covariance
+            axes[a]["noise"], axes[a]["walk"] = chosen.figures.noise**2, chosen.walk**2
+            axes[a]["jump"] = JUMP * chosen.figures.coulomb / abs(model.gain[LACK])
+            axes[a]["limit"] = chosen.figures.limit
             axes[a]["correction_gain"] = chosen.gain / model.force_ratio
             axes[a]["kept"] = 1.0 - chosen.gain
         self._state = make_state(count, states)
@@ -96,7 +102,7 @@ class StageObserver:
     def _compile(self) -> None:
         """Compile the kernel, or load it, before anything moves."""
         axes = len(self.is_on)
-        row, scratch = np.zeros((1, axes)), make_state(axes, self._state.trial.shape[1])
+        row, scratch = np.zeros((1, axes)), make_state(axes, self._state.rooms.shape[1])
         self._step = machine_code(
             step, self._observers, scratch, row.astype(np.int64), row, 0, 1, 0.0, self.sample,
             self._sent,
@@ -114,7 +120,7 @@ class StageObserver:
 
     def restart(self) -> None:
         """The axes were without power: no correction, no estimate."""
-        self._state = make_state(len(self.is_on), self._state.trial.shape[1])
+        self._state = make_state(len(self.is_on), self._state.rooms.shape[1])
         self._state.axes["phase"] = np.where(self.is_on, FRESH, OFF)
 
     def begin(self, targets: I64, planned: F64, target: Sequence[int], continued: bool) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from hil_sim.bus import FaultPlan
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import load_machine, parse_machine
 from stagectl.recipe import load_recipe
@@ -66,6 +67,7 @@ def run(machine: Machine, tmp_path_factory: pytest.TempPathFactory) -> Run:
         listener: Listener | None = None,
         observer: bool = True,
         host: Machine | None = None,
+        faults: FaultPlan | None = None,
     ) -> RunResult:
         host = host or machine
         request = RunRequest(
@@ -78,6 +80,7 @@ def run(machine: Machine, tmp_path_factory: pytest.TempPathFactory) -> Run:
             seed,
             folder or tmp_path_factory.mktemp("run"),
             datetime.now(UTC),
+            faults=faults,
             observer=observer,
         )
         return execute(request, listener or Listener())

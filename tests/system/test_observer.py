@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from stagectl.cli import cli
+from stagectl.config.fault_plan import parse_faults
 from stagectl.config.machine import Effect
 from stagectl.recipe import parse_recipe
 from stagectl.run import Listener, RunRequest, execute
@@ -70,9 +71,32 @@ def test_effects_that_the_host_does_not_know(run, machine):
     assert mean(settling([run("model", 1, 1.0, stage)], "micro")) <= 0.03
 
 
-def test_without_it_nothing_is_corrected(run):
-    summary = run("model", observer=False).summary
+def test_without_it_nothing_is_corrected(run, tmp_path):
+    summary = run("model", observer=False, folder=tmp_path / "run").summary
     assert "observer" not in summary
+    assert "integrator holds" not in (tmp_path / "run" / "report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        "{fault: sync_jitter, most: 20 us}",
+        "{fault: sync_miss, axis: x, probability: 0.01}",
+        "{fault: drop, frame: rpdo1, probability: 0.01}",
+        "{fault: delay, frame: sync, least: 100 us, most: 300 us, probability: 0.01}",
+    ],
+    ids=["jitter", "SYNC missed", "setpoints lost", "SYNC late"],
+)
+def test_what_the_bus_does_is_not_answered_by_force(run, machine, fault):
+    faults = parse_faults(f"faults: [{fault}]", "faults", machine, 7)
+    off, on = (run("estimated", 1, 0.5, observer=on, faults=faults) for on in (False, True))
+    for kind in ("micro", "macro"):
+        assert mean(settling([on], kind)) <= 0.6 * mean(settling([off], kind))
+    peaks = [
+        mean(m["peak_error"] for m in result.summary["moves"] if m["kind"] == "macro")
+        for result in (off, on)
+    ]
+    assert peaks[1] <= 1.1 * peaks[0]
 
 
 def test_a_machine_file_that_wants_none(run, machine):
@@ -97,6 +121,7 @@ def test_a_machine_file_that_wants_none(run, machine):
     }
     assert result.summary["observer"]["y"]["on"]
     assert "none (switched off in the machine file)" in page
+    assert "the drive's own integrator holds the difference" in page
 
 
 def test_a_run_is_repeated_by_its_log(run, tmp_path):
