@@ -16,6 +16,7 @@ import numpy as np
 
 from estimation.observer import Design
 from hil_sim.bus import InjectedFault
+from stagectl.config import without_password
 from stagectl.config.known_effects import KnownEffect
 from stagectl.errors import Aborted, StagectlError
 from stagectl.history import (
@@ -24,7 +25,6 @@ from stagectl.history import (
     note_of_estimate,
     note_of_run,
     open_history,
-    without_password,
 )
 from stagectl.maps import ActiveMap, take_snapshot
 from stagectl.run.documents import write_documents

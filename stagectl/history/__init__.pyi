@@ -1,0 +1,55 @@
+from .filing import file_run, file_unfiled_runs, runs_in
+from .measured import measured_level, misfit_error
+from .notes import note_of_estimate, note_of_run, step_record
+from .opening import FILE_NAME, default_history, open_existing, open_history
+from .port import History
+from .records import (
+    F64,
+    Activation,
+    EstimateRecord,
+    Measurement,
+    Pair,
+    RunEntry,
+    StageKey,
+    StepRecord,
+    Trend,
+    Wear,
+)
+from .temperature import (
+    LatestTemperature,
+    Thermometer,
+    plugin_thermometer,
+    stage_temperature,
+)
+from .writer import HistoryWriter
+
+__all__ = [
+    "F64",
+    "FILE_NAME",
+    "Activation",
+    "EstimateRecord",
+    "History",
+    "HistoryWriter",
+    "LatestTemperature",
+    "Measurement",
+    "Pair",
+    "RunEntry",
+    "StageKey",
+    "StepRecord",
+    "Thermometer",
+    "Trend",
+    "Wear",
+    "default_history",
+    "file_run",
+    "file_unfiled_runs",
+    "measured_level",
+    "misfit_error",
+    "note_of_estimate",
+    "note_of_run",
+    "open_existing",
+    "open_history",
+    "plugin_thermometer",
+    "runs_in",
+    "stage_temperature",
+    "step_record",
+]

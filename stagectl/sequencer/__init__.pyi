@@ -1,0 +1,72 @@
+from .compensation import TAKE_OVER, AxisCompensation, make_compensation
+from .engine import Engine
+from .events import (
+    DriveLimited,
+    EffectLeft,
+    Event,
+    Exposed,
+    FrictionUpdated,
+    LevelStepped,
+    MarkFound,
+    MarkNotFound,
+    MoveStarted,
+    Retrying,
+    SegmentDone,
+    Settled,
+    StopNoticed,
+    Stopping,
+    Waiting,
+)
+from .fresh_places import FreshPlaces
+from .mode import Figures, Mode
+from .mover import MovingAxis
+from .observed_offsets import ObservedOffsets
+from .places import Expectation, Places
+from .settling import (
+    RESOLUTION,
+    WINDOWS,
+    MoveResult,
+    MoveStatistics,
+    arrival,
+    statistics,
+    summarise_moves,
+)
+from .verdict import SiteVerdict, judge
+
+__all__ = [
+    "RESOLUTION",
+    "TAKE_OVER",
+    "WINDOWS",
+    "AxisCompensation",
+    "DriveLimited",
+    "EffectLeft",
+    "Engine",
+    "Event",
+    "Expectation",
+    "Exposed",
+    "Figures",
+    "FreshPlaces",
+    "FrictionUpdated",
+    "LevelStepped",
+    "MarkFound",
+    "MarkNotFound",
+    "Mode",
+    "MoveResult",
+    "MoveStarted",
+    "MoveStatistics",
+    "MovingAxis",
+    "ObservedOffsets",
+    "Places",
+    "Retrying",
+    "SegmentDone",
+    "Settled",
+    "SiteVerdict",
+    "StopNoticed",
+    "Stopping",
+    "Waiting",
+    "arrival",
+    "judge",
+    "make_compensation",
+    "statistics",
+    "summarise_moves",
+]

@@ -1,0 +1,79 @@
+from .asc_log import LOG_NAME, find_log
+from .atomic import write_atomically
+from .bus_log import SPOOL_NAME, BusLog, recover_log
+from .foreign import import_recording
+from .journal import (
+    FILE_NAME,
+    SAMPLE_TAG,
+    AxisScaling,
+    Journal,
+    JournalHeader,
+    refuse_in_progress,
+    sample_codec,
+    sample_dtype,
+)
+from .ledger import CycleLedger
+from .log_reader import LoggedFrame, read_log
+from .recording import (
+    RunNotes,
+    read_ledger,
+    read_notes,
+    read_recording,
+    write_recording,
+)
+from .recovery import (
+    RECORDING_NAME,
+    RECOVERED_NAME,
+    read_journal_notes,
+    recover_folder,
+    recover_journal,
+    recover_left_over,
+)
+from .summary import (
+    FrictionEntry,
+    ParameterEstimate,
+    Retry,
+    RunFacts,
+    build_summary,
+    finite,
+    write_summary,
+)
+
+__all__ = [
+    "FILE_NAME",
+    "LOG_NAME",
+    "RECORDING_NAME",
+    "RECOVERED_NAME",
+    "SAMPLE_TAG",
+    "SPOOL_NAME",
+    "AxisScaling",
+    "BusLog",
+    "CycleLedger",
+    "FrictionEntry",
+    "Journal",
+    "JournalHeader",
+    "LoggedFrame",
+    "ParameterEstimate",
+    "Retry",
+    "RunFacts",
+    "RunNotes",
+    "build_summary",
+    "find_log",
+    "finite",
+    "import_recording",
+    "read_journal_notes",
+    "read_ledger",
+    "read_log",
+    "read_notes",
+    "read_recording",
+    "recover_folder",
+    "recover_journal",
+    "recover_left_over",
+    "recover_log",
+    "refuse_in_progress",
+    "sample_codec",
+    "sample_dtype",
+    "write_atomically",
+    "write_recording",
+    "write_summary",
+]
