@@ -13,7 +13,8 @@ import pytest
 
 from stagectl.errors import StagectlError
 from stagectl.history import EstimateRecord, History, RunEntry, StageKey, open_history
-from stagectl.run.run_history import LOCAL, RunHistory, start_time
+from stagectl.run.checks import start_time
+from stagectl.run.run_history import LOCAL, RunHistory
 from stagectl.sequencer import FrictionUpdated, LevelStepped
 
 BEGIN = 1.7e9
