@@ -17,7 +17,7 @@ from drivers.cyclic.sync_producer import Exchange, Frames
 
 _LEAST, _MOST = -32768, 32767
 
-Row = tuple[Frames, tuple[tuple[Channel, int, int], ...]]
+Row = tuple[Frames, Sequence[tuple[Channel, int, int]]]
 """Of a stream: each channel with its RPDO, and each channel with its target and offset."""
 
 
@@ -90,10 +90,12 @@ class CorrectedOffsets:
         self._begin(targets, planned, continued)
         for row, target in enumerate(targets.tolist()):
             offsets = self._choose(row, planned)
+            frames, setpoints = [], []
             for channel, position, offset in zip(channels, target, offsets, strict=True):
                 channel.target, channel.offset = position, offset
-            frames = [(channel, channel.pack()) for channel in channels]
-            yield frames, tuple([(c, c.target, c.offset) for c in channels])
+                frames.append((channel, channel.pack()))
+                setpoints.append((channel, position, channel.offset))
+            yield frames, setpoints
 
     def end(self) -> None:
         """Note that a stream has ended, after whichever row."""
@@ -110,7 +112,8 @@ class CorrectedOffsets:
 
     def _choose(self, row: int, planned: NDArray[np.float64]) -> Sequence[int]:
         sync = self._sync
-        periods = max(1, round((sync.sent - self._before) / self._period))
+        passed = sync.sent - self._before
+        periods = 1 if passed == self._period else max(1, round(passed / self._period))
         self._before = sync.sent
         if self.failure is None:
             try:
