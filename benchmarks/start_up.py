@@ -1,12 +1,13 @@
 """How long the first run takes, and the following ones; before and after a change.
 
-    python benchmarks/start_up.py [--against COMMIT] [--rounds 5] [--install] [--json FILE]
+    python benchmarks/start_up.py [--against COMMIT] [--rounds 5] [--warm] [--install] [--json FILE]
 
 The working tree is measured in a copy; with --against, a commit as well, on this machine, in turn.
 Then the figures that moved by more than 1.3 are marked. Times are processor time of whole
 processes, so that other work on the machine counts less. Rates are those that `cycle_rate.py`,
-`cycle_peers.py` and `simulation_rate.py` of each tree print. --install makes an environment and
-a wheel of each tree, and takes packages from the registry.
+`cycle_peers.py` and `simulation_rate.py` of each tree print. --warm leaves out the first
+runs (kernels are compiled all the same, once). --install makes an environment and a wheel of each
+tree, and takes packages from the registry.
 """
 
 from __future__ import annotations
@@ -208,7 +209,7 @@ def trees(against: str | None, folder: Path) -> Iterator[Tree]:
     yield Tree("working tree", after)
 
 
-def measure(measured: list[Tree], rounds: int, install: bool) -> dict[str, Figures]:
+def measure(measured: list[Tree], rounds: int, warm: bool, install: bool) -> dict[str, Figures]:
     """All figures of all trees; what is compared is measured in turn."""
     found: dict[str, Figures] = {tree.name: {} for tree in measured}
 
@@ -220,7 +221,11 @@ def measure(measured: list[Tree], rounds: int, install: bool) -> dict[str, Figur
         for name, several in collected.items():
             found[name] |= {key: median(one[key] for one in several) for key in several[0]}
 
-    each(first_runs)
+    if warm:
+        for tree in measured:
+            tree.run()
+    else:
+        each(first_runs)
     each(further_runs, rounds)
     each(rates)
     if install:
@@ -251,12 +256,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--against", metavar="COMMIT", help="also measure this commit")
     parser.add_argument("--rounds", type=int, default=5, help="of warm runs [5]")
+    parser.add_argument("--warm", action="store_true", help="leave out the runs that compile")
     parser.add_argument("--install", action="store_true", help="also install each tree")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures there")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         measured = list(trees(given.against, Path(folder)))
-        found = measure(measured, given.rounds, given.install)
+        found = measure(measured, given.rounds, given.warm, given.install)
     print(f"{machine_facts()}\n", *table(found), sep="\n")
     if len(found) > 1:
         print(f"\n*: moved by more than {MOVED}")
