@@ -7,7 +7,7 @@ own positions.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -76,13 +76,14 @@ def average_reversals(course: Course, mass: float) -> tuple[ReversalLoop, ...]:
     }
     out = []
     for direction, turns in _turns(course).items():
+        reaches = [_common(t.before.length for t in turns), _common(t.after.length for t in turns)]
         approach: dict[str, Branch] = {}
         departure: dict[str, Branch] = {}
         for name, force in forces.items():
             position = direction * sources[name]["position"]
             parts = [_part(position, force, course.valid, turn) for turn in turns]
             for side, branches in enumerate((approach, departure)):
-                branch = _average([part[side] for part in parts], direction)
+                branch = _average([part[side] for part in parts], reaches[side], direction)
                 if branch is not None:
                     branches[name] = branch
         if MEASURED in approach and MEASURED in departure:
@@ -147,11 +148,26 @@ def _part(
     return sides[0], sides[1]
 
 
-def _average(parts: Sequence[tuple[FloatArray, FloatArray]], direction: int) -> Branch | None:
-    """One branch, averaged over the distance to the turn; None where too little is near it."""
+def _common(lengths: Iterable[float]) -> float:
+    """Distance from the turn that half of the strokes reach [m]: beyond it others are averaged."""
+    known = list(lengths)
+    return min(REACH, float(np.median(known))) if known else 0.0
+
+
+def _average(
+    parts: Sequence[tuple[FloatArray, FloatArray]], reach: float, direction: int
+) -> Branch | None:
+    """One branch, averaged over the distance to the turn; None where too little is near it.
+
+    Args:
+        parts: places, negative before the turn, and forces of each turn [m, N].
+        reach: distance up to which they are averaged [m].
+        direction: of the motion before the turn.
+    """
     if not parts:
         return None
     place, force = (np.concatenate(values) for values in zip(*parts, strict=True))
+    place, force = place[place >= -reach], force[place >= -reach]
     # Narrow near the turn, where the force changes.
     edges = REACH * np.linspace(0.0, 1.0, _BINS + 1) ** 2
     bins = Bins(-place, edges, _FEWEST)

@@ -148,7 +148,12 @@ def _largest_first(examined: Examination) -> list[tuple[float, str, str]]:
 
 def headline(report: GapReport) -> str:
     """The verdict in one sentence."""
-    named = _listed([f"{c.effect.replace('_', ' ')} on {c.axis}" for c in report.causes])
+    names = [c.effect.replace("_", " ") for c in report.causes]
+    axes = [c.axis for c in report.causes]
+    if len(set(axes)) == 1:
+        named = f"{_listed(names)} on {axes[0]}"
+    else:
+        named = _listed([f"{n} on {axis}" for n, axis in zip(names, axes, strict=True)])
     closed = ""
     if report.gap_closed is not None:
         which = "which closes" if len(report.causes) == 1 else "which together close"

@@ -7,6 +7,7 @@ import pytest
 
 from sim2real.residuals import average_reversals
 from sim2real.residuals.reversal import REACH
+from tests.unit.sim2real.residuals.conftest import course_of
 
 MASS, COULOMB, REACHED = 8.0, 6.0, 20e-6
 
@@ -55,6 +56,17 @@ def test_an_axis_that_lags_turns_where_it_turns(turning):
     late = {name: np.roll(values, lag) for name, values in turning.measured.items()}
     (forward, _) = average_reversals(replace(turning, measured=late), MASS)
     assert forward.approach["measured"].force == pytest.approx(COULOMB, abs=0.1)
+
+
+def test_few_long_strokes_do_not_prolong_the_mean_of_short_ones():
+    """Strokes of 30 µm with one of 80 µm among them, none long enough for friction to be known."""
+    ways = [30e-6, -30e-6, 30e-6, -30e-6, 80e-6, -80e-6, 30e-6, -30e-6]
+    ramp = (1.0 - np.cos(np.pi * np.arange(1, 101) / 100)) / 2
+    start = np.concatenate(([0.0], np.cumsum(ways)[:-1]))
+    position = np.concatenate([s + way * ramp for s, way in zip(start, ways, strict=True)])
+    for loop in average_reversals(course_of(position), MASS):
+        for branch in (loop.approach["measured"], loop.departure["measured"]):
+            assert 20e-6 < np.abs(branch.place).max() <= 31e-6
 
 
 def test_without_reversals_there_are_no_loops(course):

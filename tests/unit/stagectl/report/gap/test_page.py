@@ -173,6 +173,16 @@ def test_an_insufficient_recording_has_a_page_too(examined, tmp_path):
     assert "<svg" not in page
 
 
+def test_several_causes_are_a_sentence():
+    causes = tuple(Cause("x", name, 0.9, {}, None, None) for name in ("cogging", "dead_time"))
+    report = GapReport((), "explained", "", causes=causes, gap_closed=0.9)
+    assert headline(report) == (
+        "The gap is cogging and dead time on x, which together close 90 % of it."
+    )
+    elsewhere = replace(report, causes=(causes[0], replace(causes[1], axis="y")))
+    assert "cogging on x and dead time on y" in headline(elsewhere)
+
+
 def test_every_verdict_has_a_headline():
     for verdict in ("no_gap", "explained", "partly_explained", "unexplained", "insufficient"):
         assert headline(GapReport((), verdict, "")).endswith(".")
