@@ -111,44 +111,34 @@ def _link_reached(library: Any, module: Any) -> None:
 
 
 @register_pass(mutates_CFG=False, analysis_only=True)
-class _TakeEntryLibrary(AnalysisPass):
-    """Before lowering: the code goes into an `EntryLibrary`."""
+class _TakeLibrary(AnalysisPass):
+    """Before lowering: the code goes into the compiler's library; inner code is not executed."""
 
-    _name = "take_entry_library"
-
-    def __init__(self) -> None:
-        AnalysisPass.__init__(self)
-
-    def run_pass(self, state: Any) -> bool:
-        state.library = EntryLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
-        state.library.enable_object_caching()
-        return False
-
-
-@register_pass(mutates_CFG=False, analysis_only=True)
-class _TakeInnerLibrary(AnalysisPass):
-    """Before lowering: the code goes into an `InnerLibrary`, and nothing is to be executed."""
-
-    _name = "take_inner_library"
+    _name = "take_library"
 
     def __init__(self) -> None:
         AnalysisPass.__init__(self)
 
     def run_pass(self, state: Any) -> bool:
-        state.library = InnerLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
-        state.flags.no_compile = True
+        kind = state.kernel_library
+        state.library = kind(state.targetctx.codegen(), state.func_id.func_qualname)
+        if kind is InnerLibrary:
+            state.flags.no_compile = True
+        else:
+            state.library.enable_object_caching()
         return False
 
 
 class EntryCompiler(CompilerBase):
     """Compiles what Python calls."""
 
-    take_library: type = _TakeEntryLibrary
+    library: type[JITCodeLibrary] = EntryLibrary
 
     def define_pipelines(self) -> list[Any]:
         """Numba's pipeline, with the library chosen before lowering."""
+        self.state.kernel_library = self.library
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        passes.add_pass_after(self.take_library, AnnotateTypes)
+        passes.add_pass_after(_TakeLibrary, AnnotateTypes)
         passes.finalize()
         return [passes]
 
@@ -156,4 +146,4 @@ class EntryCompiler(CompilerBase):
 class InnerCompiler(EntryCompiler):
     """Compiles what other kernels call."""
 
-    take_library = _TakeInnerLibrary
+    library = InnerLibrary
