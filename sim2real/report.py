@@ -20,6 +20,9 @@ UNEXPLAINED = "unexplained"
 INSUFFICIENT = "insufficient"
 VERDICTS = (NO_GAP, EXPLAINED, PARTLY_EXPLAINED, UNEXPLAINED, INSUFFICIENT)
 
+CLOSED_LOOP, OPEN_LOOP = "closed_loop", "open_loop"
+"""What is simulated: the loop from its demands, or the force along the measured motion."""
+
 SIGNALS = {"position": "m", "force": "N"}
 """Signals of an axis that are compared, and their units."""
 
@@ -288,6 +291,34 @@ class NextExperiment:
 
 
 @dataclass(frozen=True, slots=True)
+class FittedFigure:
+    """A figure that the machine file leaves unknown, as the recordings have it.
+
+    Attributes:
+        axis: its name.
+        figure: key in the machine file.
+        value, sigma: of the figure.
+        unit: of both.
+    """
+
+    axis: str
+    figure: str
+    value: float
+    sigma: float
+    unit: str
+
+    def to_json(self) -> Json:
+        """The entry of `fitted`."""
+        return {
+            "axis": self.axis,
+            "figure": self.figure,
+            "value": _number(self.value),
+            "sigma": _number(self.sigma),
+            "unit": self.unit,
+        }
+
+
+@dataclass(frozen=True, slots=True)
 class GapReport:
     """The whole diagnosis.
 
@@ -304,6 +335,8 @@ class GapReport:
         gap_closed_elsewhere: on recordings that took no part in the diagnosis; None where there are
             none.
         steps: of axes where effects were added one after another.
+        mode: `CLOSED_LOOP`, or `OPEN_LOOP` where forces are compared along the measured motion.
+        fitted: figures that the machine file leaves unknown.
         next_experiment: None where nothing is left to distinguish.
 
     Raises:
@@ -324,6 +357,8 @@ class GapReport:
     candidates: tuple[Candidate, ...] = ()
     confusable: tuple[Confusable, ...] = ()
     steps: tuple[SelectionStep, ...] = ()
+    mode: str = CLOSED_LOOP
+    fitted: tuple[FittedFigure, ...] = ()
     next_experiment: NextExperiment | None = None
 
     def __post_init__(self) -> None:
@@ -339,6 +374,8 @@ class GapReport:
             "recordings": list(self.recordings),
             "verdict": self.verdict,
             "reason": self.reason,
+            "mode": self.mode,
+            "fitted": [figure.to_json() for figure in self.fitted],
             "channels": [finding.to_json() for finding in self.channels],
             "gap": gap_json(self.gap or {}),
             "gap_closed": _number(self.gap_closed),

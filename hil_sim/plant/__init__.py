@@ -2,6 +2,7 @@
 
 from hil_sim.plant.arrays import Arrays
 from hil_sim.plant.gms import element_shares, slip_step
+from hil_sim.plant.inverse import force_along, force_variants
 from hil_sim.plant.mechanics import advance, command
 from hil_sim.plant.motor import Motor
 from hil_sim.plant.port_arrays import build_ports
@@ -18,6 +19,8 @@ __all__ = [
     "build_ports",
     "command",
     "element_shares",
+    "force_along",
+    "force_variants",
     "needs_all_axes",
     "simulate",
     "simulate_variants",

@@ -10,11 +10,14 @@ from sim2real.audit.channels import UNCORRECTABLE, Audit, audit_channels, mark_a
 from sim2real.audit.controller_law import reconstruct_law
 from sim2real.audit.corrections import remove_delay, rescale
 from sim2real.audit.sample_repair import repair_samples
+from sim2real.audit.signal_checks import check_quantisation, check_time
 
 __all__ = [
     "UNCORRECTABLE",
     "Audit",
     "audit_channels",
+    "check_quantisation",
+    "check_time",
     "mark_applied",
     "reconstruct_law",
     "remove_delay",

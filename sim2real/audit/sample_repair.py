@@ -119,6 +119,7 @@ def _with_rows(recording: Recording, lost: NDArray[np.int64]) -> Recording:
             between(signals.force_actual),
             None if signals.statusword is None else signals.statusword[before],
             signals.valid[before] & was,
+            signals.missing,
         )
     ends = np.append(index, len(every))
 

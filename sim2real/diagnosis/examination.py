@@ -5,15 +5,22 @@ Also whether the recordings can support a diagnosis at all.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeVar
 
 import numpy as np
 
 from hil_sim.settings import StageSettings
-from sim2real.audit import UNCORRECTABLE, audit_channels, mark_applied, repair_samples
+from sim2real.audit import (
+    UNCORRECTABLE,
+    audit_channels,
+    check_quantisation,
+    check_time,
+    mark_applied,
+    repair_samples,
+)
 from sim2real.gap import (
     Gap,
     Located,
@@ -23,9 +30,12 @@ from sim2real.gap import (
     locate_gap,
     pool_gaps,
 )
+from sim2real.open_loop import Motion, compare_along, fit_figures, measure_motion
 from sim2real.phases import split_moves
 from sim2real.report import (
+    CLOSED_LOOP,
     INSUFFICIENT,
+    OPEN_LOOP,
     UNEXPLAINED,
     ChannelFinding,
     GapReport,
@@ -37,6 +47,15 @@ SLOWEST = 0.01
 """Longest sample period at which a diagnosis is attempted [s]: friction and loops are faster."""
 _SHORTEST = 1.0
 _FEWEST_MOVES = 2
+_FEWEST_STROKES = 4
+"""Strokes that two halves need along a motion, where rests tell nothing."""
+_SLOWEST_MOTION = 0.1
+"""Longest sample period at which forces are compared along a motion [s]: of the motions of machines
+with masses, seconds long, the accelerations are known then."""
+OTHER_CONTROLLER = "the controller is not the machine file's"
+"""Why the closed loop is not simulated where its law does not explain the force."""
+GAINS = "gains"
+"""Name of the controller's gains among what a machine file leaves unknown."""
 _FEWEST_VALID = 0.5
 _EXCITED = 1e-6
 _LARGEST = 1e15
@@ -61,6 +80,10 @@ class Examination:
             which makes the recordings insufficient.
         gap: of all recordings together; None where it cannot be measured.
         located: where it lies; None where it cannot be measured.
+        open_loop: why forces are compared along the measured motion; None where the closed loop is
+            simulated. Then gap and residual are those of the force alone.
+        motions: of the recordings, in the open loop.
+        unknown: axis -> figures that the machine file leaves unknown; `settings` has them as found.
     """
 
     recordings: tuple[str, ...]
@@ -70,6 +93,9 @@ class Examination:
     measured: tuple[Measured, ...] = ()
     gap: Gap | None = None
     located: Located | None = None
+    open_loop: str | None = None
+    motions: tuple[Motion, ...] = ()
+    unknown: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
 def examine(
@@ -77,6 +103,7 @@ def examine(
     settings: StageSettings,
     *,
     correct: bool = False,
+    unknown: Mapping[str, Sequence[str]] | None = None,
     progress: Progress = lambda *_: None,
 ) -> Examination:
     """Examine recordings of one stage: channels, floor, gap and its location.
@@ -85,17 +112,28 @@ def examine(
         recordings: at least one.
         settings: of the machine file.
         correct: continue with corrected channels instead of giving up.
+        unknown: axis -> what the machine file leaves unknown, keys of `open_loop.FIGURES` or
+            `GAINS`; the settings have any values there.
         progress: called along the way.
 
     Raises:
         ValueError: a recording does not fit the machine file; with the recording's name. Or a
             friction law that cannot be tracked, with the axis.
     """
-    require_presliding(settings)
+    unknown = unknown or {}
+    open_loop = why_open_loop(recordings, unknown)
+    if open_loop is None:
+        require_presliding(settings)
     names = tuple(r.source for r in recordings)
     repairs = [repair_samples(recording, settings) for recording in recordings]
     recordings = [recording for recording, _ in repairs]
     repaired = [found for _, found in repairs]
+    if open_loop is not None:
+        found = _merge_findings(repaired)
+        return examine_motion(
+            Examination(names, found, None, settings, open_loop=open_loop, unknown=unknown),
+            recordings,
+        )
     for recording in recordings:
         reason = why_insufficient(recording, settings)
         if reason is not None:
@@ -110,6 +148,13 @@ def examine(
     findings = _merge_findings([*repaired, *(list(audit.findings) for audit in audits)])
     misleading = [f for a in audits for f in a.misleading]
     beyond = [f for f in misleading if f.finding in UNCORRECTABLE]
+    only = {f.finding for f in misleading} == {"controller_unknown"}
+    if only or (correct and {f.finding for f in beyond} == {"controller_unknown"}):
+        recordings = [a.recording for a in audits] if correct else recordings
+        findings = mark_applied(findings) if correct else findings
+        return examine_motion(
+            Examination(names, findings, None, settings, open_loop=OTHER_CONTROLLER), recordings
+        )
     if beyond or (misleading and not correct):
         worst = (beyond or misleading)[0]
         way = "no diagnosis is possible"
@@ -153,6 +198,92 @@ def _with_gap(
     ratio = settings.control_period / settings.sync_period
     located = locate_gap(measured, ratio)
     return replace(examined, measured=tuple(measured), gap=gap, located=located)
+
+
+def why_open_loop(
+    recordings: Sequence[Recording], unknown: Mapping[str, Sequence[str]]
+) -> str | None:
+    """Why the closed loop cannot be simulated, known before any data are looked at; or None."""
+    for recording in recordings:
+        for name, axis in recording.axes.items():
+            if "position_demand" in axis.missing:
+                return f"no demand of {name} was logged"
+    for name, figures in unknown.items():
+        if GAINS in figures:
+            return f"the gains of {name} are unknown"
+    for name, figures in unknown.items():
+        if figures:
+            return f"{' and '.join(figures)} of {name} is unknown"
+    return None
+
+
+def examine_motion(examined: Examination, recordings: Sequence[Recording]) -> Examination:
+    """Examine recordings along their motion: the gap in force, its floor and its location.
+
+    Args:
+        examined: so far; its settings may have any values where figures are unknown.
+        recordings: repaired.
+
+    Raises:
+        ValueError: a recording does not fit the machine file; with the recording's name.
+    """
+    findings = list(examined.findings)
+    for recording in recordings:
+        reason = why_no_motion(recording, examined.settings)
+        if reason is not None:
+            reason = _name_recording(recording, recordings, reason)
+            return replace(examined, insufficient=reason)
+        findings += check_time(recording.time, examined.settings.sync_period)
+        for axis in examined.settings.axes:
+            findings += check_quantisation(recording.axes[axis.name], axis)
+    settings = examined.settings
+    for _ in range(2):  # how smooth the motion must be depends on the mass
+        measure = partial(measure_motion, settings=settings)
+        motions = [_name_errors(recording, measure) for recording in recordings]
+        if not any(examined.unknown.values()):
+            break
+        try:
+            settings = fit_figures(motions, settings, examined.unknown)
+        except ValueError as error:
+            return replace(examined, insufficient=str(error))
+    moves = min(len(motion.recording.moves) for motion in motions)
+    if moves < _FEWEST_STROKES:
+        reason = f"{moves} strokes: at least {_FEWEST_STROKES} are needed to hold some out"
+        return replace(examined, insufficient=reason)
+    measured = [compare_along(motion, settings) for motion in motions]
+    return replace(
+        examined,
+        settings=settings,
+        findings=_merge_findings([findings]),
+        motions=tuple(motions),
+        measured=tuple(measured),
+        gap=pool_gaps([(m.gap, len(m.replay.recording)) for m in measured]),
+        located=locate_gap(measured),
+    )
+
+
+def why_no_motion(recording: Recording, settings: StageSettings) -> str | None:
+    """Why a recording cannot be judged along its motion, or None."""
+    count = len(recording)
+    if count * settings.sync_period < _SHORTEST:
+        return f"{count * settings.sync_period:.3g} s long: at least {_SHORTEST:g} s are needed"
+    if settings.sync_period > _SLOWEST_MOTION:
+        return f"samples are {settings.sync_period:.3g} s apart: accelerations are shorter"
+    for name, axis in recording.axes.items():
+        if "force_actual" in axis.missing:
+            return (
+                f"no force of {name} was logged: log force, torque or motor current, for nothing "
+                f"else says what a motion took"
+            )
+        if np.ptp(axis.force_actual[axis.valid]) == 0.0 and np.ptp(axis.position_actual) > 0.0:
+            return f"axis {name}: the force is constant at {axis.force_actual[0]:.4g} N"
+        share = float(axis.valid.mean())
+        if share < _FEWEST_VALID:
+            return f"axis {name}: only {100 * share:.0f} % of the samples are valid"
+    moved = [float(np.ptp(axis.position_actual)) for axis in recording.axes.values()]
+    if max(moved) < _EXCITED:
+        return "no motion: the axes stand still, and no force is to be explained"
+    return None
 
 
 def _is_finite(gap: Gap) -> bool:
@@ -214,9 +345,11 @@ def report_without_causes(examined: Examination) -> GapReport:
         size = combined_gap(examined.gap) ** 0.5
         verdict = UNEXPLAINED
         reason = f"the combined gap is {size:.3g} times the floor; no cause has been looked for"
+    mode = CLOSED_LOOP if examined.open_loop is None else OPEN_LOOP
     return GapReport(
-        examined.recordings, verdict, reason, examined.findings, examined.gap or {}, where=located
-    )
+        examined.recordings, verdict, reason, examined.findings, examined.gap or {}, where=located,
+        mode=mode,
+    )  # fmt: skip
 
 
 def _merge_findings(found: Sequence[Sequence[ChannelFinding]]) -> tuple[ChannelFinding, ...]:

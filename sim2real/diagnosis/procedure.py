@@ -25,6 +25,7 @@ from sim2real.attribution import (
     search_effects,
 )
 from sim2real.diagnosis.examination import Examination, Progress, report_without_causes
+from sim2real.diagnosis.open_loop import diagnose_open_loop
 from sim2real.diagnosis.verdict import Diagnosis, conclude
 from sim2real.fitting import (
     AxisModel,
@@ -61,6 +62,8 @@ def diagnose(
         jobs: threads for the axes, and for the fits that they wait for.
         progress: called with (what is being done, steps done, all steps).
     """
+    if examined.open_loop is not None and examined.insufficient is None:
+        return diagnose_open_loop(examined, tolerance, library, jobs=jobs, progress=progress)
     plain = report_without_causes(examined)
     if examined.insufficient is not None or examined.gap is None:
         return Diagnosis(plain, {}, {})

@@ -151,39 +151,64 @@ class FreeLoop:
             try:
                 axis = model.settings(self.axis)
                 if needs_all_axes(StageSettings(self.settings.sync_period, (axis,))):
-                    found[i] = np.concatenate([self._jointly(run, axis) for run in self._runs])
+                    found[i] = self._jointly(axis)
                 else:
                     together[i] = axis
             except ValueError:
                 continue
         try:
-            each = [self._simulated(run, list(together.values())) for run in self._runs]
+            each = [
+                self._simulated(number, list(together.values()))
+                for number in range(len(self._runs))
+            ]
         except ValueError:  # one of them: which, a run of each alone tells
             return found if len(models) == 1 else [self._side_by_side([m])[0] for m in models]
         for column, i in enumerate(together):
             found[i] = np.concatenate([parts[column] for parts in each])
         return found
 
-    def _simulated(self, run: _Run, variants: list[AxisSettings]) -> list[F64]:
-        if not variants:
-            return []
+    def respond(self, number: int, variants: Sequence[AxisSettings]) -> tuple[F64, F64]:
+        """Positions and forces of variants of the axis, float64[P, variants] each [m, N].
+
+        Args:
+            number: of the recording, from 0.
+            variants: settings of the axis; no effect involves another one.
+
+        Raises:
+            ValueError: values that physics does not allow.
+        """
+        run = self._runs[number]
         response = simulate_variants(
             self.settings.sync_period, variants, run.demand, run.offset, run.rest_force,
             rounded=False, substeps=self._substeps,
         )  # fmt: skip
-        return [
-            self._left(run, response.position[:, i], response.force[:, i])
-            for i in range(len(variants))
-        ]
+        return response.position, response.force
 
-    def _jointly(self, run: _Run, axis: AxisSettings) -> F64:
+    def respond_jointly(self, number: int, axis: AxisSettings) -> tuple[F64, F64]:
+        """Position and force of the axis where others must be simulated too, float64[P] [m, N]."""
+        run = self._runs[number]
         axes = tuple(axis if a.name == self.name else a for a in self.settings.axes)
         replay = run.measured.replay
         response = simulate(
             replace(self.settings, axes=axes), replay.demand, replay.offset, None,
             replay.rest_force, substeps=self._substeps, rounded=False,
         )  # fmt: skip
-        return self._left(run, response.position[:, self._at], response.force[:, self._at])
+        return response.position[:, self._at], response.force[:, self._at]
+
+    def _simulated(self, number: int, variants: list[AxisSettings]) -> list[F64]:
+        if not variants:
+            return []
+        position, force = self.respond(number, variants)
+        run = self._runs[number]
+        return [self._left(run, position[:, i], force[:, i]) for i in range(len(variants))]
+
+    def _jointly(self, axis: AxisSettings) -> F64:
+        """What an axis leaves that cannot be simulated alone, float64[R]."""
+        parts = [
+            self._left(run, *self.respond_jointly(number, axis))
+            for number, run in enumerate(self._runs)
+        ]
+        return np.concatenate(parts)
 
     def _left(self, run: _Run, position: F64, force: F64) -> F64:
         place = run.measured.replay.place

@@ -5,7 +5,7 @@ friction wander alone would leave, `measure` computes the gap from both, and `lo
 conditions of motion that hold most of it. Nothing is fitted here.
 """
 
-from sim2real.gap.floor import check_repeats, estimate_floor
+from sim2real.gap.floor import Floor, check_repeats, estimate_floor
 from sim2real.gap.location import Located, locate_gap
 from sim2real.gap.measure import (
     NO_GAP_BELOW,
@@ -23,6 +23,7 @@ from sim2real.gap.sync_grid import match_periods, number_periods
 
 __all__ = [
     "NO_GAP_BELOW",
+    "Floor",
     "Gap",
     "Located",
     "Measured",

@@ -106,7 +106,8 @@ def prepare_replay(recording: Recording, settings: StageSettings) -> Replay:
     """Match a recording to a model.
 
     Raises:
-        ValueError: axes or SYNC periods differ, or an axis has no valid sample.
+        ValueError: axes or SYNC periods differ, an axis has no valid sample, or its demand or force
+            was not logged.
     """
     names = tuple(axis.name for axis in settings.axes)
     if set(names) != set(recording.axes):
@@ -117,6 +118,11 @@ def prepare_replay(recording: Recording, settings: StageSettings) -> Replay:
     for name, axis in zip(names, signals, strict=True):
         if not axis.valid.any():
             raise ValueError(f"axis {name}: no valid sample")
+        if axis.missing:
+            raise ValueError(
+                f"axis {name}: {' and '.join(axis.missing)} was not logged: there is no loop to "
+                f"simulate; a diagnosis compares forces along the motion"
+            )
     place = match_periods(recording.time, settings.sync_period)
     # Where whole periods were skipped, the drives held their setpoint.
     sent = np.searchsorted(place, np.arange(place[-1] + 1), side="right") - 1

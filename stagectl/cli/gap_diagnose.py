@@ -103,7 +103,7 @@ def diagnose(
 
     recorded = [read_recording(path) for path in recordings]
     others = [read_recording(path) for path in checks]
-    model = machine_of(machine, *recorded)
+    model = machine_of(machine, *recorded, fitted=True)
     settings = stage_settings(model)
     tolerance = {name: axis.plant.tolerance for name, axis in model.axes.items()}
     console = console_for(json_out)
@@ -111,8 +111,14 @@ def diagnose(
         progress = join_phases(PHASES, update)
         try:
             effects = library()
-            examined = examine(recorded, settings, correct=correct, progress=progress)
-            judges = examine(others, settings, correct=correct) if others else None
+            examined = examine(
+                recorded, settings, correct=correct, unknown=model.unknown, progress=progress
+            )
+            judges = (
+                examine(others, settings, correct=correct, unknown=model.unknown)
+                if others
+                else None
+            )
             if judges is not None and judges.insufficient is not None:
                 raise UnusableInput(f"--check: {judges.insufficient}")
             found = diagnosis.diagnose(examined, tolerance, effects, jobs=jobs, progress=progress)
@@ -195,6 +201,16 @@ def _print_report(console: Console, report: GapReport, machine: str) -> None:
         ("channel", f"{f.text}{' (corrected)' if f.applied else ''}") for f in report.channels
     ]
     console.print(_grid(lines))
+    lines = [
+        (
+            "fitted",
+            f"{f.axis}: {f.figure}: unknown in the machine file, {f.value:.4g} ± {f.sigma:.2g} "
+            f"{f.unit} fitted",
+        )
+        for f in report.fitted
+    ]
+    if lines:
+        console.print(_grid(lines))
     if report.gap is not None:
         console.print(gap_table(report.gap, f"Gap of {machine} (rms)"))
     lines = [("where", cell.text) for cell in report.where[:_MAX_CELLS]]

@@ -63,8 +63,13 @@ def repeat_lines(found: Measured) -> list[str]:
     return lines
 
 
-def machine_of(machine: Path | None, *recorded: Recording) -> Machine:
+def machine_of(machine: Path | None, *recorded: Recording, fitted: bool = False) -> Machine:
     """The machine file named, or the one inside the recordings.
+
+    Args:
+        machine: its path, None for the recordings' own.
+        recorded: at least one.
+        fitted: whether what it leaves unknown will be found.
 
     Raises:
         UnusableInput: the recordings were made with different machine files.
@@ -74,7 +79,7 @@ def machine_of(machine: Path | None, *recorded: Recording) -> Machine:
     from stagectl.errors import UnusableInput
 
     if machine is not None:
-        return load_machine(machine)
+        return load_machine(machine, fitted=fitted)
     first = recorded[0]
     for other in recorded[1:]:
         if other.machine != first.machine:
@@ -82,7 +87,7 @@ def machine_of(machine: Path | None, *recorded: Recording) -> Machine:
                 f"{other.source}: made with another machine file than {first.source}; "
                 "choose one with --machine"
             )
-    return parse_machine(first.machine, f"{first.source}:machine")
+    return parse_machine(first.machine, f"{first.source}:machine", fitted=fitted)
 
 
 def measured_gap(recorded: Recording, settings: StageSettings, update: ProgressUpdate) -> Measured:

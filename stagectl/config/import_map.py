@@ -83,12 +83,13 @@ class AxisColumns(Section):
     """Columns of one axis, named as in the recording format.
 
     Without `position_demand` the measured position, smoothed, takes its place: data without a
-    demand, whose controller cannot be known.
+    demand, whose controller cannot be known. Without `force_actual` nothing says what the motion
+    took, and there is no diagnosis.
     """
 
     position_demand: Column | None = None
     position_actual: Column
-    force_actual: Column
+    force_actual: Column | None = None
     force_offset: Column | None = None
 
 
@@ -122,7 +123,7 @@ def load_map(path: Path) -> tuple[ImportMap, Machine]:
     """
     document = load_document(path)
     found = validate(document, ImportMap)
-    machine = load_machine(path.parent / found.machine)
+    machine = load_machine(path.parent / found.machine, fitted=True)
     problems = [
         document.problem(("axes", name), f"the machine file has no axis {name}", at_key=True)
         for name in found.axes

@@ -339,10 +339,16 @@ class Machine(Section):
     temperature: Temperature | None = None
 
     _document: Document = PrivateAttr()
+    _unknown: Mapping[str, tuple[str, ...]] = PrivateAttr(default_factory=dict)
 
-    def attach(self, document: Document) -> None:
-        """Remember the file that this was read from."""
-        self._document = document
+    def attach(self, document: Document, unknown: Mapping[str, tuple[str, ...]]) -> None:
+        """Remember the file that this was read from, and what it leaves unknown."""
+        self._document, self._unknown = document, unknown
+
+    @property
+    def unknown(self) -> Mapping[str, tuple[str, ...]]:
+        """Axis -> figures that the file leaves unknown (`stagectl.config.unknown`)."""
+        return self._unknown
 
     @property
     def text(self) -> str:

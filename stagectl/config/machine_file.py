@@ -8,34 +8,47 @@ from pathlib import Path
 from stagectl.config.history_address import is_server, without_password
 from stagectl.config.machine import Machine
 from stagectl.config.machine_checks import check_machine
+from stagectl.config.unknown import fill_unknown, take_unknown
 from stagectl.config.validation import sort_problems, validate
 from stagectl.config.yaml_nodes import Document, load_document, parse_document
 from stagectl.errors import ConfigError
 
 
-def load_machine(path: Path | str | None = None) -> Machine:
+def load_machine(path: Path | str | None = None, *, fitted: bool = False) -> Machine:
     """The machine of a file; None means the packaged `wafer-xy`.
+
+    Args:
+        path: of the file.
+        fitted: whether what the file leaves unknown will be found; else that is refused.
 
     Raises:
         ConfigError: the file cannot be used; one line per problem.
     """
     if path is not None:
-        return _machine(load_document(path))
+        return _machine(load_document(path), fitted)
     packaged = resources.files("stagectl") / "data" / "machines" / "wafer-xy.yaml"
     return parse_machine(packaged.read_text(encoding="utf-8"), "wafer-xy.yaml (packaged)")
 
 
-def parse_machine(text: str, name: str) -> Machine:
+def parse_machine(text: str, name: str, *, fitted: bool = False) -> Machine:
     """The machine of a text, such as that in a recording; messages call it `name`.
+
+    `fitted` as in `load_machine`.
 
     Raises:
         ConfigError: the text cannot be used; one line per problem.
     """
-    return _machine(parse_document(text, name))
+    return _machine(parse_document(text, name), fitted)
 
 
-def _machine(document: Document) -> Machine:
-    machine = validate(document, Machine)
+def _machine(document: Document, fitted: bool) -> Machine:
+    data, unknown = take_unknown(document)
+    if unknown.places and not fitted:
+        text = "is unknown; only `gap diagnose` finds it, anything else needs a figure"
+        raise ConfigError([document.problem(place, text) for place in unknown.places])
+    machine = validate(document, Machine, data)
+    if unknown.places:
+        machine = fill_unknown(machine, unknown)
     problems = check_machine(machine, document)
     if problems:
         raise ConfigError(sort_problems(problems))
@@ -43,5 +56,5 @@ def _machine(document: Document) -> Machine:
         shown = without_password(machine.history)
         if shown != machine.history:  # recordings and twins are passed on
             document = document.with_text("history", shown)
-    machine.attach(document)
+    machine.attach(document, unknown.axes)
     return machine

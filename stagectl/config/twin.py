@@ -49,5 +49,5 @@ def render_twin(
     if not any(effects.values()):
         title = f"{machine.name}: the gap diagnosis found no effect to add; SI units."
     text = f"# {title}\n" + yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=100)
-    parse_machine(text, "twin")
+    parse_machine(text, "twin", fitted=True)
     return text

@@ -35,15 +35,15 @@ def refusal(reason: str) -> PydanticCustomError:
     return PydanticCustomError("reason", "{reason}", {"reason": reason})
 
 
-def validate(document: Document, model: type[M]) -> M:
-    """The document as a model.
+def validate(document: Document, model: type[M], data: object = None) -> M:
+    """The document as a model; `data` are its values where some were replaced.
 
     Raises:
         ConfigError: every problem found, in the order of the file.
     """
     problems = list(document.problems)
     try:
-        result = model.model_validate(document.data)
+        result = model.model_validate(document.data if data is None else data)
     except ValidationError as error:
         refused = {_place(p) for p in problems}  # their placeholders may be refused again
         errors = _without_misspelt(model, error.errors(include_url=False))

@@ -111,14 +111,18 @@ class _Channels:
         if columns.position_demand is not None:
             demand, _ = self._values(columns.position_demand, smooth=True)
         position, holes = self._values(columns.position_actual, smooth=True)
-        force, more = self._values(columns.force_actual)
+        force, more = np.zeros(len(self.time)), np.zeros(len(self.time), dtype=bool)
+        if columns.force_actual is not None:
+            force, more = self._values(columns.force_actual)
+        named = {"position_demand": demand, "force_actual": columns.force_actual}
+        missing = tuple(name for name, column in named.items() if column is None)
         if demand is None:
             enough = len(position) >= _SMOOTHED
             demand = savgol_filter(position, _SMOOTHED, 2) if enough else position
         offset = np.zeros(len(self.time))
         if columns.force_offset is not None:
             offset, _ = self._values(columns.force_offset)
-        return AxisSignals(demand, offset, position, force, None, valid & ~holes & ~more)
+        return AxisSignals(demand, offset, position, force, None, valid & ~holes & ~more, missing)
 
     def _values(self, column: Column, smooth: bool = False) -> tuple[FloatArray, BoolArray]:
         """A channel and where it has holes."""

@@ -228,6 +228,8 @@ def _write(file: h5py.File, recording: Recording, ledger: CycleLedger | None) ->
         group = axes.create_group(name)
         for signal, unit in _SIGNALS:
             _dataset(group, signal, getattr(signals, signal), unit)
+            if signal in signals.missing:
+                group[signal].attrs["logged"] = 0
         if signals.statusword is not None:
             _dataset(group, "statusword", signals.statusword.astype(np.uint16), "1")
         _dataset(group, "valid", signals.valid.astype(np.uint8), "1")
@@ -297,7 +299,8 @@ def _axis(axes: h5py.Group, name: str, length: int) -> AxisSignals:
     valid = np.ones(length, dtype=np.bool_)
     if "valid" in group:
         valid = read_integers(group, "valid", length).astype(np.bool_)
-    return AxisSignals(demand, offset, actual, force, statusword, valid)
+    missing = tuple(s for s, _ in _SIGNALS if not group[s].attrs.get("logged", 1))
+    return AxisSignals(demand, offset, actual, force, statusword, valid, missing)
 
 
 def _moves(file: h5py.File, axes: tuple[str, ...], length: int) -> tuple[Move, ...]:

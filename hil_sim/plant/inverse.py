@@ -1,0 +1,134 @@
+"""The plant the other way round: the force that a drive must have reported along a known motion.
+
+The equations are those of `hil_sim.plant.mechanics`, solved for the motor instead of the carriage:
+no controller, no demand. One step per sample; friction and hysteresis follow the positions, so that
+nothing has to be integrated but oscillators. What lies before the reported force (dead time,
+current loop) cannot show, nor can a misreading of the encoder: its positions are the motion.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim.plant.arrays import Arrays
+from hil_sim.plant.disturbances import coulomb_factor, drag, drive, refresh, swing
+from hil_sim.plant.friction import GMS
+from hil_sim.plant.gms import slip_step
+from hil_sim.plant.stribeck import stribeck
+from hil_sim.settings import AxisSettings, StageSettings
+from stagedata.compiled import kernel
+
+F64 = NDArray[np.float64]
+
+_MOST = 0.999
+"""Share of a saturating motor's limit beyond which its current grows without bound."""
+
+
+def force_along(settings: StageSettings, motion: tuple[F64, F64, F64]) -> F64:
+    """Force actual value of every axis along a motion, float64[K, axes] [N], without noise.
+
+    Args:
+        settings: of the stage.
+        motion: position [m], velocity [m/s] and acceleration [m/s^2] at each SYNC, each
+            float64[K, axes].
+
+    Raises:
+        ValueError: shapes do not match, or effects are impossible.
+    """
+    position, velocity, acceleration = (np.ascontiguousarray(part) for part in motion)
+    shape = position.shape
+    if len(shape) != 2 or shape[1] != len(settings.axes):
+        raise ValueError(f"motion must have shape (K, {len(settings.axes)}), has {shape}")
+    if velocity.shape != shape or acceleration.shape != shape:
+        raise ValueError(f"velocity and acceleration must have shape {shape}")
+    force = np.empty_like(position)
+    if len(force):
+        arrays = Arrays(settings, position[0].tolist(), len(position) * settings.sync_period)
+        arrays.state["velocity"] = velocity[0]
+        coupled = np.array([ports.coupled_mass for ports in arrays.ports])
+        _follow(
+            arrays.plant, arrays.state, arrays.forces, arrays.slipping, arrays.shares, arrays.arena,
+            coupled, settings.sync_period, position, velocity, acceleration, force,
+        )  # fmt: skip
+    return force
+
+
+def force_variants(
+    sync_period: float, variants: Sequence[AxisSettings], motion: tuple[F64, F64, F64]
+) -> F64:
+    """The force of several variants of one axis along the same motion, float64[K, variants] [N].
+
+    Args:
+        sync_period: distance of the samples [s].
+        variants: settings of the axis; no effect may involve another axis.
+        motion: position, velocity and acceleration, float64[K].
+
+    Raises:
+        ValueError: as `force_along`.
+    """
+    shape = (len(motion[0]), len(variants))
+    position, velocity, acceleration = (np.broadcast_to(part[:, None], shape) for part in motion)
+    stage = StageSettings(sync_period, tuple(variants))
+    return force_along(stage, (position, velocity, acceleration))
+
+
+@kernel(nogil=True)
+def _follow(  # type: ignore[no-untyped-def]
+    plant, state, forces, slipping, shares, arena, coupled, period, position, velocity,
+    acceleration, force,
+):  # fmt: skip
+    """Follow a motion: many arguments, as `mechanics.advance` has.
+
+    Arguments up to `arena`: as those of `advance`. `coupled`, float64[axes] [kg]: times the other
+    axis' acceleration is a force. `period`: of the samples [s]. Motion [m, m/s, m/s^2] and `force`
+    [N], written: float64[K, axes].
+    """
+    axes = plant.shape[0]
+    for k in range(position.shape[0]):
+        for a in range(axes):
+            p = plant[a]
+            s = state[a]
+            dx = position[k, a] - s.position
+            v = velocity[k, a]
+            s.position = position[k, a]
+            s.velocity = v
+            level = p.coulomb
+            if p.ported:
+                refresh(plant[a], state[a], position[k, axes - 1 - a], arena, 0.0, period)
+                drag(p, arena, dx)
+                level *= coulomb_factor(p, s, dx)
+            if dx != 0.0:
+                direction = math.copysign(1.0, dx)
+                curve = stribeck(v, p.static_ratio, p.stribeck_velocity, p.stribeck_shape)
+                if p.law == GMS:
+                    if direction != s.direction:
+                        s.direction = direction
+                        for i in range(p.first_element, p.first_element + p.elements):
+                            slipping[i] = False
+                    s.friction = slip_step(
+                        forces, slipping, shares, p.elements, direction, dx, p.element_stiffness,
+                        level * curve, math.exp(-p.relaxation_rate * period / curve),
+                        p.first_element,
+                    )  # fmt: skip
+                else:
+                    s.friction = direction * level * curve
+            resistance = s.friction + p.viscous * v
+            if not p.ported:
+                force[k, a] = p.mass * acceleration[k, a] + resistance
+                continue
+            unpowered = drive(p, s, arena, 0.0, 0.0, resistance)
+            wanted = (acceleration[k, a] - unpowered) / p.mobility
+            s.net += wanted
+            swing(p, s, arena, period)
+            if coupled[a] != 0.0:
+                wanted += coupled[a] * acceleration[k, axes - 1 - a]
+            if p.position_gain >= 0:
+                wanted /= s.gain + s.gain_slope * (s.position - s.place)
+            if p.saturation > 0.0:
+                bent = min(max(wanted / p.saturation, -_MOST), _MOST)
+                wanted = p.saturation * math.atanh(bent)
+            force[k, a] = wanted / p.gain

@@ -1,0 +1,142 @@
+"""Models compared with a recording along its motion: what each leaves of the force.
+
+The search of the free loop (`sim2real.free_loop`) runs on it unchanged: it asks for the residual of
+a model, here of the force alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim.plant import force_along, force_variants, needs_all_axes
+from hil_sim.settings import AxisSettings, StageSettings
+from sim2real.fitting import Workers
+from sim2real.free_loop import FreeLoop
+from sim2real.gap import Floor, Measured, Replay, Signals, rms
+from sim2real.open_loop.motion import Motion
+from sim2real.report import GapFigures
+
+F64 = NDArray[np.float64]
+
+_WANDER = 0.01
+"""Wander of the Coulomb force where the machine file states none: no sliding guide repeats better,
+and a floor of noise alone would make every model look hopeless."""
+_SEED = 1
+
+
+def compare_along(motion: Motion, settings: StageSettings) -> Measured:
+    """The gap in force of a model against a recording, and its floor.
+
+    The floor is the noise of the low-passed force, of mass times acceleration, and friction's
+    wander. Positions are the motion itself: their residual is zero, and no gap is stated.
+
+    Args:
+        motion: of the recording.
+        settings: of the model.
+    """
+    names = [axis.name for axis in settings.axes]
+    count = len(motion.recording)
+    whole = tuple(
+        np.column_stack([getattr(motion.axes[name], part) for name in names])
+        for part in ("position", "velocity", "acceleration")
+    )
+    force = force_along(settings, (whole[0], whole[1], whole[2]))
+    rng = np.random.default_rng(_SEED)
+    nominal: Signals = {}
+    residual: Signals = {}
+    drawn: Signals = {}
+    floors: dict[str, dict[str, float]] = {}
+    gap: dict[str, dict[str, GapFigures]] = {}
+    rest = np.zeros(count)
+    for a, (name, axis) in enumerate(zip(names, settings.axes, strict=True)):
+        own = motion.axes[name]
+        simulated = motion.low_pass(name, force[:, a])
+        nominal[name] = {"position": own.position, "force": simulated}
+        residual[name] = {"position": rest, "force": own.force - simulated}
+        floor = _floor(motion.noise_of(name, force[:, a]), axis)
+        floors[name] = {"position": 0.0, "force": floor}
+        white = motion.low_pass(name, rng.standard_normal(count))
+        drawn[name] = {"position": rest, "force": white * (floor / float(np.std(white)))}
+        if own.usable.any():
+            there = rms(residual[name]["force"], own.usable)
+            gap[name] = {"force": GapFigures(there, floor, "N")}
+    replay = Replay(
+        motion.recording, tuple(names), motion.period, whole[0], np.zeros_like(whole[0]),
+        np.arange(count), (0.0,) * len(names), {name: {} for name in names},
+    )  # fmt: skip
+    return Measured(replay, Floor(nominal, (drawn,), floors), residual, gap, {})
+
+
+def _floor(noise: float, axis: AxisSettings) -> float:
+    """What a perfect model would leave of the force [N rms]."""
+    unit = axis.control.rated_force / 1000.0 / math.sqrt(12.0)
+    return math.hypot(noise, (axis.wander or _WANDER) * axis.friction.coulomb, unit)
+
+
+class MotionLoop(FreeLoop):
+    """One axis under models along its measured motion, in place of the free loop.
+
+    Element by element the residual of the force counts for both signals of the free loop, so that
+    its levels hold: 2 where nothing but noise is left.
+
+    Args:
+        name: of the axis.
+        motions: of the recordings.
+        settings: of the machine file.
+        tolerance: relative standard deviation of the base parameters.
+        workers: threads that the models are shared among.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        motions: Sequence[Motion],
+        settings: StageSettings,
+        tolerance: float,
+        workers: Workers | None = None,
+    ) -> None:
+        self._motions = tuple(motions)
+        measured = [_for_force_alone(compare_along(m, settings), name) for m in motions]
+        super().__init__(name, measured, settings, tolerance, workers)
+
+    def respond(self, number: int, variants: Sequence[AxisSettings]) -> tuple[F64, F64]:
+        """See `FreeLoop.respond`."""
+        motion = self._motions[number]
+        own = motion.axes[self.name]
+        force = force_variants(
+            motion.period, variants, (own.position, own.velocity, own.acceleration)
+        )
+        position = np.broadcast_to(own.position[:, None], force.shape)
+        low = [motion.low_pass(self.name, force[:, i]) for i in range(force.shape[1])]
+        return position, np.column_stack(low)
+
+    def force_of(self, number: int, axis: AxisSettings) -> F64:
+        """Low-passed force of the axis along recording `number`, float64[P] [N]."""
+        if needs_all_axes(StageSettings(self.settings.sync_period, (axis,))):
+            return self.respond_jointly(number, axis)[1]
+        return self.respond(number, [axis])[1][:, 0]
+
+    def respond_jointly(self, number: int, axis: AxisSettings) -> tuple[F64, F64]:
+        """See `FreeLoop.respond_jointly`."""
+        motion = self._motions[number]
+        axes = tuple(axis if a.name == self.name else a for a in self.settings.axes)
+        whole = [
+            np.column_stack([getattr(motion.axes[a.name], part) for a in axes])
+            for part in ("position", "velocity", "acceleration")
+        ]
+        stage = replace(self.settings, axes=axes)
+        force = force_along(stage, (whole[0], whole[1], whole[2]))
+        at = [a.name for a in axes].index(self.name)
+        return motion.axes[self.name].position, motion.low_pass(self.name, force[:, at])
+
+
+def _for_force_alone(measured: Measured, name: str) -> Measured:
+    """With a floor of the force that makes up for the signal that is not compared."""
+    floors = dict(measured.floor.rms)
+    floors[name] = {"position": 1.0, "force": floors[name]["force"] / math.sqrt(2.0)}
+    return replace(measured, floor=replace(measured.floor, rms=floors))

@@ -1,0 +1,110 @@
+"""Diagnoses without a controller, on machines whose equations are not the simulator's."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil_sim.effects.library import library
+from hil_sim.settings import CascadeSettings
+from sim2real.diagnosis import diagnose, examine
+from stagectl.config import load_machine, stage_settings
+from stagectl.config.import_map import load_map
+from stagectl.store import import_recording, read_recording
+from tests.unit.sim2real.other_machines import ACTUATOR, BELT, SCREW, TOOL
+
+DATA = Path(__file__).parents[3] / "data"
+
+
+def examined(machine, folder):
+    data, how = machine.write(folder)
+    columns, model = load_map(how)
+    recording = import_recording(data, columns, model)
+    return examine([recording], stage_settings(model), unknown=model.unknown)
+
+
+def report_of(machine, folder):
+    found = diagnose(examined(machine, folder), {"a": 0.02}, library(), jobs=1)
+    assert found.report.mode == "open_loop"
+    return found.report
+
+
+def figures(report):
+    return {f.figure: f for f in report.fitted}
+
+
+def test_a_machine_tool_with_a_counterweight(tmp_path):
+    report = report_of(TOOL, tmp_path)
+    assert report.verdict == "explained"
+    assert [c.effect for c in report.causes] == ["force_offset"]
+    assert report.causes[0].parameters["force"].value == pytest.approx(80.0, rel=0.05)
+    assert report.gap_closed > 0.95
+    mass = figures(report)["mass"]
+    assert mass.value == pytest.approx(300.0, abs=3.0 * mass.sigma)
+    assert mass.sigma < 10.0
+    assert "no demand of a was logged" in report.reason
+    assert report.channels == ()
+
+
+def test_a_belt_with_a_worn_place(tmp_path):
+    report = report_of(BELT, tmp_path)
+    assert [c.effect for c in report.causes] == ["friction_position"]
+    assert report.causes[0].parameters["center"].value == pytest.approx(0.7, abs=0.02)
+    assert figures(report)["coulomb"].value == pytest.approx(20.0, rel=0.05)
+
+
+def test_a_ball_screw_in_amperes_and_counts(tmp_path):
+    report = report_of(SCREW, tmp_path)
+    assert report.causes[0].effect == "transmission_ripple"
+    assert report.causes[0].parameters["pitch"].value == pytest.approx(0.01, rel=1e-3)
+
+
+def test_a_small_actuator_that_warms_up(tmp_path):
+    report = report_of(ACTUATOR, tmp_path)
+    assert [c.effect for c in report.causes] == ["thermal_drift"]
+    assert report.gap_closed > 0.8
+
+
+def test_a_known_machine_without_an_effect_has_no_gap(tmp_path):
+    plain = replace(
+        TOOL,
+        force=lambda t, x, v, a: TOOL.force(t, x, v, a) - 80.0,
+        known=("300", "250", "400"),
+    )
+    report = report_of(plain, tmp_path)
+    assert (report.verdict, report.causes, report.fitted) == ("no_gap", (), ())
+
+
+def test_a_machine_file_far_off_is_no_small_gap(tmp_path):
+    """Forces that vary by less than they are off."""
+    wrong = replace(TOOL, known=("30", "800", "400"), noise=(1e-6, 300.0))
+    assert report_of(wrong, tmp_path).verdict != "no_gap"
+
+
+def test_positions_alone_say_what_is_missing(tmp_path):
+    data, how = TOOL.write(tmp_path)
+    text = how.read_text().splitlines()
+    how.write_text("\n".join(line for line in text if "force_actual" not in line))
+    columns, model = load_map(how)
+    recording = import_recording(data, columns, model)
+    found = examine([recording], stage_settings(model), unknown=model.unknown)
+    assert "no force of a was logged" in found.insufficient
+    report = diagnose(found, {"a": 0.02}, library(), jobs=1).report
+    assert (report.verdict, report.mode) == ("insufficient", "open_loop")
+
+
+def test_another_controller_is_no_gap_of_the_plant_but_not_no_gap():
+    stage = stage_settings(load_machine())
+    recorded = read_recording(DATA / "null-2.h5")
+    loops = CascadeSettings(position_gain=20.0, velocity_gain=100.0)
+    control = {a.name: replace(a.control, cascade=loops) for a in stage.axes}
+    other = replace(stage, axes=tuple(replace(a, control=control[a.name]) for a in stage.axes))
+    found = examine([recorded], other)
+    assert "controller_unknown" in {f.finding for f in found.findings}
+    assert found.open_loop is not None
+    report = diagnose(found, dict.fromkeys(recorded.axes, 0.003), library(), jobs=1).report
+    assert report.mode == "open_loop"
+    assert report.verdict != "no_gap"
+    assert not report.causes
+    assert np.isfinite(report.gap["x"]["force"].nominal)
