@@ -117,6 +117,7 @@ class AxisSettings:
         effects: physical effects beyond the plain model.
         unit, velocity_unit, acceleration_unit: one unit of the drive's integers on the bus [m, m/s,
             m/s^2]; jerk is in acceleration units per second.
+        rotary: it turns: rad for m, N m for N and kg m^2 for kg.
     """
 
     name: str
@@ -137,6 +138,7 @@ class AxisSettings:
     unit: float = 1e-9
     velocity_unit: float = 1e-9
     acceleration_unit: float = 1e-6
+    rotary: bool = False
 
     def __post_init__(self) -> None:
         _positive(self, "unit", "velocity_unit", "acceleration_unit")

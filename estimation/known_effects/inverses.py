@@ -135,6 +135,11 @@ def force_offset(terms: KnownTerms, values: Values) -> None:
     terms.forces.append(lambda x: np.full(np.shape(x), values["force"]))
 
 
+def unbalance(terms: KnownTerms, values: Values) -> None:
+    """Torque [N m] of a weight over the angle of a rotary axis."""
+    terms.forces.append(lambda x: values["torque"] * np.sin(np.asarray(x) + values["phase"]))
+
+
 def base_motion(terms: KnownTerms, values: Values) -> None:
     """A base that yields to the reaction."""
     terms.bases.append(Base(values["mass_ratio"], values["frequency"], values["damping"]))

@@ -293,6 +293,7 @@ class Axis(Section):
         eds: the drive's EDS file, relative to the machine file; None: the virtual drive's.
         effects: further physical effects on this axis, in simulations.
         observer: whether the host's settling observer may correct its force offsets.
+        rotary: whether it turns: rad for m, N m for N and kg m^2 for kg.
     """
 
     node: Annotated[StrictInt, Field(ge=1, le=127)]
@@ -305,6 +306,7 @@ class Axis(Section):
     homing: Homing = Homing()
     effects: tuple[Annotated[Effect, BeforeValidator(_effect)], ...] = ()
     observer: Literal["auto", "none"] = "auto"
+    rotary: StrictBool = False
 
 
 class Temperature(Section):

@@ -43,6 +43,7 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
                 increment=axis.encoder.increment,
                 noise=axis.encoder.noise,
                 travel=axis.travel,
+                rotary=axis.rotary,
                 velocity=axis.limits.velocity,
                 acceleration=axis.limits.acceleration,
                 jerk=axis.limits.jerk,

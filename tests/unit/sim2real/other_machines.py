@@ -24,6 +24,7 @@ bus: {{interface: virtual, channel: other, bitrate: 1000000, sync_period: {perio
 axes:
   a:
     node: 1
+    rotary: {rotary}
     travel: [{low}, {high}]
     limits: {{velocity: {speed}, acceleration: {acceleration}, jerk: 1000, following_error: 0.01}}
     encoder: {{increment: {increment}, noise: 0}}
@@ -104,6 +105,7 @@ class Machine:
         (folder / "machine.yaml").write_text(
             _MACHINE.format(
                 period=1.0 / self.rate,
+                rotary="deg" in self.position,
                 low=low - 0.02 * (high - low),
                 high=high + 0.02 * (high - low),
                 speed=1.1 * float(np.abs(v).max()),

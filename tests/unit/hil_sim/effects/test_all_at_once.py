@@ -38,6 +38,7 @@ VALUES = {
     "low_speed_friction": {"ratio": -0.3, "speed": 0.01},
     "transmission_ripple": {"amplitude": 0.7, "pitch": 2.5e-3, "phase": 1.0},
     "torque_ripple": {"ratio": 0.03, "pitch": 4e-3, "phase": 0.3},
+    "unbalance": {"torque": 0.9, "phase": 0.4},
 }
 
 PERIOD, SUBSTEPS, STEP = 1e-4, 5, 2e-5
@@ -107,6 +108,8 @@ class PlainAxis:
         if "transmission_ripple" in on:
             o = on["transmission_ripple"]
             against += o["amplitude"] * math.sin(2.0 * math.pi * x / o["pitch"] + o["phase"])
+        if "unbalance" in on:
+            against += on["unbalance"]["torque"] * math.sin(x + on["unbalance"]["phase"])
         if "low_speed_friction" in on:
             o, share = on["low_speed_friction"], self.v / on["low_speed_friction"]["speed"]
             level = self.axis.friction.coulomb * o["ratio"]
@@ -214,7 +217,7 @@ def case(nominal, with_effects, effects):
     stage = replace(
         nominal,
         axes=tuple(
-            replace(a, increment=1e-13, friction=replace(a.friction, elements=3))
+            replace(a, increment=1e-13, rotary=True, friction=replace(a.friction, elements=3))
             for a in nominal.axes
         ),
     )

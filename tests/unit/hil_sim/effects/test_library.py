@@ -3,6 +3,7 @@
 import math
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -117,7 +118,7 @@ def test_ranges_are_those_of_the_axis(effects, nominal):
 
 
 def test_every_effect_enters_the_ports(effects, nominal):
-    axis = nominal.axes[0]
+    axis = replace(nominal.axes[0], rotary=True)
     plain = vars(EffectPorts(axis, 1e-3, 0.1))
     for effect in effects.values():
         values = {p.key: p.ranges(axis)[-1][1] for p in effect.parameters}

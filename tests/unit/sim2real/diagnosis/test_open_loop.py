@@ -12,7 +12,7 @@ from sim2real.diagnosis import diagnose, examine
 from stagectl.config import load_machine, stage_settings
 from stagectl.config.import_map import load_map
 from stagectl.store import import_recording, read_recording
-from tests.unit.sim2real.other_machines import ACTUATOR, BELT, SCREW, TOOL
+from tests.unit.sim2real.other_machines import ACTUATOR, BELT, ROBOT, SCREW, TOOL
 
 DATA = Path(__file__).parents[3] / "data"
 
@@ -45,6 +45,15 @@ def test_a_machine_tool_with_a_counterweight(tmp_path):
     assert mass.sigma < 10.0
     assert "no demand of a was logged" in report.reason
     assert report.channels == ()
+
+
+def test_a_robot_joint_that_never_rests(tmp_path):
+    report = report_of(ROBOT, tmp_path)
+    assert report.verdict == "explained"
+    assert [c.effect for c in report.causes] == ["unbalance"]
+    assert report.causes[0].parameters["torque"].value == pytest.approx(15.0, rel=0.05)
+    assert report.causes[0].parameters["phase"].value == pytest.approx(0.3, abs=0.05)
+    assert figures(report)["mass"].value == pytest.approx(1.2, rel=0.1)
 
 
 def test_a_belt_with_a_worn_place(tmp_path):

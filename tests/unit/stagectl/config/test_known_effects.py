@@ -46,7 +46,9 @@ def inverse(terms, values):
 
 def machine(*effects):
     lines = "".join(f"      - {{{effect}}}\n" for effect in effects)
-    text = load_machine().text.replace("    node: 2\n", f"    node: 2\n    effects:\n{lines}", 1)
+    text = load_machine().text.replace(
+        "    node: 2\n", f"    node: 2\n    rotary: true\n    effects:\n{lines}", 1
+    )
     return parse_machine(text, "m.yaml")
 
 
