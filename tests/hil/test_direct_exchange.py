@@ -181,14 +181,44 @@ def test_a_fault_in_a_stream_ends_it_as_step_by_step(stage_machine, strike, afte
     in_both_ways(stage_machine, act)
 
 
-def test_a_following_error_that_a_sync_itself_reveals_ends_it_as_step_by_step(stage_machine):
+@pytest.mark.parametrize("axis", [0, 1])  # its EMCY comes before, or after, the last TPDO
+def test_a_following_error_that_a_sync_itself_reveals_ends_it_as_step_by_step(stage_machine, axis):
     def act(run):
-        run.at(0.15, lambda: run.drives.drives[0].dictionary.set_data(0x6065, 0, b"\2\0\0\0"))
+        drive = run.drives.drives[axis]
+        run.at(0.15, lambda: drive.dictionary.set_data(0x6065, 0, b"\2\0\0\0"))
         run.stream()
 
     run = in_both_ways(stage_machine, act)
-    assert "axis x" in run.failure
+    assert f"axis {'xy'[axis]}" in run.failure
     assert "0x8611" in run.failure
+
+
+def test_a_frame_that_waits_is_taken_before_the_next_sync(stage_machine):
+    def act(run):
+        def until(position):
+            if len(run.samples) == 333:
+                run.drives.drives[1].emergency.announce(0x2310)
+            return False
+
+        run.stream(until)
+
+    run = in_both_ways(stage_machine, act)
+    assert "0x2310" in run.failure
+
+
+def test_a_tpdo_that_comes_twice_now_and_then_is_forgotten(stage_machine):
+    def act(run):
+        def repeat():
+            last = next(data for _, can_id, data in reversed(run.frames) if can_id == 0x181)
+            run.world.emit(0x181, last)
+
+        for n in range(60):
+            run.at(0.0203 + n * 0.002, repeat)
+        run.stream()
+
+    run = in_both_ways(stage_machine, act)
+    assert run.failure is None
+    assert sum(sample[11] for sample in run.samples) == 60  # counted for axis x
 
 
 def test_frames_lost_and_doubled_are_treated_as_step_by_step(stage_machine):
