@@ -21,7 +21,7 @@ class DirectBus(Protocol):
         sync_id: int,
         expected: Sequence[tuple[int, int]],
     ) -> Sequence[bytes] | None:
-        """Sends frames now and SYNC at `at_ns`, unless more would happen until then.
+        """Sends frames now and SYNC at `at_ns`, unless a frame comes before it.
 
         Args:
             frames: CAN-ID and data of each.
@@ -32,8 +32,8 @@ class DirectBus(Protocol):
         Returns:
             The data of the frames expected, where these are all that SYNC has caused. Nothing where
             it has caused other ones, or fewer, or more: all of them wait for `recv`. None where
-            frames wait already, or anything else is due by then: time has not moved, and SYNC was
-            not sent.
+            SYNC was not sent: frames wait for `recv` before it, `at_ns` is past, or the bus has
+            faults. Time is `at_ns` at most.
         """
 
 

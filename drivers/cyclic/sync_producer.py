@@ -213,7 +213,7 @@ class Exchange:
         The same frames at the same times as `_send_setpoints` and `_exchange_in_time`.
 
         Returns:
-            False where only the setpoints were sent: something else is due before SYNC, such as a
+            False where only the setpoints were sent: another frame came before SYNC, such as a
             drive's heartbeat, or the bus has faults.
         """
         due, tap = self._due, self._network.tap

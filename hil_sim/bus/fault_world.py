@@ -41,6 +41,8 @@ class FaultyWorld(World):
         injected: one entry per fault of the plan, in its order.
     """
 
+    is_faultless = False
+
     def __init__(self, name: str, plan: f.FaultPlan) -> None:
         super().__init__(name)
         self.plan = plan
@@ -111,10 +113,6 @@ class FaultyWorld(World):
                 return
         send = super().transmit
         self._from_host.carry(can_id, data, None, lambda payload: send(owner, can_id, payload))
-
-    def pass_quietly(self, time_ns: int) -> bool:
-        """Never: with faults, hosts take every step by itself."""
-        return False
 
     def _emit_from(self, node: int, can_id: int, data: bytes) -> None:
         if not self._host_off:

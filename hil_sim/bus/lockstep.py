@@ -78,7 +78,7 @@ class LockstepBus(can.BusABC):
         sync_id: int,
         expected: Sequence[tuple[int, int]],
     ) -> Sequence[bytes] | None:
-        """Send data frames now and SYNC at `at_ns`, unless more would happen until then.
+        """Send data frames now and SYNC at `at_ns`, unless a frame comes before it.
 
         Args:
             frames: id and data of each.
@@ -88,15 +88,18 @@ class LockstepBus(can.BusABC):
 
         Returns:
             The data of the frames expected. Nothing where SYNC caused other ones, or fewer, or
-            more: all of them wait for `recv`. None where frames wait already, a timer is due by
-            `at_ns`, or the world has faults: time has not moved, and SYNC was not sent.
+            more: all of them wait for `recv`. None where SYNC was not sent: frames wait for `recv`
+            before it, `at_ns` is past, or the world has faults. Time is `at_ns` at most.
         """
         world, queue = self.world, self._queue
         if get_ident() != self._thread:
             self._raise_refusal()
         for can_id, data in frames:
             world.transmit(self, can_id, data)
-        if queue or self._filters is not None or not world.pass_quietly(at_ns):
+        if queue or self._filters is not None or not world.is_faultless or at_ns < world.now_ns:
+            return None
+        world.sleep_until_ns(at_ns)
+        if queue:
             return None
         world.transmit(self, sync_id, b"")
         if len(queue) != len(expected):

@@ -39,7 +39,10 @@ class World:
     Attributes:
         name: the channel.
         now_ns: virtual time [ns], from 0.
+        is_faultless: hosts may leave several steps to the bus (`LockstepBus.exchange`).
     """
+
+    is_faultless = True
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -184,18 +187,6 @@ class World:
         """Whether no timer is due now."""
         timers = self._timers
         return not timers or timers[0][0] > self.now_ns
-
-    def pass_quietly(self, time_ns: int) -> bool:
-        """Let virtual time pass until `time_ns` if nothing happens on the way.
-
-        Returns:
-            False where a timer is due by then, or `time_ns` is past: it is as late as before.
-        """
-        timers = self._timers
-        if time_ns < self.now_ns or (timers and timers[0][0] <= time_ns):
-            return False
-        self.now_ns = time_ns
-        return True
 
     def sleep_until_ns(self, time_ns: int) -> None:
         """Let virtual time pass until `time_ns`, running every timer on the way."""

@@ -43,7 +43,7 @@ class Counted(LockstepBus):
 class Run:
     """A stage on a bus of this kind; what it sent, received and sampled."""
 
-    def __init__(self, machine, kind, faults=(), count_sync=False):
+    def __init__(self, machine, kind, faults=(), count_sync=False, homing=37):
         self.frames, self.samples, self.failure = [], [], None
         bus, axes = driver_settings(machine)
         name = next(NAMES)
@@ -58,7 +58,7 @@ class Run:
             bus, interface="lockstep", channel=name, sync_counter=10 if count_sync else 0
         )
         self.bus = kind(channel=name)
-        axes = [dataclasses.replace(axis, homing_method=37) for axis in axes]
+        axes = [dataclasses.replace(axis, homing_method=homing) for axis in axes]
         self.stage = Stage.open(bus, axes, self.note, self.bus)
         self.stage.sink = self.samples.append
         self.stage.boot()
@@ -227,6 +227,11 @@ def test_frames_lost_and_doubled_are_treated_as_step_by_step(stage_machine):
         stage_machine, lambda run: run.stream(), faults=(f.Drop(frames), f.Duplicate(frames))
     )
     assert run.bus.at_once == 0
+
+
+def test_homing_on_the_index_takes_the_same_steps(stage_machine):
+    run = in_both_ways(stage_machine, lambda run: run.stream(), homing=34)
+    assert run.bus.at_once > len(run.samples) + 200  # drives make their profile on timers
 
 
 def test_a_sync_counter_counts_on(stage_machine):
