@@ -18,6 +18,7 @@ from sim2real.attribution.parameter_scan import Scanner
 from sim2real.attribution.residual_force import stop_operators
 from sim2real.attribution.search import AxisSearch, refit_beside, search_effects
 from sim2real.attribution.shape_check import (
+    are_harmonics,
     fit_repeats,
     free_form_repeat,
     is_one_profile,
@@ -31,6 +32,7 @@ __all__ = [
     "FrictionOverPosition",
     "Pairs",
     "Scanner",
+    "are_harmonics",
     "drop_ineffective",
     "find_causes",
     "fit_friction_profile",

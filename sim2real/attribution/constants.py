@@ -45,6 +45,8 @@ COHERENT = 1000.0
 
 ORDERS = ((2.0, 3.0), (0.5,))
 """Harmonics tried for a periodic effect; and its fundamental, in case the second was found."""
+IN_TUNE = 0.02
+"""How far a wave that was fitted beside another may be from its harmonic, relative."""
 REPEATED = 0.5
 """Share of what is left (also of the free-run gap) that an effect must save when it is fitted once
 more beside itself, for it to depart from its equation."""

@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect, Parameter
 from hil_sim.settings import AxisSettings
-from sim2real.attribution.constants import AGAINST, COURSE, LEAST_GAIN, ORDERS, REPEATED, SATISFIED
+from sim2real.attribution.constants import (
+    AGAINST,
+    COURSE,
+    IN_TUNE,
+    LEAST_GAIN,
+    ORDERS,
+    REPEATED,
+    SATISFIED,
+)
 from sim2real.attribution.free_form import is_profile
 from sim2real.attribution.parameter_scan import Scanner
 from sim2real.fitting import (
@@ -112,6 +120,7 @@ def fit_repeats(
         trials = problem.workers.map(
             lambda start: fit(problem, start, 10, columns, thorough=False), starts
         )
+        trials = [trial for trial in trials if are_harmonics(trial.model, term)]
         if not trials:
             continue
         best = min(trials, key=lambda trial: trial.cost)
@@ -235,6 +244,20 @@ def _harmonics(term: Term, orders: Sequence[float]) -> list[tuple[float, ...]]:
         )
         for order in orders
     ]
+
+
+def are_harmonics(model: AxisModel, term: Term) -> bool:
+    """Whether all waves of an effect are harmonics of one; nothing else has to be.
+
+    Waves of any pitch describe any force over position.
+    """
+    shape = next(i for i, p in enumerate(term.effect.parameters) if p.role == "shape")
+    if not _is_periodic(term.effect):
+        return True
+    values = [t.values[shape] for t in model.terms if t.name == term.name]
+    in_time = term.effect.parameters[shape].unit == "Hz"
+    orders = [v / min(values) if in_time else max(values) / v for v in values]
+    return all(abs(order / round(order) - 1.0) < IN_TUNE for order in orders)
 
 
 def _factor(parameter: Parameter, order: float) -> float:

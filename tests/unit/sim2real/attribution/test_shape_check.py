@@ -7,7 +7,7 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.attribution import free_form_repeat, is_one_profile
+from sim2real.attribution import are_harmonics, free_form_repeat, is_one_profile
 from sim2real.fitting import NUISANCES, AxisModel, Term
 from stagedata import Recording
 
@@ -17,6 +17,28 @@ LEVEL = library()["coulomb_level"]
 
 def model(*terms: Term) -> AxisModel:
     return AxisModel(np.zeros(NUISANCES), terms)
+
+
+@pytest.mark.parametrize(
+    ("effect", "shapes", "harmonic"),
+    [
+        ("cogging", (0.030, 0.0151, 0.0100), True),
+        ("cogging", (0.046, 0.145), False),  # any force over position is a sum of waves
+        ("floor_vibration", (25.0, 50.1), True),
+        ("floor_vibration", (25.0, 40.0), False),
+        ("friction_position", (0.01, 0.025), True),  # no waves
+    ],
+)
+def test_waves_are_of_one_family_if_they_are_harmonics(
+    effect: str, shapes: tuple[float, ...], harmonic: bool
+) -> None:
+    known = library()[effect]
+    at = next(i for i, p in enumerate(known.parameters) if p.role == "shape")
+    terms = [
+        Term(known, tuple(shape if i == at else 0.5 for i in range(len(known.parameters))))
+        for shape in shapes
+    ]
+    assert are_harmonics(model(*terms), terms[0]) is harmonic
 
 
 @pytest.mark.parametrize(
