@@ -28,7 +28,7 @@ class ResidualViews:
 
     Attributes:
         axis: its name.
-        has_demand: whether a demand was recorded.
+        has_demand: whether positions follow a demand in the comparison, not forces a motion.
         velocity: mean residual force over velocity, by direction; empty without motion.
         plane: over position and velocity; None without motion.
         response: demand to position; None where it cannot be estimated.

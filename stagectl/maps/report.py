@@ -127,7 +127,7 @@ def _axis(
         "name": name,
         "sites": len(axis.sites),
         "mean": f"{np.mean([s.coulomb for s in axis.sites]):.3f}",
-        "span": f"{np.nanmin(found.value):.2f} … {np.nanmax(found.value):.2f}",
+        "span": f"{np.nanmin(found.value):.2f} to {np.nanmax(found.value):.2f}",
         "length": f"{field.length * 1e3:.0f}",
         "doubt": f"{found.known_to:.1%}",
         "left_out": f"{np.sqrt(np.mean(error[ok] ** 2)):.1%}" if ok.any() else "",

@@ -100,7 +100,7 @@ def _move(
         axes[name] = {
             "force": _series({k: s["force"][shown] for k, s in models.items()}, valid),
         }
-        if "position_demand" not in signals.missing:
+        if "position" in measured.gap[name]:
             axes[name]["error"] = _series(_errors(signals, models, ratio, shown), valid)
     site = recorded.moves[block.number].site if recorded.moves else None
     return {

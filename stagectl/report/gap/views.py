@@ -110,7 +110,9 @@ def response_view(views: Sequence[ResidualViews]) -> View:
     for of_axis in views:
         response = of_axis.response
         if not of_axis.has_demand:
-            missing.append(f"Axis {of_axis.axis}: no demand was recorded.")
+            missing.append(
+                f"Axis {of_axis.axis}: forces are compared along its motion, without a demand."
+            )
         elif response is None:
             missing.append(f"Axis {of_axis.axis}: no recording is long enough (2.5 s).")
         elif response.excited.sum() < 2:

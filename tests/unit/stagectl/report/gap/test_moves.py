@@ -65,13 +65,8 @@ def test_long_recordings_are_shown_with_fewer_samples(measured):
     assert len(data["moves"]) == len(split_moves(measured.replay.recording, 1e-3))
 
 
-def test_without_a_demand_there_is_no_following_error(measured):
-    recording = measured.replay.recording
-    x = replace(recording.axes["x"], missing=("position_demand",))
-    axes = {**recording.axes, "x": x}
-    blind = replace(
-        measured, replay=replace(measured.replay, recording=replace(recording, axes=axes))
-    )
-    for move in move_data([blind], None, "x", RATIO)["moves"]:
+def test_where_only_forces_are_compared_there_is_no_following_error(measured):
+    forces = {**measured.gap, "x": {"force": measured.gap["x"]["force"]}}
+    for move in move_data([replace(measured, gap=forces)], None, "x", RATIO)["moves"]:
         assert set(move["axes"]["x"]) == {"force"}
         assert set(move["axes"]["y"]) == {"force", "error"}

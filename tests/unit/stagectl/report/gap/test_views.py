@@ -44,7 +44,7 @@ def test_empty_data_are_a_sentence(seen):
         assert view.panels == ()
         (sentence,) = view.missing
         assert sentence.startswith("Axis x")
-    assert "no demand" in response_view([replace(still, has_demand=False)]).missing[0]
+    assert "without a demand" in response_view([replace(still, has_demand=False)]).missing[0]
 
 
 def test_frequencies_that_are_not_excited_are_shaded_and_not_drawn(seen):
