@@ -1,8 +1,9 @@
 """The frequency response from demand to position, measured and simulated, and its coherence.
 
 Welch's method with Hann windows on velocities, which suppresses the leakage of long strokes; demand
-and positions are differenced alike, so the response is that of positions. Where friction slides,
-the loop is not linear: the response is that of these moves, which the simulation makes too.
+and positions are differenced alike, so the response is that of positions. With friction the loop is
+not linear: the response is that of these moves, and its scatter is not noise. But the simulation
+makes the same moves; so what is known is judged by the scatter of measured minus simulated.
 
 J. S. Bendat, A. G. Piersol, Random Data, 4th ed., 2010, sections 6.1 and 9.1.
 """
@@ -15,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim2real.residuals.course import Course
+from sim2real.residuals.course import BEFORE, Course
 from stagedata import BoolArray, FloatArray
 
 _SEGMENT = 0.5
@@ -24,8 +25,9 @@ _FEWEST = 8
 """Segments without which nothing can be said."""
 _PER_DECADE = 30
 """Frequencies of a decade, where the segments resolve that many."""
-KNOWN_TO = 0.05
-"""Relative standard deviation of the measured response up to which a frequency is excited."""
+KNOWN_TO = 0.1
+"""Standard deviation of what the measured response differs from the simulated one by, relative to
+the response, up to which a frequency is excited."""
 MEASURED = "measured"
 
 
@@ -37,7 +39,7 @@ class FrequencyResponse:
         frequency: float64[n] [Hz].
         response: `MEASURED` or model -> complex128[n].
         coherence: of the measured response, float64[n], 0..1.
-        excited: bool[n], whether the measured response is known to `KNOWN_TO`.
+        excited: bool[n], whether measured and simulated response can be compared to `KNOWN_TO`.
     """
 
     frequency: FloatArray
@@ -84,13 +86,16 @@ def estimate_response(course: Course) -> FrequencyResponse | None:
     own = power(demand, demand).real
     measured = power(demand, outputs[MEASURED])
     other = power(outputs[MEASURED], outputs[MEASURED]).real
+    left = outputs[MEASURED] - outputs[BEFORE]
+    difference = power(demand, left)
+    scatter = power(left, left).real
+    # Only lines in which the demand has power tell anything; neighbours are not independent.
+    powers = np.bincount(band, weights=np.sum(np.abs(demand[:, 1:]) ** 4, axis=0))
     with np.errstate(divide="ignore", invalid="ignore"):
-        coherence = np.nan_to_num(np.abs(measured) ** 2 / (own * other))
-        coherence = np.clip(coherence, 0.0, 1.0)
-        # Only segments in which something moves tell anything, and half of each overlaps the next.
-        powers = np.abs(demand[:, 1:]) ** 2
-        averages = 0.5 * own**2 / np.bincount(band, weights=np.sum(powers**2, axis=0))
-        uncertainty = np.sqrt((1.0 - coherence) / (2.0 * averages * coherence))
+        coherence = np.clip(np.nan_to_num(np.abs(measured) ** 2 / (own * other)), 0.0, 1.0)
+        freedom = np.maximum(0.5 * own**2 / powers - 1.0, 0.0)
+        unexplained = np.maximum(scatter - np.abs(difference) ** 2 / own, 0.0)
+        uncertainty = np.sqrt(unexplained * own / freedom) / np.abs(measured)
         response = {name: power(demand, spectrum) / own for name, spectrum in outputs.items()}
     excited = (own > 0.0) & (uncertainty < KNOWN_TO)
     frequency = np.bincount(band, weights=lines) / width

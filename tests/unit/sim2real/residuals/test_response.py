@@ -40,6 +40,25 @@ def test_a_loop_of_known_response(chirp):
     assert np.abs(found.response["before"][inside] - 1.0).max() < 1e-9
 
 
+def test_what_the_simulation_shares_does_not_hide_the_difference(chirp):
+    """A gain that changes from second to second lowers the coherence, measured and simulated."""
+    t = PERIOD * np.arange(len(chirp.position))
+    gain = 1.0 + 0.5 * np.sign(np.sin(np.pi * t))
+    before = gain * chirp.demand
+    noise = 1e-9 * np.random.default_rng(2).standard_normal(len(t))
+    both = replace(
+        chirp,
+        measured={**chirp.measured, "position": 1.02 * before + noise},
+        simulated={"before": {"position": before, "force": 0.0 * t}},
+    )
+    found = estimate_response(both)
+    inside = (found.frequency > 4.0) & (found.frequency < 90.0)
+    assert found.coherence[inside].min() < 0.9
+    assert found.excited[inside].mean() > 0.9
+    ratio = found.response["measured"] / found.response["before"]
+    assert np.abs(ratio[found.excited] - 1.02).max() < 0.02
+
+
 def test_what_the_demand_does_not_contain_is_not_excited(chirp):
     found = estimate_response(chirp)
     assert not found.excited[found.frequency > 200.0].any()
