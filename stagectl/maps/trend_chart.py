@@ -16,7 +16,7 @@ MOST = 200
 def draw_trend(
     trend: Trend, figure: str, title: str, at_map: float | None, width: int = 380, height: int = 150
 ) -> str:
-    """Draw a trend as an SVG element (long: one shape per line).
+    """Draw a trend as SVG; "" where no estimate has the figure (long: one shape per line).
 
     Args:
         trend: of the site.
@@ -32,6 +32,8 @@ def draw_trend(
         trend.time[-MOST:],
     )
     ok = np.isfinite(value) & np.isfinite(sigma)
+    if not ok.any():
+        return ""
     value, sigma, time = value[ok], sigma[ok], time[ok]
     low, high = value - 1.96 * sigma, value + 1.96 * sigma
     # A vague first estimate must not flatten all others.

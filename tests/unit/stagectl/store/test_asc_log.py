@@ -1,0 +1,74 @@
+"""Vector's ASC from a spool of frames: directions, times, parts, and the date of the head."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from stagectl.errors import UnusableInput
+from stagectl.store import BusLog
+from stagectl.store.asc_log import BUS_FAILED, convert_spool, find_log, log_part
+
+STARTED = datetime(2026, 11, 2, 8, 5, 6, 7000, tzinfo=UTC)
+HEAD = 5
+
+
+def lines(folder: Path, *frames: tuple[int, int, bytes]) -> list[str]:
+    with BusLog(folder / "bus.asc", STARTED) as log:
+        for frame in frames:
+            log.tap(*frame)
+    return (folder / "bus.asc").read_text().splitlines()
+
+
+def test_the_head_has_the_date_in_english_whatever_the_locale(tmp_path: Path) -> None:
+    head = lines(tmp_path)[:HEAD]
+    assert head[0] == "date Mon Nov 02 08:05:06.007 2026"
+    assert head[1:3] == ["base hex  timestamps absolute", "internal events logged"]
+    assert head[3] == "Begin Triggerblock Mon Nov 02 08:05:06.007 2026"
+
+
+@pytest.mark.parametrize(
+    ("can_id", "way"),
+    [(0x000, "Tx"), (0x080, "Tx"), (0x201, "Tx"), (0x501, "Tx"), (0x601, "Tx"), (0x77F, "Tx"),
+     (0x081, "Rx"), (0x181, "Rx"), (0x581, "Rx"), (0x701, "Rx")],
+)  # fmt: skip
+def test_what_a_host_sends_is_tx(tmp_path: Path, can_id: int, way: str) -> None:
+    (line,) = lines(tmp_path, (0, can_id, b""))[HEAD:-2]
+    assert line.split()[2:4] == [f"{can_id:X}", way]
+
+
+def test_times_count_from_the_first_frame_and_never_run_back(tmp_path: Path) -> None:
+    frames = [(5_000_000, 0x80, b""), (4_999_000, 0x80, b""), (6_500_000, 0x181, b"\x01\xfe")]
+    first, second, third = lines(tmp_path, *frames)[HEAD:-2]
+    assert [line.split()[0] for line in (first, second)] == ["0.000000"] * 2
+    assert third.split() == ["0.001500", "1", "181", "Rx", "d", "2", "01", "FE"]
+
+
+def test_long_ids_and_failures_of_the_bus(tmp_path: Path) -> None:
+    long, failed = lines(tmp_path, (0, 0x12345, b""), (1000, BUS_FAILED, b""))[HEAD:-2]
+    assert long.split()[2] == "12345x"
+    assert failed.split()[1:] == ["1", "ErrorFrame"]
+
+
+def test_parts_are_numbered_from_1_and_a_gap_among_them_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "bus.asc"
+    assert log_part(path, 12).name == "bus-012.asc.gz"
+    assert find_log(path) == []
+    for number in (1, 2, 1000):
+        log_part(path, number).write_bytes(b"")
+    with pytest.raises(UnusableInput, match=r"bus-003\.asc\.gz: no such file, and the log has lat"):
+        find_log(path)
+    log_part(path, 1000).rename(log_part(path, 3))
+    (tmp_path / "bus-notes.asc.gz").write_bytes(b"")
+    assert [part.name for part in find_log(path)] == [f"bus-00{n}.asc.gz" for n in (1, 2, 3)]
+    path.write_bytes(b"")
+    assert find_log(path) == [path]
+
+
+def test_a_spool_that_holds_nothing_leaves_no_log(tmp_path: Path) -> None:
+    spool = tmp_path / "bus.frames"
+    spool.write_bytes(b"")
+    assert convert_spool(spool, tmp_path / "bus.asc") is None
+    assert list(tmp_path.iterdir()) == []
