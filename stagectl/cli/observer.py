@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 def command(machine: Path | None, friction_scale: float, json_out: Path | None) -> None:
     """Design the settling observer of each axis and print its gain and safety margins.
 
-    Between two SYNCs the observer estimates from the position which force the axis lacks, and moves
-    the force offset towards it by the share GAIN per SYNC. The gain is the largest with which the
-    sensitivity of the whole loop peaks at most at 2, or at 1.1 times its peak with the drive alone:
-    with offsets that act one or two SYNCs after the sample, slipping friction, presliding stiffness
-    and viscous friction off by 50 %, the mass by three times plant.tolerance, and the effects in
-    the machine file. Nothing moves.
+    Between two SYNCs the observer estimates, from the position, the force that the axis lacks, and
+    moves the force offset towards it by the share GAIN per SYNC. The gain is the largest that keeps
+    the peak sensitivity of the whole loop at or below 2, or 1.1 times that of the drive alone if
+    that is more. It holds for offsets that take effect one or two SYNCs after the sample, for
+    slipping friction, presliding stiffness and viscous friction off by 50 %, a mass off by three
+    times plant.tolerance, and the effects in the machine file. Nothing moves.
 
     A run uses it by default (--no-observer does without). An axis goes without where its drive has
     no force offset (0x60B2), where the machine file says `observer: none`, or where the drive's

@@ -41,3 +41,24 @@ def test_every_import_in_an_example_works() -> None:
     assert found
     wrong = [f for f in found if not hasattr(importlib.import_module(f[1]), f[2])]
     assert wrong == []
+
+
+def test_every_test_that_guards_against_a_pitfall_exists() -> None:
+    """In the last column: files, `same` for that of the row before, and parts of tests' names."""
+    tests, missing, last = ROOT / "tests", [], []
+    text = (ROOT / "docs" / "pitfalls.md").read_text(encoding="utf-8")
+    rows = [line for line in text.splitlines() if line.startswith("| ") and "---" not in line]
+    for row in rows:
+        cell, files = row.rstrip(" |").rsplit(" | ", 1)[-1], []
+        for word in re.findall(r"`([^`]+)`|\bsame\b", cell):
+            if not word:
+                files += last
+            elif word.endswith((".py", "/")):
+                files.append(tests / word)
+                missing += [] if files[-1].exists() else [word]
+            elif re.fullmatch(r"[a-z]\w*_\w+", name := word.rstrip(".")):
+                code = "".join(f.read_text(encoding="utf-8") for f in files or last if f.is_file())
+                missing += [] if re.search(rf"def test_\w*{name}", code) else [word]
+        last = files or last
+    assert len(rows) > 40
+    assert missing == []
