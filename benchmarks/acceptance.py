@@ -10,7 +10,7 @@ library, its parameters drawn from their plausible ranges, on both axes. The hos
 The truth that an estimate is compared with is that of the place and the time of its move's end, in
 newtons as the drive measures them: Fc times what coulomb_level, friction_position, friction_spot,
 friction_map and thermal_drift make of it there, sigma_v and sigma0 times theirs, and all three over
-the ratio of the motor's force to the measured one (force_constant, force_ripple).
+the ratio of the motor's force to the measured one (force_constant, force_ripple, torque_ripple).
 With friction_asymmetry Fc is the mean of both directions: one figure serves both. Forces that are
 not friction leave the figures as they are. The estimate of Fc is that in force at the move's end,
 its level included; the wander of the true one (1 % rms) is unknown and counts in sigma.
@@ -151,7 +151,7 @@ def truth_at(
             coulomb *= float(field[0])
         elif name == "force_constant":
             measured *= p["ratio"]
-        elif name == "force_ripple":
+        elif name in ("force_ripple", "torque_ripple"):
             measured *= 1.0 + p["ratio"] * math.sin(2.0 * math.pi * x / p["pitch"] + p["phase"])
     return {
         "coulomb": figures.coulomb * coulomb / measured,

@@ -53,7 +53,7 @@ class BeliefSettings:
         unmodelled_length: correlation length of both [m].
     """
 
-    start_spread: tuple[float, ...] = (0.6, 0.8, 0.8, 0.6, 0.05, 0.3, 0.5)
+    start_spread: tuple[float, ...] = (0.6, 0.8, 0.8, 0.6, 0.05, 0.2, 0.5)
     drift: tuple[float, ...] = (0.002, 0.004, 0.005, 0.002, 0.0005, 0.002, 0.001)
     wander: float = 0.01
     correlation_time: float = 0.5

@@ -15,6 +15,7 @@ from estimation.online.outcome import (
     HOLES,
     JUMP,
     MISFIT,
+    MISSED,
     SCALE,
     STILL,
     Outcome,
@@ -31,7 +32,7 @@ _WHY_NOT = {
     TOO_LITTLE: "too little motion to learn from",
     UNUSABLE_FORCE: "its force says nothing while it moves: "
     "saturated, missing, or disturbed by late setpoints",
-    UNKNOWN_STATE: "how its elements stood before it is not known: "
+    UNKNOWN_STATE: "the presliding state before the move is unknown: "
     "a move that slides has to be learned from first",
 }
 
@@ -70,6 +71,8 @@ class Estimate:
             return _WHY_NOT[int(number)]
         if verdict == MISFIT:
             return f"residual {number:.1f} times what noise and wander explain"
+        if verdict == MISSED:
+            return f"the model misses {number:.0%} of the Coulomb force, something else acts"
         if verdict == BOUND:
             return f"{FIGURES[self._outcome.figure]} ran into its bound"
         if verdict == SCALE:

@@ -28,6 +28,7 @@ from estimation.online.belief import (
     FORCE,
     LEVEL,
     MASS,
+    STATES,
     STIFFNESS,
     Belief,
     model_at,
@@ -50,6 +51,8 @@ _FEW, _RECENT = 3, 15
 """Accepted moves before the usual misfit is known, and over how many the median is taken."""
 _MOVES = 15
 """Over how many moves it is learned how much acts beside the model."""
+_GUESS = 0.3
+"""What it is taken for before the first move weighs as much as this share of one."""
 _LEAST_UNMODELLED = 0.003
 """Least rms of the unmodelled force, relative to the Coulomb force at the start."""
 CERTAIN = 0.3
@@ -120,8 +123,13 @@ class SplitHorizonEstimator:
         self._frozen = frozen
         self._jump: F64 | None = None
         self._jumps = 0
-        self._shown = 0  # moves so far, up to _MOVES
-        self._scale: float | None = None  # change of force per acceleration, while there is one
+        # Factor on the variance of each state, and how much it weighs, in moves.
+        self._scale, self._informed = np.ones(STATES), np.full(MASS, _GUESS)
+        # How much each variance of `_observe_unmodelled` weighs, in moves that determine it.
+        self._weights = {"model_error": 1.0, "wander": _GUESS, "unmodelled": _GUESS}
+        self._other_scale: float | None = (
+            None  # change of force per acceleration, while there is one
+        )
         self._right: Belief | None = None  # belief when there was none
         self._axis = settings.axis(friction, frozen)
         self._law = make_constants(friction)
@@ -263,7 +271,8 @@ class SplitHorizonEstimator:
         outcome = self._run(move, state, self._known, True, end)
         outcome = self._refuse_scale(outcome)
         self._end, self._rest = end, None
-        if outcome.verdict != SCALE and outcome.unmodelled > 0.0 and outcome.wander > 0.0:
+        outcome = self._observe_innovations(outcome)
+        if outcome.verdict != SCALE and outcome.unmodelled[1] > 0.0 and outcome.wander[1] > 0.0:
             self._observe_unmodelled(outcome)
         if outcome.verdict == ACCEPTED:
             self._jumps = self._moves_to_trust = 0
@@ -311,24 +320,45 @@ class SplitHorizonEstimator:
     def _observe_unmodelled(self, outcome: Outcome) -> None:
         """Learn how much acts beside the model: level, unmodelled force, and what is left.
 
-        Expectation-maximisation: the mean square that a move shows, its uncertainty included, so
-        that a move that says nothing of it changes nothing; averaged over _MOVES moves. Refused
-        moves count: what is refused again and again is expected in the end.
+        Empirical Bayes: a variance is the mean square of what was found, weighed by the share of it
+        that each move determines, so that a move that says nothing changes nothing; over _MOVES
+        moves. Refused moves count: what is refused again and again is expected in the end.
         """
-        self._shown = min(self._shown + 1, _MOVES)
         axis, settings = self._axis, self.settings
         excess = 0.0
-        for name, square, least, usual in (
-            ("model_error", outcome.missed, settings.model_error, settings.model_error),
+        for name, (square, known), least, usual in (
+            ("model_error", (outcome.missed, 1.0), settings.model_error, settings.model_error),
             ("wander", outcome.wander, settings.belief.wander, settings.belief.wander),
             ("unmodelled", outcome.unmodelled, _LEAST_UNMODELLED, 0.0),
         ):
             variance = float(axis[name]) ** 2
-            variance = max(variance + (square - variance) / (self._shown + 1), least**2)
+            weight = self._weights[name]
+            variance = (weight * variance + square) / (weight + known)
+            variance = max(variance, least**2)
+            self._weights[name] = min(weight + known, _MOVES)
             axis[name] = math.sqrt(variance)
             unit = outcome.mean.item(COULOMB) if name == "unmodelled" else 1.0
             excess += (variance - usual**2) / unit**2
         axis["excess"] = math.sqrt(excess)
+
+    def _observe_innovations(self, outcome: Outcome) -> Outcome:
+        """Scale the covariance by what the innovations show: the outcome with that of the stage.
+
+        By the mean square of the normalised innovations (Birge's ratio), each weighed by the share
+        of what is known that came from its move; the mean over _MOVES such moves.
+        """
+        squares, shares = outcome.innovations
+        weights, scale = self._informed, self._scale[:MASS]
+        scale += shares * (squares - scale) / (weights + shares)
+        np.minimum(weights + shares, _MOVES, out=weights)
+        self._axis["scale"][:MASS] = scale.clip(1.0)
+        return outcome._replace(covariance=self._scaled(outcome.covariance))
+
+    def _scaled(self, covariance: F64) -> F64:
+        """A covariance as it is stated, shape (STATES, STATES)."""
+        factor = np.sqrt(self._scale.clip(1.0))
+        scaled: F64 = covariance * np.outer(factor, factor)
+        return scaled
 
     def _refuse_scale(self, outcome: Outcome) -> Outcome:
         """Take back what was learned since the force per acceleration was last seen to be right.
@@ -337,17 +367,17 @@ class SplitHorizonEstimator:
         """
         shows_scale = self._shows_scale(outcome)
         if outcome.verdict == SCALE:
-            self._scale = outcome.number
+            self._other_scale = outcome.number
         elif outcome.verdict == ACCEPTED and shows_scale:
-            self._scale, self._right = None, self._belief.copy()
+            self._other_scale, self._right = None, self._belief.copy()
         right = self._right
-        if self._scale is None or right is None:
+        if self._other_scale is None or right is None:
             return outcome
         if outcome.verdict not in (SCALE, ACCEPTED, JUMP, BOUND):
             return outcome
         self._belief.take(right)
         return outcome._replace(
-            verdict=SCALE, figure=MASS, number=self._scale, mean=right.mean,
+            verdict=SCALE, figure=MASS, number=self._other_scale, mean=right.mean,
             covariance=right.covariance,
         )  # fmt: skip
 
@@ -454,6 +484,7 @@ class SplitHorizonEstimator:
         self._jump = change
         if self._jumps >= self.settings.patience:
             self._jumps = 0
+            self._scale[:MASS], self._informed[:] = 1.0, _GUESS
             start = Belief.at_start(self.settings.belief, self._start).covariance
             for i in range(MASS):  # the mass does not change with friction
                 away = outcome.found[i] - self._belief.mean[i]

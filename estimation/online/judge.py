@@ -17,6 +17,7 @@ from estimation.online.outcome import (
     HOLES,
     JUMP,
     MISFIT,
+    MISSED,
     SCALE,
     STILL,
     UNSOLVED,
@@ -30,6 +31,9 @@ by more than this share."""
 SHOWS_SCALE = 0.02
 """A move that determines the apparent mass to this by itself, relative, shows whether the force's
 scale is right."""
+MOST_MISSED = 0.2
+"""Of the Coulomb force: what the model may miss, rms, in a move and in those before it. With more,
+something else acts, and an onset or a curve that is found is its."""
 LEARNED = 0.3
 """A figure less certain than this, relative, cannot surprise."""
 SURPRISE = 3.0
@@ -48,12 +52,13 @@ class Verdict(NamedTuple):
 
 
 @kernel()
-def judge(prepared, solution, axis, whole, before, after):  # type: ignore[no-untyped-def]
+def judge(prepared, solution, missed, axis, whole, before, after):  # type: ignore[no-untyped-def]
     """Whether what was found can be trusted.
 
     Args:
         prepared: the move.
         solution: of the last solve.
+        missed: rms of what the model misses in the move, relative to the Coulomb force.
         axis: settings.
         whole: False for a look at a move that is not over.
         before: belief before the move.
@@ -73,6 +78,8 @@ def judge(prepared, solution, axis, whole, before, after):  # type: ignore[no-un
         return Verdict(UNSOLVED, -1, 0.0)
     if not misfit <= axis.misfit:
         return Verdict(MISFIT, -1, misfit)
+    if whole and max(axis.model_error, missed) > max(MOST_MISSED, axis.usual_error):
+        return Verdict(MISSED, -1, max(axis.model_error, missed))
     if whole and solution.bound != LAG and is_another_scale(prepared.slide, axis, before, after):
         kept = after.covariance[MASS, MASS] / before.covariance[MASS, MASS]
         change = after.mean[MASS] / before.mean[MASS] - 1.0
@@ -90,10 +97,13 @@ def find_jump(axis, before, after):  # type: ignore[no-untyped-def]
     """The first figure that changes by more than drift can explain, or -1.
 
     A move changes a figure by as much as it narrows it (the variance of a Kalman filter's step is
-    that before less that after): one that says little may not change much.
+    that before less that after): one that says little may not change much. Once a figure is known,
+    what its changes have been counts too.
     """
     for i in range(MASS):
         narrowed = max(before.covariance[i, i] - after.covariance[i, i], 0.0)
+        if before.covariance[i, i] < (LEARNED * before.mean[i]) ** 2:
+            narrowed *= axis.scale[i]
         allowed = axis.jump * math.sqrt(narrowed) / before.mean[i]
         if abs(after.mean[i] / before.mean[i] - 1.0) > max(allowed, axis.jump_share):
             return i
@@ -130,6 +140,32 @@ def noise_excess(prepared, solution, axis):  # type: ignore[no-untyped-def]
     if misfit > UNUSUAL * axis.usual_misfit:
         excess = max(excess, misfit / axis.usual_misfit)
     return max(excess, 1.0)
+
+
+@kernel()
+def normalised_innovations(verdict, axis, before, after):  # type: ignore[no-untyped-def]
+    """How far a move takes the friction figures, over what it may, shape (2, MASS).
+
+    Row 0: squares of their changes over the variances by which the move narrows them (that of a
+    Kalman filter's step), 1 where sigma is right; row 1: these over the variances before, the share
+    of what is known that comes from this move. The Coulomb force is taken at its level. Zeros where
+    nothing was found; the arguments as of `judge`.
+    """
+    found = np.zeros((2, MASS))
+    if verdict.code != ACCEPTED and verdict.code != JUMP:
+        return found
+    for i in range(MASS):
+        change, variance = after.mean[i] - before.mean[i], before.covariance[i, i]
+        left = after.covariance[i, i]
+        if i == COULOMB:
+            earlier, variance = sliding_level(before)
+            later, left = sliding_level(after)
+            change = later - earlier
+        narrowed = variance - left
+        if narrowed > 1e-9 * variance:
+            found[0, i] = min(change * change / narrowed, axis.jump**2)
+            found[1, i] = narrowed / variance
+    return found
 
 
 @kernel()
@@ -196,15 +232,20 @@ def temper(before, after, excess):  # type: ignore[no-untyped-def]
 def hold_undetermined(axis, mask, before, after):  # type: ignore[no-untyped-def]
     """Leave figures of which the move says next to nothing at their prior; returns which, (LEVEL,).
 
-    `mask`: figures that were solved for, shape (LEVEL,); `after` is
-    changed. The other figures become what they are if the held ones are there.
+    `mask`: figures that were solved for, shape (LEVEL,); `after` is changed. The other figures
+    become what they are if the held ones are there. Those that are only to be considered stay with
+    their variance and what it has in common with the others, which keep what was found
+    (Schmidt-Kalman filter).
     """
     held, gains = np.zeros(LEVEL, np.bool_), np.empty(LEVEL)
     for i in range(LEVEL):
         gains[i] = before.covariance[i, i] / after.covariance[i, i]
     for i in range(LEVEL if axis.least_gain > 0.0 else 0):
         if gains[i] > (1.0 + 1e-9) ** 2:
-            if gains[i] < 1.0 + axis.least_gain:
+            if axis.consider[i]:
+                after.mean[i], after.covariance[i, i] = before.mean[i], before.covariance[i, i]
+                held[i] = True
+            elif gains[i] < 1.0 + axis.least_gain:
                 _hold(i, held, before, after)
                 held[i] = True
         elif mask[i]:

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from estimation.friction.law import F64
 
-ACCEPTED, HOLES, DISTURBED, STILL, UNSOLVED, MISFIT, BOUND, JUMP, SCALE, FEW = range(10)
+ACCEPTED, HOLES, DISTURBED, STILL, UNSOLVED, MISFIT, MISSED, BOUND, JUMP, SCALE, FEW = range(11)
 """Verdicts: accepted, or why not. Too many samples missing; force disturbed by late setpoints
-in most of the motion; nothing to solve; no solution; residual too large; a figure on its bound; a
-figure that jumps; another force per acceleration; fewer than three valid samples, which
-is an error."""
+in most of the motion; nothing to solve; no solution; residual too large; the model misses too much
+in the moves so far; a figure on its bound; a figure that jumps; another force per acceleration;
+fewer than three valid samples, which is an error."""
 
 
 class Outcome(NamedTuple):
@@ -34,9 +34,11 @@ class Outcome(NamedTuple):
         gain: standard deviations before over after, shape (STATES,).
         held: figures that were asked for and stay at their prior, shape (LEVEL,).
         sliding: Fc (1 + w) and its variance, expected before the move, and found, shape (4,).
-        unmodelled: mean square of the unmodelled force in it, its uncertainty included.
+        unmodelled: mean square of the unmodelled force found in it, and the share of that force
+            that the move determines.
         wander: the same of the level.
-        missed: the same of what is left of the force.
+        missed: mean square of what is left of the force.
+        innovations: of the friction figures, see `judge.normalised_innovations`.
     """
 
     verdict: int
@@ -53,6 +55,7 @@ class Outcome(NamedTuple):
     gain: F64
     held: NDArray[np.bool_]
     sliding: F64
-    unmodelled: float
-    wander: float
+    unmodelled: tuple[float, float]
+    wander: tuple[float, float]
     missed: float
+    innovations: F64

@@ -25,7 +25,7 @@ from stagedata import FrictionFigures
 _ZONE_A = (COULOMB, VISCOUS, MASS)
 _ZONE_B = (COULOMB, VISCOUS, STIFFNESS, RATE, MASS)
 _ZONE_AB = (COULOMB, VISCOUS, STIFFNESS, MASS)  # a fast move hardly determines C; slow ones do
-_REQUESTS = ("relaxation_rate", "static_ratio", "lag")
+_REQUESTS = {"relaxation_rate", "static_ratio", "lag"}
 
 
 USUAL, SHORT, CALM = range(3)
@@ -39,6 +39,7 @@ AXIS = np.dtype(
         ("position_noise", np.float64),
         ("force_noise", np.float64),
         ("model_error", np.float64),
+        ("usual_error", np.float64),  # of the settings; `model_error` grows where moves show more
         ("wander", np.float64),
         ("usual_wander", np.float64),  # of the machine file; `wander` grows where moves show more
         ("correlation_time", np.float64),
@@ -53,11 +54,13 @@ AXIS = np.dtype(
         ("jump", np.float64),
         ("jump_share", np.float64),
         ("least_gain", np.float64),
+        ("scale", np.float64, (LEVEL,)),  # factor on variances, as the moves so far show it
         ("usual_misfit", np.float64),  # of this axis' moves so far
         ("unit", np.float64, (LEVEL,)),  # what the figures are relative to
         ("lower", np.float64, (LEVEL,)),  # bounds of the figures
         ("upper", np.float64, (LEVEL,)),
         ("drift", np.float64, (LEVEL,)),  # sigma by which each changes from move to move
+        ("consider", np.int8, (LEVEL,)),  # figures that stay, but count in sigma
         ("masks", np.int8, (3, 3, LEVEL)),  # figures to solve for: kind of move, zones A, B, both
     ]
 )
@@ -86,6 +89,8 @@ class EstimatorSettings:
         fixed: figures that are never estimated, of `FIGURES`.
         request: figures to estimate in every move beside the usual ones: relaxation_rate (that is
             C; else from moves without zone A only), static_ratio (alpha), lag.
+        consider: figures that stay as they are, but whose uncertainty counts in that of the others
+            (Schmidt's consider parameters): static_ratio, or none.
         least_gain: a figure to which a move adds less than this share of its prior's information
             stays at its prior; 0: every figure is updated.
         slip_spread: deviation of the element forces where zone A begins from what a fresh slip
@@ -108,6 +113,7 @@ class EstimatorSettings:
     patience: int = 2
     fixed: tuple[str, ...] = ()
     request: tuple[str, ...] = ()
+    consider: tuple[str, ...] = ()
     least_gain: float = 0.05
     slip_spread: float = 0.0
     force_step: float | None = None
@@ -136,6 +142,7 @@ class EstimatorSettings:
             self.position_noise,
             self.force_noise,
             self.model_error,
+            self.model_error,
             self.belief.level,
             self.belief.wander,
             self.belief.correlation_time,
@@ -150,11 +157,13 @@ class EstimatorSettings:
             self.jump,
             self.jump_share,
             self.least_gain,
+            np.ones(LEVEL),
             math.inf,
             np.array(unit),
             np.array([low] * 5 + [-0.9, -1.5]),
             np.array([high] * 5 + [5.0, 1.5]),
             np.array(self.belief.drift),
+            np.isin(FIGURES, self.consider),
             masks,
         )
         made: np.void = np.array([values], AXIS)[0]
@@ -162,7 +171,7 @@ class EstimatorSettings:
 
     def _masks(self, friction: FrictionFigures, frozen: bool) -> NDArray[np.bool_]:
         """Figures to solve for in zone A, without it, and with both, shape (3, LEVEL)."""
-        for name in (*self.fixed, *self.request):
+        for name in (*self.fixed, *self.request, *self.consider):
             if name not in FIGURES:
                 raise ValueError(f"{name}: no such figure; there are {', '.join(FIGURES)}")
         fixed = {FIGURES.index(name) for name in self.fixed}
@@ -171,7 +180,8 @@ class EstimatorSettings:
         }
         if frozen:
             fixed.add(LAG)
-        wanted = {FIGURES.index(name) for name in self.request if name in _REQUESTS}
+        asked = {*self.request, *self.consider} & _REQUESTS
+        wanted = {FIGURES.index(name) for name in asked}
         masks = np.zeros((3, LEVEL), dtype=np.bool_)
         zones = (
             {*_ZONE_A, *(wanted & {LAG})}, {*_ZONE_B, *wanted}, {*_ZONE_AB, *wanted},

@@ -64,7 +64,8 @@ leaves at most REMAINS of them to go."""
 SOLVED, FAILED = range(2)
 
 BLOCK = 10
-"""Samples over whose sums the residual has to be as small as if they were independent."""
+"""Samples over whose sums the residual has to be as small as if they were independent; what the
+model misses beyond its usual error is alike over as many."""
 LEFT_OPEN = 1.0
 """Of the unmodelled force's rms: how uncertain the elements' forces are at rest and behind turns,
 which have been followed without it."""
@@ -78,7 +79,8 @@ class Solution(NamedTuple):
         bound: figure that ended on its bound, or -1.
         chi: mean square of the whitened residual.
         evaluations: passes over the samples.
-        unmodelled: mean square of the unmodelled force, its uncertainty included, relative.
+        unmodelled: what the move shows of the unmodelled force, see `_show_process`.
+        wander: the same of the level.
         slow: mean square of the sums of whitened residuals over BLOCK samples, per sample: `chi`
             where they are independent, more where they go on being alike.
     """
@@ -87,9 +89,9 @@ class Solution(NamedTuple):
     bound: int
     chi: float
     evaluations: int
-    unmodelled: float
     slow: float
-    wander: float
+    unmodelled: tuple[float, float]
+    wander: tuple[float, float]
 
 
 class Problem(NamedTuple):
@@ -119,6 +121,17 @@ class Problem(NamedTuple):
 
 
 @kernel()
+def model_variance(axis, coulomb):  # type: ignore[no-untyped-def]
+    """Variance of a row's force for what the model misses [N^2]; `coulomb` [N].
+
+    More than the usual error comes from what the model does not have, and is no noise: BLOCK
+    samples of it count as one.
+    """
+    usual = axis.usual_error**2
+    return coulomb**2 * (usual + BLOCK * max(axis.model_error**2 - usual, 0.0))
+
+
+@kernel()
 def solve(problem, whole, linear, mask, before, p, after):  # type: ignore[no-untyped-def]
     """Gauss-Newton over figures, offsets and level (a long loop and what it starts from).
 
@@ -134,8 +147,7 @@ def solve(problem, whole, linear, mask, before, p, after):  # type: ignore[no-un
     axis, law = problem.axis, problem.law
     knots = problem.knots if axis.wander > 0.0 else 0
     forces = problem.knots if axis.unmodelled > 0.0 else 0
-    missed = axis.model_error * axis.unit[COULOMB] * before.mean[COULOMB]
-    white = axis.force_noise**2 + missed * missed
+    white = axis.force_noise**2 + model_variance(axis, axis.unit[COULOMB] * before.mean[COULOMB])
     use, start, end, counted = _choose_rows(
         whole, _rest_counts(p, axis, white), problem.prepared.samples, problem.prepared.end
     )
@@ -209,7 +221,7 @@ def solve(problem, whole, linear, mask, before, p, after):  # type: ignore[no-un
         if status == SOLVED and (value[a] <= lower[a] or value[a] >= upper[a]):
             bound = unknowns[a]
     chi = normal[n, n] / max(counted, 1) if status == SOLVED else 0.0
-    unmodelled = slow = wander = 0.0
+    slow, unmodelled, wander = 0.0, (0.0, 0.0), (0.0, 0.0)
     if status == SOLVED and (not linear or bound >= 0):
         for a in range(n):
             for b in range(n):
@@ -217,13 +229,33 @@ def solve(problem, whole, linear, mask, before, p, after):  # type: ignore[no-un
         if cholesky_inverse(information):
             take_over(p, information, unknowns, figures, knots, forces, before, after)
             slow = _slow_residual(rows.columns, unknowns, move, weights) / max(counted, 1)
-            for a in range(figures, figures + knots):
-                wander += (value[a] ** 2 + information[a, a]) / knots
-            for a in range(figures + knots, figures + knots + forces):
-                unmodelled += (value[a] ** 2 + information[a, a]) / forces
+            wander = _show_process(value, information, figures, knots, axis.wander)
+            unmodelled = _show_process(value, information, figures + knots, forces, axis.unmodelled)
         else:
             status = FAILED
-    return Solution(status, bound, chi, evaluations, unmodelled, slow, wander)
+    return Solution(status, bound, chi, evaluations, slow, unmodelled, wander)
+
+
+@kernel()
+def _show_process(value, covariance, first, knots, rms):  # type: ignore[no-untyped-def]
+    """What a move shows of a Gauss-Markov process: mean square found, and share of it known.
+
+    The share: 1 less the variance left over that of the process; 0 where the move says nothing.
+
+    Args:
+        value: of all unknowns, shape (n,).
+        covariance: of them, shape (n, n).
+        first: place of the process' first knot among them.
+        knots: number of its knots, may be 0.
+        rms: of the process.
+    """
+    square = left = 0.0
+    for a in range(first, first + knots):
+        square += value[a] ** 2 / knots
+        left += covariance[a, a] / knots
+    if knots == 0 or rms <= 0.0:
+        return 0.0, 0.0
+    return square, max(1.0 - left / rms**2, 0.0)
 
 
 @kernel(fastmath={"contract"})

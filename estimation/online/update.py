@@ -21,7 +21,7 @@ from estimation.online.arrival_cost import (
     decay,
     knots_of,
 )
-from estimation.online.belief import ALPHA, COULOMB, FORCE, KNOTS, LEVEL, STATES, Belief
+from estimation.online.belief import ALPHA, COULOMB, FORCE, KNOTS, LEVEL, MASS, STATES, Belief
 from estimation.online.judge import (
     admit_surprise,
     find_jump,
@@ -29,6 +29,7 @@ from estimation.online.judge import (
     is_another_scale,
     judge,
     noise_excess,
+    normalised_innovations,
     sliding_level,
     temper,
 )
@@ -36,7 +37,7 @@ from estimation.online.outcome import ACCEPTED, FEW, Outcome
 from estimation.online.prepare import prepare
 from estimation.online.residual import AtRest, follow_move
 from estimation.online.settings import CALM, SHORT, USUAL
-from estimation.online.solve import FAILED, SOLVED, Problem, Solution, solve
+from estimation.online.solve import FAILED, SOLVED, Problem, Solution, model_variance, solve
 
 
 class State(NamedTuple):
@@ -95,8 +96,10 @@ def update_move(sampled, axis, law, state, elapsed, trend_variance, known, whole
         decay(after, time, place, axis)
     if whole and _is_tempered(solution, prepared.slide, axis, before, after):
         temper(before, after, noise_excess(prepared, solution, axis))
-    verdict = judge(prepared, solution, axis, whole, before, after)
+    missed = _missed(solution, axis, coulomb)
+    verdict = judge(prepared, solution, math.sqrt(max(missed, 0.0)), axis, whole, before, after)
     asked = axis.masks[USUAL, _zones_of(prepared.slide, stick)]
+    innovations = normalised_innovations(verdict, axis, before, after)
     found, gain, held, sliding = _settle(verdict, solution, axis, asked, before, after)
     believed = after if verdict.code == ACCEPTED else before
     if whole:
@@ -109,7 +112,7 @@ def update_move(sampled, axis, law, state, elapsed, trend_variance, known, whole
         verdict.code, verdict.figure, verdict.number, math.sqrt(solution.chi), evaluations,
         prepared.slide, stick, believed.mean, believed.covariance, _variances(before),
         found, gain, held, sliding, solution.unmodelled, solution.wander,
-        _missed(solution, axis, coulomb),
+        missed, innovations,
     )  # fmt: skip
 
 
@@ -138,7 +141,7 @@ def _missed(solution, axis, coulomb):  # type: ignore[no-untyped-def]
 
     From the residual, or from its sums over neighbouring samples where they are alike.
     """
-    white = axis.force_noise**2 + (axis.model_error * coulomb) ** 2
+    white = axis.force_noise**2 + model_variance(axis, coulomb)
     chi = min(max(solution.chi, solution.slow), axis.misfit**2)
     return (chi * white - axis.force_noise**2) / coulomb**2
 
@@ -158,7 +161,8 @@ def _nothing(belief):  # type: ignore[no-untyped-def]
     mean, covariance, ones = belief.mean, belief.covariance, np.ones(STATES)
     return Outcome(
         FEW, -1, 0.0, 0.0, 0, 0, 0, mean, covariance, _variances(belief), mean, ones,
-        np.zeros(LEVEL, np.bool_), np.zeros(4), 0.0, 0.0, 0.0,
+        np.zeros(LEVEL, np.bool_), np.zeros(4), (0.0, 0.0), (0.0, 0.0), 0.0,
+        np.zeros((2, MASS)),
     )  # fmt: skip
 
 
@@ -181,7 +185,7 @@ def _solve_zones(problem, before, after):  # type: ignore[no-untyped-def]
     for i in range(LEVEL):
         p[i] = before.mean[i]
     masks = axis.masks[_kind_of(prepared)]
-    solution, evaluations = Solution(SOLVED, -1, 0.0, 0, 0.0, 0.0, 0.0), 0
+    solution, evaluations = Solution(SOLVED, -1, 0.0, 0, 0.0, (0.0, 0.0), (0.0, 0.0)), 0
     if slide > 0:
         solution = solve(problem, False, stick > 0, masks[0], before, p, after)
         evaluations += solution.evaluations

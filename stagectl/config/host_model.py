@@ -13,10 +13,10 @@ SETTLED_DRIFT = (7e-4, 4e-4, 4e-4, 2e-4, 5e-5, 2e-4, 1e-4)
 """Drift of `estimation.online.FIGURES` when a friction map covers place and warm-up (relative
 1-sigma per move): histories show the other parameters to change over days, not between moves."""
 
-UNMODELLED = 0.3
-"""Rms of forces that no friction figure explains, over the Coulomb force that a run begins with: as
-expected before the first move. The moves show how large they are."""
-VARIATION = 0.1
+UNMODELLED = 0.1
+"""Rms of forces that no friction figure explains, over the Coulomb force that a run begins with: a
+first guess, which the first moves that determine it replace."""
+VARIATION = 0.03
 """The same of the Coulomb force over place, relative."""
 RATE_DRIFT = 0.01
 """Of C/Fc per move where every move says something of it: a fast one takes up model errors."""
@@ -52,6 +52,7 @@ def estimator_settings(
         force_noise=quantisation(drive.force_unit),
         peak_force=drive.peak_force,
         request=("lag",) if places else ("lag", "relaxation_rate"),
+        consider=() if places else ("static_ratio",),
         belief=BeliefSettings(
             wander=wander.coulomb,
             correlation_time=wander.correlation_time,

@@ -119,11 +119,14 @@ def test_spread_is_what_sigma_says():
     assert (rms < 2.5).all(), rms
 
 
-def test_sigma_shrinks_with_every_move(data):
+def test_sigma_shrinks_as_far_as_the_moves_agree(data):
     estimates = learn(SplitHorizonEstimator(TRUE.scaled(0.5), SETTINGS), data)
     assert estimates[-1].sigma["coulomb"] < estimates[0].sigma["coulomb"]
     assert estimates[0].sigma["stiffness"] < 0.02 * 6e5  # zone B of the very first move
-    assert estimates[-1].sigma["stiffness"] < 0.6 * estimates[0].sigma["stiffness"]
+    # The moves differ by more than each would allow: sigma said 0.5 % where sigma0 was 3 % off.
+    assert estimates[-1].sigma["stiffness"] < 0.02 * 6e5
+    for estimate in estimates:
+        assert abs(estimate.friction.stiffness - 6e5) < 4.0 * estimate.sigma["stiffness"]
 
 
 def test_frozen_keeps_the_figures_and_follows_the_level(data):
@@ -304,7 +307,7 @@ def test_a_short_move_behind_unknown_elements_says_why_it_is_not_learned_from(da
     estimator = SplitHorizonEstimator(TRUE, SETTINGS)
     estimate = estimator.update(data.move(1))
     assert not estimate.accepted
-    assert "how its elements stood before it is not known" in estimate.reason
+    assert "the presliding state before the move is unknown" in estimate.reason
 
 
 def test_an_unusable_force_is_not_reported_as_too_little_motion(data):
