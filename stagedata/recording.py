@@ -31,6 +31,8 @@ class AxisSignals:
         force_actual: float64[K], sampled at SYNC k [N].
         statusword: uint16[K], or None in foreign recordings.
         valid: bool[K], False where the TPDO of SYNC k was missed and the last value stands.
+        missing: channels of a foreign recording that were not logged: the smoothed position stands
+            for `position_demand`, zeros for `force_actual`.
 
     Raises:
         ValueError: the arrays are not one-dimensional or differ in length.
@@ -42,6 +44,7 @@ class AxisSignals:
     force_actual: FloatArray
     statusword: StatusArray | None
     valid: BoolArray
+    missing: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         shape = self.position_demand.shape
