@@ -56,6 +56,7 @@ def typical(parameter):
     low, high = parameter.plausible
     scale = {
         "mass": f" {TIMES} m",
+        "travel": f" {TIMES} travel",
         "rated force": f" {TIMES} rated force",
         "Coulomb force": f" {TIMES} Fc",
         "Coulomb force over the travel": f" {TIMES} Fc/travel",
