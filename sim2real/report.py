@@ -319,6 +319,40 @@ class FittedFigure:
 
 
 @dataclass(frozen=True, slots=True)
+class EmpiricalForce:
+    """A force that no effect explains, over position, direction and velocity: no cause.
+
+    F = always(x) + against(x) sgn(v) + over_velocity(v), each linear between its nodes.
+
+    Attributes:
+        axis: its name.
+        gap_closed: share of the gap in force along the motion that it closes on held-out strokes.
+        position: nodes [m].
+        always, against: at these [N].
+        velocity: nodes [m/s].
+        over_velocity: at these [N].
+    """
+
+    axis: str
+    gap_closed: float
+    position: tuple[float, ...]
+    always: tuple[float, ...]
+    against: tuple[float, ...]
+    velocity: tuple[float, ...]
+    over_velocity: tuple[float, ...]
+
+    def to_json(self) -> Json:
+        """The entry of `empirical`."""
+        nodes = {"position": self.position, "always": self.always, "against": self.against}
+        speeds = {"velocity": self.velocity, "over_velocity": self.over_velocity}
+        return {
+            "axis": self.axis,
+            "gap_closed": _number(self.gap_closed),
+            **{key: [_number(v) for v in values] for key, values in {**nodes, **speeds}.items()},
+        }
+
+
+@dataclass(frozen=True, slots=True)
 class GapReport:
     """The whole diagnosis.
 
@@ -337,6 +371,7 @@ class GapReport:
         steps: of axes where effects were added one after another.
         mode: `CLOSED_LOOP`, or `OPEN_LOOP` where forces are compared along the measured motion.
         fitted: figures that the machine file leaves unknown.
+        empirical: descriptions of what no effect explains; empty where it is explained.
         next_experiment: None where nothing is left to distinguish.
 
     Raises:
@@ -359,6 +394,7 @@ class GapReport:
     steps: tuple[SelectionStep, ...] = ()
     mode: str = CLOSED_LOOP
     fitted: tuple[FittedFigure, ...] = ()
+    empirical: tuple[EmpiricalForce, ...] = ()
     next_experiment: NextExperiment | None = None
 
     def __post_init__(self) -> None:
@@ -376,6 +412,7 @@ class GapReport:
             "reason": self.reason,
             "mode": self.mode,
             "fitted": [figure.to_json() for figure in self.fitted],
+            "empirical": [force.to_json() for force in self.empirical],
             "channels": [finding.to_json() for finding in self.channels],
             "gap": gap_json(self.gap or {}),
             "gap_closed": _number(self.gap_closed),

@@ -29,6 +29,7 @@ from sim2real.fitting import (
     STEP,
     AxisModel,
     Workers,
+    compose_stage,
     coordinates,
     implausibility,
     reported_values,
@@ -36,7 +37,13 @@ from sim2real.fitting import (
 )
 from sim2real.free_loop import CLOSED, FreeSearch, search_free
 from sim2real.gap import NO_GAP_BELOW, Signals
-from sim2real.open_loop import FIGURES, MotionLoop
+from sim2real.open_loop import (
+    FIGURES,
+    MotionLoop,
+    compare_along,
+    describe_residual,
+    measure_motion,
+)
 from sim2real.report import (
     EXPLAINED,
     INSUFFICIENT,
@@ -48,6 +55,7 @@ from sim2real.report import (
     Confusable,
     FittedFigure,
     GapFigures,
+    GapReport,
     Parameter,
     SelectionStep,
 )
@@ -180,6 +188,11 @@ def _conclude(examined: Examination, axes: Sequence[_Axis]) -> Diagnosis:
         steps=_steps(axes),
         fitted=_fitted(examined, axes),
     )
+    if verdict in (UNEXPLAINED, PARTLY_EXPLAINED):
+        named = {c.axis for c in causes}
+        report = with_description(
+            report, examined, {n: model for n, model in models.items() if n in named}
+        )
     if not causes:
         return Diagnosis(report, models, {})
     report = replace(
@@ -192,6 +205,25 @@ def _conclude(examined: Examination, axes: Sequence[_Axis]) -> Diagnosis:
     return Diagnosis(
         report, models, {}, _explained(examined, axes), _plant(examined.settings, models)
     )
+
+
+def with_description(
+    report: GapReport, examined: Examination, models: Mapping[str, AxisModel]
+) -> GapReport:
+    """The report with a description of what is left of the forces, where one can be had.
+
+    Args:
+        report: so far.
+        examined: the recordings.
+        models: of axes with causes; the others are described as the machine file has them.
+    """
+    settings = compose_stage(examined.settings, models)
+    motions = examined.motions or tuple(
+        measure_motion(m.replay.recording, settings) for m in examined.measured
+    )
+    measured = [compare_along(motion, settings) for motion in motions]
+    found = (describe_residual(name, motions, measured) for name in examined.gap or {})
+    return replace(report, empirical=tuple(f for f in found if f is not None))
 
 
 def _causes(axis: _Axis) -> tuple[list[Cause], list[Confusable]]:

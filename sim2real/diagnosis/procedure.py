@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 
 from hil_sim.effects.effect import Effect
@@ -25,7 +26,7 @@ from sim2real.attribution import (
     search_effects,
 )
 from sim2real.diagnosis.examination import Examination, Progress, report_without_causes
-from sim2real.diagnosis.open_loop import diagnose_open_loop
+from sim2real.diagnosis.open_loop import diagnose_open_loop, with_description
 from sim2real.diagnosis.verdict import Diagnosis, conclude
 from sim2real.fitting import (
     AxisModel,
@@ -35,6 +36,7 @@ from sim2real.fitting import (
     slow_energy,
 )
 from sim2real.free_loop import FAR_FROM_WHITE, FreeLoop, fit_figures, search_free
+from sim2real.report import PARTLY_EXPLAINED, UNEXPLAINED
 from sim2real.shrinkage import HeldOut, axis_gap
 from sim2real.tracking import Tracker, needs_other_axes
 
@@ -88,7 +90,12 @@ def diagnose(
         held_out = HeldOut(
             examined.measured, settings, searches, pool, partial(progress, "held-out moves")
         )
-    return conclude(examined, plain, searches, held_out)
+    found = conclude(examined, plain, searches, held_out)
+    if found.report.verdict not in (UNEXPLAINED, PARTLY_EXPLAINED):
+        return found
+    causes = {cause.axis for cause in found.report.causes}
+    models = {name: model for name, model in found.models.items() if name in causes}
+    return replace(found, report=with_description(found.report, examined, models))
 
 
 class _StageSearch:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from stagectl.config import Machine
 
 _MAX_CELLS = 6  # places of the gap that are listed
-_LABEL_WIDTH = 7  # characters of "channel", the longest label
+_LABEL_WIDTH = 9  # characters of "empirical", the longest label
 _MAX_COMPARED = 8  # effects whose similarity is shown
 _VERDICTS = {
     "no_gap": ("No gap", "green"),
@@ -232,6 +232,14 @@ def _print_report(console: Console, report: GapReport, machine: str) -> None:
             + _elsewhere(s.elsewhere),
         )
         for s in report.steps
+    ]
+    lines += [
+        (
+            "empirical",
+            f"{f.axis}: a smooth force over position, direction and velocity closes "
+            f"{100 * f.gap_closed:.0f} % of what is left on held-out strokes; it is no cause",
+        )
+        for f in report.empirical
     ]
     for group in report.confusable:
         lines.append(("alike", f"{group.axis}: {', '.join(group.effects)}: {group.why}"))
