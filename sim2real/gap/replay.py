@@ -120,7 +120,7 @@ def prepare_replay(recording: Recording, settings: StageSettings) -> Replay:
             raise ValueError(f"axis {name}: no valid sample")
         if axis.missing:
             raise ValueError(
-                f"axis {name}: {' and '.join(axis.missing)} was not logged: there is no loop to "
+                f"axis {name}: {' and '.join(axis.missing)} not logged: there is no loop to "
                 f"simulate; a diagnosis compares forces along the motion"
             )
     place = match_periods(recording.time, settings.sync_period)

@@ -175,3 +175,20 @@ def test_the_published_model_of_a_real_axis_is_as_close_as_published(example):
     gap = measure_gap(recording, stage_settings(example[1]), draws=1)["slide"]
     relative = gap["force"].nominal / np.sqrt(np.mean(slide.force_actual[slide.valid] ** 2))
     assert relative < 0.0585  # what its authors report for their closed-loop simulation
+
+
+def test_what_was_not_logged_is_remembered(columns, tmp_path):
+    """A recording says it, and no loop is simulated over a demand that nobody sent."""
+    data = csv_of(columns, tmp_path / "log.csv")
+    how = tmp_path / "map.yaml"
+    how.write_text(
+        f"machine: {EXAMPLE / 'machine.yaml'}\ntime: {{column: t}}\n"
+        "axes: {slide: {position_actual: {column: qm}}}\n"
+    )
+    mapped, machine = load_map(how)
+    write_recording(import_recording(data, mapped, machine), tmp_path / "log.h5")
+    recording = read_recording(tmp_path / "log.h5")
+    assert recording.axes["slide"].missing == ("position_demand", "force_actual")
+    assert not recording.axes["slide"].force_actual.any()
+    with pytest.raises(ValueError, match="slide: position_demand and force_actual not logged"):
+        measure_gap(recording, stage_settings(machine))
