@@ -1,8 +1,8 @@
 """The settling observer: what an axis lacks in force, from its position, from SYNC to SYNC.
 
 `loop` (the axis in its drive, linear), `model` (what the observer assumes, with its Kalman gain),
-`sensitivity` (of the whole loop), `design` (the largest gain that is safe), `kernel` and `observer`
-(what happens between two SYNCs).
+`sensitivity` (of the whole loop), `design` (the largest gain that is safe), `filter`, `kernel` and
+`observer` (what happens between two SYNCs).
 """
 
 from estimation.observer.design import AxisFigures, Design, design_observer
