@@ -152,7 +152,8 @@ def _other_methods(outcomes: Sequence[Outcome]) -> list[str]:
     return [
         f"Beside other methods on the same {len(asked)} stages, which get the same recording,",
         "machine file and library (`--baselines`; `fixed_list` and `sparse_regression` in",
-        "`sim2real.blind`):",
+        "`sim2real.blind`). Of the library the fixed list holds eight effects, and forces show",
+        "nothing of what acts within the control loop:",
         "",
         f"| | this diagnosis | {' | '.join(methods)} |",
         "| --- |" + " --- |" * (1 + len(methods)),
