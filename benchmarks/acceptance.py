@@ -15,6 +15,10 @@ With friction_asymmetry Fc is the mean of both directions: one figure serves bot
 not friction leave the figures as they are. The estimate of Fc is that in force at the move's end,
 its level included; the wander of the true one (1 % rms) is unknown and counts in sigma.
 
+The rows `mismatch_Nms` are stages without effects, but of 16 elements under a host of 10, with
+another mass (5 to 15 % off, either way), 20 nm of encoder noise, SYNC every N ms, and micro-moves
+of up to 10 um.
+
 An accepted estimate is wrong if any figure that the move has changed is more than 4 sigma and more
 than 3 % off. A figure that the move has not changed was judged where it was changed last.
 """
@@ -26,7 +30,7 @@ import math
 import tempfile
 from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -43,6 +47,7 @@ from stagectl.config.machine_file import load_machine, parse_machine
 from stagectl.config.package_settings import stage_settings
 from stagectl.config.twin import render_twin
 from stagectl.recipe import load_recipe
+from stagectl.recipe.model import SimulatedMark
 from stagectl.run import Listener, RunRequest, execute
 from stagectl.sequencer import FrictionUpdated, Mode
 
@@ -60,6 +65,11 @@ HIDING = {
 """Effects that add a force of the size of friction, over place, time or acceleration."""
 WANTED = {"none": 0.9, "visible": 0.6}
 MOST_WRONG = 0.005
+
+MISMATCHED = {f"mismatch_{period}ms": period * 1e-3 for period in (1, 2, 4)}
+"""Name of a case and its SYNC period [s]."""
+SMALL = 10e-6
+"""Range of micro-moves there [m]."""
 
 Effects = Mapping[str, tuple[tuple[str, dict[str, float]], ...]]
 """Axis -> name and parameters of its effects."""
@@ -121,6 +131,26 @@ def make_stage(machine: Machine, name: str | None, seed: int) -> tuple[Machine, 
         for axis in machine.axes
     }
     return parse_machine(render_twin(machine, effects, figures), name), effects
+
+
+def mismatch(machine: Machine, period: float, seed: int) -> tuple[Machine, Machine]:
+    """A host's machine with noisy encoders, and the stage that it does not describe."""
+    generator = np.random.default_rng([seed, 41])
+    bus = machine.bus.model_copy(update={"sync_period": period})
+    host, truth = {}, {}
+    for name, axis in drawn(machine, seed).axes.items():
+        encoder = axis.encoder.model_copy(update={"noise": 20e-9})
+        off = float(generator.choice([-1.0, 1.0]) * generator.uniform(0.05, 0.15))
+        friction = axis.plant.friction.model_copy(update={"elements": 16})
+        plant = axis.plant.model_copy(
+            update={"friction": friction, "mass": axis.plant.mass * (1.0 + off)}
+        )
+        truth[name] = axis.model_copy(update={"plant": plant, "encoder": encoder})
+        host[name] = machine.axes[name].model_copy(update={"encoder": encoder})
+    return (
+        machine.model_copy(update={"axes": host, "bus": bus}),
+        machine.model_copy(update={"axes": truth, "bus": bus}),
+    )
 
 
 def truth_at(
@@ -185,7 +215,13 @@ def judge(
 def run_stage(name: str | None, seed: int) -> list[Judged]:
     """All estimates of one run."""
     machine = load_machine(None)
-    stage, effects = make_stage(machine, name, seed)
+    recipe = load_recipe(RECIPE, machine)
+    if name in MISMATCHED:
+        machine, stage = mismatch(machine, MISMATCHED[name], seed)
+        effects: Effects = {}
+        recipe = replace(recipe, fiducial=SimulatedMark(SMALL, seed))
+    else:
+        stage, effects = make_stage(machine, name, seed)
     events: list[FrictionUpdated] = []
 
     def note(event: object) -> None:
@@ -194,7 +230,7 @@ def run_stage(name: str | None, seed: int) -> list[Judged]:
 
     with tempfile.TemporaryDirectory() as folder:
         request = RunRequest(
-            recipe=load_recipe(RECIPE, machine), machine=machine, truth=stage, bus=None,
+            recipe=recipe, machine=machine, truth=stage, bus=None,
             mode=Mode.ESTIMATED, friction_scale=0.5, seed=seed, folder=Path(folder),
             started=datetime.now(UTC),
         )  # fmt: skip
@@ -237,7 +273,7 @@ def main() -> None:
     parser.add_argument("--effects", help="names, comma-separated; none: without [all]")
     parser.add_argument("--jobs", type=int, default=1)
     given = parser.parse_args()
-    names = given.effects.split(",") if given.effects else ["none", *own_effects()]
+    names = given.effects.split(",") if given.effects else ["none", *own_effects(), *MISMATCHED]
     cases = [(name, seed) for name in names for seed in range(1, given.truths + 1)]
     print(
         f"{given.truths} truths; {machine_facts()}\n\n"
@@ -251,11 +287,13 @@ def main() -> None:
             found[name] += judged
             if seed == given.truths:
                 print(row(name, found[name]), flush=True)
+    effects = [name for name in names if name not in MISMATCHED]
     groups = {
         "no effect": [name for name in names if name == "none"],
-        "friction visible": [name for name in names if name not in HIDING | {"none"}],
+        "friction visible": [name for name in effects if name not in HIDING | {"none"}],
         "friction hidden": [name for name in names if name in HIDING],
-        "all": names,
+        "all": effects,
+        "mismatch": [name for name in names if name in MISMATCHED],
     }
     for label, members in groups.items():
         if members:

@@ -28,13 +28,12 @@ from estimation.online.belief import (
     FORCE,
     LEVEL,
     MASS,
-    STATES,
     STIFFNESS,
     Belief,
     model_at,
 )
 from estimation.online.estimate import Estimate, in_units, sliding_shown, spreads
-from estimation.online.judge import SHOWS_SCALE
+from estimation.online.judge import SHOWS_SCALE, scale_covariance
 from estimation.online.outcome import ACCEPTED, BOUND, FEW, JUMP, SCALE, STILL, Outcome
 from estimation.online.prepare import FULL_SLIP, Sampled
 from estimation.online.settings import EstimatorSettings
@@ -123,13 +122,11 @@ class SplitHorizonEstimator:
         self._frozen = frozen
         self._jump: F64 | None = None
         self._jumps = 0
-        # Factor on the variance of each state, and how much it weighs, in moves.
-        self._scale, self._informed = np.ones(STATES), np.full(MASS, _GUESS)
+        # How much the factor on each figure's variance weighs, in moves that determine it.
+        self._informed = np.full(MASS, _GUESS)
         # How much each variance of `_observe_unmodelled` weighs, in moves that determine it.
         self._weights = {"model_error": 1.0, "wander": _GUESS, "unmodelled": _GUESS}
-        self._other_scale: float | None = (
-            None  # change of force per acceleration, while there is one
-        )
+        self._other_scale: float | None = None  # change of force per acceleration
         self._right: Belief | None = None  # belief when there was none
         self._axis = settings.axis(friction, frozen)
         self._law = make_constants(friction)
@@ -154,7 +151,10 @@ class SplitHorizonEstimator:
 
     @property
     def sigma(self) -> dict[str, float]:
-        """Standard deviations of the friction figures, by name, in their units."""
+        """Standard deviations of the friction figures, by name, in their units.
+
+        Those of the belief: an estimate's count what the moves disagree by, too.
+        """
         return spreads(np.sqrt(self._belief.covariance.diagonal()), self._start)
 
     @property
@@ -342,23 +342,11 @@ class SplitHorizonEstimator:
         axis["excess"] = math.sqrt(excess)
 
     def _observe_innovations(self, outcome: Outcome) -> Outcome:
-        """Scale the covariance by what the innovations show: the outcome with that of the stage.
-
-        By the mean square of the normalised innovations (Birge's ratio), each weighed by the share
-        of what is known that came from its move; the mean over _MOVES such moves.
-        """
-        squares, shares = outcome.innovations
-        weights, scale = self._informed, self._scale[:MASS]
-        scale += shares * (squares - scale) / (weights + shares)
-        np.minimum(weights + shares, _MOVES, out=weights)
-        self._axis["scale"][:MASS] = scale.clip(1.0)
-        return outcome._replace(covariance=self._scaled(outcome.covariance))
-
-    def _scaled(self, covariance: F64) -> F64:
-        """A covariance as it is stated, shape (STATES, STATES)."""
-        factor = np.sqrt(self._scale.clip(1.0))
-        scaled: F64 = covariance * np.outer(factor, factor)
-        return scaled
+        """The outcome with the covariance that the innovations of the moves so far allow."""
+        covariance = scale_covariance(
+            outcome.covariance, outcome.innovations, self._axis["scale"], self._informed, _MOVES
+        )
+        return outcome._replace(covariance=covariance)
 
     def _refuse_scale(self, outcome: Outcome) -> Outcome:
         """Take back what was learned since the force per acceleration was last seen to be right.
@@ -484,7 +472,7 @@ class SplitHorizonEstimator:
         self._jump = change
         if self._jumps >= self.settings.patience:
             self._jumps = 0
-            self._scale[:MASS], self._informed[:] = 1.0, _GUESS
+            self._axis["scale"], self._informed[:] = 1.0, _GUESS
             start = Belief.at_start(self.settings.belief, self._start).covariance
             for i in range(MASS):  # the mass does not change with friction
                 away = outcome.found[i] - self._belief.mean[i]

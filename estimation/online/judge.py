@@ -103,7 +103,7 @@ def find_jump(axis, before, after):  # type: ignore[no-untyped-def]
     for i in range(MASS):
         narrowed = max(before.covariance[i, i] - after.covariance[i, i], 0.0)
         if before.covariance[i, i] < (LEARNED * before.mean[i]) ** 2:
-            narrowed *= axis.scale[i]
+            narrowed *= max(axis.scale[i], 1.0)
         allowed = axis.jump * math.sqrt(narrowed) / before.mean[i]
         if abs(after.mean[i] / before.mean[i] - 1.0) > max(allowed, axis.jump_share):
             return i
@@ -166,6 +166,29 @@ def normalised_innovations(verdict, axis, before, after):  # type: ignore[no-unt
             found[0, i] = min(change * change / narrowed, axis.jump**2)
             found[1, i] = narrowed / variance
     return found
+
+
+@kernel()
+def scale_covariance(covariance, innovations, scale, weights, most):  # type: ignore[no-untyped-def]
+    """A covariance times the mean square of the normalised innovations (Birge's ratio), 1 or more.
+
+    Args:
+        covariance: of all states, shape (STATES, STATES); not changed.
+        innovations: of the move, see `normalised_innovations`.
+        scale: that mean so far, shape (LEVEL,); the first MASS are updated.
+        weights: of it, in moves that determine the figure, shape (MASS,); updated.
+        most: of `weights`.
+    """
+    scaled = covariance.copy()
+    for i in range(MASS):
+        share = innovations[1, i]
+        scale[i] += share * (innovations[0, i] - scale[i]) / (weights[i] + share)
+        weights[i] = min(weights[i] + share, most)
+        factor = math.sqrt(max(scale[i], 1.0))
+        for j in range(STATES):
+            scaled[i, j] *= factor
+            scaled[j, i] *= factor
+    return scaled
 
 
 @kernel()

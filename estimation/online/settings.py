@@ -54,7 +54,7 @@ AXIS = np.dtype(
         ("jump", np.float64),
         ("jump_share", np.float64),
         ("least_gain", np.float64),
-        ("scale", np.float64, (LEVEL,)),  # factor on variances, as the moves so far show it
+        ("scale", np.float64, (LEVEL,)),  # mean square of normalised innovations so far
         ("usual_misfit", np.float64),  # of this axis' moves so far
         ("unit", np.float64, (LEVEL,)),  # what the figures are relative to
         ("lower", np.float64, (LEVEL,)),  # bounds of the figures
