@@ -109,8 +109,10 @@ def test_the_relaxation_rate_of_soft_contacts_is_learned():
     soft = {"coulomb": 6.0 * 1.41, "stiffness": 6e5 * 0.67, "relaxation_rate": 54.0}
     estimator = SplitHorizonEstimator(TRUE.scaled(0.5), AS_IN_A_RUN)
     learn(estimator, drive(SEQUENCE * 2, stage(**soft)))
-    # It began at 100. Alpha, of which this much is uncertain, shifts it within its sigma.
-    assert estimator.friction.relaxation_rate == pytest.approx(54.0, rel=0.3)
+    # It began at 100; alpha, which is held, makes it uncertain.
+    sigma = estimator.sigma["relaxation_rate"]
+    assert sigma < 8.0
+    assert abs(estimator.friction.relaxation_rate - 54.0) < 2.5 * sigma
     assert abs(estimator.friction.relaxation_rate - 54.0) < 4.0 * estimator.sigma["relaxation_rate"]
     assert estimator.friction.coulomb * estimator.level == pytest.approx(8.46, rel=0.03)
 
