@@ -161,6 +161,7 @@ class _Session:
         self._engine: Engine | None = None
         self._error: StagectlError | None = None
         self._over = False
+        self._early_stop: str | None = None
         if active is not None:
             record.note_limitations(sites_outside(active.version, request.recipe.sites))
 
@@ -210,14 +211,17 @@ class _Session:
                 self._stage = stage
                 listener.phase("booting the drives")
                 stage.boot()
+                self._heed_early_stop()
                 record.start()
                 record.note_limitations(stage.limitations)
                 for text in stage.limitations:
                     listener.event(DriveLimited(text))
                 listener.phase("homing")
                 stage.home()
+                self._heed_early_stop()
                 listener.phase("enabling the drives")
                 stage.enable()
+                self._heed_early_stop()
                 self._observe(stage)
                 record.note_limitations((*stage.limitations, *stage.notices))
                 record.temperature = stage_temperature(
@@ -234,6 +238,8 @@ class _Session:
                 stage.disable()
         except DriverError as error:
             self._error = RunFault(str(error))
+            if self._early_stop is not None:
+                self._error = Aborted(f"{self._early_stop}; then {error}")
         except _EarlyStop as stop:
             self._error = Aborted(str(stop))
         except (Aborted, RunFault, ConfigError) as error:
@@ -363,7 +369,13 @@ class _Session:
         if self._engine is not None:
             self._engine.stop(reason)
         elif not self._over and (self._stage is None or not self._stage.ending):
+            self._early_stop = reason
             raise _EarlyStop(reason)
+
+    def _heed_early_stop(self) -> None:
+        """Stop now if it was requested where an exception is lost, as within a finalizer."""
+        if self._early_stop is not None:
+            raise _EarlyStop(self._early_stop)
 
     def _on_event(self, event: Event) -> None:
         self._record.note_event(event)
