@@ -20,7 +20,8 @@ macro: {velocity: 0.1, acceleration: 3.0, jerk: 200.0}
 micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
 settle: {window: 5.0e-8, hold: 0.005, timeout: 0.15}
 expose: 0.02
-sites: [[0.004, -0.006], [0.015, 0.004], [0.0, 0.015], [-0.010, 0.0]]
+sites: [[0.004, -0.006], [0.015, 0.004], [0.0, 0.015], [-0.010, 0.0],
+        [0.002, -0.008], [0.012, 0.006], [-0.004, 0.012], [0.008, -0.002]]
 fiducial: {source: simulated, range: 80.0e-6, seed: 1}
 """
 
