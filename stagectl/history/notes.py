@@ -7,7 +7,7 @@ The event `run` holds the run's row of the history, each event `friction` that o
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +46,7 @@ def note_of_run(entry: RunEntry, where: str | None) -> dict[str, Any]:
 
 def note_of_estimate(record: EstimateRecord) -> dict[str, Any]:
     """The note in the event `friction`."""
-    return {name: value for name, value in asdict(record).items() if name not in _IN_EVENT}
+    return {f.name: getattr(record, f.name) for f in fields(record) if f.name not in _IN_EVENT}
 
 
 def step_record(event: Mapping[str, Any], entry: RunEntry, run: int, number: int) -> StepRecord:
