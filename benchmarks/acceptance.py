@@ -41,7 +41,7 @@ from settling import drawn
 
 from hil_sim.effects.effect import Effect
 from hil_sim.effects.friction_map import field_factor
-from hil_sim.effects.library import own_effects
+from hil_sim.effects.library import own_effects, possible_on
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import load_machine, parse_machine
 from stagectl.config.package_settings import stage_settings
@@ -273,7 +273,8 @@ def main() -> None:
     parser.add_argument("--effects", help="names, comma-separated; none: without [all]")
     parser.add_argument("--jobs", type=int, default=1)
     given = parser.parse_args()
-    names = given.effects.split(",") if given.effects else ["none", *own_effects(), *MISMATCHED]
+    possible = possible_on(stage_settings(load_machine()).axes[0], own_effects())
+    names = given.effects.split(",") if given.effects else ["none", *possible, *MISMATCHED]
     cases = [(name, seed) for name in names for seed in range(1, given.truths + 1)]
     print(
         f"{given.truths} truths; {machine_facts()}\n\n"

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from hil_sim.effects.library import library
+from hil_sim.effects.library import library, possible_on
 from hil_sim.plant import simulate
 from sim2real.audit import Audit, audit_channels
 from stagectl.config import load_machine, stage_settings
@@ -46,7 +46,7 @@ def main() -> None:
     base = read_recording(DEMANDS)
     sound, false, paths = 0, [], []
     stages: list[tuple[Recording, str]] = []
-    for name, effect in library().items():
+    for name, effect in possible_on(stage.axes[0], library()).items():
         for _ in range(arguments.trials):
             a = int(rng.integers(len(stage.axes)))
             axis = stage.axes[a]

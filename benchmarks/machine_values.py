@@ -27,7 +27,7 @@ from typing import Any
 
 import yaml
 
-from hil_sim.effects.library import library
+from hil_sim.effects.library import library, possible_on
 from stagectl.config.machine_file import load_machine
 from stagectl.config.package_settings import stage_settings
 from stagectl.config.plausible import RANGES
@@ -136,7 +136,7 @@ def effects() -> Iterator[Case]:
     """The same of every number of every effect, the others amid their usual range."""
     machine = machine_with(cascade=False)
     axes = stage_settings(load_machine(None)).axes
-    for name, effect in library().items():
+    for name, effect in possible_on(axes[0], library()).items():
         usual = {p.key: sum(p.ranges(axes[0])[-1]) / 2.0 for p in effect.parameters}
         for key in usual:
             for value in VALUES:

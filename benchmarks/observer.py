@@ -38,7 +38,7 @@ from run_figures import RECIPE
 from settling import FIRST_SITE, drawn, of_law
 
 from hil_sim.effects import Effect as Known
-from hil_sim.effects.library import library
+from hil_sim.effects.library import library, possible_on
 from hil_sim.settings import AxisSettings
 from stagectl.config.fault_plan import parse_faults
 from stagectl.config.machine import Effect, Machine
@@ -176,7 +176,8 @@ def cases(machine: Machine) -> dict[str, tuple[Truth, Demand]]:
         "no presliding": (lambda _: of_law(machine, "coulomb"), NO_WORSE),
     }
     settings = dict(zip(machine.axes, stage_settings(machine).axes, strict=True))
-    for name, effect in library().items():
+    one = next(iter(settings.values()))
+    for name, effect in possible_on(one, library()).items():
         stage = with_effects(
             machine, {axis: (middle(effect, own),) for axis, own in settings.items()}
         )

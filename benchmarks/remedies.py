@@ -22,7 +22,7 @@ from machine_facts import machine_facts
 from run_figures import RECIPE, Case, run, run_whole
 
 from hil_sim.effects import Effect, Parameter
-from hil_sim.effects.library import own_effects
+from hil_sim.effects.library import own_effects, possible_on
 from hil_sim.settings import AxisSettings
 from sim2real.diagnosis import diagnose, examine
 from stagectl.config.machine import Machine
@@ -101,7 +101,8 @@ def main() -> None:
     parser.add_argument("--effects", help="only these, separated by commas [all]")
     parser.add_argument("--no-diagnosis", action="store_true", help="leave out the second host")
     arguments = parser.parse_args()
-    machine, effects = load_machine(None), own_effects()
+    machine = load_machine(None)
+    effects = possible_on(stage_settings(machine).axes[0], own_effects())
     names = arguments.effects.split(",") if arguments.effects else list(effects)
     recipe, seeds = load_recipe(RECIPE, machine), range(1, arguments.seeds + 1)
     print(

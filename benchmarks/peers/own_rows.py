@@ -38,7 +38,7 @@ def make(problem: Problem, p: F64) -> Callable[[int], float]:
     return call
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(error_model="numpy")  # not cached: the cache does not see changed callees
 def _repeat(p, axis, law, samples, rest, use, chosen, times):  # type: ignore[no-untyped-def]
     n, count = chosen.shape[0], use.shape[0]
     normal, at = np.empty((n, n)), p.copy()

@@ -10,10 +10,12 @@ a subclass of `Effect` or an object of one:
 from __future__ import annotations
 
 import pkgutil
+from collections.abc import Mapping
 from importlib import import_module, metadata
 
 from hil_sim import effects
 from hil_sim.effects.effect import GROUPS, Effect
+from hil_sim.settings import AxisSettings
 
 GROUP = "stagectl.effects"
 """Entry-point group of effects in other packages."""
@@ -78,3 +80,12 @@ def _describe_origin(point: metadata.EntryPoint) -> str:
 
 def _sort_by_group(found: dict[str, Effect]) -> dict[str, Effect]:
     return dict(sorted(found.items(), key=lambda item: (GROUPS.index(item[1].group), item[0])))
+
+
+def possible_on(axis: AxisSettings, effects: Mapping[str, Effect]) -> dict[str, Effect]:
+    """Those of some effects that an axis can have: unbalance, say, needs a rotary one."""
+    return {
+        name: effect
+        for name, effect in effects.items()
+        if not effect.refusal({p.key: p.ranges(axis)[-1][0] for p in effect.parameters}, axis)
+    }

@@ -89,8 +89,11 @@ class AxisSearch:
     def fit_in_loop(self, loop: FreeLoop, model: AxisModel) -> None:
         """Take effects with figures fitted in the free loop, as where structure is left.
 
-        Innovations that a model cannot explain distort its figures.
+        Innovations that a model cannot explain distort its figures. Values that cannot be simulated
+        stay as they are.
         """
+        if not loop.allows(model):
+            return
         self._take_figures(loop, *fit_figures(loop, model))
 
     def _take_figures(self, loop: FreeLoop, fitted: FreeFit, folds: Sequence[FreeFit]) -> None:

@@ -159,7 +159,8 @@ class _StageSearch:
     def _nearest(self, name: str, starts: Sequence[AxisModel]) -> AxisModel:
         """The effect of its kind that comes nearest to one in another shape, in the free loop."""
         start = min(starts, key=partial(self._loop_gap, name))
-        return fit_figures(self.free_loop(name), start)[0].model
+        loop = self.free_loop(name)
+        return fit_figures(loop, start)[0].model if loop.allows(start) else start
 
     def fit_repeats(self, name: str, model: AxisModel) -> None:
         """Fit each effect of a model once more beside itself, unless that was done already."""

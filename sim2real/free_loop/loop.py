@@ -132,6 +132,10 @@ class FreeLoop:
         """What models leave, float64[R] each; None for values that physics does not allow."""
         return self.workers.spread(self._side_by_side, models, _SIDE_BY_SIDE)
 
+    def allows(self, model: AxisModel) -> bool:
+        """Whether physics allows a model's values: effects may exceed it together only."""
+        return self.residuals([model])[0] is not None
+
     def residual(self, model: AxisModel) -> F64:
         """What a model leaves, float64[R].
 

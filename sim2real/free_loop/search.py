@@ -226,7 +226,10 @@ class _Selection:
     def look_back(self, fitted: FreeFit) -> FreeFit:
         """Drop or replace earlier effects where that scores better."""
         for name in fitted.model.names()[:-1]:
-            fewer = self.fit(fitted.model.without(fitted.model.names().index(name)), SHORT)
+            without = fitted.model.without(fitted.model.names().index(name))
+            if not self._loop.allows(without):
+                continue
+            fewer = self.fit(without, SHORT)
             if score(self._loop, fewer) <= score(self._loop, fitted):
                 fitted = fewer
                 continue
@@ -247,7 +250,8 @@ class _Selection:
 
     def _best_of(self, fitted: FreeFit, candidates: Sequence[Candidate]) -> FreeFit | None:
         """The best of these candidates beside a model, fitted."""
-        tried = [self.fit(fitted.model.added(c.term), SHORT) for c in candidates]
+        starts = [fitted.model.added(c.term) for c in candidates]
+        tried = [self.fit(start, SHORT) for start in starts if self._loop.allows(start)]
         if not tried:
             return None
         return self.fit(min(tried, key=lambda f: score(self._loop, f)).model, LONG)
@@ -277,12 +281,14 @@ def fit_folds(loop: FreeLoop, model: AxisModel, before: Sequence[FreeFit]) -> li
     fits = []
     for train, own in zip(_training(loop), before, strict=True):
         kept = tuple(term for term in own.model.terms if term.name in model.names())
-        own = fit_free(loop, AxisModel(own.model.base, kept), 2, train)
+        remaining = AxisModel(own.model.base, kept)
+        own = fit_free(loop, remaining if loop.allows(remaining) else loop.start, 2, train)
         for term in model.terms:
             if term.name in own.model.names():
                 continue
             starts = Dictionary(loop, own, train).best(term.effect, 2)
-            tried = [fit_free(loop, own.model.added(s.term), SHORT, train) for s in starts]
+            added = [own.model.added(s.term) for s in starts]
+            tried = [fit_free(loop, start, SHORT, train) for start in added if loop.allows(start)]
             own = min([own, *tried], key=lambda f: f.cost)
         terms = {term.name: term for term in own.model.terms}
         ordered = tuple(terms[name] for name in model.names() if name in terms)

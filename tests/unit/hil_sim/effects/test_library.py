@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil_sim.effects.library import EffectError, library
+from hil_sim.effects.library import EffectError, library, possible_on
 from hil_sim.effects.ports import EffectPorts
 
 DOCS = Path(__file__).parents[4] / "docs"
@@ -116,6 +116,12 @@ def test_ranges_are_those_of_the_axis(effects, nominal):
     _, center, _ = effects["friction_position"].parameters
     assert center.ranges(x) == (x.travel,)
     assert effects["stribeck"].parameters[0].neutral_on(x) == x.friction.static_ratio
+
+
+def test_a_linear_axis_can_have_all_but_what_needs_an_angle(effects, nominal):
+    axis = nominal.axes[0]
+    assert set(effects) - set(possible_on(axis, effects)) == {"unbalance"}
+    assert set(possible_on(replace(axis, rotary=True), effects)) == set(effects)
 
 
 def test_every_effect_enters_the_ports(effects, nominal):

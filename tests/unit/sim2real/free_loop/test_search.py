@@ -88,3 +88,13 @@ def test_names_are_not_given_where_much_is_left(nominal: Stage) -> None:
     known = library()
     found = search_free(loop_of(recording, nominal[1]), {name: known[name] for name in others})
     assert not found.names_causes()
+
+
+def test_a_model_without_mass_cannot_be_simulated(screw: FreeLoop) -> None:
+    """Effects may add up to one, though each is possible: the search passes over it."""
+    lighter = Term(library()["payload_mass"], (-0.6 * screw.axis.mass,))
+    assert screw.allows(screw.start.added(lighter))
+    without = screw.start.added(lighter).added(lighter)
+    assert not screw.allows(without)
+    with pytest.raises(ValueError, match="not physical"):
+        fit_figures(screw, without)
