@@ -41,8 +41,9 @@ position and velocity: it changes with position, and alike in both directions.
 
 {next_run}
 {both}
-Both recordings are fitted together. The proposed moves stay where the first recording has been, so
-pitch and amplitude are known only roughly.
+Both recordings are fitted together. The cause has a name now; but the proposed moves stay where the
+first recording has been, so pitch and amplitude are known only roughly, and what is left still has
+structure.
 
 ## An experiment over more of the stage
 
