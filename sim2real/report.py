@@ -18,6 +18,8 @@ EXPLAINED = "explained"
 PARTLY_EXPLAINED = "partly_explained"
 UNEXPLAINED = "unexplained"
 INSUFFICIENT = "insufficient"
+SHORTEST = 1.0
+"""Recordings shorter than this are insufficient [s]."""
 VERDICTS = (NO_GAP, EXPLAINED, PARTLY_EXPLAINED, UNEXPLAINED, INSUFFICIENT)
 
 CLOSED_LOOP, OPEN_LOOP = "closed_loop", "open_loop"

@@ -36,6 +36,7 @@ from sim2real.report import (
     CLOSED_LOOP,
     INSUFFICIENT,
     OPEN_LOOP,
+    SHORTEST,
     UNEXPLAINED,
     ChannelFinding,
     GapReport,
@@ -45,7 +46,6 @@ from stagedata import Recording
 
 SLOWEST = 0.01
 """Longest sample period at which a diagnosis is attempted [s]: friction and loops are faster."""
-_SHORTEST = 1.0
 _FEWEST_MOVES = 2
 _FEWEST_STROKES = 4
 """Strokes that two halves need along a motion, where rests tell nothing."""
@@ -265,8 +265,8 @@ def examine_motion(examined: Examination, recordings: Sequence[Recording]) -> Ex
 def why_no_motion(recording: Recording, settings: StageSettings) -> str | None:
     """Why a recording cannot be judged along its motion, or None."""
     count = len(recording)
-    if count * settings.sync_period < _SHORTEST:
-        return f"{count * settings.sync_period:.3g} s long: at least {_SHORTEST:g} s are needed"
+    if count * settings.sync_period < SHORTEST:
+        return f"{count * settings.sync_period:.3g} s long: at least {SHORTEST:g} s are needed"
     if settings.sync_period > _SLOWEST_MOTION:
         return f"samples are {settings.sync_period:.3g} s apart: accelerations are shorter"
     for name, axis in recording.axes.items():
@@ -313,8 +313,8 @@ def why_insufficient(recording: Recording, settings: StageSettings) -> str | Non
             f"within milliseconds"
         )
     seconds = count * (settings.sync_period if in_other_units else period)
-    if seconds < _SHORTEST:
-        return f"{seconds:.3g} s long: at least {_SHORTEST:g} s with {_FEWEST_MOVES} moves needed"
+    if seconds < SHORTEST:
+        return f"{seconds:.3g} s long: at least {SHORTEST:g} s with {_FEWEST_MOVES} moves needed"
     for name, axis in recording.axes.items():
         for channel in ("position_demand", "force_offset", "position_actual", "force_actual"):
             largest = float(np.abs(getattr(axis, channel)).max())

@@ -3,7 +3,8 @@
 Two models that the recordings leave open are run, noise-free and in closed loop, through a
 handful of sequences that excite different things. The one on which they differ most, in floors,
 is proposed as moves of a recipe. Range, speed and acceleration are those of the recordings, so
-that the machine can execute them.
+that the machine can execute them. Moves are repeated until their recording is long enough to be
+diagnosed.
 """
 
 from __future__ import annotations
@@ -19,12 +20,13 @@ from sim2real.experiment.sequences import (
     MICRO_LIMITS,
     Reach,
     candidate_sequences,
+    repeat_moves,
     round_up,
     setpoints,
 )
 from sim2real.fitting import AxisModel, compose_stage
 from sim2real.gap import Measured
-from sim2real.report import NextExperiment
+from sim2real.report import SHORTEST, NextExperiment
 
 F64 = NDArray[np.float64]
 
@@ -59,7 +61,8 @@ def propose_experiment(
         "jerk": _JERK,
     }
     best, most, said = None, 1.0, ""
-    for name, moves in candidate_sequences(settings, axis, reach):
+    for name, once in candidate_sequences(settings, axis, reach):
+        moves = repeat_moves(once, settings, macro, SHORTEST)
         demand = setpoints(moves, settings, macro)
         acceleration = np.zeros_like(demand)
         acceleration[1:-1] = np.diff(demand, 2, axis=0) / settings.sync_period**2

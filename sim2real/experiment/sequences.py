@@ -107,6 +107,23 @@ def candidate_sequences(
     return found
 
 
+def repeat_moves(
+    moves: Sequence[Move], settings: StageSettings, macro: Mapping[str, float], shortest: float
+) -> list[Move]:
+    """The sequence, repeated after its approach until it takes long enough.
+
+    Args:
+        moves: of a candidate; the first two are its approach and the rest after it.
+        settings: of the machine file.
+        macro: as in a recipe.
+        shortest: least duration [s].
+    """
+    repeated = list(moves)
+    while len(setpoints(repeated, settings, macro)) * settings.sync_period < shortest:
+        repeated += moves[2:]
+    return repeated
+
+
 def setpoints(moves: Sequence[Move], settings: StageSettings, macro: Mapping[str, float]) -> F64:
     """Setpoints of a sequence, float64[K, axes] [m]; `macro` as in a recipe."""
     period = settings.sync_period

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim2real.experiment import Reach, candidate_sequences, setpoints
+from sim2real.experiment import Reach, candidate_sequences, repeat_moves, setpoints
 from stagectl.config import load_machine, stage_settings
 
 REACH = {"x": Reach(-0.05, 0.06, 0.4, 3.0), "y": Reach(-0.02, 0.03, 0.4, 3.0)}
@@ -24,3 +24,20 @@ def test_every_sequence_keeps_to_range_speed_and_acceleration():
         assert speed.max() <= 0.4 + 1e-6
         assert acceleration.max() <= 3.0 + 1e-6
         assert np.ptp(demand, axis=0).max() > 0.0
+
+
+def test_short_sequences_are_repeated_until_they_take_long_enough():
+    settings = stage_settings(load_machine())
+    reach = {name: Reach(-1e-4, 1e-4, 0.02, 1.0) for name in REACH}
+    macro = {"velocity": 0.02, "acceleration": 1.0, "jerk": 100.0}
+    found = candidate_sequences(settings, "x", reach)
+
+    def seconds(moves):
+        return len(setpoints(moves, settings, macro)) * settings.sync_period
+
+    assert min(seconds(moves) for _, moves in found) < 1.0
+    for _, moves in found:
+        repeated = repeat_moves(moves, settings, macro, 1.0)
+        assert seconds(repeated) >= 1.0
+        assert repeated[: len(moves)] == moves
+        assert len(repeated) == len(moves) or seconds(moves) < 1.0
