@@ -64,24 +64,28 @@ class Estimate:
         if verdict == ACCEPTED:
             return None
         if verdict == HOLES:
-            return f"only {number:.0%} of the samples can be used"
+            return f"only {100 * number:.0f} % of the samples can be used"
         if verdict == DISTURBED:
-            return f"late setpoints disturbed the force in all but {number:.0%} of the motion"
+            return (
+                f"late setpoints disturbed the force in all but {100 * number:.0f} % of the motion"
+            )
         if verdict == STILL:
             return _WHY_NOT[int(number)]
         if verdict == MISFIT:
             return f"residual {number:.1f} times what noise and wander explain"
         if verdict == MISSED:
-            return f"the model misses {number:.0%} of the Coulomb force, something else acts"
+            return (
+                f"the model misses {100 * number:.0f} % of the Coulomb force, something else acts"
+            )
         if verdict == BOUND:
             return f"{FIGURES[self._outcome.figure]} ran into its bound"
         if verdict == SCALE:
             return (
-                f"force per acceleration changes by {number:+.0%}: not friction, but the force "
-                "constant, the reading of the force (0x6077) or the moved mass"
+                f"force per acceleration changes by {100 * number:+.0f} %: not friction, but the "
+                "force constant, the reading of the force (0x6077) or the moved mass"
             )
         if verdict == JUMP:
-            return f"{FIGURES[self._outcome.figure]} jumps by {number:+.0%}"
+            return f"{FIGURES[self._outcome.figure]} jumps by {100 * number:+.0f} %"
         return "the problem has no solution"
 
     @property

@@ -105,7 +105,7 @@ def _due(
     for step in steps:
         if step.kind == "common" or math.dist(step.place, site) <= SITE_RADIUS:
             urgency = 1.0 + abs(step.change) / limits.change
-            passed.append((urgency, f"{step.axis}: stepped by {step.change:+.0%} since"))
+            passed.append((urgency, f"{step.axis}: stepped by {100 * step.change:+.0f} % since"))
     if places is not None:
         for axis, tracker in places.trackers.items():
             number = places.number_of(site)
@@ -114,8 +114,12 @@ def _due(
             tracker.advance(now)
             change, sigma = tracker.off_map(number)
             if abs(change) > 2.0 * sigma:
-                check(abs(math.expm1(change)), limits.change, f"{axis}: {change:+.1%} off the map")
-            check(sigma, limits.uncertainty, f"{axis}: uncertain by {sigma:.1%} here")
+                check(
+                    abs(math.expm1(change)),
+                    limits.change,
+                    f"{axis}: {100 * change:+.1f} % off the map",
+                )
+            check(sigma, limits.uncertainty, f"{axis}: uncertain by {100 * sigma:.1f} % here")
     passed.sort(reverse=True)
     return DueSite(site, tuple(text for _, text in passed), passed[0][0] if passed else 0.0)
 

@@ -179,7 +179,7 @@ def common_changes(changes: Sequence[AxisChange]) -> list[str]:
     """Change of the whole table and what to do about it, one line per axis."""
     lines = []
     for entry in changes:
-        text = f"axis {entry.axis}: all sites {entry.common:+.1%} since the last map"
+        text = f"axis {entry.axis}: all sites {100 * entry.common:+.1f} % since the last map"
         if abs(entry.common) >= COMMON_ACT:
             text += ": look at lubrication, wipers and temperature"
         elif abs(entry.common) >= WATCH:
@@ -197,7 +197,7 @@ def reached_gains(found: Sequence[SiteOutcome], sequence: SiteSequence) -> list[
             mine = [o.gains[name] for o in found if o.axis == axis and name in o.gains]
             if mine:
                 parts.append(
-                    f"{name} {median(g.after for g in mine):.1%} "
+                    f"{name} {100 * median(g.after for g in mine):.1f} % "
                     f"({median(g.bits for g in mine):.1f} bit of {gain.bits:.1f})"
                 )
         if parts:
@@ -209,7 +209,7 @@ def predicted_gains(sequence: SiteSequence) -> list[str]:
     """Predicted gains at a site, one line per axis."""
     return [
         f"axis {axis}: " + ", ".join(
-            f"{name} {gain.after:.1%} ({gain.bits:.1f} bit)" for name, gain in gains.items()
+            f"{name} {100 * gain.after:.1f} % ({gain.bits:.1f} bit)" for name, gain in gains.items()
         )
         for axis, gains in sequence.gains.items()
     ]  # fmt: skip

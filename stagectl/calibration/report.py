@@ -82,8 +82,8 @@ def render_calibration(report: CalibrationReport) -> str:
         common=common_changes(report.changes),
         reached=reached_gains(report.outcomes, report.sequence),
         pictures=[picture for drawn in pictures.values() for picture in drawn],
-        watch=f"{WATCH:.0%}",
-        act=f"{ACT:.0%}",
+        watch=f"{100 * WATCH:.0f} %",
+        act=f"{100 * ACT:.0f} %",
     )
 
 
@@ -117,8 +117,8 @@ def _row(outcome: SiteOutcome, sequence: SiteSequence) -> dict[str, str]:
         "place": f"({outcome.place[0] * 1e3:.1f}, {outcome.place[1] * 1e3:.1f})",
         "axis": outcome.axis,
         "coulomb": "" if outcome.coulomb is None else f"{outcome.coulomb:.3f}",
-        "sigma": "" if outcome.sigma is None else f"{outcome.sigma:.1%}",
-        "change": "" if outcome.change is None else f"{outcome.change:+.1%}",
+        "sigma": "" if outcome.sigma is None else f"{100 * outcome.sigma:.1f} %",
+        "change": "" if outcome.change is None else f"{100 * outcome.change:+.1f} %",
         "bits": f"{sum(gain.bits for gain in outcome.gains.values()):.1f} ({expected:.1f})",
         "level": _LEVELS[outcome.severity],
         "severity": outcome.severity,

@@ -107,7 +107,7 @@ def _table(budget: BusBudget, name: str) -> Any:
             table.add_section()
         table.add_row(
             label, size, str(worst), "" if least < 0 else str(least),
-            f"{worst / budget.available:.1%}",
+            f"{100 * worst / budget.available:.1f} %",
         )  # fmt: skip
     return table
 

@@ -306,8 +306,8 @@ def _table(found: list[SiteOutcome], sequence: SiteSequence) -> RenderableType:
         table.add_row(
             str(entry.site), *(f"{p * 1e3:.1f}" for p in entry.place), entry.axis,
             "" if entry.coulomb is None else f"{entry.coulomb:.3f}",
-            "" if entry.sigma is None else f"{entry.sigma:.1%}",
-            "" if entry.change is None else f"{entry.change:+.1%}",
+            "" if entry.sigma is None else f"{100 * entry.sigma:.1f} %",
+            "" if entry.change is None else f"{100 * entry.change:+.1f} %",
             f"{bits:.1f} ({expected:.1f})", Text(entry.severity, _STYLES[entry.severity]),
         )  # fmt: skip
         if entry.severity != "good":

@@ -166,7 +166,7 @@ class RunProgress:
                 )
             case LevelStepped(axis=axis, place=(x, y), change=change, everywhere=everywhere):
                 where = "everywhere" if everywhere else f"at ({x * 1e3:.3f}, {y * 1e3:.3f}) mm"
-                self._warn(f"friction of axis {axis} stepped by {change:+.0%} {where}")
+                self._warn(f"friction of axis {axis} stepped by {100 * change:+.0f} % {where}")
             case Stopping():
                 self._show(f"stopping: {event.reason}")
 

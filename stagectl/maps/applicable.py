@@ -131,10 +131,12 @@ def _axis(name: str, axis: MapAxis, machine: Machine) -> list[Problem]:
     unsure = [site for site in axis.sites if not site.sigma <= UNSURE]
     if len(unsure) > len(axis.sites) / 2:
         found.append(
-            Problem(True, f"axis {name}: most sites are not known to {UNSURE:.0%}")
+            Problem(True, f"axis {name}: most sites are not known to {100 * UNSURE:.0f} %")
         )  # fmt: skip
     elif unsure:
-        found.append(Problem(False, f"axis {name}: {len(unsure)} sites not known to {UNSURE:.0%}"))
+        found.append(
+            Problem(False, f"axis {name}: {len(unsure)} sites not known to {100 * UNSURE:.0f} %")
+        )
     error, sigma = axis.field().left_out()
     score = np.abs(error) / np.maximum(sigma, 1e-9)
     worst = int(score.argmax())
@@ -144,8 +146,8 @@ def _axis(name: str, axis: MapAxis, machine: Machine) -> list[Problem]:
             Problem(
                 False,
                 f"axis {name}: site ({x * 1e3:g}, {y * 1e3:g}) mm is "
-                f"{math.expm1(float(error[worst])):+.0%} off what its neighbours say: a spot, or a "
-                "bad calibration",
+                f"{100 * math.expm1(float(error[worst])):+.0f} % off what its neighbours say: a "
+                "spot, or a bad calibration",
             )
         )
     return found

@@ -70,7 +70,7 @@ def render(
             for name, axis in version.map.axes.items()
         ],
         steps=[
-            (day(s.time), s.axis, _mm(s.place), f"{s.change:+.1%}",
+            (day(s.time), s.axis, _mm(s.place), f"{100 * s.change:+.1f} %",
              "the whole table" if s.kind == "common" else "that place alone")
             for s in steps
         ],
@@ -129,23 +129,23 @@ def _axis(
         "mean": f"{np.mean([s.coulomb for s in axis.sites]):.3f}",
         "span": f"{np.nanmin(found.value):.2f} to {np.nanmax(found.value):.2f}",
         "length": f"{field.length * 1e3:.0f}",
-        "doubt": f"{found.known_to:.1%}",
-        "left_out": f"{np.sqrt(np.mean(error[ok] ** 2)):.1%}" if ok.any() else "",
+        "doubt": f"{100 * found.known_to:.1f} %",
+        "left_out": f"{100 * np.sqrt(np.mean(error[ok] ** 2)):.1f} %" if ok.any() else "",
         "figures": [
             (
                 FIGURES.get(key, key),
                 f"{v:.4g}",
                 f"{s:.2g}",
-                f"{rates[key].rate:.2%}" if key in rates else "–",  # noqa: RUF001
+                f"{100 * rates[key].rate:.2f} %" if key in rates else "–",  # noqa: RUF001
             )
             for key, (v, s) in axis.figures.items()
         ],
         "pictures": pictures,
         "change": None if change is None else {
-            "common": f"{change.common:+.1%}",
-            "own": f"{change.own:.1%}",
+            "common": f"{100 * change.common:+.1f} %",
+            "own": f"{100 * change.own:.1f} %",
             "sites": [
-                (_mm(s.place), f"{s.change:+.1%}", f"{s.sigma:.1%}", s.significant)
+                (_mm(s.place), f"{100 * s.change:+.1f} %", f"{100 * s.sigma:.1f} %", s.significant)
                 for s in change.sites[:_LISTED]
             ],
             "more": max(len(change.sites) - _LISTED, 0),

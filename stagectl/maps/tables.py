@@ -51,9 +51,9 @@ def summary(version: MapVersion) -> RenderableType:
             name,
             str(len(axis.sites)),
             f"{values.mean():.3f}",
-            f"{values.min() / values.mean() - 1:+.1%}",
-            f"{values.max() / values.mean() - 1:+.1%}",
-            f"{surface(axis).known_to:.1%}",
+            f"{100 * (values.min() / values.mean() - 1):+.1f} %",
+            f"{100 * (values.max() / values.mean() - 1):+.1f} %",
+            f"{100 * surface(axis).known_to:.1f} %",
             f"{axis.field().length * 1e3:.0f} mm",
         )
         figures.add_row(
@@ -105,15 +105,15 @@ def changes_table(old: int, new: int, changes: Sequence[AxisChange]) -> Renderab
     parts: list[RenderableType] = []
     for axis in changes:
         table = _table(
-            f"{axis.axis}, map {old} to {new}: all sites {axis.common:+.1%}, beside that "
-            f"{axis.own:.1%} rms",
+            f"{axis.axis}, map {old} to {new}: all sites {100 * axis.common:+.1f} %, beside that "
+            f"{100 * axis.own:.1f} % rms",
             "site, mm", "change", "± 1 sigma", "",
         )  # fmt: skip
         for site in axis.sites[:_LISTED]:
             table.add_row(
                 f"({site.place[0] * 1e3:.1f}, {site.place[1] * 1e3:.1f})",
-                f"{site.change:+.1%}",
-                f"{site.sigma:.1%}",
+                f"{100 * site.change:+.1f} %",
+                f"{100 * site.sigma:.1f} %",
                 "changed" if site.significant else "",
             )
         parts.append(table)

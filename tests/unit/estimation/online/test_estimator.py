@@ -320,7 +320,7 @@ def test_an_unusable_force_is_not_reported_as_too_little_motion(data):
         replace(move, disturbed=np.ones(len(move.valid), dtype=bool))
     )
     assert "its force says nothing while it moves" in saturated.reason
-    assert "late setpoints disturbed the force in all but 0% of the motion" in disturbed.reason
+    assert "late setpoints disturbed the force in all but 0 % of the motion" in disturbed.reason
 
 
 def test_a_disturbed_force_does_not_count_while_the_position_is_followed(data):

@@ -79,7 +79,7 @@ def test_age_moves_distance_and_steps_make_a_site_due(history):
     assert "6 m travelled" in due(now + 600)[SITES[2]][0]
     estimates(history, "calibration", now + 700, SITES)
     history.add_step(StepRecord(run, "x", SITES[2], now + 800, 0.2, "site"))
-    assert due(now + 900) == {SITES[2]: ("x: stepped by +20% since",)}
+    assert due(now + 900) == {SITES[2]: ("x: stepped by +20 % since",)}
     history.add_step(StepRecord(run, "x", SITES[2], now + 850, 0.2, "common"))
     assert set(due(now + 900)) == set(SITES)
 
@@ -110,7 +110,7 @@ def test_change_and_uncertainty_make_sites_due(history):
 
     found = due(BEGIN + 300)
     assert set(found) == {sites[4]}
-    assert re.fullmatch(r"x: \+[56]\.\d% off the map", found[sites[4]])
+    assert re.fullmatch(r"x: \+[56]\.\d % off the map", found[sites[4]])
     assert due(BEGIN + 300, change=0.2) == {}
     assert due(BEGIN + 86400 * 30, change=0.2).keys() == set(sites)  # nobody has looked since
     assert all("uncertain by" in reason for reason in due(BEGIN + 300, uncertainty=1e-3).values())

@@ -55,8 +55,8 @@ def text_of(html):
 
 def test_it_has_every_site_its_change_and_its_verdict(report):
     text = text_of(render_calibration(report))
-    assert "(20.0, 0.0) x 6.100 1.2% +21.3% 4.9 (5.2) act look for dirt &lt;there&gt;" in text
-    assert "axis x: all sites +4.0% since the last map" in text
+    assert "(20.0, 0.0) x 6.100 1.2 % +21.3 % 4.9 (5.2) act look for dirt &lt;there&gt;" in text
+    assert "axis x: all sites +4.0 % since the last map" in text
     assert "Friction map used map 3 (after service)" in text
     assert "Compared with map 3" in text
     assert "Settling" not in text, "that is of production"

@@ -17,7 +17,7 @@ def test_an_estimate_comes_back_as_it_was(where, opened, a_run, an_estimate):
     number = history.start_run(run)
     first = an_estimate(number, temperature=22.4, measured=(1.02, 0.003), level=0.99)
     refused = an_estimate(
-        number, accepted=False, reason="coulomb jumps by +20%", axis="y", time=BEGIN + 2, site=None
+        number, accepted=False, reason="coulomb jumps by +20 %", axis="y", time=BEGIN + 2, site=None
     )
     history.add([first, refused])
     history.end_run(number, "completed")

@@ -31,13 +31,13 @@ def test_sites_grid_estimates_and_page_hold_the_map(history, tmp_path):
     history.add(
         [
             EstimateRecord(number, "y", "macro", 3, GRID[0], BEGIN + 901, 0.02, False,
-                           "coulomb jumps by -16%", {"coulomb": 6.0}, (0.01,))
+                           "coulomb jumps by -16 %", {"coulomb": 6.0}, (0.01,))
         ]
     )  # fmt: skip
     refused = refused_table(history, STAGE)
     (row,) = (dict(zip(refused.columns, row, strict=True)) for row in refused.rows)
     assert (row["axis"], row["lot"], row["wafer"]) == ("y", "L7", "W3")
-    assert row["reason"] == "coulomb jumps by -16%"
+    assert row["reason"] == "coulomb jumps by -16 %"
     path = tmp_path / "sites.csv"
     write_table(sites, path)
     with path.open() as file:

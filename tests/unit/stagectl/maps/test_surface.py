@@ -33,8 +33,8 @@ def test_known_to_is_one_figure_on_terminal_page_and_json(history, versions):
     told = version_as_json(second)["axes"]
     for name, axis in second.map.axes.items():
         known = surface(axis).known_to
-        assert f"{known:.1%}" in printed(summary(second))
-        assert f"known to {known:.1%}" in page
+        assert f"{100 * known:.1f} %" in printed(summary(second))
+        assert f"known to {100 * known:.1f} %" in page
         assert told[name]["known_to"] == pytest.approx(known)
         # Between the sites less is known than at them.
         assert known > np.median([site.sigma for site in axis.sites])

@@ -15,7 +15,7 @@ REPORT = SimpleNamespace(
 )  # fmt: skip
 VALUES = {
     "report": REPORT, "level": "good", "verdict": "a & b", "rows": [], "common": [], "reached": [],
-    "pictures": [], "watch": "3%", "act": "10%",
+    "pictures": [], "watch": "3 %", "act": "10 %",
 }  # fmt: skip
 
 
