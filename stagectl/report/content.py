@@ -117,17 +117,39 @@ def _capital(text: str) -> str:
 
 
 def _settling(summary: Summary) -> str:
-    micro = summary["micro"]
-    if not micro["count"]:
+    """Per axis, the worse one given: a fast axis would hide a slow one in a median over both."""
+    micro: dict[str, list[dict[str, Any]]] = {}
+    for move in summary["moves"]:
+        if move["kind"] == "micro" and move.get("completed", True):
+            micro.setdefault(move["axis"], []).append(move)
+    if not micro:
         return "No micro-move was completed."
-    keys = sorted(micro["settling_median"], key=float)
-    times = " and to ".join(
-        f"{format_window(key)} in {format_milliseconds(micro['settling_median'][key])} ms"
-        for key in keys
+
+    def worse(values: Mapping[str, Sequence[float]]) -> tuple[float | None, str]:
+        medians = {axis: median(found) for axis, found in values.items() if found}
+        if not medians:
+            return None, ""
+        most = max(medians.values())
+        named = [axis for axis, value in medians.items() if value == most]
+        return most, f" ({', '.join(named)})" if len(named) < len(micro) else ""
+
+    times = []
+    for key in sorted(
+        {key for moves in micro.values() for move in moves for key in move["settling"]}, key=float
+    ):
+        time, axes = worse({a: [m["settling"][key] for m in moves] for a, moves in micro.items()})
+        times.append(f"{format_window(key)} in {format_milliseconds(time)}\u00a0ms{axes}")
+    error, axes = worse(
+        {
+            a: [m["peak_error"] for m in moves if m["peak_error"] is not None]
+            for a, moves in micro.items()
+        }
     )
+    count = sum(map(len, micro.values()))
+    where, each = ("on the worse axis ", " per axis") if len(micro) > 1 else ("", "")
     return (
-        f"Micro-moves settle to {times} (medians of {micro['count']}), "
-        f"with a peak error of {format_micrometres(micro['peak_error_median'])}\u00a0µm."
+        f"Micro-moves settle {where}to {' and to '.join(times)}, with a peak error of "
+        f"{format_micrometres(error)}\u00a0µm{axes}: medians{each}, {count} moves."
     )
 
 

@@ -76,6 +76,15 @@ const page = (() => {
       theme(root.dataset.theme === "dark" ? "light" : "dark");
       drawAll();
     });
+    // Paper is light: the style sheets see to the rest, but a canvas keeps the colours it was drawn in.
+    let onScreen = "light";
+    addEventListener("beforeprint", () => {
+      onScreen = root.dataset.theme;
+      if (onScreen === "dark") { theme("light"); drawAll(); }
+    });
+    addEventListener("afterprint", () => {
+      if (onScreen === "dark") { theme("dark"); drawAll(); }
+    });
     drawAll();
     let pending = 0;
     addEventListener("resize", () => {

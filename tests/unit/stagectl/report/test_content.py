@@ -45,3 +45,24 @@ def test_interrupted_moves_are_not_in_the_table(summary: dict[str, Any]):
 
 def test_refused_figures_are_not_the_latest(summary: dict[str, Any]):
     assert content.latest_friction(summary, ("x", "y")) == [("x", "coulomb", "6.02", "0.0100", "N")]
+
+
+def test_the_headline_gives_the_worse_axis_where_one_is_fast():
+    moves = [
+        {
+            "site": site, "axis": axis, "kind": "micro", "peak_error": error, "settled": True,
+            "settling": {"5e-08": time, "2e-07": 0.0},
+        }
+        for site in (1, 2, 3)
+        for axis, time, error in (("x", 0.0095, 6e-8), ("y", 0.0, 9e-8))
+    ]  # fmt: skip
+    summary = {"outcome": "completed", "moves": moves}
+    assert content.headline(summary) == (
+        "Micro-moves settle on the worse axis to ±50 nm in 9.5\u00a0ms (x) and to ±200 nm in "
+        "0\u00a0ms, with a peak error of 0.0900\u00a0µm (y): medians per axis, 6 moves."
+    )
+    alone = {**summary, "moves": [move for move in moves if move["axis"] == "y"]}
+    assert content.headline(alone) == (
+        "Micro-moves settle to ±50 nm in 0\u00a0ms and to ±200 nm in 0\u00a0ms, with a peak error "
+        "of 0.0900\u00a0µm: medians, 3 moves."
+    )

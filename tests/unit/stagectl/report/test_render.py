@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import resources
 from types import SimpleNamespace
 
 import jinja2
@@ -37,3 +38,11 @@ def test_a_missing_value_is_an_error_not_a_blank() -> None:
 def test_a_file_that_there_is_not_is_an_error() -> None:
     with pytest.raises(OSError, match=r"none.css"):
         render_template("calibration.html.j2", ("none.css",), **VALUES)
+
+
+@pytest.mark.parametrize("name", ["report.css", "gap.css"])
+def test_the_dark_theme_is_for_screens_only(name: str) -> None:
+    sheet = resources.files("stagectl.report").joinpath("static", name).read_text("utf-8")
+    dark = sheet.split(':root[data-theme="dark"]')
+    assert len(dark) > 1
+    assert all(before.endswith("@media screen { ") for before in dark[:-1]), "paper is light"
