@@ -127,11 +127,13 @@ def command(
 
 def _resume(calibration: Calibration, folder: Path) -> tuple[Recipe, Resumed, list[dict[str, Any]]]:
     """The sites of an interrupted calibration, due or not, and the estimates it made."""
-    from stagectl.calibration import read_calibration
-    from stagectl.run import load_interrupted
+    from stagectl.calibration import read_calibration, rewrite_all_documents
+    from stagectl.run import document_paths, load_interrupted
     from stagectl.store import RECORDING_NAME
 
     resumed = load_interrupted(folder, calibration.recipe)
+    if not document_paths(folder / RECORDING_NAME)[1].exists():  # killed before it wrote its page
+        rewrite_all_documents(folder)
     interrupted = read_calibration(folder / RECORDING_NAME)
     recipe = replace(calibration.recipe, sites=interrupted.sites)
     return recipe, resumed, list(interrupted.friction)

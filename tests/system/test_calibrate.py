@@ -116,6 +116,7 @@ def test_a_killed_calibration_goes_on_behind_the_last_site_and_loses_nothing(cal
     report = (folder / "rest" / "report.html").read_text()
     assert "Calibration weekly" in report
     assert "friction map used: none" in said
+    assert "2 of 5 visits" in (folder / "killed" / "report.html").read_text()
     assert report.count('<span class="badge good">good</span>') == len(outcome["sites"])
     summary = json.loads((folder / "rest" / "summary.json").read_text())
     assert summary["resumed"]["done"] == 2
