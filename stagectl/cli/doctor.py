@@ -65,8 +65,8 @@ def _table(findings: list[Finding]) -> Any:
         f"{platform.machine()}",
         title_justify="left", show_lines=True,
     )  # fmt: skip
-    table.add_column("")
-    table.add_column("")
+    table.add_column("part")
+    table.add_column("ready")
     table.add_column("found, and how to get what is missing", overflow="fold")
     for one in findings:
         text = one.found + (f"\n→ {one.remedy}" if one.remedy else "")

@@ -57,7 +57,7 @@ def plausible(parameter: Parameter) -> str:
     if parameter.plausible is None:
         return "on the travel" if parameter.role == "place" else "0…2 pi rad"
     low, high = parameter.plausible
-    text = f"{'±' if parameter.signed else ''}{low:g}…{high:g}"
+    text = f"{'±' if parameter.signed else ''}{low:.3g}…{high:.3g}"
     if parameter.relative_to is not None:
         return f"{text} times the {parameter.relative_to}"
     return f"{text} {parameter.unit}".rstrip()

@@ -102,5 +102,5 @@ def _table(designs: dict[str, Design | str], name: str) -> Any:
     add("peak sensitivity: drive alone", peak, "drive_alone", form=".2f")
     add("  offset 1 SYNC after the sample", peak, "latency_1", form=".2f")
     add("  offset 2 SYNCs after the sample", peak, "latency_2", form=".2f")
-    add("  worst, figures off", peak, "worst", form=".2f")
+    add("  worst, with figures off", peak, "worst", form=".2f")
     return table

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from stagectl.run import ListedRun
 
 _STYLES = {"completed": "green", "aborted": "yellow", "fault": "red", "killed": "red"}
+_OUTCOME, _FOLDER, _COMMENT = 16, 40, 24
+"""Most columns for an outcome and the name of a run's folder; least for comments."""
 
 
 @click.command
@@ -48,11 +50,15 @@ def _table(found: list[ListedRun]) -> RenderableType:
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     named = [key for key in ("lot", "wafer", "operator") if any(getattr(run, key) for run in found)]
     table.add_column("started", no_wrap=True)
-    for title in ("recipe", *named, "outcome", "run"):
-        table.add_column(title, overflow="fold")
+    for title in ("recipe", *named):
+        table.add_column(title, overflow="fold", min_width=len(title))
+    table.add_column("outcome", width=min(max(len(_outcome(run)) for run in found), _OUTCOME))
+    # Names of folders go into other commands: what has to give way are recipe and names.
+    longest = max(len(run.folder.name) for run in found)
+    table.add_column("run", overflow="fold", width=min(max(longest, _COMMENT), _FOLDER))
     for run in found:
         table.add_row(
-            run.started[:19].replace("T", " "),
+            run.started[:16].replace("T", " "),
             Text(run.recipe),
             *(Text(getattr(run, key) or "-") for key in named),
             Text(_outcome(run), _STYLES.get(run.outcome, "")),

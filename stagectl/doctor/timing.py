@@ -54,7 +54,8 @@ def examine_jitter(seconds: float) -> Finding:
         f"{worst:.0f} µs (worst of {len(late)}) at a SYNC period of {PERIOD * 1e3:g} ms; "
         f"{missed} more than half a period",
         "real-time scheduling (above), bus.realtime in the machine file (priority, core), a kernel "
-        "with PREEMPT_RT, less work beside it; or SYNC by the kernel (below)" if missed else "",
+        "with PREEMPT_RT, less other work on this machine; or SYNC by the kernel (below)"
+        if missed else "",
     )  # fmt: skip
 
 

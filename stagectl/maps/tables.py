@@ -9,6 +9,7 @@ import numpy as np
 from rich import box
 from rich.console import Group, RenderableType
 from rich.table import Table
+from rich.text import Text
 
 from stagectl.history import Activation, StageKey
 from stagectl.maps.compare import AxisChange
@@ -29,10 +30,11 @@ def day(time: float, seconds: bool = False) -> str:
     return f"{datetime.fromtimestamp(time, UTC):%Y-%m-%d %H:%M{':%S' if seconds else ''}}"
 
 
-def _table(title: str, *columns: str) -> Table:
+def _table(title: str | None, *columns: str) -> Table:
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1))
     for i, column in enumerate(columns):
-        table.add_column(column, justify="left" if i == 0 else "right")
+        is_text = i == 0 or column == "comment"
+        table.add_column(column, justify="left" if is_text else "right")
     return table
 
 
@@ -40,9 +42,9 @@ def summary(version: MapVersion) -> RenderableType:
     """Figures of a map, by axis."""
     use = ", in use" if version.active else ""
     title = f"map {version.number} of {version.map.stage}, as of {day(version.map.date)} UTC{use}"
+    title += f": {version.comment}" if version.comment else ""
     table = _table(
-        title + (f": {version.comment}" if version.comment else ""),
-        "axis", "sites", "Fc, N", "lowest", "highest", "known to", "correlated over",
+        None, "axis", "sites", "Fc, N", "lowest", "highest", "known to", "correlated over",
     )  # fmt: skip
     figures = _table("the same all over the table", "axis", *FIGURES.values())
     for name, axis in version.map.axes.items():
@@ -65,7 +67,7 @@ def summary(version: MapVersion) -> RenderableType:
                 for key in FIGURES
             ),
         )
-    return Group(table, figures)
+    return Group(Text(title), table, figures)  # a table breaks a title at its own width
 
 
 def at_place(version: MapVersion, place: tuple[float, float]) -> RenderableType:
@@ -104,10 +106,12 @@ def changes_table(old: int, new: int, changes: Sequence[AxisChange]) -> Renderab
     """Changes between two versions."""
     parts: list[RenderableType] = []
     for axis in changes:
+        title = (
+            f"{axis.axis}, map {old} to {new}: all sites {100 * axis.common:+.1f} %; single sites "
+            f"beyond that: {100 * axis.own:.1f} % rms"
+        )
         table = _table(
-            f"{axis.axis}, map {old} to {new}: all sites {100 * axis.common:+.1f} %, beside that "
-            f"{100 * axis.own:.1f} % rms",
-            "site, mm", "change", "± 1 sigma", "",
+            None, "site, mm", "change", "± 1 sigma", "",
         )  # fmt: skip
         for site in axis.sites[:_LISTED]:
             table.add_row(
@@ -116,7 +120,7 @@ def changes_table(old: int, new: int, changes: Sequence[AxisChange]) -> Renderab
                 f"{100 * site.sigma:.1f} %",
                 "changed" if site.significant else "",
             )
-        parts.append(table)
+        parts += [Text(title), table]
         if len(axis.sites) > _LISTED:
             parts.append(f"  and {len(axis.sites) - _LISTED} more, changed less")
     return Group(*parts) if parts else Group("the two maps have no axis in common")

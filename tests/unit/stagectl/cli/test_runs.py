@@ -36,3 +36,15 @@ def test_columns_that_no_run_fills_are_left_out(tmp_path):
     assert _header(tmp_path) == ["started", "recipe", "outcome", "run"]
     _write_run(tmp_path / "b", wafer="W7")
     assert _header(tmp_path) == ["started", "recipe", "wafer", "outcome", "run"]
+
+
+def test_the_name_of_a_folder_is_not_broken_at_80_columns(tmp_path, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    name = "inspection-20-20260304-050607"
+    _write_run(tmp_path / name, operator="A. Meier", comment="after re-greasing of the y guideway")
+    lines = CliRunner().invoke(command, [str(tmp_path)]).output.splitlines()
+    assert any(name in line for line in lines)
+    assert any("2026-03-04 05:06" in line for line in lines)
+    assert any("completed" in line for line in lines)
+    assert any("operator" in line for line in lines)
+    assert max(map(len, lines)) <= 80

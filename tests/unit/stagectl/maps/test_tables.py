@@ -1,6 +1,7 @@
 """Maps on a terminal: figures, places, versions and changes."""
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -40,7 +41,7 @@ def test_the_summary_has_a_row_for_each_axis_and_dashes_for_what_is_not_known(ve
     mean = float(rows[0][2])
     assert mean == pytest.approx(np.mean([level("x", place) for place in GRID]), rel=0.01)
     assert rows[0][3].startswith("-")
-    assert rows[0][4].startswith("+")
+    assert rows[0][5].startswith("+")
     assert "-" in rows[2]  # C/Fc, which these calibrations did not show
 
 
@@ -60,6 +61,11 @@ def test_versions_with_what_was_in_use(versions):
     assert "rolled back" in text
     assert "none" in text
     assert "no map has been in use yet" in printed(versions_table(STAGE, versions, []))
+
+
+def test_a_comment_is_not_broken_at_the_width_of_the_table(versions):
+    said = replace(versions[0], comment="after the guideways of both axes were greased")
+    assert ": after the guideways of both axes were greased\n" in printed(summary(said))
 
 
 def test_a_changed_site_is_marked(versions):
