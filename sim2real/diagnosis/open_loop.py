@@ -383,7 +383,8 @@ def _reason(
         return f"{mode}; {gap}: within the machine file's tolerance and repeatability"
     if causes:
         named = ", ".join(f"{cause.effect} on {cause.axis}" for cause in causes)
-        closed = "" if share is None else f" closes {100 * share:.0f} % of it on held-out moves"
+        verb = "closes" if len(causes) == 1 else "close"
+        closed = "" if share is None else f" {verb} {100 * share:.0f} % of it on held-out moves"
         rest = "" if verdict == EXPLAINED else "; the residual still has structure"
         return f"{mode}; {gap}; {named}{closed}{rest}"
     best = max(axes, key=lambda a: a.found.closed)

@@ -322,6 +322,7 @@ def _reason(
     if verdict == UNEXPLAINED:
         return f"{size}, and no effect of the library explains it"
     named = ", ".join(f"{cause.effect} on {cause.axis}" for cause in causes)
-    closed = "" if share is None else f" closes {100 * share:.0f} % of it on held-out moves"
+    verb = "closes" if len(causes) == 1 else "close"
+    closed = "" if share is None else f" {verb} {100 * share:.0f} % of it on held-out moves"
     rest = "" if whole else "; the residual still has structure"
     return f"{size}; {named}{closed}{rest}"
