@@ -333,6 +333,8 @@ class EmpiricalForce:
         always, against: at these [N].
         velocity: nodes [m/s].
         over_velocity: at these [N].
+        coulomb: what `against` makes of the model's Coulomb force at the nodes over position, as a
+            factor; 1 where the model has none.
     """
 
     axis: str
@@ -342,10 +344,26 @@ class EmpiricalForce:
     against: tuple[float, ...]
     velocity: tuple[float, ...]
     over_velocity: tuple[float, ...]
+    coulomb: tuple[float, ...] = ()
+
+    def table(self) -> dict[str, tuple[float, ...]]:
+        """Values of the effect `residual_table` that has this force in simulations."""
+        return {
+            "position": self.position,
+            "force": self.always,
+            "coulomb": self.coulomb,
+            "velocity": self.velocity,
+            "velocity_force": self.over_velocity,
+        }
 
     def to_json(self) -> Json:
         """The entry of `empirical`."""
-        nodes = {"position": self.position, "always": self.always, "against": self.against}
+        nodes = {
+            "position": self.position,
+            "always": self.always,
+            "against": self.against,
+            "coulomb": self.coulomb,
+        }
         speeds = {"velocity": self.velocity, "over_velocity": self.over_velocity}
         return {
             "axis": self.axis,

@@ -8,7 +8,7 @@ with the same arguments.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -133,6 +133,16 @@ def cogging(terms: KnownTerms, values: Values) -> None:
 def force_offset(terms: KnownTerms, values: Values) -> None:
     """The same force [N] everywhere."""
     terms.forces.append(lambda x: np.full(np.shape(x), values["force"]))
+
+
+def residual_table(terms: KnownTerms, values: Mapping[str, Sequence[float]]) -> None:
+    """Forces [N] over position and velocity, and a factor on Fc over position, from tables."""
+    places, speeds = np.array(values["position"]), np.array(values["velocity"])
+    heights = {key: np.array(values[key]) for key in ("force", "coulomb", "velocity_force")}
+    terms.forces.append(lambda x: np.interp(x, places, heights["force"]))
+    terms.velocity_forces.append(lambda v: np.interp(v, speeds, heights["velocity_force"]))
+    if (heights["coulomb"] != 1.0).any():
+        terms.table_factors.append(lambda x, _: np.interp(x, places, heights["coulomb"]))
 
 
 def unbalance(terms: KnownTerms, values: Values) -> None:

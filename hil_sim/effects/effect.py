@@ -13,7 +13,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import AxisSettings
@@ -43,6 +43,8 @@ _AXIS_FIGURES = {
 }
 
 Interval = tuple[float, float]
+Value = float | tuple[float, ...]
+"""Of a parameter: a number, or the values of a table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,10 +56,10 @@ class Parameter:
         unit: SI, "" where it has none.
         meaning: a short noun phrase.
         role: "size" parameters make the effect vanish at `neutral`; "place" is a position,
-            "phase" an angle (period 2 pi), "shape" anything else.
+            "phase" an angle (period 2 pi), "table" a list of numbers, "shape" anything else.
         plausible: lowest and highest value on real stages, in SI units or, with `relative_to`, in
             multiples of that value of the axis; None: anywhere on the travel (place), any angle
-            (phase). It is no limit.
+            (phase), anything (table). It is no limit.
         signed: the range with the opposite sign is plausible, too.
         relative_to: value of the axis ("mass", "travel", "rated force", "Coulomb force", the same
             "over the travel") that `plausible` multiplies.
@@ -73,7 +75,7 @@ class Parameter:
     unit: str
     meaning: str
     plausible: Interval | None = None
-    role: Literal["size", "shape", "place", "phase"] = "size"
+    role: Literal["size", "shape", "place", "phase", "table"] = "size"
     signed: bool = False
     relative_to: str | None = None
     neutral: float | str | None = None
@@ -83,7 +85,12 @@ class Parameter:
     log: bool = False
 
     def ranges(self, axis: AxisSettings) -> tuple[Interval, ...]:
-        """Plausible values on this axis in SI units: one interval, or two of opposite sign."""
+        """Plausible values on this axis in SI units: one interval, or two of opposite sign.
+
+        None of a table.
+        """
+        if self.role == "table":
+            return ()
         if self.plausible is None:
             return (axis.travel,) if self.role == "place" else ((0.0, 2.0 * math.pi),)
         scale = 1.0 if self.relative_to is None else _AXIS_FIGURES[self.relative_to](axis)
@@ -96,8 +103,16 @@ class Parameter:
             return float(_AXIS_FIGURES[self.neutral](axis))
         return self.neutral
 
-    def refusal(self, value: float) -> str | None:
+    def refusal(self, value: Value) -> str | None:
         """Why the value is not physical, or None."""
+        if isinstance(value, tuple) != (self.role == "table"):
+            return f"must be a {'list of numbers' if self.role == 'table' else 'number'}"
+        if isinstance(value, tuple):
+            reasons = ((i, self._refusal(one)) for i, one in enumerate(value, 1))
+            return next((f"value {i}: {reason}" for i, reason in reasons if reason), None)
+        return self._refusal(value)
+
+    def _refusal(self, value: float) -> str | None:
         if not math.isfinite(value):
             return f"must be finite, is {value!r}"
         for limit, holds, words in (
@@ -169,7 +184,7 @@ class Effect(ABC):
         """Why these values together are not physical on this axis, or None."""
         return None
 
-    def check(self, parameters: Mapping[str, float], axis: AxisSettings | None = None) -> None:
+    def check(self, parameters: Mapping[str, Any], axis: AxisSettings | None = None) -> None:
         """Check that exactly the keys of the effect are given and all values are physical.
 
         Raises:
@@ -187,7 +202,7 @@ class Effect(ABC):
         if axis is not None and (reason := self.refusal(parameters, axis)):
             raise ValueError(reason)
 
-    def at(self, **parameters: float) -> AppliedEffect:
+    def at(self, **parameters: Value) -> AppliedEffect:
         """Return this effect with these values.
 
         Raises:
@@ -212,11 +227,11 @@ class AppliedEffect:
     """
 
     effect: Effect
-    values: tuple[tuple[str, float], ...]
+    values: tuple[tuple[str, Value], ...]
 
     @property
-    def parameters(self) -> dict[str, float]:
-        """Value by key."""
+    def parameters(self) -> dict[str, Any]:
+        """Value by key: a number, or a tuple of them for a table."""
         return dict(self.values)
 
     def apply(self, ports: EffectPorts) -> None:

@@ -189,10 +189,7 @@ def _conclude(examined: Examination, axes: Sequence[_Axis]) -> Diagnosis:
         fitted=_fitted(examined, axes),
     )
     if verdict in (UNEXPLAINED, PARTLY_EXPLAINED):
-        named = {c.axis for c in causes}
-        report = with_description(
-            report, examined, {n: model for n, model in models.items() if n in named}
-        )
+        report = with_description(report, examined, models, causes)
     if not causes:
         return Diagnosis(report, models, {})
     report = replace(
@@ -208,21 +205,32 @@ def _conclude(examined: Examination, axes: Sequence[_Axis]) -> Diagnosis:
 
 
 def with_description(
-    report: GapReport, examined: Examination, models: Mapping[str, AxisModel]
+    report: GapReport,
+    examined: Examination,
+    models: Mapping[str, AxisModel],
+    causes: Sequence[Cause],
 ) -> GapReport:
     """The report with a description of what is left of the forces, where one can be had.
 
     Args:
         report: so far.
         examined: the recordings.
-        models: of axes with causes; the others are described as the machine file has them.
+        models: as fitted.
+        causes: the named ones: what is left is left beside them alone, as in a twin. Axes without
+            any are described as the machine file has them.
     """
-    settings = compose_stage(examined.settings, models)
+    named = {(cause.axis, cause.effect) for cause in causes}
+    beside = {
+        name: replace(model, terms=tuple(t for t in model.terms if (name, t.name) in named))
+        for name, model in models.items()
+        if any(axis == name for axis, _ in named)
+    }
+    settings = compose_stage(examined.settings, beside)
     motions = examined.motions or tuple(
         measure_motion(m.replay.recording, settings) for m in examined.measured
     )
     measured = [compare_along(motion, settings) for motion in motions]
-    found = (describe_residual(name, motions, measured) for name in examined.gap or {})
+    found = (describe_residual(name, motions, measured, settings) for name in examined.gap or {})
     return replace(report, empirical=tuple(f for f in found if f is not None))
 
 

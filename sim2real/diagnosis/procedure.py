@@ -93,9 +93,8 @@ def diagnose(
     found = conclude(examined, plain, searches, held_out)
     if found.report.verdict not in (UNEXPLAINED, PARTLY_EXPLAINED):
         return found
-    causes = {cause.axis for cause in found.report.causes}
-    models = {name: model for name, model in found.models.items() if name in causes}
-    return replace(found, report=with_description(found.report, examined, models))
+    report = with_description(found.report, examined, found.models, found.report.causes)
+    return replace(found, report=report)
 
 
 class _StageSearch:

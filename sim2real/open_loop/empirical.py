@@ -6,7 +6,10 @@ a sum of three smooth parts, each linear between a few nodes,
     F = a(x) + c(x) sgn(v) + h(v),   h(0) = 0,
 
 fitted by least squares with a penalty on second differences, and judged on strokes that took no
-part: the share of the residual's energy above the floor that it closes there.
+part: the share of the residual's energy above the floor that it closes there. What goes with
+acceleration and its rate is fitted beside it and left out of both: a drive reports the force at an
+instant, and within a SYNC period it is not constant, which on recurring strokes would pass for a
+force over position.
 """
 
 from __future__ import annotations
@@ -16,6 +19,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from hil_sim.effects.ports import EffectPorts
+from hil_sim.settings import StageSettings
 from sim2real.gap import NO_GAP_BELOW, Measured
 from sim2real.open_loop.motion import Motion
 from sim2real.phases import split_moves
@@ -36,7 +41,7 @@ _SMOOTH = (1e-3, 1e-2, 1e-1, 1.0)
 
 
 def describe_residual(
-    name: str, motions: Sequence[Motion], measured: Sequence[Measured]
+    name: str, motions: Sequence[Motion], measured: Sequence[Measured], settings: StageSettings
 ) -> EmpiricalForce | None:
     """The description of what a model leaves of an axis' force; None where it closes nothing.
 
@@ -44,6 +49,7 @@ def describe_residual(
         name: of the axis.
         motions: of the recordings.
         measured: the model along these motions.
+        settings: the model.
     """
     used = [motion.axes[name].usable for motion in motions]
     if sum(int(u.sum()) for u in used) < 10 * PLACES:
@@ -65,6 +71,10 @@ def describe_residual(
         ])
         for motion, x, v, u in zip(motions, position, velocity, used, strict=True)
     ])  # fmt: skip
+    beside = np.concatenate(
+        [_sampling(motion, name)[u] for motion, u in zip(motions, used, strict=True)]
+    )
+    matrix = np.hstack([matrix, beside])
     left = np.concatenate(
         [m.residual[name]["force"][u] for m, u in zip(measured, used, strict=True)]
     )
@@ -73,15 +83,17 @@ def describe_residual(
     penalty = _penalty(len(speeds))
     tried = [(_held_out(matrix, left, fold, weight * penalty), weight) for weight in _SMOOTH]
     remaining, weight = min(tried)
-    energy = float(left @ left) / len(left)
+    energy = _held_out(beside, left, fold, np.zeros((beside.shape[1],) * 2))
     if energy < NO_GAP_BELOW * floor**2:
         return None
     closed = 1.0 - (remaining - floor**2) / (energy - floor**2)
     if closed < _LEAST:
         return None
     found = _solved(matrix, left, weight * penalty)
-    over = np.insert(found[2 * PLACES :], len(SPEEDS), 0.0)
-    parts = (places, found[:PLACES], found[PLACES : 2 * PLACES], speeds, over)
+    over = np.insert(found[2 * PLACES : -beside.shape[1]], len(SPEEDS), 0.0)
+    against = found[PLACES : 2 * PLACES]
+    factor = _as_factor(against, places, settings, name)
+    parts = (places, found[:PLACES], against, speeds, over, factor)
     return EmpiricalForce(name, min(closed, 1.0), *(tuple(part.tolist()) for part in parts))
 
 
@@ -93,14 +105,43 @@ def _columns(position: F64, velocity: F64, places: F64, speeds: F64) -> F64:
     return np.hstack([over, over * np.sign(velocity)[:, None], of_speed])
 
 
+def _sampling(motion: Motion, name: str) -> F64:
+    """Acceleration and its rate, each over its rms, low-passed like the force, float64[P, 2]."""
+    acceleration = motion.axes[name].acceleration
+    found = np.column_stack([acceleration, np.gradient(acceleration, motion.period)])
+    found = np.column_stack([motion.low_pass(name, column) for column in found.T])
+    return np.asarray(found / np.maximum(np.sqrt(np.mean(found**2, axis=0)), 1e-12))
+
+
+def _as_factor(against: F64, places: F64, settings: StageSettings, name: str) -> F64:
+    """Force against the motion [N] as a factor on the model's Coulomb force, float64[PLACES]."""
+    axis = next(axis for axis in settings.axes if axis.name == name)
+    ports = EffectPorts(axis, settings.sync_period, 0.0)
+    for effect in axis.effects:
+        effect.apply(ports)
+    level = np.full(len(places), axis.friction.coulomb * ports.coulomb)
+    if ports.position_coulomb is not None:
+        level = level * np.interp(places, ports.positions, ports.position_coulomb)
+    factor = np.ones(len(places))
+    there = level > 0.0
+    factor[there] += against[there] / level[there]
+    return np.maximum(factor, 0.0)
+
+
 def _penalty(speeds: int) -> F64:
-    """Squared second differences over position, and a little of every height."""
+    """Squared second differences from node to node, and a little of every height.
+
+    None of the two columns for acceleration and its rate.
+    """
     second = np.diff(np.eye(PLACES), 2, axis=0)
     over = second.T @ second
     size = 2 * PLACES + speeds - 1
-    penalty = 1e-3 * np.eye(size)
+    penalty = np.zeros((size + 2, size + 2))
+    penalty[:size, :size] = 1e-3 * np.eye(size)
     penalty[:PLACES, :PLACES] += over
     penalty[PLACES : 2 * PLACES, PLACES : 2 * PLACES] += over
+    bent = np.delete(np.diff(np.eye(speeds), 2, axis=0), speeds // 2, axis=1)
+    penalty[2 * PLACES : size, 2 * PLACES : size] += bent.T @ bent
     return np.asarray(penalty)
 
 

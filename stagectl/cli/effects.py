@@ -54,6 +54,8 @@ def command(names: tuple[str, ...], json_out: Path | None, markdown: bool) -> No
 
 def plausible(parameter: Parameter) -> str:
     """The range found on real stages as text: `0.4…2 N`, `±0.03…0.15 times the mass`."""
+    if parameter.role == "table":
+        return "a list"
     if parameter.plausible is None:
         return "on the travel" if parameter.role == "place" else "0…2 pi rad"
     low, high = parameter.plausible
@@ -89,7 +91,8 @@ def _compensation(effect: Effect) -> str:
 def _describe(parameter: Parameter) -> str:
     unit = f" [{parameter.unit}]" if parameter.unit else ""
     meaning = parameter.meaning or parameter.key
-    return f"{meaning}{unit}, usually {plausible(parameter)}"
+    usually = "" if parameter.role == "table" else "usually "
+    return f"{meaning}{unit}, {usually}{plausible(parameter)}"
 
 
 def _details(effect: Effect) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,8 @@ from stagectl.cli.options import FILE, JSON_OUT, OUTPUT, is_json_on_stdout, writ
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
+    from hil_sim.effects.effect import Value
+    from hil_sim.settings import StageSettings
     from sim2real.attribution import Pairs
     from sim2real.diagnosis import Diagnosis
     from sim2real.report import GapReport, NextExperiment
@@ -48,7 +50,11 @@ _VERDICTS = {
     help="Judge the causes on this recording too, which takes no part in finding them; repeatable.",
 )
 @click.option("--html", "html_out", type=OUTPUT, help="Write the report as an HTML page.")
-@click.option("--twin", type=OUTPUT, help="Write the machine file with the causes found added.")
+@click.option(
+    "--twin",
+    type=OUTPUT,
+    help="Write the machine file with the causes found added, and a table of what none explains.",
+)
 @click.option(
     "--next",
     "next_out",
@@ -143,9 +149,9 @@ def diagnose(
             profiles=found.profiles,
             views=views,
         )
-    has_twin = bool(report.causes) or report.verdict == NO_GAP
+    has_twin = bool(report.causes or report.empirical) or report.verdict == NO_GAP
     if twin is not None and has_twin:
-        _write_twin(twin, model, report, found.plant)
+        _write_twin(twin, model, found, examined.settings)
     if next_out is not None and report.next_experiment is not None:
         next_out.write_text(_recipe(report.next_experiment), encoding="utf-8")
     if not is_json_on_stdout(json_out):
@@ -153,7 +159,9 @@ def diagnose(
         if next_out is not None and report.next_experiment is None:
             console.print(f"{next_out} is not written: no moves to propose", markup=False)
         if twin is not None and not has_twin:
-            console.print(f"{twin} is not written: no cause was found", markup=False)
+            console.print(
+                f"{twin} is not written: no cause was found, and no description", markup=False
+            )
 
 
 def _similarity(found: Diagnosis) -> dict[str, Pairs]:
@@ -172,16 +180,40 @@ def _similarity(found: Diagnosis) -> dict[str, Pairs]:
     return similarity
 
 
-def _write_twin(
-    path: Path, machine: Machine, report: GapReport, plant: Mapping[str, Mapping[str, float]]
-) -> None:
+def _write_twin(path: Path, machine: Machine, found: Diagnosis, examined: StageSettings) -> None:
+    """Write the twin: causes with the figures fitted beside them, and what none explains."""
     from stagectl.config.twin import render_twin
 
-    effects: dict[str, list[tuple[str, dict[str, float]]]] = {}
-    for cause in report.causes:
-        parameters = {key: p.value for key, p in cause.parameters.items()}
+    effects: dict[str, list[tuple[str, dict[str, Value]]]] = {}
+    plant = {axis: dict(figures) for axis, figures in found.plant.items()}
+    comments = []
+    for cause in found.report.causes:
+        parameters: dict[str, Value] = {key: p.value for key, p in cause.parameters.items()}
         effects.setdefault(cause.axis, []).append((cause.effect, parameters))
-    path.write_text(render_twin(machine, effects, plant), encoding="utf-8")
+    for force in found.report.empirical:
+        if force.axis not in effects:  # described beside the machine file's figures
+            plant[force.axis] = _found_figures(machine, examined, force.axis)
+        effects.setdefault(force.axis, []).append(("residual_table", dict(force.table())))
+        comments.append(
+            f"residual_table on {force.axis} is a description and no cause. It closes "
+            f"{100 * force.gap_closed:.0f} % of what is otherwise left of the force,"
+        )
+        comments.append(
+            "on held-out strokes; nothing says that it holds beyond the motion recorded."
+        )
+    path.write_text(render_twin(machine, effects, plant, comments), encoding="utf-8")
+
+
+def _found_figures(machine: Machine, examined: StageSettings, axis: str) -> dict[str, float]:
+    """What the machine file leaves unknown of an axis' plant, as the examination found it."""
+    from sim2real.open_loop import FIGURES
+
+    settings = next(own for own in examined.axes if own.name == axis)
+    return {
+        key: settings.mass if key == "mass" else float(getattr(settings.friction, key))
+        for key in machine.unknown.get(axis, ())
+        if key in FIGURES
+    }
 
 
 def _recipe(experiment: NextExperiment) -> str:

@@ -77,9 +77,10 @@ def _problems(wanted: Wanted, known: dict[str, Effect], axis: AxisSettings) -> l
         if key in wanted.parameters:
             value = wanted.parameters[key]
             reason = parameter.refusal(value)
-            if reason is None and abs(value) > _MAX_VALUE:
+            largest = max(value, key=abs, default=0.0) if isinstance(value, tuple) else value
+            if reason is None and abs(largest) > _MAX_VALUE:
                 reason = f"must be within +-{_MAX_VALUE:g} {parameter.unit}".rstrip()
-                reason += f", is {value:g}"
+                reason += f", is {largest:g}"
             if reason:
                 found.append(((key,), reason, False))
         elif not extra:  # else it may be there misspelt

@@ -109,12 +109,12 @@ def axis_as_known(axis: Axis, terms: KnownTerms) -> Axis:
 
 
 def _is_on_map(inverse: str | None, wanted: Wanted) -> bool:
-    """Whether an effect is a factor on the Coulomb force over place or time."""
+    """Whether an effect is a factor on the Coulomb force over place or time, and nothing else."""
     if inverse is None:
         return False
     terms = KnownTerms()
     _load(inverse)(terms, wanted.parameters)
-    return bool(terms.table_factors or terms.time_factors)
+    return bool(terms.table_factors or terms.time_factors) and not terms.has_forces
 
 
 def _find(name: str, machine: Machine) -> Effect:

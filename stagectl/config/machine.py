@@ -7,7 +7,7 @@ docs/reference-stage.md; conditions between them are in `stagectl.config.machine
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import (
     BeforeValidator,
@@ -56,14 +56,14 @@ Label = Annotated[Name, BeforeValidator(_label)]
 
 
 class Effect(NamedTuple):
-    """A physical effect by name, with its parameters (SI)."""
+    """A physical effect by name, with its parameters (SI): numbers, or tuples of them."""
 
     name: str
-    parameters: Mapping[str, float]
+    parameters: Mapping[str, Any]
 
 
 def _effect(value: object) -> Effect:
-    """`{effect: NAME, KEY: NUMBER, ...}`; the simulator checks the keys of each effect."""
+    """`{effect: NAME, KEY: NUMBER or LIST, ...}`; the simulator checks the keys of each effect."""
     if not isinstance(value, dict):
         raise refusal(
             f"must be a mapping {{effect: name, key: number}}, is {describe_value(value)}"
@@ -71,14 +71,21 @@ def _effect(value: object) -> Effect:
     name = value.get("effect")
     if not isinstance(name, str) or not name:
         raise refusal("needs the key effect with the effect's name")
-    figures: dict[str, float] = {}
+    figures: dict[str, Any] = {}
     for key, figure in value.items():
         if key == "effect":
             continue
-        if isinstance(figure, bool) or not isinstance(figure, (int, float)):
-            raise refusal(f"{name}: {key} must be a number (SI), is {describe_value(figure)}")
-        figures[key] = float(figure)
+        if isinstance(figure, list):
+            figures[key] = tuple(_number(name, f"{key}[{i}]", one) for i, one in enumerate(figure))
+        else:
+            figures[key] = _number(name, key, figure)
     return Effect(name, figures)
+
+
+def _number(effect: str, key: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise refusal(f"{effect}: {key} must be a number (SI), is {describe_value(value)}")
+    return float(value)
 
 
 def _pair(value: object) -> object:

@@ -8,6 +8,7 @@ from typing import Any
 
 import yaml
 
+from hil_sim.effects.effect import Value
 from stagectl.config.machine import Machine
 from stagectl.config.machine_file import parse_machine
 from stagectl.errors import StagectlError
@@ -15,8 +16,9 @@ from stagectl.errors import StagectlError
 
 def render_twin(
     machine: Machine,
-    effects: Mapping[str, Sequence[tuple[str, Mapping[str, float]]]],
+    effects: Mapping[str, Sequence[tuple[str, Mapping[str, Value]]]],
     plant: Mapping[str, Mapping[str, float]] | None = None,
+    comments: Sequence[str] = (),
 ) -> str:
     """The text of a machine file with effects added and parameters changed.
 
@@ -24,6 +26,7 @@ def render_twin(
         machine: to start from; the rest is kept, except comments.
         effects: axis -> (name, parameters in SI units) of each effect to add.
         plant: axis -> parameter -> value in SI units: `mass`, or a key of `friction`.
+        comments: lines for the head of the file.
 
     Raises:
         StagectlError: the machine file does not have an axis or parameter.
@@ -44,10 +47,15 @@ def render_twin(
     for name, added in effects.items():
         listed = axes[name].setdefault("effects", [])
         for effect, parameters in added:
-            listed.append({"effect": effect, **{k: float(v) for k, v in parameters.items()}})
+            listed.append({"effect": effect, **{k: _plain(v) for k, v in parameters.items()}})
     title = f"{machine.name} with what the gap diagnosis found; SI units."
     if not any(effects.values()):
         title = f"{machine.name}: the gap diagnosis found no effect to add; SI units."
-    text = f"# {title}\n" + yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=100)
+    head = "".join(f"# {line}\n" for line in (title, *comments))
+    text = head + yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=100)
     parse_machine(text, "twin", fitted=True)
     return text
+
+
+def _plain(value: Value) -> float | list[float]:
+    return [float(f"{v:.6g}") for v in value] if isinstance(value, tuple) else float(value)

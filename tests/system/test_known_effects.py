@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from stagectl.config import load_machine
@@ -79,6 +80,48 @@ def test_what_a_diagnosis_found_is_compensated_in_the_next_run(stagectl, recipe,
     table = stagectl("gap", "compare", before / "recording.h5", after / "recording.h5").stdout
     assert "after/recording.h5" in table
     assert "Settling" in table
+
+
+def force_of_no_name(path):
+    """A stage whose hose pulls and whose cover drags as no effect of the library does."""
+    x, v = np.linspace(-0.06, 0.06, 121), np.linspace(-0.6, 0.6, 61)
+    tables = {
+        "position": x,
+        "force": 1.2 * np.tanh((x + 0.01) / 0.012) + 750.0 * x * np.abs(x),
+        "coulomb": np.ones(len(x)),
+        "velocity": v,
+        "velocity_force": 15.0 * v * np.abs(v),
+    }
+    lists = "".join(f", {key}: {[float(f'{n:.6g}') for n in of]}" for key, of in tables.items())
+    return with_effects(path, x=f"{{effect: residual_table{lists}}}")
+
+
+@pytest.mark.slow
+def test_what_no_effect_explains_is_compensated_in_the_next_run(stagectl, recipe, tmp_path):
+    truth = force_of_no_name(tmp_path / "truth.yaml")
+    before, after, twin = tmp_path / "before", tmp_path / "after", tmp_path / "twin.yaml"
+    options = ("--simulate", truth, "--no-observer", "--out")
+    for command in (
+        ("run", recipe, *options, before),
+        ("gap", "diagnose", before / "recording.h5", "--twin", twin, "--json", tmp_path / "r.json"),
+        ("run", recipe, "--machine", twin, *options, after),
+    ):
+        done = stagectl(*command)
+        assert done.returncode == 0, done.stderr
+    assert "x residual_table" in done.stdout
+    report = json.loads((tmp_path / "r.json").read_text())
+    assert report["verdict"] in ("unexplained", "partly_explained")
+    assert "residual_table" not in {c["effect"] for c in report["causes"] + report["candidates"]}
+    assert "# residual_table on x is a description and no cause." in twin.read_text()
+    done = stagectl(
+        "gap", "compare", before / "recording.h5", after / "recording.h5", "--json", "-"
+    )
+    assert json.loads(done.stdout)["gap_closed"] > 0.85
+    settling = [
+        mean_settling(json.loads((out / "summary.json").read_text()), "x")
+        for out in (before, after)
+    ]
+    assert settling[1] < 0.85 * settling[0]
 
 
 @pytest.mark.parametrize(

@@ -89,6 +89,28 @@ def test_coulomb_force_in_time_and_by_direction():
     assert (ports.coulomb_forward, ports.coulomb_backward) == (terms.forward, terms.backward)
 
 
+def test_tables_over_position_and_velocity():
+    values = {
+        "position": (-0.1, 0.0, 0.08),
+        "force": (1.0, -2.0, 0.5),
+        "coulomb": (1.0, 1.4, 0.7),
+        "velocity": (-0.5, 0.0, 0.4),
+        "velocity_force": (-3.0, 0.0, 1.0),
+    }
+    ports, terms = ports_of("residual_table", values), terms_of("residual_table", values)
+    assert terms.has_forces
+    (force,), (drag,) = terms.forces, terms.velocity_forces
+    np.testing.assert_allclose(force(X), [ports.standing_force(x) for x in X], atol=2e-3)
+    np.testing.assert_allclose(drag(ports.velocities), ports.velocity_force, atol=1e-12)
+    factor = coulomb_factor(terms, X, Y, np.zeros(len(X)))
+    expected = np.interp(X, ports.positions, ports.position_coulomb)
+    np.testing.assert_allclose(factor, expected, atol=1e-3)
+    held = coulomb_factor(terms, np.array([-0.2, 0.2]), np.zeros(2), np.zeros(2))
+    np.testing.assert_allclose(held, [1.0, 0.7])
+    level = terms_of("residual_table", values | {"coulomb": (1.0, 1.0, 1.0)})
+    assert not level.has_coulomb_factor
+
+
 def test_figures():
     terms = KnownTerms()
     for name, key in (

@@ -51,6 +51,8 @@ def table_under(heading):
 
 
 def typical(parameter):
+    if parameter.role == "table":
+        return "list"
     if parameter.plausible is None:
         return "travel" if parameter.role == "place" else "0…2π"
     low, high = parameter.plausible
@@ -95,14 +97,14 @@ def test_every_effect_describes_itself_within_its_limits(effects, nominal):
         for text in (effect.origin(), effect.remedy, effect.enters):
             assert text.endswith("."), (name, text)
         assert len(effect.origin()) > 80, name
-        assert any(p.neutral is not None for p in effect.parameters), name
+        assert any(p.neutral is not None or p.role == "table" for p in effect.parameters), name
         for parameter in effect.parameters:
             for axis in nominal.axes:
                 for low, high in parameter.ranges(axis):
                     assert low < high
                     assert parameter.refusal(low) is None, (name, parameter.key)
                     assert parameter.refusal(high) is None, (name, parameter.key)
-            assert parameter.refusal(math.nan)
+            assert parameter.refusal((1.0, math.nan) if parameter.role == "table" else math.nan)
             neutral = parameter.neutral_on(nominal.axes[0])
             assert (neutral is None) == (parameter.role != "size"), (name, parameter.key)
 
@@ -128,6 +130,8 @@ def test_every_effect_enters_the_ports(effects, nominal):
     axis = replace(nominal.axes[0], rotary=True)
     plain = vars(EffectPorts(axis, 1e-3, 0.1))
     for effect in effects.values():
+        if any(p.role == "table" for p in effect.parameters):
+            continue  # a test of its own
         values = {p.key: p.ranges(axis)[-1][1] for p in effect.parameters}
         ports = EffectPorts(axis, 1e-3, 0.1)
         effect.at(**values).apply(ports)

@@ -21,7 +21,7 @@ def odd(t, x, v, a):
 def described(machine, folder):
     recording, stage = imported(machine, folder)
     motion = measure_motion(recording, stage)
-    return describe_residual("a", [motion], [compare_along(motion, stage)])
+    return describe_residual("a", [motion], [compare_along(motion, stage)], stage)
 
 
 def test_a_force_of_any_smooth_shape(tmp_path):
@@ -41,7 +41,28 @@ def test_noise_is_not_described(tmp_path):
     assert described(plain, tmp_path) is None
 
 
-@pytest.mark.parametrize("key", ["position", "always", "against", "velocity", "over_velocity"])
+def test_forces_that_change_within_a_period_are_not_described(nominal):
+    recording, stage = nominal  # accelerates at the same places again and again
+    motion = measure_motion(recording, stage)
+    along = compare_along(motion, stage)
+    floor = along.floor.rms["x"]["force"]
+    assert np.std(along.residual["x"]["force"][motion.axes["x"].usable]) > 5.0 * floor
+    for name in ("x", "y"):
+        assert describe_residual(name, [motion], [along], stage) is None
+
+
+def test_it_is_a_table_beside_the_model(tmp_path):
+    found = described(replace(TOOL, force=odd, known=KNOWN), tmp_path)
+    coulomb = 250.0
+    assert found.coulomb == pytest.approx(
+        np.maximum(1.0 + np.array(found.against) / coulomb, 0.0), rel=1e-6
+    )
+    assert found.table()["force"] == found.always
+
+
+@pytest.mark.parametrize(
+    "key", ["position", "always", "against", "coulomb", "velocity", "over_velocity"]
+)
 def test_it_is_plain_json(tmp_path, key):
     found = described(replace(TOOL, force=odd, known=KNOWN), tmp_path).to_json()
     assert all(isinstance(value, float) for value in found[key])

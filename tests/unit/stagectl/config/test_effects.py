@@ -28,6 +28,25 @@ def test_effects_reach_the_simulator() -> None:
     ("effect", "problem"),
     [
         (
+            "{effect: cogging, amplitude: [1, 2], pitch: 0.03, phase: 0}",
+            r".*axes\.x\.effects\[1\]\.amplitude: must be a number",
+        ),
+        (
+            "{effect: residual_table, position: [0, 0.1], force: [1, 2, 3], coulomb: [1, 1], "
+            "velocity: [0, 1], velocity_force: [0, 1]}",
+            r"m:12:15: axes\.x\.effects\[1\]: force: must have 2 values like position, has 3",
+        ),
+        (
+            "{effect: residual_table, position: [0, 0.1], force: [1, 2], coulomb: 1, "
+            "velocity: [0, 1], velocity_force: [0, 1]}",
+            r".*coulomb: must be a list of numbers",
+        ),
+        (
+            "{effect: residual_table, position: [0, a], force: [1, 2], coulomb: [1, 1], "
+            "velocity: [0, 1], velocity_force: [0, 1]}",
+            r".*residual_table: position\[1\] must be a number \(SI\), is 'a'",
+        ),
+        (
             "{effect: coging, amplitude: 1, pitch: 0.03, phase: 0}",
             r"m:12:24: axes\.x\.effects\[1\]\.effect: unknown effect 'coging'; "
             r"did you mean 'cogging'\?",

@@ -29,3 +29,28 @@ def test_unknown_axes_and_parameters_and_bad_values_are_refused():
         render_twin(machine, {}, {"x": {"charm": 1.0}})
     with pytest.raises(ConfigError, match="mass"):
         render_twin(machine, {}, {"x": {"mass": -1.0}})
+
+
+def test_a_twin_has_tables_and_says_what_they_are():
+    machine = load_machine()
+    table = {
+        "position": (-0.1, 0.0, 0.1),
+        "force": (1.0, 1.0 / 3.0, -1.0),
+        "coulomb": (1.0, 1.1, 1.0),
+        "velocity": (-0.5, 0.5),
+        "velocity_force": (-1.0, 1.0),
+    }
+    text = render_twin(machine, {"x": [("residual_table", table)]}, comments=("no cause",))
+    assert text.splitlines()[1] == "# no cause"
+    twin = parse_machine(text, "t")
+    (applied,) = stage_settings(twin).axes[0].effects
+    assert applied.parameters == table | {"force": (1.0, 0.333333, -1.0)}
+    again = parse_machine(render_twin(twin, {}), "t")
+    assert stage_settings(again).axes[0].effects[0].parameters == applied.parameters
+    with pytest.raises(ConfigError, match="force: must have 3 values like position, has 2"):
+        stage_settings(
+            parse_machine(
+                render_twin(machine, {"x": [("residual_table", table | {"force": (1.0, 2.0)})]}),
+                "t",
+            )
+        )

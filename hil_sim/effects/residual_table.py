@@ -1,0 +1,75 @@
+"""A force over position, direction and velocity as tables: a description of what is left over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hil_sim.effects.effect import Compensation, Effect, Parameter
+from hil_sim.effects.ports import EffectPorts
+from hil_sim.settings import AxisSettings
+
+_STEEPEST = 0.5
+"""Limit of damping x control period / mass and of stiffness x control period^2 / mass."""
+_MOST_NODES = 1000
+
+
+class ResidualTable(Effect):
+    """What no effect of the library explains, measured and not understood.
+
+    It is a description and no cause: nothing says that it holds where the axis has not been, or
+    next week. A gap diagnosis writes it into a twin, and never finds it.
+    """
+
+    name = "residual_table"
+    group = "force"
+    parameters = (
+        Parameter("position", "m", "nodes over position, increasing", role="table"),
+        Parameter("force", "N", "force at each position", role="table"),
+        Parameter(
+            "coulomb", "", "factor on the Coulomb level at each position", role="table", least=0.0
+        ),
+        Parameter("velocity", "m/s", "nodes over velocity, increasing", role="table"),
+        Parameter("velocity_force", "N", "force at each velocity", role="table"),
+    )
+    equation = "F_d += force(x) + velocity_force(v), Fc * coulomb(x); linear between nodes"
+    enters = "Disturbance forces over position and velocity, and a factor on Fc over position."
+    remedy = "Find the cause: until then, feed the table forward."
+    compensation = Compensation(
+        "forces fed forward, the factor as the Coulomb force of the friction model, along the "
+        "planned path",
+        "estimation.known_effects.inverses:residual_table",
+    )
+    searched = False
+
+    def apply(self, ports: EffectPorts, parameters: Mapping[str, Any]) -> None:
+        """See `Effect.apply`. Tables are held at their ends."""
+        places, speeds = parameters["position"], parameters["velocity"]
+        ports.add_position_force(np.interp(ports.positions, places, parameters["force"]))
+        ports.scale_position_coulomb(np.interp(ports.positions, places, parameters["coulomb"]))
+        ports.add_velocity_force(np.interp(ports.velocities, speeds, parameters["velocity_force"]))
+
+    def refusal(self, parameters: Mapping[str, Any], axis: AxisSettings) -> str | None:
+        """See `Effect.refusal`: tables that do not fit their nodes, or are too steep."""
+        period = axis.control.period
+        for nodes, tables, steepest in (
+            ("position", ("force", "coulomb"), _STEEPEST * axis.mass / period**2),
+            ("velocity", ("velocity_force",), _STEEPEST * axis.mass / period),
+        ):
+            at = np.array(parameters[nodes])
+            if not 2 <= len(at) <= _MOST_NODES:
+                return f"{nodes}: must have 2 to {_MOST_NODES} nodes, has {len(at)}"
+            if not (np.diff(at) > 0.0).all():
+                return f"{nodes}: must increase from node to node"
+            for key in tables:
+                if len(parameters[key]) != len(at):
+                    return f"{key}: must have {len(at)} values like {nodes}, has " + str(
+                        len(parameters[key])
+                    )
+            slope = float(np.abs(np.diff(parameters[tables[0]]) / np.diff(at)).max())
+            if slope > steepest:
+                unit = "N/m" if nodes == "position" else "N s/m"
+                return f"{tables[0]}: changes by {slope:.3g} {unit}, at most {steepest:.3g} {unit}"
+        return None
