@@ -83,9 +83,15 @@ def _sort_by_group(found: dict[str, Effect]) -> dict[str, Effect]:
 
 
 def possible_on(axis: AxisSettings, effects: Mapping[str, Effect]) -> dict[str, Effect]:
-    """Those of some effects that an axis can have: unbalance, say, needs a rotary one."""
-    return {
-        name: effect
-        for name, effect in effects.items()
-        if not effect.refusal({p.key: p.ranges(axis)[-1][0] for p in effect.parameters}, axis)
-    }
+    """Those of some effects that have usual values on an axis.
+
+    Unbalance, say, needs a rotary axis; a table has no usual values.
+    """
+    found = {}
+    for name, effect in effects.items():
+        ranges = {p.key: p.ranges(axis) for p in effect.parameters}
+        if all(ranges.values()):
+            usual = {key: own[-1][0] for key, own in ranges.items()}
+            if not effect.refusal(usual, axis):
+                found[name] = effect
+    return found

@@ -120,10 +120,11 @@ def test_ranges_are_those_of_the_axis(effects, nominal):
     assert effects["stribeck"].parameters[0].neutral_on(x) == x.friction.static_ratio
 
 
-def test_a_linear_axis_can_have_all_but_what_needs_an_angle(effects, nominal):
+def test_an_axis_can_have_all_but_what_needs_an_angle_or_a_table(effects, nominal):
     axis = nominal.axes[0]
-    assert set(effects) - set(possible_on(axis, effects)) == {"unbalance"}
-    assert set(possible_on(replace(axis, rotary=True), effects)) == set(effects)
+    assert set(effects) - set(possible_on(axis, effects)) == {"unbalance", "residual_table"}
+    rotary = possible_on(replace(axis, rotary=True), effects)
+    assert set(effects) - set(rotary) == {"residual_table"}
 
 
 def test_every_effect_enters_the_ports(effects, nominal):
