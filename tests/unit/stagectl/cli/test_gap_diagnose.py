@@ -2,16 +2,20 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+import yaml
 from click.testing import CliRunner
 
 from stagectl.cli.gap_diagnose import diagnose
+from stagectl.cli.gap_import import import_data
 from stagectl.config import load_machine
 from stagectl.errors import StagectlError
+from tests.unit.sim2real.other_machines import TOOL
 
 DATA = Path(__file__).parents[3] / "data"
 KEPT = 1200
@@ -134,6 +138,29 @@ def test_without_a_diagnosis_there_is_no_twin(small, tmp_path):
     assert result.exit_code == 0, result.output
     assert "twin.yamlisnotwritten:nocausewasfound" in "".join(result.output.split())
     assert not twin.exists()
+
+
+@pytest.mark.slow
+def test_what_no_effect_explains_is_a_table_of_the_twin_beside_the_figures_found(tmp_path):
+    def odd(t, x, v, a):
+        over_place = 120.0 * np.tanh((x - 0.2) / 0.05)
+        return TOOL.force(t, x, v, a) - 80.0 + over_place + 1500.0 * v * np.abs(v) * (x > 0.1)
+
+    data, how = replace(TOOL, force=odd).write(tmp_path)
+    path, twin = tmp_path / "r.h5", tmp_path / "twin.yaml"
+    command = [str(data), "--map", str(how), "--out", str(path)]
+    done = CliRunner().invoke(import_data, command)
+    assert done.exit_code == 0, done.output
+    report, _ = run(path, "--twin", twin, "--jobs", "1")
+    assert report["verdict"] == "unexplained"
+    (force,) = report["empirical"]
+    axis = yaml.safe_load(twin.read_text())["axes"]["a"]
+    (table,) = axis["effects"]
+    assert table.pop("effect") == "residual_table"
+    assert table["coulomb"] == pytest.approx(force["coulomb"], rel=1e-5)
+    # Figures that the table stands beside, in place of `unknown`.
+    figures = (axis["plant"]["mass"], *map(axis["plant"]["friction"].get, ("coulomb", "viscous")))
+    assert all(isinstance(figure, float) and figure > 0.0 for figure in figures)
 
 
 @pytest.mark.parametrize(
