@@ -36,9 +36,11 @@ class _Packaged(click.Path):
         """The file; if there is none, the packaged NAME, NAME.yaml or FOLDER/NAME.yaml."""
         path = Path(value)
         if not path.exists() and path.parent in (Path(), Path(self._folder)):
-            packaged = DATA / self._folder / f"{path.name.removesuffix('.yaml')}.yaml"
-            if packaged.is_file():
-                return packaged
+            packaged = {file.stem: file for file in sorted((DATA / self._folder).glob("*.yaml"))}
+            name = path.name.removesuffix(".yaml")
+            if name not in packaged:
+                self.fail(f"{value}: no such file; packaged: {', '.join(packaged)}", param, ctx)
+            return packaged[name]
         return path
 
 

@@ -83,9 +83,9 @@ def _headline(result: RunResult) -> Text:
     text = Text(f"{summary['recipe']} on {summary['machine']}: ")
     text.append(summary["outcome"], style=_STYLES[summary["outcome"]])
     where = interruption(summary)
-    if where is not None:
-        text.append(f" {where}")
-    text.append(f", {len(sites)} sites in {summary['duration']:.1f} s")
+    count = f"{len(sites)} sites" if sites else f"{len(moves)} moves"
+    text.append(f", {count} in" if where is None else f" {where}, after")
+    text.append(f" {summary['duration']:.1f} s")
     if summary["simulated"] and summary["wall_time"] > 0:
         speed = summary["duration"] / summary["wall_time"]
         text.append(f" (simulated in {summary['wall_time']:.2f} s, {speed:.0f} x real time)")

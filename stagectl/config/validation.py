@@ -21,6 +21,14 @@ from stagectl.plain_text import one_line
 MAX_PROBLEMS = 100
 """Problems that are listed; the rest is only counted."""
 
+KINDS = {
+    "bus": "a machine file",
+    "recipe": "a recipe",
+    "calibrate": "a calibration file",
+    "faults": "a faults file",
+}
+"""A key that only this kind of file has."""
+
 M = TypeVar("M", bound=BaseModel)
 
 
@@ -39,8 +47,11 @@ def validate(document: Document, model: type[M], data: object = None) -> M:
     """The document as a model; `data` are its values where some were replaced.
 
     Raises:
-        ConfigError: every problem found, in the order of the file.
+        ConfigError: every problem found, in the order of the file; only that it is of another
+            kind where it is.
     """
+    if (reason := _why_another_kind(document.data, model)) is not None:
+        raise ConfigError(document.problem((), reason))
     problems = list(document.problems)
     try:
         result = model.model_validate(document.data if data is None else data)
@@ -56,6 +67,14 @@ def validate(document: Document, model: type[M], data: object = None) -> M:
     if problems:
         raise ConfigError(sort_problems(problems))
     return result
+
+
+def _why_another_kind(data: object, model: type[BaseModel]) -> str | None:
+    wanted = next((kind for key, kind in KINDS.items() if key in model.model_fields), None)
+    if not isinstance(data, dict) or wanted is None:
+        return None
+    kinds = [kind for key, kind in KINDS.items() if key in data]
+    return f"is {kinds[0]}, not {wanted}" if len(kinds) == 1 and kinds[0] != wanted else None
 
 
 def sort_problems(problems: list[str]) -> list[str]:

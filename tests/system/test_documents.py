@@ -1,5 +1,6 @@
 """What a run says of itself: verdicts, how it ended, and the same again from its recording."""
 
+import io
 import json
 import os
 import shlex
@@ -12,8 +13,10 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from rich.console import Console
 
 from stagectl.cli import cli
+from stagectl.cli.outcome import render_outcome
 from stagectl.errors import LimitsMissed
 from stagectl.history import StageKey, open_history
 from stagectl.recipe import parse_recipe
@@ -114,6 +117,13 @@ def test_an_aborted_run_says_where_why_and_how_to_continue(stopped):
         "--resume", str(folder),
     ]  # fmt: skip
     assert f"<code>{told['resume']}</code>" in (folder / "report.html").read_text()
+
+
+def test_the_terminal_says_where_an_aborted_run_ended(stopped):
+    console = Console(width=200, record=True, file=io.StringIO())
+    console.print(render_outcome(*stopped))
+    seconds = stopped[0].summary["duration"]
+    assert f"aborted at site 3 of 4, after {seconds:.1f} s" in console.export_text()
 
 
 def test_the_command_continues_the_run_and_completes_the_verdict(stopped):

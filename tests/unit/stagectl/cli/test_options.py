@@ -52,3 +52,10 @@ def test_nothing_but_json_goes_to_standard_output() -> None:
     result = CliRunner().invoke(cli, ["bus-budget", "--json", "-"])
     assert result.exit_code == 0
     assert json.loads(result.stdout)
+
+
+def test_a_misspelt_packaged_recipe_is_answered_with_those_there_are() -> None:
+    result = CliRunner().invoke(cli, ["run", "inspektion-20", "--simulate"])
+    assert result.exit_code == 2
+    said = " ".join(result.stderr.split())
+    assert "inspektion-20: no such file; packaged: calibration-9, inspection-20" in said

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from stagectl.config import load_machine
+from stagectl.config import load_machine, parse_machine
+from stagectl.errors import ConfigError
 
 GOOD = load_machine().text
 
@@ -141,3 +142,19 @@ def test_all_problems_come_at_once_in_the_order_of_the_file(problems_of) -> None
     keys = [line.split(": ")[1] for line in problems_of(text)]
     assert keys[:2] == ["bus.bitrate", "axes.x.plant.mass"]
     assert set(keys[2:]) == {"axes.y.nodes", "axes.y.plant.mass"}
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (
+            "# c\ncalibrate: nine\nsites: []\n",
+            "x.yaml:2:1: is a calibration file, not a machine file",
+        ),
+        ("faults: []\n", "x.yaml:1:1: is a faults file, not a machine file"),
+    ],
+)
+def test_a_file_of_another_kind_is_refused_in_one_line(text: str, reason: str) -> None:
+    with pytest.raises(ConfigError) as refusal:
+        parse_machine(text, "x.yaml")
+    assert str(refusal.value) == reason
