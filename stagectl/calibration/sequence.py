@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,9 +18,9 @@ from estimation.friction import FrictionState, breakaway_travel, count_states, f
 from estimation.move import MoveData
 from estimation.online import SplitHorizonEstimator
 from estimation.trajectory import Limits, plan
+from stagectl.config.host_model import estimator_settings
 from stagectl.config.machine import Axis, Machine
 from stagectl.recipe import Excursion, Profile
-from stagectl.sequencer import AxisCompensation, Mode
 
 GOALS = {"coulomb": 0.01, "viscous": 0.03, "stiffness": 0.01, "relaxation_rate": 0.035}
 """Relative standard deviations to reach."""
@@ -140,9 +140,14 @@ def _predicted(machine: Machine, excursions: Sequence[Excursion]) -> SiteSequenc
 def _gain(
     axis: Axis, period: float, excursions: Sequence[Excursion], index: int
 ) -> tuple[dict[str, Gain], float]:
-    """Run the estimator on its own model's response to the moves of one axis."""
+    """Run the estimator on its own model's response to the moves of one axis.
+
+    That is a stage on which nothing else acts, as its first sites will have shown.
+    """
     friction = axis.plant.friction.figures
-    estimator = AxisCompensation(axis, friction, Mode.ESTIMATED, period, calibration=True).estimator
+    settings = estimator_settings(axis, period, calibration=True)
+    alone = replace(settings, belief=replace(settings.belief, unmodelled=0.0))
+    estimator = SplitHorizonEstimator(friction, alone)
     values = {name: float(getattr(friction, name)) for name in START if friction.has(name)}
     estimator.believe({name: (value, START[name] * value) for name, value in values.items()})
     state = FrictionState.relaxed(count_states(friction), 0.0)

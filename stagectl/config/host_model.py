@@ -16,6 +16,9 @@ SETTLED_DRIFT = (7e-4, 4e-4, 4e-4, 2e-4, 5e-5, 2e-4, 1e-4)
 UNMODELLED = 0.1
 """Rms of forces that no friction figure explains, over the Coulomb force that a run begins with: a
 first guess, which the first moves that determine it replace."""
+UNMODELLED_BY_MAP = 0.01
+"""The same where a friction map is in use: so little that a move shows the level of its place, and
+enough to be learned from."""
 VARIATION = 0.03
 """The same of the Coulomb force over place, relative."""
 RATE_DRIFT = 0.01
@@ -40,8 +43,8 @@ def estimator_settings(
         period: Ts [s].
         settled: with a friction map in use, drift by parameter name (relative 1-sigma per move),
             `SETTLED_DRIFT` for parameters not named; None without a map.
-        calibration: the friction of places is measured. There, and with a map, what differs over
-            the table has a model of its own.
+        calibration: the friction of places is measured. There, and with a map, how the Coulomb
+            force differs over the table has a model of its own.
     """
     places = calibration or settled is not None
     drive, wander = axis.drive, axis.plant.friction.repeatability
@@ -56,7 +59,7 @@ def estimator_settings(
         belief=BeliefSettings(
             wander=wander.coulomb,
             correlation_time=wander.correlation_time,
-            unmodelled=0.0 if places else UNMODELLED,
+            unmodelled=UNMODELLED if settled is None else UNMODELLED_BY_MAP,
             variation=0.0 if places else VARIATION,
             drift=_drift(settled, calibration),
         ),

@@ -284,6 +284,28 @@ def test_a_run_goes_by_the_map_and_says_so(calibrated, tmp_path):
     assert counts[0] > counts[1] - counts[0]
 
 
+def test_cogging_is_not_taken_for_friction_of_places(tmp_path):
+    (tmp_path / "sites.yaml").write_text(
+        "calibrate: c\nsites: [[-0.05, 0], [0, 0], [0.05, 0], [0, 0.02]]\n"
+    )
+    truth = tmp_path / "truth.yaml"
+    cogging = "    effects: [{effect: cogging, amplitude: 1.2, pitch: 0.032, phase: 0.5}]\n"
+    truth.write_text(load_machine().text.replace("  y:", cogging + "  y:", 1))
+    where = ("--simulate", truth, "--history", tmp_path / "stage.db")
+    outcome = tmp_path / "outcome.json"
+    stagectl("calibrate", tmp_path / "sites.yaml", *where, "--json", outcome,
+             "--out", tmp_path / "calibration")  # fmt: skip
+    sites = [s for s in json.loads(outcome.read_text())["sites"] if s["axis"] == "x"]
+    assert [s["coulomb"] for s in sites] == pytest.approx([6.0] * 4, rel=0.04)  # 1.2 N is 0.2
+    stagectl("map", "activate", "--history", tmp_path / "stage.db")
+    (tmp_path / "r.yaml").write_text(
+        short_recipe((0.05, 0.0), (-0.05, 0.01), (0.0, 0.0), (-0.05, 0.0), (0.05, 0.01))
+    )
+    said = stagectl("run", tmp_path / "r.yaml", *where, "--out", tmp_path / "run")
+    assert "friction map: map 1" in said
+    assert "stepped" not in said
+
+
 def test_due_sites_are_slipped_into_a_run_within_its_budget(calibrated, tmp_path):
     folder, _, _ = calibrated
     where = ("--history", shutil.copy(folder / "stage.db", tmp_path / "stage.db"))
