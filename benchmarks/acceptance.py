@@ -43,9 +43,9 @@ from hil_sim.effects.effect import Effect
 from hil_sim.effects.friction_map import field_factor
 from hil_sim.effects.library import own_effects, possible_on
 from stagectl.config.machine import Machine
-from stagectl.config.machine_file import load_machine, parse_machine
-from stagectl.config.package_settings import stage_settings
-from stagectl.config.twin import render_twin
+from stagectl.config.machine.file import load_machine, parse_machine
+from stagectl.config.machine.twin import render_twin
+from stagectl.config.settings.package_settings import stage_settings
 from stagectl.recipe import load_recipe
 from stagectl.recipe.model import SimulatedMark
 from stagectl.run import Listener, RunRequest, execute

@@ -15,8 +15,8 @@ import numpy as np
 
 from estimation.trajectory import Limits, plan
 from hil_sim.plant import simulate
-from stagectl.config.machine_file import load_machine
-from stagectl.config.package_settings import stage_settings
+from stagectl.config.machine.file import load_machine
+from stagectl.config.settings.package_settings import stage_settings
 
 SLIDING = 0.02
 """Slowest sample that counts: ten Stribeck velocities [m/s]."""

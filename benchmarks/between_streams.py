@@ -20,7 +20,7 @@ from machine_facts import machine_facts
 from run_figures import RECIPE, Case, run
 
 from drivers import Stage
-from stagectl.config.machine_file import load_machine
+from stagectl.config.machine.file import load_machine
 from stagectl.recipe import load_recipe
 from stagectl.sequencer import AxisCompensation, Mode
 from stagedata import Samples

@@ -32,8 +32,8 @@ from drivers.stage import Stage
 from hil_sim.bus import World, serve
 from hil_sim.cia301 import EDS_PATH
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine_file import load_machine
-from stagectl.config.package_settings import driver_settings, stage_settings
+from stagectl.config.machine.file import load_machine
+from stagectl.config.settings.package_settings import driver_settings, stage_settings
 
 LOCKSTEP_CYCLES, VIRTUAL_CYCLES, READS = 10_000, 2_000, 2_000
 PRESENT_POSITION = 37

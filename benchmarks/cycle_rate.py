@@ -27,9 +27,9 @@ from hil_sim.bus import World
 from hil_sim.plant import simulate
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
-from stagectl.config.machine_file import load_machine
-from stagectl.config.observer import design_observers, make_observer
-from stagectl.config.package_settings import driver_settings, stage_settings
+from stagectl.config.machine.file import load_machine
+from stagectl.config.settings.observer import design_observers, make_observer
+from stagectl.config.settings.package_settings import driver_settings, stage_settings
 from stagectl.sequencer import ObservedOffsets
 from stagectl.store import AxisScaling, BusLog, Journal, JournalHeader
 

@@ -31,8 +31,8 @@ from sim2real.blind import Drawn, Key, build_stage, draw_base, draw_demands, rec
 from sim2real.diagnosis import Examination, diagnose, examine
 from sim2real.fitting import STEP, AxisModel, Term, coordinates, from_coordinates
 from sim2real.gap import Measured
-from stagectl.config.machine_file import load_machine, parse_machine
-from stagectl.config.package_settings import stage_settings
+from stagectl.config.machine.file import load_machine, parse_machine
+from stagectl.config.settings.package_settings import stage_settings
 from stagectl.store import read_recording
 from stagedata import Recording
 

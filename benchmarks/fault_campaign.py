@@ -42,7 +42,7 @@ from hil_sim.bus import faults as f
 from hil_sim.cia402 import State
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
-from stagectl.config.machine_file import load_machine
+from stagectl.config.machine.file import load_machine
 from stagectl.recipe import Recipe, parse_recipe
 from stagectl.run import Listener, RunRequest, RunResult, execute
 from stagectl.sequencer import Mode, make_compensation

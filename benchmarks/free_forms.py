@@ -19,8 +19,8 @@ from hil_sim.effects.library import library
 from sim2real.attribution import fit_friction_profile
 from sim2real.blind import Setup, draw_trial
 from sim2real.diagnosis import examine
-from stagectl.config.machine_file import load_machine
-from stagectl.config.package_settings import stage_settings
+from stagectl.config.machine.file import load_machine
+from stagectl.config.settings.package_settings import stage_settings
 
 
 def main() -> None:

@@ -50,8 +50,8 @@ from hil_sim.cia402 import State
 from hil_sim.stage import VirtualStage
 from stagectl.config.fault_plan import parse_faults
 from stagectl.config.machine import Machine
-from stagectl.config.machine_file import load_machine, parse_machine
-from stagectl.config.package_settings import driver_settings, stage_settings
+from stagectl.config.machine.file import load_machine, parse_machine
+from stagectl.config.settings.package_settings import driver_settings, stage_settings
 from stagectl.errors import ConfigError, StagectlError
 from stagectl.recipe import parse_recipe
 from stagectl.store import (

@@ -30,7 +30,7 @@ from typing import Literal
 from machine_facts import machine_facts
 
 from stagectl.calibration import DueSection, due_sites
-from stagectl.config.machine_file import load_machine
+from stagectl.config.machine.file import load_machine
 from stagectl.history import EstimateRecord, History, RunEntry, StageKey, open_history
 from stagectl.maps import build_map, load_active, to_json
 

@@ -22,7 +22,7 @@ from run_figures import RECIPE, Case, run
 
 from estimation.friction import F64
 from estimation.trajectory import Trajectory
-from stagectl.config.machine_file import load_machine
+from stagectl.config.machine.file import load_machine
 from stagectl.recipe import load_recipe
 from stagectl.sequencer import TAKE_OVER, AxisCompensation, Mode
 

@@ -28,9 +28,9 @@ from typing import Any
 import yaml
 
 from hil_sim.effects.library import library, possible_on
-from stagectl.config.machine_file import load_machine
-from stagectl.config.package_settings import stage_settings
-from stagectl.config.plausible import RANGES
+from stagectl.config.machine.file import load_machine
+from stagectl.config.machine.plausible import RANGES
+from stagectl.config.settings.package_settings import stage_settings
 from stagectl.store import read_recording
 
 VALUES: tuple[object, ...] = (

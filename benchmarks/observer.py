@@ -42,8 +42,8 @@ from hil_sim.effects.library import library, possible_on
 from hil_sim.settings import AxisSettings
 from stagectl.config.fault_plan import parse_faults
 from stagectl.config.machine import Effect, Machine
-from stagectl.config.machine_file import load_machine
-from stagectl.config.package_settings import stage_settings
+from stagectl.config.machine.file import load_machine
+from stagectl.config.settings.package_settings import stage_settings
 from stagectl.recipe import load_recipe
 from stagectl.run import Listener, RunRequest, execute
 from stagectl.sequencer import Mode

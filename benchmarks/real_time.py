@@ -22,8 +22,8 @@ import numpy as np
 
 from drivers.settings import BusSettings, RealTimeSettings
 from drivers.stage import Stage
-from stagectl.config.machine_file import load_machine
-from stagectl.config.package_settings import driver_settings
+from stagectl.config.machine.file import load_machine
+from stagectl.config.settings.package_settings import driver_settings
 
 SERVER = Path(__file__).parents[1] / "tests" / "hil" / "serve.py"
 

@@ -26,9 +26,9 @@ from hil_sim.effects.library import own_effects, possible_on
 from hil_sim.settings import AxisSettings
 from sim2real.diagnosis import diagnose, examine
 from stagectl.config.machine import Machine
-from stagectl.config.machine_file import load_machine, parse_machine
-from stagectl.config.package_settings import stage_settings
-from stagectl.config.twin import render_twin
+from stagectl.config.machine.file import load_machine, parse_machine
+from stagectl.config.machine.twin import render_twin
+from stagectl.config.settings.package_settings import stage_settings
 from stagectl.recipe import Recipe, load_recipe
 from stagectl.sequencer import Mode
 

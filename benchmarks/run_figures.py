@@ -21,7 +21,7 @@ import numpy as np
 from machine_facts import machine_facts
 
 from stagectl.config.machine import Machine
-from stagectl.config.machine_file import load_machine
+from stagectl.config.machine.file import load_machine
 from stagectl.recipe import Recipe, load_recipe
 from stagectl.run import Listener, RunRequest, RunResult, execute
 from stagectl.sequencer import Mode

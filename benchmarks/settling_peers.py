@@ -39,8 +39,8 @@ from estimation.friction import mass_feedforward
 from estimation.move import MoveData
 from estimation.trajectory import Trajectory
 from stagectl.config.machine import Machine
-from stagectl.config.machine_file import load_machine
-from stagectl.config.observer import design_observers
+from stagectl.config.machine.file import load_machine
+from stagectl.config.settings.observer import design_observers
 from stagectl.recipe import Recipe, parse_recipe
 from stagectl.run import Listener, RunRequest, execute
 from stagectl.sequencer import AxisCompensation, Mode, make_compensation, summarise_moves

@@ -44,8 +44,8 @@ from estimation.trajectory import Limits
 from hil_sim.bus import World
 from hil_sim.stage import VirtualStage
 from stagectl.calibration import load_calibration
-from stagectl.config.machine_file import load_machine
-from stagectl.config.package_settings import driver_settings, stage_settings
+from stagectl.config.machine.file import load_machine
+from stagectl.config.settings.package_settings import driver_settings, stage_settings
 from stagectl.history import RunEntry, StageKey, open_history
 from stagectl.maps import build_map, load_active, to_json
 from stagectl.recipe import Recipe, load_recipe, make_fiducial, plan

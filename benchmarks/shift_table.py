@@ -12,7 +12,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from hil_sim.effects.friction_map import field_factor
 from stagectl.config.machine import Machine
-from stagectl.config.machine_file import parse_machine
+from stagectl.config.machine.file import parse_machine
 from stagectl.sequencer import Expectation
 
 F64 = NDArray[np.float64]

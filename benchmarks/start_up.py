@@ -43,7 +43,7 @@ MOVES = """
 import gc, tempfile, time
 from datetime import UTC, datetime
 from pathlib import Path
-from stagectl.config.machine_file import load_machine
+from stagectl.config import load_machine
 from stagectl.recipe import load_recipe
 from stagectl.run import Listener, RunRequest, execute
 from stagectl.sequencer import Mode

@@ -24,7 +24,7 @@ from machine_facts import machine_facts
 from estimation.friction import breakaway_travel
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
-from stagectl.config.machine_file import load_machine, parse_machine
+from stagectl.config.machine.file import load_machine, parse_machine
 from stagectl.recipe import parse_recipe
 from stagectl.run import Listener, RunRequest, execute
 from stagectl.sequencer import Event, FrictionUpdated, Mode

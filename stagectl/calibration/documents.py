@@ -14,7 +14,7 @@ from stagectl.calibration.outcome import site_outcomes, visited_sites
 from stagectl.calibration.recorded import read_calibration
 from stagectl.calibration.report import CalibrationReport, write_calibration_report
 from stagectl.calibration.sites import recorded_sequence
-from stagectl.config.machine_file import parse_machine
+from stagectl.config.machine.file import parse_machine
 from stagectl.history import StageKey
 from stagectl.report import friction_map_used
 from stagectl.run import document_paths, is_calibration, rewrite_documents

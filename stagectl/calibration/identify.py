@@ -16,8 +16,8 @@ from estimation.move import MoveData
 from estimation.noise import encoder_noise, quantisation
 from estimation.offline import Identification, OfflineSettings, Samples, identify
 from estimation.sampled_force import kink_share, with_mean_force
-from stagectl.config.host_model import kink_delay
 from stagectl.config.machine import Axis, Machine
+from stagectl.config.settings.host_model import kink_delay
 from stagectl.errors import UnusableInput
 from stagedata import FrictionFigures, Recording
 

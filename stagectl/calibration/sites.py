@@ -12,9 +12,9 @@ from pydantic import Field, StrictInt
 
 from stagectl.calibration.sequence import REACH, SiteSequence, choose_sequence
 from stagectl.config.machine import Label, Machine
-from stagectl.config.units import PositiveLength, PositiveNumber, PositiveTime
-from stagectl.config.validation import Section, validate
-from stagectl.config.yaml_nodes import load_document, parse_document
+from stagectl.config.parsing.units import PositiveLength, PositiveNumber, PositiveTime
+from stagectl.config.parsing.validation import Section, validate
+from stagectl.config.parsing.yaml_nodes import load_document, parse_document
 from stagectl.errors import ConfigError
 from stagectl.recipe import (
     MAX_SITES,

@@ -12,7 +12,7 @@ from stagectl.cli.options import NumberRange
 if TYPE_CHECKING:
     from drivers.settings import AxisSettings
     from drivers.stage import Stage
-    from stagectl.config.units import Dimension
+    from stagectl.config.parsing.units import Dimension
 
 _JOG_VELOCITY = 10e-3
 _JOG_ACCELERATION = 1.0
@@ -31,7 +31,7 @@ class Quantity(click.ParamType[float]):
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
         """The value in SI units."""
-        from stagectl.config import units
+        from stagectl.config.parsing import units
 
         if isinstance(value, float):
             return value

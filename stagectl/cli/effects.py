@@ -27,7 +27,7 @@ def command(names: tuple[str, ...], json_out: Path | None, markdown: bool) -> No
     pitch: 0.03, phase: 0}]. Effects of installed plug-ins are included.
     """
     from hil_sim.effects.library import EffectError, library
-    from stagectl.config.validation import suggest
+    from stagectl.config.parsing.validation import suggest
     from stagectl.errors import UnusableInput
 
     try:

@@ -182,7 +182,7 @@ def _similarity(found: Diagnosis) -> dict[str, Pairs]:
 
 def _write_twin(path: Path, machine: Machine, found: Diagnosis, examined: StageSettings) -> None:
     """Write the twin: causes with the figures fitted beside them, and what none explains."""
-    from stagectl.config.twin import render_twin
+    from stagectl.config.machine.twin import render_twin
 
     effects: dict[str, list[tuple[str, dict[str, Value]]]] = {}
     plant = {axis: dict(figures) for axis, figures in found.plant.items()}

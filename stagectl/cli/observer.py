@@ -38,7 +38,7 @@ def command(machine: Path | None, friction_scale: float, json_out: Path | None) 
     loops are a cascade.
     """
     from stagectl.config import load_machine
-    from stagectl.config.observer import design_observers
+    from stagectl.config.settings.observer import design_observers
 
     stage = load_machine(machine)
     designs = design_observers(

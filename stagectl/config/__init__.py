@@ -2,8 +2,8 @@
 
 from stagectl.config.history_address import is_server, without_password
 from stagectl.config.machine import Axis, Drive, Machine
-from stagectl.config.machine_file import load_machine, parse_machine
-from stagectl.config.package_settings import driver_settings, eds_path, stage_settings
+from stagectl.config.machine.file import load_machine, parse_machine
+from stagectl.config.settings.package_settings import driver_settings, eds_path, stage_settings
 
 __all__ = [
     "Axis",

@@ -36,8 +36,8 @@ from stagectl.config.faults import (
     Window,
 )
 from stagectl.config.machine import Machine
-from stagectl.config.validation import sort_problems, suggest, validate
-from stagectl.config.yaml_nodes import Document, load_document, parse_document
+from stagectl.config.parsing.validation import sort_problems, suggest, validate
+from stagectl.config.parsing.yaml_nodes import Document, load_document, parse_document
 from stagectl.errors import ConfigError
 
 if TYPE_CHECKING:

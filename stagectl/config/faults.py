@@ -12,9 +12,9 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, StrictInt
 
 from drivers.settings import HOST_NODE
-from stagectl.config.units import Length, NotNegativeTime, Number, PositiveTime
-from stagectl.config.validation import Section, refusal, suggest
-from stagectl.config.yaml_nodes import describe_value
+from stagectl.config.parsing.units import Length, NotNegativeTime, Number, PositiveTime
+from stagectl.config.parsing.validation import Section, refusal, suggest
+from stagectl.config.parsing.yaml_nodes import describe_value
 
 OF_HOST = {"nmt": 0x000, "sync": 0x080, "host_heartbeat": 0x700 + HOST_NODE}
 TO_NODE = {"rpdo1": 0x200, "rpdo2": 0x300, "rpdo3": 0x400, "rpdo4": 0x500, "sdo_request": 0x600}

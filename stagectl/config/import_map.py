@@ -10,10 +10,10 @@ from typing import Annotated
 from pydantic import Field, StrictBool, StrictInt
 
 from stagectl.config.machine import Axis, AxisName, Machine, Name
-from stagectl.config.machine_file import load_machine
-from stagectl.config.units import NotNegativeTime, Number
-from stagectl.config.validation import Section, validate
-from stagectl.config.yaml_nodes import load_document
+from stagectl.config.machine.file import load_machine
+from stagectl.config.parsing.units import NotNegativeTime, Number
+from stagectl.config.parsing.validation import Section, validate
+from stagectl.config.parsing.yaml_nodes import load_document
 from stagectl.errors import ConfigError
 
 UNITS = {

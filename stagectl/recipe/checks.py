@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from stagectl.config import Axis, Machine
-from stagectl.config.yaml_nodes import Document
+from stagectl.config.parsing.yaml_nodes import Document
 from stagectl.errors import ConfigError
 from stagectl.recipe import schema
 from stagectl.recipe.model import Profile

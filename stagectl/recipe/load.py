@@ -9,8 +9,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from stagectl.config import Machine
-from stagectl.config.validation import sort_problems, validate
-from stagectl.config.yaml_nodes import Document, load_document, parse_document
+from stagectl.config.parsing.validation import sort_problems, validate
+from stagectl.config.parsing.yaml_nodes import Document, load_document, parse_document
 from stagectl.errors import ConfigError
 from stagectl.recipe import schema
 from stagectl.recipe.checks import Check

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from stagectl.config.validation import suggest
+from stagectl.config.parsing.validation import suggest
 from stagectl.recipe import schema
 from stagectl.recipe.checks import Check, Location, why_outside
 from stagectl.recipe.model import (

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Discriminator, Field, StrictInt, StringConstraints, Tag
 
 from stagectl.config.machine import Label, LengthPair, Name
-from stagectl.config.units import (
+from stagectl.config.parsing.units import (
     NotNegativeLength,
     NotNegativeTime,
     PositiveAcceleration,
@@ -20,7 +20,7 @@ from stagectl.config.units import (
     PositiveTime,
     PositiveVelocity,
 )
-from stagectl.config.validation import Section, refusal
+from stagectl.config.parsing.validation import Section, refusal
 
 
 def _no_path(name: str) -> str:

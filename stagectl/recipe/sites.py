@@ -7,7 +7,7 @@ from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 
-from stagectl.config.validation import suggest
+from stagectl.config.parsing.validation import suggest
 from stagectl.errors import ConfigError
 from stagectl.recipe import schema
 from stagectl.recipe.checks import Check, Location, why_outside

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from stagectl.config.units import LENGTH, parse_quantity
-from stagectl.config.validation import suggest
-from stagectl.config.yaml_nodes import Mark, describe_value, format_problem, read_text
+from stagectl.config.parsing.units import LENGTH, parse_quantity
+from stagectl.config.parsing.validation import suggest
+from stagectl.config.parsing.yaml_nodes import Mark, describe_value, format_problem, read_text
 from stagectl.errors import ConfigError
 from stagectl.plain_text import one_line
 from stagectl.recipe.model import Pair

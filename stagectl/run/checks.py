@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import can
 
-from stagectl.config.package_settings import driver_settings, stage_settings
+from stagectl.config.settings.package_settings import driver_settings, stage_settings
 from stagectl.errors import UnusableInput
 from stagectl.history import History, StageKey, Thermometer, open_existing, plugin_thermometer
 from stagectl.recipe import Fiducial, make_fiducial
@@ -25,7 +25,7 @@ from stagectl.store import refuse_in_progress
 if TYPE_CHECKING:
     from drivers.settings import AxisSettings, BusSettings
     from hil_sim.settings import StageSettings
-    from stagectl.config.known_effects import KnownEffect
+    from stagectl.config.settings.known_effects import KnownEffect
     from stagectl.maps import ActiveMap
 
 
@@ -153,7 +153,7 @@ def _check_effects(request: RunRequest, mapped: bool) -> tuple[KnownEffect, ...]
         machines.append(request.truth)
     if not any(axis.effects for machine in machines for axis in machine.axes.values()):
         return ()  # the usual case, without loading what knows effects
-    from stagectl.config.known_effects import known_effects, known_terms
+    from stagectl.config.settings.known_effects import known_effects, known_terms
 
     compensating = request.mode is not Mode.NONE
     if compensating:

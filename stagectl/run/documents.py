@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.config.machine import Machine
-from stagectl.config.machine_file import parse_machine
+from stagectl.config.machine.file import parse_machine
 from stagectl.errors import UnusableInput
 from stagectl.report import write_report
 from stagectl.run.summarise import run_note, summarise

@@ -17,7 +17,7 @@ import numpy as np
 from estimation.observer import Design
 from hil_sim.bus import InjectedFault
 from stagectl.config import without_password
-from stagectl.config.known_effects import KnownEffect
+from stagectl.config.settings.known_effects import KnownEffect
 from stagectl.errors import Aborted, StagectlError
 from stagectl.history import (
     EstimateRecord,

@@ -23,7 +23,7 @@ from estimation.observer import Design, StageObserver
 from estimation.trajectory import Limits
 from hil_sim.bus import InjectedFault, World
 from hil_sim.stage import VirtualStage
-from stagectl.config.observer import design_observers, make_observer
+from stagectl.config.settings.observer import design_observers, make_observer
 from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError, UnusableInput
 from stagectl.history import open_history, stage_temperature
 from stagectl.maps import ActiveMap, sites_outside

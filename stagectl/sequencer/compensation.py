@@ -34,9 +34,9 @@ from estimation.move import MoveData
 from estimation.online import Estimate, SplitHorizonEstimator
 from estimation.sampled_force import kink_share, with_mean_force
 from estimation.trajectory import Limits, Trajectory, plan
-from stagectl.config.host_model import estimator_settings, kink_delay
-from stagectl.config.known_effects import axis_as_known, known_terms
 from stagectl.config.machine import Axis, Machine
+from stagectl.config.settings.host_model import estimator_settings, kink_delay
+from stagectl.config.settings.known_effects import axis_as_known, known_terms
 from stagectl.sequencer.known_axis import KnownAxis
 from stagectl.sequencer.mode import Figures, Mode
 from stagedata import FrictionFigures

@@ -36,7 +36,7 @@ from drivers.cyclic import RealTime
 from drivers.settings import AxisSettings, BusSettings, RealTimeSettings
 from drivers.stage import Stage
 from stagectl.config.machine import Machine
-from stagectl.config.package_settings import driver_settings, stage_settings
+from stagectl.config.settings.package_settings import driver_settings, stage_settings
 from stagedata import Samples
 from tests.multicast import require_multicast
 

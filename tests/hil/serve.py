@@ -17,8 +17,8 @@ from drivers.cyclic import RealTime
 from drivers.settings import RealTimeSettings
 from hil_sim.bus import serve
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine_file import load_machine
-from stagectl.config.package_settings import stage_settings
+from stagectl.config.machine.file import load_machine
+from stagectl.config.settings.package_settings import stage_settings
 
 
 def _wait_for_end(stop: threading.Event) -> None:

@@ -16,8 +16,8 @@ from drivers.stage import Stage
 from hil_sim.bus import World
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
-from stagectl.config.machine_file import parse_machine
-from stagectl.config.package_settings import driver_settings, stage_settings
+from stagectl.config.machine.file import parse_machine
+from stagectl.config.settings.package_settings import driver_settings, stage_settings
 
 _names = itertools.count()
 

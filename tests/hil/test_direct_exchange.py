@@ -14,8 +14,8 @@ from drivers.stage import Stage
 from hil_sim.bus import FaultyWorld, LockstepBus, World
 from hil_sim.bus import faults as f
 from hil_sim.stage import VirtualStage
-from stagectl.config.observer import design_observers, make_observer
-from stagectl.config.package_settings import driver_settings, stage_settings
+from stagectl.config.settings.observer import design_observers, make_observer
+from stagectl.config.settings.package_settings import driver_settings, stage_settings
 from stagectl.sequencer import ObservedOffsets
 
 NAMES = (f"direct-{n}" for n in itertools.count())

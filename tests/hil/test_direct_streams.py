@@ -17,7 +17,7 @@ from hil_sim.bus import World
 from hil_sim.cia301 import key
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
-from stagectl.config.package_settings import driver_settings, stage_settings
+from stagectl.config.settings.package_settings import driver_settings, stage_settings
 
 _names = itertools.count()
 PERIOD = 1e-3

@@ -20,8 +20,8 @@ from hil_sim.cia402 import State
 from hil_sim.drive import Drive
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
-from stagectl.config.machine_file import parse_machine
-from stagectl.config.package_settings import driver_settings, stage_settings
+from stagectl.config.machine.file import parse_machine
+from stagectl.config.settings.package_settings import driver_settings, stage_settings
 from tests.hil.test_configuration import dcf, held, open_stage
 
 READ_ONLY, TOO_HIGH, GENERAL = 0x06010002, 0x06090031, 0x08000000

@@ -21,7 +21,7 @@ import can
 import pytest
 import yaml
 
-from stagectl.config.machine_file import load_machine
+from stagectl.config.machine.file import load_machine
 from stagectl.store import read_recording, recover_left_over
 from tests.multicast import require_multicast
 

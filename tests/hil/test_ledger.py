@@ -17,7 +17,7 @@ from hil_sim.bus import FaultyWorld
 from hil_sim.bus import faults as f
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
-from stagectl.config.package_settings import driver_settings, stage_settings
+from stagectl.config.settings.package_settings import driver_settings, stage_settings
 
 _names = (f"ledger-{n}" for n in itertools.count())
 

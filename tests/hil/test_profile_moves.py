@@ -16,7 +16,7 @@ from drivers.stage import Stage
 from hil_sim.bus import World
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
-from stagectl.config.package_settings import driver_settings, stage_settings
+from stagectl.config.settings.package_settings import driver_settings, stage_settings
 
 _names = itertools.count()
 Frame = tuple[int, int, bytes]

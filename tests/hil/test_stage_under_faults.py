@@ -14,7 +14,7 @@ from hil_sim.bus import FaultyWorld, World
 from hil_sim.bus import faults as f
 from hil_sim.cia402 import State
 from hil_sim.stage import VirtualStage
-from stagectl.config.package_settings import driver_settings, stage_settings
+from stagectl.config.settings.package_settings import driver_settings, stage_settings
 
 _names = (f"under-faults-{n}" for n in itertools.count())
 RPDO_Y = f.Frames(frozenset({0x202}), "host", after=1.0)

@@ -23,8 +23,8 @@ from canopen.sdo import SdoClient
 from hil_sim.bus import serve
 from hil_sim.cia301 import EDS_PATH
 from hil_sim.stage import VirtualStage
-from stagectl.config.machine_file import load_machine
-from stagectl.config.package_settings import stage_settings
+from stagectl.config.machine.file import load_machine
+from stagectl.config.settings.package_settings import stage_settings
 
 SCRIPTS = Path(sysconfig.get_path("scripts"))
 PERIOD = 0.01

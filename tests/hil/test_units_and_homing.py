@@ -14,8 +14,8 @@ from hil_sim.bus import FaultyWorld
 from hil_sim.bus import faults as f
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
-from stagectl.config.machine_file import parse_machine
-from stagectl.config.package_settings import driver_settings, stage_settings
+from stagectl.config.machine.file import parse_machine
+from stagectl.config.settings.package_settings import driver_settings, stage_settings
 
 _names = (f"units-{n}" for n in itertools.count())
 TPDO_X = frozenset({0x181})

@@ -19,8 +19,8 @@ from hil_sim.cia301 import Dictionary, key
 from hil_sim.cia402 import State
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
-from stagectl.config.machine_file import parse_machine
-from stagectl.config.package_settings import driver_settings, stage_settings
+from stagectl.config.machine.file import parse_machine
+from stagectl.config.settings.package_settings import driver_settings, stage_settings
 
 _names = (f"unwatched-{n}" for n in itertools.count())
 

@@ -14,7 +14,7 @@ import pytest
 from drivers.stage import Stage
 from hil_sim.bus import LockstepBus, World
 from hil_sim.stage import VirtualStage
-from stagectl.config.package_settings import driver_settings, stage_settings
+from stagectl.config.settings.package_settings import driver_settings, stage_settings
 
 
 def test_virtual_stage_is_ready_to_stream(virtual_stage: Stage, hold: Any) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from hil_sim.bus import FaultPlan
 from stagectl.config.machine import Machine
-from stagectl.config.machine_file import load_machine, parse_machine
+from stagectl.config.machine.file import load_machine, parse_machine
 from stagectl.recipe import load_recipe
 from stagectl.run import Listener, RunRequest, RunResult, execute
 from stagectl.sequencer import Mode

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 from stagectl.calibration import load_calibration
 from stagectl.cli import cli
-from stagectl.config.machine_file import load_machine
+from stagectl.config.machine.file import load_machine
 from stagectl.errors import StagectlError
 from stagectl.history import StageKey, open_history
 from stagectl.maps import map_versions

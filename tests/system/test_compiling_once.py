@@ -15,7 +15,7 @@ PROGRAM = """
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
-from stagectl.config.machine_file import load_machine
+from stagectl.config import load_machine
 from stagectl.recipe import load_recipe
 from stagectl.run import Listener, RunRequest, execute
 from stagectl.sequencer import Mode

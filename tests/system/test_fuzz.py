@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from stagectl.config.fault_plan import parse_faults
-from stagectl.config.machine_file import parse_machine
+from stagectl.config.machine.file import parse_machine
 from stagectl.errors import UnusableInput
 from stagectl.recipe import parse_recipe
 from stagectl.store import (

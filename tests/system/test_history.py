@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from stagectl.config.machine_file import parse_machine
+from stagectl.config.machine.file import parse_machine
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.history import StageKey, file_unfiled_runs, open_history, runs_in
 from stagectl.recipe import parse_recipe

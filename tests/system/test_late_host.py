@@ -9,7 +9,7 @@ import pytest
 
 from hil_sim.bus import LockstepBus, World
 from hil_sim.stage import VirtualStage
-from stagectl.config.package_settings import stage_settings
+from stagectl.config.settings.package_settings import stage_settings
 from stagectl.recipe import make_fiducial, parse_recipe
 from stagectl.run import Listener, RunRequest, Substitutes, execute
 from stagectl.sequencer import Mode

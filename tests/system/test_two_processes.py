@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from stagectl.config.machine_file import load_machine
+from stagectl.config.machine.file import load_machine
 from stagectl.store import read_recording
 from tests.system.short_recipe import short_recipe
 

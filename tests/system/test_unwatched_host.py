@@ -5,7 +5,7 @@ from click.testing import CliRunner
 
 from hil_sim.cia301 import EDS_PATH
 from stagectl.cli import cli
-from stagectl.config.machine_file import load_machine
+from stagectl.config.machine.file import load_machine
 from stagectl.errors import RunFault
 from stagectl.store import read_notes
 from tests.system.short_recipe import short_recipe

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from stagectl.config.machine import Machine
-from stagectl.config.machine_file import parse_machine
+from stagectl.config.machine.file import parse_machine
 from stagectl.errors import UnusableInput
 from stagectl.maps import restore_snapshot
 from stagectl.recipe import Pair, parse_recipe

@@ -15,8 +15,8 @@ from sim2real.blind import VARIANTS
 from sim2real.fitting import NUISANCES, AxisModel, AxisProblem, Term
 from sim2real.gap import prepare_replay
 from sim2real.tracking import Tracker
-from stagectl.config.machine_file import parse_machine
-from stagectl.config.package_settings import stage_settings
+from stagectl.config.machine.file import parse_machine
+from stagectl.config.settings.package_settings import stage_settings
 from stagectl.store import read_recording
 from stagedata import Recording
 

@@ -15,8 +15,8 @@ from drivers.canopen import Network
 from hil_sim.bus import World
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
-from stagectl.config.machine_file import load_machine
-from stagectl.config.package_settings import stage_settings
+from stagectl.config.machine.file import load_machine
+from stagectl.config.settings.package_settings import stage_settings
 
 _names = itertools.count()
 

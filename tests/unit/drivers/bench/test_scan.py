@@ -5,7 +5,7 @@ from __future__ import annotations
 from drivers.bench import scan
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine import Machine
-from stagectl.config.package_settings import stage_settings
+from stagectl.config.settings.package_settings import stage_settings
 from tests.unit.drivers.bench.conftest import network, world_of
 
 

@@ -67,7 +67,7 @@ def test_the_loop_follows_and_the_integral_leaves_nothing():
 
 
 def test_a_machine_file_has_one_of_pid_and_cascade():
-    from stagectl.config.machine_file import parse_machine
+    from stagectl.config.machine.file import parse_machine
     from stagectl.errors import ConfigError
 
     text = load_machine().text

@@ -13,8 +13,8 @@ from sim2real.blind import (
     draw_demands,
     moves,
 )
-from stagectl.config.machine_file import load_machine
-from stagectl.config.package_settings import stage_settings
+from stagectl.config.machine.file import load_machine
+from stagectl.config.settings.package_settings import stage_settings
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from hil_sim.settings import StageSettings
 from sim2real.experiment import propose_experiment
 from sim2real.fitting import NUISANCES, AxisModel, Term
 from sim2real.gap import compare_with_model
-from stagectl.config.machine_file import load_machine
+from stagectl.config.machine.file import load_machine
 from stagectl.recipe import load_recipe
 from stagedata import Recording
 

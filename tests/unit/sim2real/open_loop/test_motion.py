@@ -7,7 +7,7 @@ import pytest
 
 from sim2real.open_loop import measure_motion
 from stagectl.config.import_map import load_map
-from stagectl.config.package_settings import stage_settings
+from stagectl.config.settings.package_settings import stage_settings
 from stagectl.store import import_recording
 from tests.unit.sim2real.other_machines import ROBOT, TOOL
 

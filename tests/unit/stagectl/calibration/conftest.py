@@ -3,7 +3,7 @@
 import pytest
 
 from stagectl.calibration import SiteSequence
-from stagectl.config.machine_file import load_machine
+from stagectl.config.machine.file import load_machine
 from stagectl.recipe import Excursion, Profile
 
 

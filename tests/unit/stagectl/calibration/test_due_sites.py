@@ -6,7 +6,7 @@ import pytest
 
 from stagectl.calibration import DueSection, due_sites
 from stagectl.calibration.sites import DAY
-from stagectl.config.machine_file import load_machine
+from stagectl.config.machine.file import load_machine
 from stagectl.history import EstimateRecord, RunEntry, StepRecord, Wear, open_history
 from stagectl.maps import load_active
 from tests.unit.stagectl.calls import count_calls

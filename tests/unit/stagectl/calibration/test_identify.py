@@ -16,7 +16,7 @@ from hil_sim.settings import SUBSTEPS
 from stagectl.calibration import identify_axis, identify_pieces
 from stagectl.cli.identify import command
 from stagectl.config import stage_settings
-from stagectl.config.machine_file import load_machine
+from stagectl.config.machine.file import load_machine
 from stagectl.errors import UnusableInput
 from stagectl.recipe import load_recipe
 from stagectl.run import Listener, RunRequest, execute

@@ -10,7 +10,7 @@ from hil_sim.bus import faults as f
 from stagectl.config import faults, load_machine
 from stagectl.config.fault_plan import parse_faults
 from stagectl.config.faults import FRAME_NAMES
-from stagectl.config.validation import Section
+from stagectl.config.parsing.validation import Section
 from stagectl.errors import ConfigError
 
 

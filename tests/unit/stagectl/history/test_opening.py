@@ -1,6 +1,6 @@
 """Which history a run uses: by option, machine file and folder."""
 
-from stagectl.config.machine_file import load_machine, parse_machine
+from stagectl.config.machine.file import load_machine, parse_machine
 from stagectl.history import default_history
 
 

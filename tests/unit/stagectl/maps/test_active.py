@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from stagectl.config.machine_file import load_machine
+from stagectl.config.machine.file import load_machine
 from stagectl.history import EstimateRecord, RunEntry
 from stagectl.maps import load_active, map_versions
 from stagectl.maps.active import REPLAYED

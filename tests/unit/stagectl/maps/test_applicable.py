@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from stagectl.config.machine_file import load_machine
+from stagectl.config.machine.file import load_machine
 from stagectl.history import StageKey
 from stagectl.maps import MapVersion, outdated, problems, sites_outside
 from tests.unit.stagectl.maps.conftest import BEGIN, GRID, calibrate, keep

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stagectl.config.machine_file import load_machine
+from stagectl.config.machine.file import load_machine
 from stagectl.maps import TrackedPlaces, load_active
 from tests.unit.stagectl.calls import count_calls
 from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, estimate, keep, level

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from stagectl.config.machine_file import load_machine
+from stagectl.config.machine.file import load_machine
 from stagectl.errors import UnusableInput
 from stagectl.maps import load_active, restore_snapshot, take_snapshot
 from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, estimate, keep, level

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stagectl.config.machine_file import load_machine
-from stagectl.config.observer import design_observers, make_observer
+from stagectl.config.machine.file import load_machine
+from stagectl.config.settings.observer import design_observers, make_observer
 from stagectl.sequencer import ObservedOffsets
 
 

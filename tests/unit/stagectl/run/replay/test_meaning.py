@@ -4,7 +4,7 @@ import struct
 
 import pytest
 
-from stagectl.config.machine_file import load_machine
+from stagectl.config.machine.file import load_machine
 from stagectl.run.replay import frame_meaning
 
 

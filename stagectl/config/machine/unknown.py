@@ -13,8 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from stagectl.config.machine import Axis, Machine, Pid
-from stagectl.config.yaml_nodes import Document
+from stagectl.config.machine.model import Axis, Machine, Pid
+from stagectl.config.parsing.yaml_nodes import Document
 
 UNKNOWN = "unknown"
 GAINS = "gains"

@@ -6,12 +6,12 @@ import math
 from typing import TYPE_CHECKING, Protocol
 
 from drivers.settings import HOST_NODE
-from stagectl.config.plausible import find_contradictions, find_implausible
-from stagectl.config.yaml_nodes import Document
+from stagectl.config.machine.plausible import find_contradictions, find_implausible
+from stagectl.config.parsing.yaml_nodes import Document
 from stagedata import LAWS
 
 if TYPE_CHECKING:
-    from stagectl.config.machine import Axis, Bus, Drive, Friction, Machine
+    from stagectl.config.machine.model import Axis, Bus, Drive, Friction, Machine
 
 POSITION_RANGE = 2**31
 """CiA 402 positions and velocities are INTEGER32: fewer units than this."""

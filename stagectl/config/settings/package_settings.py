@@ -56,7 +56,7 @@ def stage_settings(machine: Machine) -> hil_sim.settings.StageSettings:
             )
         )
     if any(axis.effects for axis in machine.axes.values()):
-        from stagectl.config.effects import add_effects
+        from stagectl.config.settings.effects import add_effects
 
         axes = add_effects(machine, axes)
     return settings.StageSettings(sync_period=machine.bus.sync_period, axes=tuple(axes))

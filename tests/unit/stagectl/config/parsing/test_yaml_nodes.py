@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stagectl.config.yaml_nodes import load_document, parse_document
+from stagectl.config.parsing.yaml_nodes import load_document, parse_document
 from stagectl.errors import ConfigError
 
 NASTY = "{}[]:,&*!|>'\"%@`#-? \t\n0\x00\u00e9"

@@ -19,7 +19,7 @@ from annotated_types import Ge, Gt
 from pydantic import BeforeValidator
 from pydantic_core import PydanticCustomError
 
-from stagectl.config.yaml_nodes import describe_value
+from stagectl.config.parsing.yaml_nodes import describe_value
 from stagectl.plain_text import one_line
 
 Exponents = tuple[int, int, int]  # of metre, kilogram, second

@@ -1,7 +1,7 @@
 """Plausible machine parameters: each within a range, and together a machine that can move.
 
 The ranges are wide, some decades beyond any stage ever built: mistaken units are found by their
-dimension, and the ranges of a drive's integers are in `stagectl.config.machine_checks`. Together,
+dimension, and the ranges of a drive's integers are in `stagectl.config.machine.checks`. Together,
 the drive must have the force to move and to stop the axis, and each length must be within the next
 larger one, so that no threshold is always or never exceeded.
 """
@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from stagectl.config.machine import Axis
+    from stagectl.config.machine.model import Axis
 
 RANGES: dict[str, tuple[float, float, str]] = {
     "limits.jerk": (1e-9, 1e15, "m/s^3"),

@@ -6,11 +6,11 @@ from importlib import resources
 from pathlib import Path
 
 from stagectl.config.history_address import is_server, without_password
-from stagectl.config.machine import Machine
-from stagectl.config.machine_checks import check_machine
-from stagectl.config.unknown import fill_unknown, take_unknown
-from stagectl.config.validation import sort_problems, validate
-from stagectl.config.yaml_nodes import Document, load_document, parse_document
+from stagectl.config.machine.checks import check_machine
+from stagectl.config.machine.model import Machine
+from stagectl.config.machine.unknown import fill_unknown, take_unknown
+from stagectl.config.parsing.validation import sort_problems, validate
+from stagectl.config.parsing.yaml_nodes import Document, load_document, parse_document
 from stagectl.errors import ConfigError
 
 

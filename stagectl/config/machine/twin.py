@@ -9,8 +9,8 @@ from typing import Any
 import yaml
 
 from hil_sim.effects.effect import Value
-from stagectl.config.machine import Machine
-from stagectl.config.machine_file import parse_machine
+from stagectl.config.machine.file import parse_machine
+from stagectl.config.machine.model import Machine
 from stagectl.errors import StagectlError
 
 

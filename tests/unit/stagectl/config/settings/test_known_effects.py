@@ -7,7 +7,7 @@ import pytest
 from estimation.known_effects import KnownTerms
 from hil_sim.effects.library import own_effects
 from stagectl.config import load_machine, parse_machine, stage_settings
-from stagectl.config.known_effects import axis_as_known, known_effects, known_terms
+from stagectl.config.settings.known_effects import axis_as_known, known_effects, known_terms
 from stagectl.errors import ConfigError
 
 PACKAGE = '''

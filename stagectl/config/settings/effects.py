@@ -11,7 +11,7 @@ from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import SUBSTEPS, AxisSettings
 from stagectl.config.machine import Effect as Wanted
 from stagectl.config.machine import Machine
-from stagectl.config.validation import sort_problems, suggest
+from stagectl.config.parsing.validation import sort_problems, suggest
 from stagectl.errors import ConfigError
 from stagectl.plain_text import one_line
 

@@ -3,7 +3,7 @@
 import pytest
 
 from stagectl.config import load_machine, parse_machine, stage_settings
-from stagectl.config.twin import render_twin
+from stagectl.config.machine.twin import render_twin
 from stagectl.errors import ConfigError, StagectlError
 
 

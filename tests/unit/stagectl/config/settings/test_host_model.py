@@ -8,11 +8,7 @@ import pytest
 
 from estimation.online import FIGURES
 from stagectl.config import load_machine
-from stagectl.config.host_model import (
-    SETTLED_DRIFT,
-    estimator_settings,
-    kink_delay,
-)
+from stagectl.config.settings.host_model import SETTLED_DRIFT, estimator_settings, kink_delay
 
 
 def test_the_friction_figures_are_those_of_the_file() -> None:

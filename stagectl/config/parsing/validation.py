@@ -14,7 +14,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from stagectl.config.yaml_nodes import Document, describe_value
+from stagectl.config.parsing.yaml_nodes import Document, describe_value
 from stagectl.errors import ConfigError
 from stagectl.plain_text import one_line
 

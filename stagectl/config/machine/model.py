@@ -1,7 +1,7 @@
 """The models of a machine file: the host's model of a stage or, after `--simulate`, the plant.
 
 They have exactly the keys of docs/machine.md, in SI units. The meaning of the parameters is in
-docs/reference-stage.md; conditions between them are in `stagectl.config.machine_checks`.
+docs/reference-stage.md; conditions between them are in `stagectl.config.machine.checks`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pydantic import (
     StringConstraints,
 )
 
-from stagectl.config.units import (
+from stagectl.config.parsing.units import (
     Length,
     NotNegativeDamping,
     NotNegativeIntegralGain,
@@ -38,8 +38,8 @@ from stagectl.config.units import (
     PositiveTime,
     PositiveVelocity,
 )
-from stagectl.config.validation import Section, refusal
-from stagectl.config.yaml_nodes import Document, describe_value
+from stagectl.config.parsing.validation import Section, refusal
+from stagectl.config.parsing.yaml_nodes import Document, describe_value
 from stagedata import MAX_ELEMENTS, FrictionFigures, LawName
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=200)]
@@ -243,7 +243,7 @@ class Friction(Section):
     """Friction figures with their law, in the symbols of docs/reference-stage.md.
 
     Attributes:
-        model: name of the law; which figures it has, `stagectl.config.machine_checks` sees to.
+        model: name of the law; which figures it has, `stagectl.config.machine.checks` sees to.
         elements: N.  coulomb: Fc [N].  static_ratio: alpha = (Fs - Fc)/Fc, > -1.
         stribeck_velocity: vs [m/s].  stribeck_shape: delta.  stiffness: sigma0 [N/m].
         attraction: C [N/s].  viscous: sigma_v [N s/m].
@@ -356,7 +356,7 @@ class Machine(Section):
 
     @property
     def unknown(self) -> Mapping[str, tuple[str, ...]]:
-        """Axis -> figures that the file leaves unknown (`stagectl.config.unknown`)."""
+        """Axis -> figures that the file leaves unknown (`stagectl.config.machine.unknown`)."""
         return self._unknown
 
     @property

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stagectl.config import units
-from stagectl.config.units import Dimension, parse_quantity, parse_unit
+from stagectl.config.parsing import units
+from stagectl.config.parsing.units import Dimension, parse_quantity, parse_unit
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from hil_sim.effects import Effect
 from hil_sim.effects.library import EffectError, library
 from stagectl.config.machine import Axis, Machine
 from stagectl.config.machine import Effect as Wanted
-from stagectl.config.package_settings import stage_settings
+from stagectl.config.settings.package_settings import stage_settings
 from stagectl.errors import ConfigError
 
 

@@ -6,8 +6,8 @@ import pytest
 
 from estimation.observer import Mode
 from stagectl.config.machine import Cascade, Effect, Machine
-from stagectl.config.machine_file import load_machine
-from stagectl.config.observer import design_observers, observer_figures
+from stagectl.config.machine.file import load_machine
+from stagectl.config.settings.observer import design_observers, observer_figures
 from stagectl.errors import ConfigError
 
 

@@ -17,7 +17,7 @@ from estimation.observer import (
     design_observer,
 )
 from stagectl.config.machine import Axis, Effect, Machine
-from stagectl.config.package_settings import stage_settings
+from stagectl.config.settings.package_settings import stage_settings
 from stagedata import FrictionFigures
 
 LIMIT = 0.5

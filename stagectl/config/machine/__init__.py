@@ -1,0 +1,33 @@
+"""Machine files: `model` (what one holds), `file` (read it), `checks` and `plausible` (refuse it).
+
+`unknown` is what a file leaves open for a diagnosis to find; `twin` adds what one has found.
+"""
+
+from stagectl.config.machine.file import load_machine, parse_machine
+from stagectl.config.machine.model import (
+    Axis,
+    AxisName,
+    Cascade,
+    Drive,
+    Effect,
+    Label,
+    LengthPair,
+    Machine,
+    Name,
+)
+from stagectl.config.machine.twin import render_twin
+
+__all__ = [
+    "Axis",
+    "AxisName",
+    "Cascade",
+    "Drive",
+    "Effect",
+    "Label",
+    "LengthPair",
+    "Machine",
+    "Name",
+    "load_machine",
+    "parse_machine",
+    "render_twin",
+]
