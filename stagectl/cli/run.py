@@ -174,7 +174,7 @@ def command(
         resumed = load_interrupted(resume, loaded)
     from stagectl.history import default_history
     from stagectl.run import RunRequest
-    from stagectl.sequencer.mode import Mode
+    from stagectl.sequencer.compensation.mode import Mode
 
     request = RunRequest(
         recipe=loaded,

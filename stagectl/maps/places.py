@@ -62,7 +62,7 @@ class LevelGrid:
 
 
 class TrackedPlaces:
-    """`sequencer.places.Places` with a friction map.
+    """`sequencer.Places` with a friction map.
 
     Args:
         friction_map: active.
@@ -127,7 +127,7 @@ class TrackedPlaces:
     def expected_at(
         self, target: Sequence[float], time: float
     ) -> Sequence[Expectation | None] | None:
-        """As `sequencer.places.Places`."""
+        """As `sequencer.Places`."""
         place = (float(target[0]), float(target[1]))
         if self._place is not None and math.dist(place, self._place) <= SITE_RADIUS:
             return None
@@ -136,7 +136,7 @@ class TrackedPlaces:
         return [self._expectation(name, time) for name in self._names]
 
     def coulomb_variation(self, axis: int, path: F64) -> F64:
-        """As `sequencer.places.Places`."""
+        """As `sequencer.Places`."""
         name = self._names[axis]
         if name not in self.trackers or self._place is None:
             return np.zeros(len(path))
@@ -145,11 +145,11 @@ class TrackedPlaces:
         return result
 
     def knows_path(self, kind: str) -> bool:
-        """As `sequencer.places.Places`: the map covers every path."""
+        """As `sequencer.Places`: the map covers every path."""
         return True
 
     def learn(self, axis: int, kind: str, estimate: Estimate, time: float) -> Expectation | None:
-        """As `sequencer.places.Places`.
+        """As `sequencer.Places`.
 
         A macro-move shows the level along its path as much as at its end, so after one the site's
         own expectation stands, unless the level has stepped.

@@ -19,7 +19,7 @@ from stagectl.errors import UnusableInput
 from stagectl.history import History, StageKey, Thermometer, open_existing, plugin_thermometer
 from stagectl.recipe import Fiducial, make_fiducial
 from stagectl.run.request import RunRequest
-from stagectl.sequencer.mode import Mode
+from stagectl.sequencer.compensation.mode import Mode
 from stagectl.store import refuse_in_progress
 
 if TYPE_CHECKING:

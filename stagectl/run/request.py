@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from stagectl.config.machine import Machine
 from stagectl.errors import StagectlError
 from stagectl.recipe import Recipe, count_segments
-from stagectl.sequencer.mode import Figures, Mode
+from stagectl.sequencer.compensation.mode import Figures, Mode
 
 if TYPE_CHECKING:
     from hil_sim.bus import FaultPlan

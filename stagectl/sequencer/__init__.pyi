@@ -1,4 +1,8 @@
-from .compensation import TAKE_OVER, AxisCompensation, make_compensation
+from .compensation.axis_compensation import TAKE_OVER, AxisCompensation, make_compensation
+from .compensation.fresh_places import FreshPlaces
+from .compensation.mode import Figures, Mode
+from .compensation.observed_offsets import ObservedOffsets
+from .compensation.places import Expectation, Places
 from .engine import Engine
 from .events import (
     DriveLimited,
@@ -17,11 +21,7 @@ from .events import (
     Stopping,
     Waiting,
 )
-from .fresh_places import FreshPlaces
-from .mode import Figures, Mode
 from .mover import MovingAxis
-from .observed_offsets import ObservedOffsets
-from .places import Expectation, Places
 from .settling import (
     RESOLUTION,
     WINDOWS,

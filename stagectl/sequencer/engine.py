@@ -24,6 +24,7 @@ from stagectl.recipe import (
     MoveStep,
     SettleStep,
 )
+from stagectl.sequencer.compensation.places import Places
 from stagectl.sequencer.events import (
     Event,
     Exposed,
@@ -39,7 +40,6 @@ from stagectl.sequencer.events import (
 )
 from stagectl.sequencer.excitation import excitation_setpoints
 from stagectl.sequencer.mover import Mover, MovingAxis, StagePort
-from stagectl.sequencer.places import Places
 from stagedata import Move
 
 LEAD_IN = 0.1

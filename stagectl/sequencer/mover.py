@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 from estimation.move import MoveData
 from estimation.trajectory import Limits, Trajectory, plan, plan_stop
 from stagectl.sequencer.compensation import AxisCompensation, Learned
+from stagectl.sequencer.compensation.known_axis import REST_SAMPLES, SAMPLES_BEFORE_MOVE
+from stagectl.sequencer.compensation.path_friction import PathFriction
+from stagectl.sequencer.compensation.places import Places
 from stagectl.sequencer.following_error import check_following_error
-from stagectl.sequencer.known_axis import REST_SAMPLES, SAMPLES_BEFORE_MOVE
-from stagectl.sequencer.move_data import prepare_move_data
-from stagectl.sequencer.path_friction import PathFriction
-from stagectl.sequencer.places import Places
-from stagectl.sequencer.sample_validity import mean_force, without_late
+from stagectl.sequencer.samples.move_data import prepare_move_data
+from stagectl.sequencer.samples.sample_validity import mean_force, without_late
 from stagedata import Move, Samples
 
 F64 = NDArray[np.float64]

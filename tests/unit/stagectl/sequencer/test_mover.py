@@ -11,7 +11,7 @@ from estimation.trajectory import Limits
 from stagectl.errors import RunFault
 from stagectl.sequencer import MovingAxis
 from stagectl.sequencer.mover import Mover
-from stagectl.sequencer.sample_validity import without_late
+from stagectl.sequencer.samples.sample_validity import without_late
 from stagedata import Samples
 
 TS = 1e-3

@@ -37,8 +37,8 @@ from estimation.trajectory import Limits, Trajectory, plan
 from stagectl.config.machine import Axis, Machine
 from stagectl.config.settings.host_model import estimator_settings, kink_delay
 from stagectl.config.settings.known_effects import axis_as_known, known_terms
-from stagectl.sequencer.known_axis import KnownAxis
-from stagectl.sequencer.mode import Figures, Mode
+from stagectl.sequencer.compensation.known_axis import KnownAxis
+from stagectl.sequencer.compensation.mode import Figures, Mode
 from stagedata import FrictionFigures
 
 TAKE_OVER = 0.1

@@ -11,8 +11,8 @@ from estimation.move import MoveData
 from estimation.trajectory import Limits, plan
 from stagectl.config import load_machine, parse_machine
 from stagectl.sequencer import Mode, make_compensation
-from stagectl.sequencer.path_friction import PathFriction
-from stagectl.sequencer.places import Expectation
+from stagectl.sequencer.compensation.path_friction import PathFriction
+from stagectl.sequencer.compensation.places import Expectation
 
 TS = 1e-3
 LIMITS = Limits(0.5, 3.0, 200.0)

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from estimation.move import MoveData
 from estimation.trajectory import Trajectory
-from stagectl.sequencer.compensation import AxisCompensation, Learned
-from stagectl.sequencer.places import Places
+from stagectl.sequencer.compensation.axis_compensation import AxisCompensation, Learned
+from stagectl.sequencer.compensation.places import Places
 
 F64 = NDArray[np.float64]
 

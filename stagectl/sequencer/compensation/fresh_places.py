@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.online import Estimate
-from stagectl.sequencer.places import Expectation
+from stagectl.sequencer.compensation.places import Expectation
 
 F64 = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from estimation.move import MoveData
-from stagectl.sequencer.late_setpoint_mask import late_setpoints, missed_syncs, outliers
-from stagectl.sequencer.sample_validity import (
+from stagectl.sequencer.samples.late_setpoint_mask import late_setpoints, missed_syncs, outliers
+from stagectl.sequencer.samples.sample_validity import (
     F64,
     bridged_positions,
     filled_to_grid,

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from stagectl.sequencer.late_setpoint_mask import late_setpoints, missed_syncs, outliers
-from stagectl.sequencer.sample_validity import (
-    filled_to_grid,
-    resampled_to_grid,
-)
-from tests.unit.stagectl.sequencer.jittered import COUNT, TS, jittered
+from stagectl.sequencer.samples.late_setpoint_mask import late_setpoints, missed_syncs, outliers
+from stagectl.sequencer.samples.sample_validity import filled_to_grid, resampled_to_grid
+from tests.unit.stagectl.sequencer.samples.jittered import COUNT, TS, jittered
 
 
 def test_the_force_after_late_setpoints_is_masked():

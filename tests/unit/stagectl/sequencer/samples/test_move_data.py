@@ -6,8 +6,8 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from stagectl.sequencer.move_data import prepare_move_data
-from tests.unit.stagectl.sequencer.jittered import COUNT, MOTION, TS, jittered
+from stagectl.sequencer.samples.move_data import prepare_move_data
+from tests.unit.stagectl.sequencer.samples.jittered import COUNT, MOTION, TS, jittered
 
 
 def test_a_clean_move_is_taken_as_it_is():

@@ -6,7 +6,7 @@ import pytest
 from estimation.known_effects import Base, KnownTerms
 from estimation.move import MoveData
 from estimation.trajectory import Limits, plan
-from stagectl.sequencer.known_axis import SAMPLES_BEFORE_MOVE, KnownAxis
+from stagectl.sequencer.compensation.known_axis import SAMPLES_BEFORE_MOVE, KnownAxis
 
 TS, TC, AHEAD, MASS = 1e-3, 1e-4, 1.56e-4, 14.0
 LIMITS = Limits(0.5, 3.0, 200.0)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from stagectl.sequencer.sample_validity import EXACT, bridged_positions, grid_places
+from stagectl.sequencer.samples.sample_validity import EXACT, bridged_positions, grid_places
 from stagedata import Samples
 
 LATE, LATE_STEPS = 0.03, 100

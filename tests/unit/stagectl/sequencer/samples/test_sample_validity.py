@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stagectl.sequencer.sample_validity import (
+from stagectl.sequencer.samples.sample_validity import (
     PUNCTUAL,
     REACH,
     filled_to_grid,
@@ -13,7 +13,7 @@ from stagectl.sequencer.sample_validity import (
     without_stale,
     without_unpunctual,
 )
-from tests.unit.stagectl.sequencer.jittered import COUNT, MOTION, TS, jittered
+from tests.unit.stagectl.sequencer.samples.jittered import COUNT, MOTION, TS, jittered
 
 
 @pytest.mark.parametrize("most", [1e-5, 1e-4, 2.5e-4])

@@ -1,0 +1,12 @@
+"""Force offsets of a move: `axis_compensation` makes them and learns from what came back.
+
+`mode` says what they consist of; `places` and `fresh_places` are the friction over the table,
+`known_axis` what the machine file's effects add, `path_friction` both along the move under way,
+`observed_offsets` their correction from SYNC to SYNC.
+
+Its names, in `__init__.pyi`, are imported on first use.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

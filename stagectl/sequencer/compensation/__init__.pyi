@@ -1,0 +1,22 @@
+from .axis_compensation import TAKE_OVER, AxisCompensation, Learned, make_compensation
+from .fresh_places import FreshPlaces
+from .known_axis import KnownAxis
+from .mode import Figures, Mode
+from .observed_offsets import ObservedOffsets
+from .path_friction import PathFriction
+from .places import Expectation, Places
+
+__all__ = [
+    "TAKE_OVER",
+    "AxisCompensation",
+    "Expectation",
+    "Figures",
+    "FreshPlaces",
+    "KnownAxis",
+    "Learned",
+    "Mode",
+    "ObservedOffsets",
+    "PathFriction",
+    "Places",
+    "make_compensation",
+]
