@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.plant.control import CONTROL_DTYPE, CONTROL_STATE_DTYPE, HELD_AT_POSITION
-from hil_sim.plant.friction import NUMBERS, rest_forces
-from hil_sim.plant.gms import element_shares
-from hil_sim.plant.port_arrays import (
+from hil_sim.plant.friction.gms import element_shares
+from hil_sim.plant.friction.laws import NUMBERS, rest_forces
+from hil_sim.plant.ports.port_arrays import (
     PORT_FIELDS,
     PORT_STATE_FIELDS,
     Arena,

@@ -18,7 +18,10 @@ from __future__ import annotations
 import math
 
 from hil_sim.plant.control import advance_demand, position_loop
-from hil_sim.plant.disturbances import (
+from hil_sim.plant.encoder import read_encoder
+from hil_sim.plant.friction.gms import slip_step
+from hil_sim.plant.friction.stribeck import stribeck
+from hil_sim.plant.ports.disturbances import (
     coulomb_factor,
     drag,
     drive,
@@ -27,9 +30,6 @@ from hil_sim.plant.disturbances import (
     solve_jointly,
     swing,
 )
-from hil_sim.plant.encoder import read_encoder
-from hil_sim.plant.gms import slip_step
-from hil_sim.plant.stribeck import stribeck
 from stagedata.compiled import kernel
 
 

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.plant.arrays import Arrays
-from hil_sim.plant.disturbances import coulomb_factor, drag, drive, refresh, swing
-from hil_sim.plant.friction import GMS
-from hil_sim.plant.gms import slip_step
-from hil_sim.plant.stribeck import stribeck
+from hil_sim.plant.friction.gms import slip_step
+from hil_sim.plant.friction.laws import GMS
+from hil_sim.plant.friction.stribeck import stribeck
+from hil_sim.plant.ports.disturbances import coulomb_factor, drag, drive, refresh, swing
 from hil_sim.settings import AxisSettings, StageSettings
 from stagedata.compiled import kernel
 

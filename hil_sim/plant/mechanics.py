@@ -1,7 +1,7 @@
 """The stage's mechanics with its drive loops, all axes jointly, compiled.
 
 One kernel simulates every stage. What the plain model does not have enters through ports
-(`hil_sim.plant.disturbances`); an axis without ports takes the plain path, bit for bit.
+(`hil_sim.plant.ports.disturbances`); an axis without ports takes the plain path, bit for bit.
 
 A control tick at time t (docs/reference-stage.md): the encoder reading taken at t feeds the
 position loop, whose output drives current loop and plant until t + Tc, when the encoder is read
@@ -17,8 +17,12 @@ import math
 
 from hil_sim.plant.coarse import advance_coarsely
 from hil_sim.plant.control import advance_demand, position_loop
-from hil_sim.plant.coulomb import hold
-from hil_sim.plant.disturbances import (
+from hil_sim.plant.encoder import read_encoder
+from hil_sim.plant.friction.coulomb import hold
+from hil_sim.plant.friction.gms import slip_step
+from hil_sim.plant.friction.laws import COULOMB, GMS
+from hil_sim.plant.friction.stribeck import stribeck
+from hil_sim.plant.ports.disturbances import (
     coulomb_factor,
     delayed,
     drag,
@@ -27,10 +31,6 @@ from hil_sim.plant.disturbances import (
     solve_jointly,
     swing,
 )
-from hil_sim.plant.encoder import read_encoder
-from hil_sim.plant.friction import COULOMB, GMS
-from hil_sim.plant.gms import slip_step
-from hil_sim.plant.stribeck import stribeck
 from hil_sim.settings import SUBSTEPS
 from stagedata.compiled import kernel
 

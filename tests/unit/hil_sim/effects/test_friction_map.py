@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hil_sim.effects.friction_map import field_factor
-from hil_sim.plant.port_arrays import build_ports
+from hil_sim.plant.ports.port_arrays import build_ports
 
 AMPLITUDE, LENGTH = 0.2, 0.05
 GRID = np.linspace(-0.15, 0.15, 61)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hil_sim.plant.port_arrays import build_ports
+from hil_sim.plant.ports.port_arrays import build_ports
 from tests.unit.hil_sim.effects.closed_forms import FC, SPEED, VISCOUS, both_steps
 
 CENTER, OTHER, WIDTH = 0.03, 0.0, 4e-3

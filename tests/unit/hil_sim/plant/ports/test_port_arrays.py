@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hil_sim.plant.arrays import Arrays
-from hil_sim.plant.port_arrays import Arena, build_ports
+from hil_sim.plant.ports.port_arrays import Arena, build_ports
 from tests.unit.hil_sim.inputs import effect_of
 
 

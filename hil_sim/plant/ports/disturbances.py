@@ -2,7 +2,7 @@
 
 Per control tick `refresh` linearises tables and everything that depends on time about the middle of
 the tick. Per substep `drive` gives the force on the carriage; `swing` and `drag` advance
-oscillators and hysteretic elements. Layout of records and arena: `hil_sim.plant.port_arrays`.
+oscillators and hysteretic elements. Layout of records and arena: `hil_sim.plant.ports.port_arrays`.
 """
 
 from __future__ import annotations

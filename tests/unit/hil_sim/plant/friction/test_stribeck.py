@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from hil_sim.plant.stribeck import stribeck
+from hil_sim.plant.friction.stribeck import stribeck
 
 curve = stribeck.py_func
 

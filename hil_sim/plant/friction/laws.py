@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from hil_sim.plant.gms import balance
+from hil_sim.plant.friction.gms import balance
 from stagedata import FrictionFigures, LawName
 
 F64 = NDArray[np.float64]

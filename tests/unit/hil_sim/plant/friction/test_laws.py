@@ -5,8 +5,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from hil_sim.plant.friction import NUMBERS, rest_forces
-from hil_sim.plant.gms import element_shares
+from hil_sim.plant.friction.gms import element_shares
+from hil_sim.plant.friction.laws import NUMBERS, rest_forces
 from stagedata import FrictionFigures, LawName
 
 GMS = FrictionFigures(10, 6.0, 20.0, 6e5, 100.0, 0.4, 2e-3, 1.0)

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hil_sim.plant.disturbances import (
+from hil_sim.plant.ports.disturbances import (
     coulomb_factor,
     delayed,
     drag,

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 
-from hil_sim.plant.disturbances import coulomb_factor
-from hil_sim.plant.stribeck import stribeck
+from hil_sim.plant.friction.stribeck import stribeck
+from hil_sim.plant.ports.disturbances import coulomb_factor
 from stagedata.compiled import kernel
 
 
