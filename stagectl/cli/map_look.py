@@ -100,7 +100,7 @@ def export(
     open_history: OpenHistory, out: Path, number: int | None, what: str, step: float
 ) -> None:
     """Write a table to OUT: .csv, or .parquet (needs pyarrow)."""
-    from stagectl.maps import export as tables
+    from stagectl.maps.output import export as tables
 
     needed = has_estimates if what in ("estimates", "refused") else has_maps
     with open_history(has=needed) as (opened, stage):

@@ -1,27 +1,27 @@
 """Friction maps over the table, built from the history, kept in versions, tracked in production.
 
 `model` (a map), `build`, `active` and `places` (in a run), `learning` (rates of change),
-`applicable` and `compare` (checks), `place_index` (what is near a place), `surface` (an axis over
-the table), `snapshot` (for a replay), `as_json`, `tables`, `export` and `report` (output).
+`applicable` and `compare` (checks), `place_index` (what is near a place), `snapshot` (for a
+replay), `output` (tables, pages, files).
 """
 
 from stagectl.maps.active import ActiveMap, load_active, map_versions
 from stagectl.maps.applicable import outdated, problems, sites_outside
-from stagectl.maps.as_json import (
+from stagectl.maps.build import build_map
+from stagectl.maps.compare import AxisChange, SiteChange, compare
+from stagectl.maps.learning import tracking_settings
+from stagectl.maps.model import FrictionMap, MapSite, MapVersion, to_json
+from stagectl.maps.output.as_json import (
     activation_as_json,
     changes_as_json,
     version_as_json,
     versions_as_json,
 )
-from stagectl.maps.build import build_map
-from stagectl.maps.compare import AxisChange, SiteChange, compare
-from stagectl.maps.learning import tracking_settings
-from stagectl.maps.model import FrictionMap, MapSite, MapVersion, to_json
+from stagectl.maps.output.report import draw_maps, write_map_report
+from stagectl.maps.output.tables import at_place, changes_table, summary, versions_table
 from stagectl.maps.place_index import PlaceIndex
 from stagectl.maps.places import SITE_RADIUS, TrackedPlaces
-from stagectl.maps.report import draw_maps, write_map_report
 from stagectl.maps.snapshot import restore_snapshot, take_snapshot
-from stagectl.maps.tables import at_place, changes_table, summary, versions_table
 
 __all__ = [
     "SITE_RADIUS",

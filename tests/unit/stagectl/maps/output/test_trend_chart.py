@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stagectl.history import Trend
-from stagectl.maps.trend_chart import MOST, draw_trend
+from stagectl.maps.output.trend_chart import MOST, draw_trend
 
 BEGIN = 1.7e9
 

@@ -7,7 +7,7 @@ import pytest
 from stagectl.history import Activation
 from stagectl.maps import compare, map_versions, version_as_json
 from stagectl.maps.applicable import Problem
-from stagectl.maps.as_json import activation_as_json, changes_as_json, versions_as_json
+from stagectl.maps.output.as_json import activation_as_json, changes_as_json, versions_as_json
 from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, keep, level
 
 

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from stagectl.maps.heat_map import HeatMap, draw_heat_map
+from stagectl.maps.output.heat_map import HeatMap, draw_heat_map
 
 
 @pytest.mark.parametrize(("long", "wide"), [(0.1, 0.1), (0.3, 0.1), (0.1, 0.2)])

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from stagectl.history import Activation
 from stagectl.maps import MapVersion, changes_table, compare, map_versions, summary
-from stagectl.maps.tables import at_place, day, versions_table
+from stagectl.maps.output.tables import at_place, day, versions_table
 from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, keep, level
 
 

@@ -7,8 +7,8 @@ import pytest
 from rich.console import Console
 
 from stagectl.maps import changes_table, compare, map_versions, summary, version_as_json
-from stagectl.maps.report import render
-from stagectl.maps.surface import surface
+from stagectl.maps.output.report import render
+from stagectl.maps.output.surface import surface
 from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, keep
 
 

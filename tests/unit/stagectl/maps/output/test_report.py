@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stagectl.maps import draw_maps, map_versions
-from stagectl.maps.surface import surface
+from stagectl.maps.output.surface import surface
 from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, keep
 
 

@@ -11,7 +11,7 @@ from stagectl.history import Activation, Pair, StageKey
 from stagectl.maps.applicable import Problem
 from stagectl.maps.compare import AxisChange
 from stagectl.maps.model import MapVersion
-from stagectl.maps.surface import surface
+from stagectl.maps.output.surface import surface
 
 VERSION = 1
 

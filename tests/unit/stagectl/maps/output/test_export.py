@@ -7,8 +7,14 @@ import pytest
 from stagectl.errors import UnusableInput
 from stagectl.history import EstimateRecord, RunEntry
 from stagectl.maps import MapVersion
-from stagectl.maps.export import grid_table, refused_table, sites_table, trend_table, write_table
-from stagectl.maps.report import render
+from stagectl.maps.output.export import (
+    grid_table,
+    refused_table,
+    sites_table,
+    trend_table,
+    write_table,
+)
+from stagectl.maps.output.report import render
 from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, keep
 
 

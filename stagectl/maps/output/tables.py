@@ -14,7 +14,7 @@ from rich.text import Text
 from stagectl.history import Activation, StageKey
 from stagectl.maps.compare import AxisChange
 from stagectl.maps.model import MapVersion
-from stagectl.maps.surface import surface
+from stagectl.maps.output.surface import surface
 
 _LISTED = 8
 FIGURES = {

@@ -11,16 +11,16 @@ from markupsafe import Markup
 
 from stagectl.history import History, StageKey
 from stagectl.maps.compare import AxisChange, compare
-from stagectl.maps.heat_map import HeatMap, common_limits, draw_heat_map
 from stagectl.maps.learning import figure_noise
 from stagectl.maps.model import MapAxis, MapVersion
-from stagectl.maps.surface import surface
-from stagectl.maps.tables import FIGURES, day
-from stagectl.maps.trend_chart import MOST, draw_trend
+from stagectl.maps.output.heat_map import HeatMap, common_limits, draw_heat_map
+from stagectl.maps.output.surface import surface
+from stagectl.maps.output.tables import FIGURES, day
+from stagectl.maps.output.trend_chart import MOST, draw_trend
 from stagectl.store import write_atomically
 
-_STYLE = Path(__file__).parents[1] / "report" / "static" / "report.css"
-_TEMPLATES = Path(__file__).parents[1] / "report" / "templates"
+_STYLE = Path(__file__).parents[2] / "report" / "static" / "report.css"
+_TEMPLATES = Path(__file__).parents[2] / "report" / "templates"
 _LISTED = 10
 """Changed sites that are listed."""
 
