@@ -10,9 +10,14 @@ import numpy as np
 from estimation.friction import count_states, make_constants
 from estimation.online import COULOMB, LEVEL, MASS, STIFFNESS, VISCOUS, Belief
 from estimation.online.belief import KNOTS, RESIDUAL
-from estimation.online.prepare import Sampled, prepare
-from estimation.online.residual import AtRest, fill_rows, make_rows
-from estimation.online.whitening import factor_weights, make_weights, normal_equations, whiten
+from estimation.online.solver.prepare import Sampled, prepare
+from estimation.online.solver.residual import AtRest, fill_rows, make_rows
+from estimation.online.solver.whitening import (
+    factor_weights,
+    make_weights,
+    normal_equations,
+    whiten,
+)
 from peers.problem import F64, START, ZONE_AB, Problem
 
 

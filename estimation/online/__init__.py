@@ -1,4 +1,8 @@
-"""The split-horizon estimator: friction figures after every move, for the next one."""
+"""The split-horizon estimator: friction figures after every move, for the next one.
+
+`estimator` (its face), `update` (one move, compiled: `solver`, then `judge`), `outcome` and
+`estimate` (what it came to), `settings`; `belief` is what is known between moves.
+"""
 
 from estimation.online.belief import (
     COULOMB,
@@ -13,7 +17,7 @@ from estimation.online.belief import (
 from estimation.online.estimate import Estimate
 from estimation.online.estimator import Preview, SplitHorizonEstimator
 from estimation.online.settings import EstimatorSettings
-from estimation.online.zones import REST, SLIDE, STICK, split
+from estimation.online.solver.zones import REST, SLIDE, STICK, split
 
 __all__ = [
     "COULOMB",

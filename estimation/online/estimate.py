@@ -20,7 +20,7 @@ from estimation.online.outcome import (
     STILL,
     Outcome,
 )
-from estimation.online.prepare import TOO_LITTLE, UNKNOWN_STATE, UNUSABLE_FORCE
+from estimation.online.solver.prepare import TOO_LITTLE, UNKNOWN_STATE, UNUSABLE_FORCE
 from stagedata import FrictionFigures
 
 INFORMATIVE = 0.5

@@ -32,12 +32,12 @@ from estimation.online.belief import (
     Belief,
     model_at,
 )
+from estimation.online.belief.trend import Trend
 from estimation.online.estimate import Estimate, in_units, sliding_shown, spreads
 from estimation.online.judge import SHOWS_SCALE, scale_covariance
 from estimation.online.outcome import ACCEPTED, BOUND, FEW, JUMP, SCALE, STILL, Outcome
-from estimation.online.prepare import FULL_SLIP, Sampled
 from estimation.online.settings import EstimatorSettings
-from estimation.online.trend import Trend
+from estimation.online.solver.prepare import FULL_SLIP, Sampled
 from estimation.online.update import State, update_move
 from stagedata import FrictionFigures
 

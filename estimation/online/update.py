@@ -15,13 +15,17 @@ from numpy.typing import NDArray
 
 from estimation.compiled import kernel
 from estimation.friction.law import F64, correct
-from estimation.online.arrival_cost import (
-    age,
-    copy,
-    decay,
-    knots_of,
+from estimation.online.belief import (
+    ALPHA,
+    COULOMB,
+    FORCE,
+    KNOTS,
+    LEVEL,
+    MASS,
+    STATES,
+    Belief,
 )
-from estimation.online.belief import ALPHA, COULOMB, FORCE, KNOTS, LEVEL, MASS, STATES, Belief
+from estimation.online.belief.arrival_cost import age, copy, decay, knots_of
 from estimation.online.judge import (
     admit_surprise,
     find_jump,
@@ -34,10 +38,10 @@ from estimation.online.judge import (
     temper,
 )
 from estimation.online.outcome import ACCEPTED, FEW, Outcome
-from estimation.online.prepare import prepare
-from estimation.online.residual import AtRest, follow_move
 from estimation.online.settings import CALM, SHORT, USUAL
-from estimation.online.solve import FAILED, SOLVED, Problem, Solution, model_variance, solve
+from estimation.online.solver.prepare import prepare
+from estimation.online.solver.residual import AtRest, follow_move
+from estimation.online.solver.solve import FAILED, SOLVED, Problem, Solution, model_variance, solve
 
 
 class State(NamedTuple):

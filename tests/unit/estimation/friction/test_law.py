@@ -8,8 +8,8 @@ import pytest
 from estimation.friction import LAWS, FrictionState, count_states, follow, make_constants
 from estimation.online import EstimatorSettings
 from estimation.online.belief import ALPHA, COULOMB, KNOTS, LEVEL, MASS, RESIDUAL, VISCOUS
-from estimation.online.prepare import Sampled, prepare
-from estimation.online.residual import AtRest, fill_rows, follow_move, make_rows
+from estimation.online.solver.prepare import Sampled, prepare
+from estimation.online.solver.residual import AtRest, fill_rows, follow_move, make_rows
 from estimation.trajectory import Limits, plan
 from stagedata import FrictionFigures
 

@@ -8,7 +8,7 @@ from estimation.move import MoveData
 from estimation.noise import quantisation
 from estimation.online.belief import BeliefSettings
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
-from estimation.online.zones import SLIDE, split
+from estimation.online.solver.zones import SLIDE, split
 from estimation.trajectory import Limits, plan
 from stagedata import FrictionFigures
 

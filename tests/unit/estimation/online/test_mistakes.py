@@ -25,7 +25,7 @@ from estimation.offline.identify import OfflineSettings, identify
 from estimation.offline.records import Samples
 from estimation.online.belief import BeliefSettings
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
-from estimation.online.zones import SLIDE, split
+from estimation.online.solver.zones import SLIDE, split
 from estimation.trajectory import Limits, plan
 from stagedata import FrictionFigures
 

@@ -12,7 +12,7 @@ from estimation.move import MoveData
 from estimation.offline.model import Figures, Level, Path, lead, make_prediction, make_state
 from estimation.online.belief import BeliefSettings
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
-from estimation.online.zones import REST, split
+from estimation.online.solver.zones import REST, split
 from estimation.trajectory import Limits, plan
 from stagedata import FrictionFigures
 

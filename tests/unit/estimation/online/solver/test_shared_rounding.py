@@ -8,7 +8,7 @@ from estimation.move import MoveData
 from estimation.noise import quantisation
 from estimation.online.belief import BeliefSettings
 from estimation.online.estimator import EstimatorSettings, SplitHorizonEstimator
-from estimation.online.shared_rounding import share_rounding
+from estimation.online.solver.shared_rounding import share_rounding
 from estimation.trajectory import Limits, plan
 from stagedata import FrictionFigures
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimation.online.belief import BeliefSettings
-from estimation.online.trend import LASTING, RATE, Trend
+from estimation.online.belief.trend import LASTING, RATE, Trend
 
 WANDER, CORRELATION = 0.01, 0.5
 SETTINGS = BeliefSettings(wander=WANDER, correlation_time=CORRELATION)

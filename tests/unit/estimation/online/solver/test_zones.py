@@ -3,7 +3,7 @@
 import numpy as np
 
 from estimation.friction import breakaway_travel
-from estimation.online.zones import REST, SLIDE, STICK, split
+from estimation.online.solver.zones import REST, SLIDE, STICK, split
 from estimation.trajectory import Limits, plan
 from stagedata import FrictionFigures
 

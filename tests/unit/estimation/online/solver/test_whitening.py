@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from estimation.online.whitening import factor_weights, make_weights, normal_equations, whiten
+from estimation.online.solver.whitening import (
+    factor_weights,
+    make_weights,
+    normal_equations,
+    whiten,
+)
 
 TS, MASS, VISCOUS, NOISE = 1e-3, 8.0, 20.0, 2e-9
 COUNT = 60

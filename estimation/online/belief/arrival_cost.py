@@ -12,7 +12,7 @@ import numpy as np
 
 from estimation.compiled import kernel
 from estimation.least_squares import cholesky_inverse
-from estimation.online.belief import COULOMB, FORCE, LEVEL, MASS, STATES, Belief
+from estimation.online.belief.belief import COULOMB, FORCE, LEVEL, MASS, STATES, Belief
 
 MOST_KNOTS = 6
 UNMODELLED_DRIFT = 0.3

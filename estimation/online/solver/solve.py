@@ -20,7 +20,6 @@ import numpy as np
 from estimation.compiled import kernel
 from estimation.friction.law import F64
 from estimation.least_squares import cholesky_inverse, gauss_newton_into, quadratic_form
-from estimation.online.arrival_cost import joint_prior, take_over
 from estimation.online.belief import (
     ALPHA,
     COULOMB,
@@ -37,18 +36,19 @@ from estimation.online.belief import (
     TURN_FORCE,
     VISCOUS,
 )
-from estimation.online.onset import first_stiffness
-from estimation.online.prepare import Prepared
-from estimation.online.residual import AtRest, fill_rows, make_rows
-from estimation.online.shared_rounding import share_rounding
-from estimation.online.whitening import (
+from estimation.online.belief.arrival_cost import joint_prior, take_over
+from estimation.online.solver.onset import first_stiffness
+from estimation.online.solver.prepare import Prepared
+from estimation.online.solver.residual import AtRest, fill_rows, make_rows
+from estimation.online.solver.shared_rounding import share_rounding
+from estimation.online.solver.whitening import (
     factor_weights,
     make_weights,
     normal_equations,
     weigh_apart,
     whiten,
 )
-from estimation.online.zones import REST, SLIDE
+from estimation.online.solver.zones import REST, SLIDE
 
 LEVEL_BOUND = 0.6
 """Largest level at a knot, either way."""

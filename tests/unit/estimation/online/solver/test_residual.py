@@ -19,9 +19,9 @@ from estimation.online.belief import (
     STATES,
     TURN_FORCE,
 )
-from estimation.online.prepare import Sampled, prepare
-from estimation.online.residual import AtRest, fill_rows, make_rows
 from estimation.online.settings import EstimatorSettings
+from estimation.online.solver.prepare import Sampled, prepare
+from estimation.online.solver.residual import AtRest, fill_rows, make_rows
 from estimation.trajectory import Limits, plan
 from stagedata import FrictionFigures
 

@@ -1,0 +1,53 @@
+"""What is believed of an axis' friction between moves.
+
+`belief` (its mean and covariance), `arrival_cost` (what it costs the next solve, and what it
+becomes by it), `trend` (of the Coulomb force over time).
+"""
+
+from estimation.online.belief.belief import (
+    ALPHA,
+    COULOMB,
+    FIGURES,
+    FORCE,
+    FRICTION_FIGURES,
+    KNOTS,
+    LAG,
+    LEVEL,
+    MASS,
+    ORIGIN,
+    RATE,
+    RESIDUAL,
+    REST_FORCE,
+    SLIP_FORCE,
+    STATES,
+    STIFFNESS,
+    TURN_FORCE,
+    VISCOUS,
+    Belief,
+    BeliefSettings,
+    model_at,
+)
+
+__all__ = [
+    "ALPHA",
+    "COULOMB",
+    "FIGURES",
+    "FORCE",
+    "FRICTION_FIGURES",
+    "KNOTS",
+    "LAG",
+    "LEVEL",
+    "MASS",
+    "ORIGIN",
+    "RATE",
+    "RESIDUAL",
+    "REST_FORCE",
+    "SLIP_FORCE",
+    "STATES",
+    "STIFFNESS",
+    "TURN_FORCE",
+    "VISCOUS",
+    "Belief",
+    "BeliefSettings",
+    "model_at",
+]
