@@ -43,10 +43,10 @@ layers: $(DEV) ## import contracts
 	$(BIN)/lint-imports
 
 bench: $(DEV) ## figures of docs/figures.md, and ratios of the hot paths
-	$(BIN)/python benchmarks/run_figures.py
-	$(BIN)/python benchmarks/cycle_rate.py
-	$(BIN)/python benchmarks/simulation_rate.py
-	$(BIN)/python benchmarks/cycle_peers.py
+	$(BIN)/python -m benchmarks.settling.run_figures
+	$(BIN)/python -m benchmarks.rates.cycle_rate
+	$(BIN)/python -m benchmarks.rates.simulation_rate
+	$(BIN)/python -m benchmarks.rates.cycle_peers
 
 mutants: $(DEV) ## mutants of what must not fail unseen; an hour, on demand
 	$(PIP) --group mutants

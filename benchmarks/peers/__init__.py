@@ -1,1 +1,1 @@
-"""The estimator's problem as other packages solve it; `benchmarks/estimator_peers.py` runs them."""
+"""The estimator's problem as other packages solve it; `estimation/estimator_peers.py` runs them."""

@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.peers import own_rows
+from benchmarks.peers.problem import F64, START, TS, ZONE_AB, Problem
 from estimation.friction import REST_BAND
-from peers import own_rows
-from peers.problem import F64, START, TS, ZONE_AB, Problem
 
 SOURCE = Path(__file__).with_name("pass.c")
 FLAGS = ("-O3", "-march=native", "-shared", "-fPIC", "-lm")

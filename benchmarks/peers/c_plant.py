@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.peers.problem import F64
 from hil_sim.plant import Arrays
 from hil_sim.settings import StageSettings
-from peers.problem import F64
 
 SOURCE = Path(__file__).with_name("plant.c")
 FLAGS = ("-O3", "-march=native", "-shared", "-fPIC")

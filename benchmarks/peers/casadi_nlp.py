@@ -7,7 +7,7 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 
-from peers.problem import F64, START, ZONE_A, ZONE_AB, Problem
+from benchmarks.peers.problem import F64, START, ZONE_A, ZONE_AB, Problem
 
 QUIET_IPOPT = {"ipopt": {"print_level": 0, "sb": "yes"}}
 SQP = {

@@ -15,8 +15,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from peers.casadi_nlp import element_step
-from peers.problem import F64, START, SUBSTEPS, TRUE, ZONE_A, ZONE_AB, Problem
+from benchmarks.peers.casadi_nlp import element_step
+from benchmarks.peers.problem import F64, START, SUBSTEPS, TRUE, ZONE_A, ZONE_AB, Problem
 
 with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
     warnings.simplefilter("ignore")

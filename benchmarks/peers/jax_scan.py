@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from peers.problem import F64, START, ZONE_A, ZONE_AB, Problem
+from benchmarks.peers.problem import F64, START, ZONE_A, ZONE_AB, Problem
 
 jax.config.update("jax_enable_x64", True)
 ITERATIONS = 20

@@ -7,7 +7,14 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import least_squares, leastsq
 
-from peers.problem import F64, ZONE_A, ZONE_AB, Problem, compiled_jacobian, compiled_residual
+from benchmarks.peers.problem import (
+    F64,
+    ZONE_A,
+    ZONE_AB,
+    Problem,
+    compiled_jacobian,
+    compiled_residual,
+)
 
 
 def make(problem: Problem, method: str) -> Callable[[], F64]:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numba
 import numpy as np
 
+from benchmarks.peers.problem import F64, START, ZONE_AB, Problem
 from estimation.friction import count_states, make_constants
 from estimation.online import COULOMB, LEVEL, MASS, STIFFNESS, VISCOUS, Belief
 from estimation.online.belief import KNOTS, RESIDUAL
@@ -18,7 +19,6 @@ from estimation.online.solver.whitening import (
     normal_equations,
     whiten,
 )
-from peers.problem import F64, START, ZONE_AB, Problem
 
 
 def make(problem: Problem, p: F64) -> Callable[[int], float]:

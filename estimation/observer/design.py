@@ -21,7 +21,7 @@ from estimation.observer.sensitivity import (
 
 ASSUMED_STIFFNESS = 0.75
 """Of sigma0. With all of it the gain has to be small for an axis that slips, with half of it one
-whose friction is stiffer than believed settles a quarter later (benchmarks/observer.py)."""
+whose friction is stiffer than believed settles a quarter later (`benchmarks.settling.observer`)."""
 WALK = 1.6
 """The disturbance changes by so many times the Coulomb force in a root second: 5 % in 1 ms."""
 FIGURES_OFF = 0.5

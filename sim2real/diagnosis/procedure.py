@@ -42,7 +42,7 @@ from sim2real.tracking import Tracker, needs_other_axes
 
 _FREE_FORM = 0.5
 """Share of the residual force in motion from which an effect is recognised by its kind, whatever
-its shape: other effects reach 0.35 at most (`benchmarks/free_forms.py`)."""
+its shape: other effects reach 0.35 at most (`benchmarks/gap/free_forms.py`)."""
 _LEAST_TOLERANCE = 1e-4
 """Relative standard deviation of plant figures whose tolerance the machine file leaves at zero."""
 

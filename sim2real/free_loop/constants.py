@@ -1,6 +1,6 @@
 """The constants of the free-loop search, in one table.
 
-`python benchmarks/emps.py` and `stagectl gap blind` calibrate them: change one, run both.
+`python -m benchmarks.gap.emps` and `stagectl gap blind` calibrate them: change one, run both.
 """
 
 from __future__ import annotations

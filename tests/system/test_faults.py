@@ -1,34 +1,19 @@
 """Runs with faults: each ends in a named way and a safe state, and keeps its recording."""
 
-import importlib.util
 import json
-import sys
 from datetime import UTC, datetime
-from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
+from benchmarks.robustness import fault_campaign as campaign
 from hil_sim.bus import faults as f
 from hil_sim.cia402 import State
 from stagectl.recipe import parse_recipe
 from stagectl.run import Listener, RunRequest, execute
 from stagectl.sequencer import FrictionUpdated, Mode
 from stagectl.store import read_recording
-
-ROOT = Path(__file__).parents[2]
-
-
-def _campaign():
-    path = ROOT / "benchmarks" / "fault_campaign.py"
-    spec = importlib.util.spec_from_file_location("fault_campaign", path)
-    module = sys.modules["fault_campaign"] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-campaign = _campaign()
 
 
 @pytest.fixture(scope="module")

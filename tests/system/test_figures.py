@@ -4,7 +4,8 @@ Margins included, and without the observer (`test_observer.py`).
 
 The figures: oracle micro ±50 nm median 8 ms, mean 30 ms, ±200 nm 1 ms, peak 0.15 um, macro ±200 nm
 2 ms; estimated from half of all friction figures, from the 4th site on, micro ±200 nm 3 ms, peak
-0.3 um, ±50 nm mean 60 ms, macro ±200 nm 5 ms. benchmarks/run_figures.py has them with all seeds.
+0.3 um, ±50 nm mean 60 ms, macro ±200 nm 5 ms. `benchmarks.settling.run_figures` has them with
+all seeds.
 """
 
 import sys
@@ -76,7 +77,7 @@ def test_never_updated_is_much_worse(run):
 
 
 def test_a_run_in_virtual_time_never_waits_for_the_wall_clock(run):
-    # How many times faster than real time it is: benchmarks/run_figures.py.
+    # How many times faster than real time it is: benchmarks/settling/run_figures.py.
     ours, slept, watching = threading.get_ident(), [], True
 
     def watch(event, arguments):

@@ -1,13 +1,10 @@
-"""A slice of `benchmarks/fuzz.py`, with hypothesis looking for the smallest input that breaks."""
-
-import importlib.util
-import sys
-from pathlib import Path
+"""A slice of `benchmarks.robustness.fuzz`; hypothesis looks for the smallest input that breaks."""
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from benchmarks.robustness import fuzz, fuzz_input
 from stagectl.config.fault_plan import parse_faults
 from stagectl.config.machine.file import parse_machine
 from stagectl.errors import UnusableInput
@@ -21,22 +18,9 @@ from stagectl.store import (
     recover_log,
 )
 
-
-def _fuzz():
-    path = Path(__file__).parents[2] / "benchmarks" / "fuzz.py"
-    sys.path.insert(0, str(path.parent))
-    spec = importlib.util.spec_from_file_location("fuzz", path)
-    module = sys.modules["fuzz"] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    sys.path.remove(str(path.parent))
-    return module
-
-
-fuzz = _fuzz()
-made = sys.modules["fuzz_input"]
 share = st.floats(0.0, 1.0, allow_nan=False)
 edits = st.lists(
-    st.tuples(st.sampled_from(made.EDITS), share, share, st.integers(0, 255)),
+    st.tuples(st.sampled_from(fuzz_input.EDITS), share, share, st.integers(0, 255)),
     min_size=1,
     max_size=6,
 )
@@ -68,14 +52,14 @@ def few(examples):
 
 
 @few(12)
-@given(st.lists(frames(made.AT_DRIVES), max_size=40), st.booleans())
+@given(st.lists(frames(fuzz_input.AT_DRIVES), max_size=40), st.booleans())
 def test_arbitrary_frames_at_the_drives(sequence, operational):
     begin = [(0x000, b"\x01\x00")] if operational else []
-    fuzz.strike_drives([made.calm(frame) for frame in [*begin, *sequence]])
+    fuzz.strike_drives([fuzz_input.calm(frame) for frame in [*begin, *sequence]])
 
 
 @few(5)
-@given(st.lists(st.tuples(st.floats(0.0, 1.0), frames(made.AT_DRIVER)), max_size=12))
+@given(st.lists(st.tuples(st.floats(0.0, 1.0), frames(fuzz_input.AT_DRIVER)), max_size=12))
 def test_arbitrary_frames_at_the_driver(sequence):
     sequence.sort(key=lambda entry: entry[0])
     fuzz.strike_driver([frame for _, frame in sequence], [moment for moment, _ in sequence])
@@ -84,7 +68,7 @@ def test_arbitrary_frames_at_the_driver(sequence):
 @few(12)
 @given(edits)
 def test_arbitrary_eds(tmp_path, changes):
-    fuzz.read_eds(made.edited(fuzz.sound("eds"), changes), tmp_path)
+    fuzz.read_eds(fuzz_input.edited(fuzz.sound("eds"), changes), tmp_path)
 
 
 @pytest.mark.parametrize("what", ["machine", "recipe", "faults"])
@@ -96,13 +80,13 @@ def test_arbitrary_yaml(machine, what, changes):
         "recipe": lambda text, name: parse_recipe(text, name, machine),
         "faults": lambda text, name: parse_faults(text, name, machine, 1),
     }[what]
-    fuzz.read_text(parse, made.edited(fuzz.sound(what), changes), f"{what}.yaml")
+    fuzz.read_text(parse, fuzz_input.edited(fuzz.sound(what), changes), f"{what}.yaml")
 
 
 @few(25)
 @given(edits)
 def test_arbitrary_recordings(tmp_path, changes):
-    data = made.edited(fuzz.sound("recording"), changes)
+    data = fuzz_input.edited(fuzz.sound("recording"), changes)
     fuzz.read_files(data, tmp_path, "recording.h5", read_recording, read_ledger, read_notes)
 
 
@@ -114,7 +98,7 @@ def test_arbitrary_logs_and_journals(tmp_path, changes):
         ("frames", "bus.frames", lambda path: recover_log(path.parent)),
         ("journal", "recording.journal", recover_journal),
     ):
-        fuzz.read_files(made.edited(fuzz.sound(what), changes), tmp_path, name, reader)
+        fuzz.read_files(fuzz_input.edited(fuzz.sound(what), changes), tmp_path, name, reader)
 
 
 def test_a_log_from_no_year(tmp_path):

@@ -1,0 +1,164 @@
+"""Settling of micro-moves with estimated friction, compared with the true figures.
+
+    python -m benchmarks.settling.estimated_friction [--seeds 12] [--truth file|drawn|both]
+    python -m benchmarks.settling.estimated_friction --laws [--seeds 5]
+
+Whole runs of the recipe inspection-20 on the virtual stage, through `stagectl.run.execute`: every
+seed once with estimated friction, started at half of the machine file's figures, and once as
+`oracle`, which knows the true figures (but not the wander of the Coulomb force). From the fourth
+site on, both axes together. The true stage is the machine file's (`file`), or one whose Coulomb
+force, viscous friction, stiffness and attraction deviate by -40 to +60 %, drawn for each seed and
+axis (`drawn`).
+
+With `--laws`: the file's stage under the friction laws gms and coulomb, each with a host that uses
+either.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+
+import numpy as np
+
+from benchmarks.settling.run_figures import RECIPE, Case, run
+from benchmarks.shared.machine_facts import machine_facts
+from stagectl.config.machine import Machine
+from stagectl.config.machine.file import load_machine
+from stagectl.recipe import load_recipe
+from stagectl.sequencer import Mode
+from stagedata import LAWS, LawName
+
+FIRST_SITE = 4
+LEAST, MOST = 0.6, 1.6
+DEMANDS = {"file": (1.15, 1e-3, 1.3), "drawn": (1.3, 2e-3, 1.5)}
+"""Mean settling to 50 nm over the oracle's; median to 200 nm [s]; median peak over the oracle's."""
+
+
+def drawn(machine: Machine, seed: int) -> Machine:
+    """Another stage of the same build."""
+    generator = np.random.default_rng([seed, 77])
+    axes = {}
+    for name, axis in machine.axes.items():
+        friction = axis.plant.friction
+        factor = dict(
+            zip(
+                ("coulomb", "viscous", "stiffness", "attraction"),
+                generator.uniform(LEAST, MOST, 4).tolist(),
+                strict=True,
+            )
+        )
+        friction = friction.model_copy(
+            update={name: getattr(friction, name) * f for name, f in factor.items()}
+        )
+        plant = axis.plant.model_copy(update={"friction": friction})
+        axes[name] = axis.model_copy(update={"plant": plant})
+    return machine.model_copy(update={"axes": axes})
+
+
+def of_law(machine: Machine, law: LawName) -> Machine:
+    """The same stage under another friction law, without the figures that it does not have."""
+    axes = {}
+    for name, axis in machine.axes.items():
+        gone = {key: None for key in LAWS["gms"] if key not in LAWS[law]}
+        friction = axis.plant.friction.model_copy(update={"model": law, **gone})
+        plant = axis.plant.model_copy(update={"friction": friction})
+        axes[name] = axis.model_copy(update={"plant": plant})
+    return machine.model_copy(update={"axes": axes})
+
+
+def micro_moves(
+    mode: Mode, machine: Machine, truth: Callable[[int], Machine], seeds: int
+) -> dict[str, np.ndarray]:
+    """Peak error [m], settling [s] and whether it settled to 50 nm, of every micro-move.
+
+    Args:
+        mode: of compensation; an estimating host starts at half of the machine's figures.
+        machine: as the host believes it.
+        truth: the stage of each seed.
+        seeds: runs, from seed 1 on.
+    """
+    recipe = load_recipe(RECIPE, machine)
+    case = Case("", mode, 0.5 if mode is Mode.ESTIMATED else 1.0)
+    rows = []
+    for seed in range(1, seeds + 1):
+        summary = run(case, recipe, machine, seed, truth(seed))
+        rows += [
+            (
+                move["peak_error"], move["settling"]["5e-08"], move["settling"]["2e-07"],
+                move["settled"],
+            )
+            for move in summary["moves"]
+            if move["kind"] == "micro" and move["site"] >= FIRST_SITE
+        ]  # fmt: skip
+    peak, fine, coarse, settled = np.array(rows, dtype=float).T
+    return {"peak": peak, "fine": fine, "coarse": coarse, "settled": settled}
+
+
+def figures(mode: Mode, which: str, seeds: int) -> dict[str, np.ndarray]:
+    """Micro-moves on the file's stage, or on drawn ones."""
+    machine = load_machine(None)
+    return micro_moves(
+        mode, machine, lambda seed: machine if which == "file" else drawn(machine, seed), seeds
+    )
+
+
+def compare_laws(seeds: int) -> None:
+    """Print the table of `--laws`."""
+    print(
+        f"seeds 1..{seeds}; {machine_facts()}\n\n"
+        "| true stage | host | micro-moves | peak, median, µm | to ±50 nm, median (mean), ms "
+        "| to ±200 nm, median (mean), ms | not settled |\n"
+        "| --- | --- | --- | --- | --- | --- | --- |"
+    )
+    machine = load_machine(None)
+    for law in LAWS:
+        truth = of_law(machine, law)
+        for host in LAWS:
+            own = micro_moves(Mode.ESTIMATED, of_law(machine, host), lambda _, t=truth: t, seeds)
+            cells = [law, host, str(len(own["peak"])), f"{np.median(own['peak']) * 1e6:.3f}"]
+            for time in (own["fine"] * 1e3, own["coarse"] * 1e3):
+                cells.append(f"{np.median(time):.1f} ({time.mean():.1f})")
+            cells.append(f"{1.0 - own['settled'].mean():.0%}")
+            print("| " + " | ".join(cells) + " |", flush=True)
+
+
+def main() -> None:
+    """Run and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--seeds", type=int, default=12)
+    parser.add_argument("--truth", choices=("file", "drawn", "both"), default="both")
+    parser.add_argument("--laws", action="store_true", help="compare friction laws instead")
+    arguments = parser.parse_args()
+    if arguments.laws:
+        compare_laws(arguments.seeds)
+        return
+    print(
+        f"seeds 1..{arguments.seeds}; {machine_facts()}\n\n"
+        "| true stage | force offsets | micro-moves | to ±50 nm, mean, ms | over the oracle's "
+        "| to ±200 nm, median, ms | peak, median, µm | over the oracle's |\n"
+        "| --- | --- | --- | --- | --- | --- | --- | --- |"
+    )
+    for which in ("file", "drawn") if arguments.truth == "both" else (arguments.truth,):
+        oracle = figures(Mode.ORACLE, which, arguments.seeds)
+        for mode in (Mode.ORACLE, Mode.ESTIMATED):
+            own = oracle if mode is Mode.ORACLE else figures(mode, which, arguments.seeds)
+            fine, peak = own["fine"].mean(), float(np.median(own["peak"]))
+            ratio, peaks = (
+                fine / oracle["fine"].mean(),
+                peak / float(np.median(oracle["peak"])),
+            )
+            print(
+                f"| {which} | `{mode.value}` | {len(own['fine'])} | {fine * 1e3:.1f} | {ratio:.2f} "
+                f"| {np.median(own['coarse']) * 1e3:.1f} | {peak * 1e6:.3f} | {peaks:.2f} |",
+                flush=True,
+            )
+        most, coarse, most_peak = DEMANDS[which]
+        print(
+            f"| {which} | wanted | | | ≤ {most} | ≤ {coarse * 1e3:.0f} | | ≤ {most_peak} |",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
