@@ -37,9 +37,9 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.settling.estimated_friction import drawn
-from benchmarks.settling.run_figures import RECIPE
+from benchmarks.shared.inspection_runs import RECIPE
 from benchmarks.shared.machine_facts import machine_facts
+from benchmarks.shared.other_stages import drawn
 from hil_sim.effects.effect import Effect
 from hil_sim.effects.friction_map import field_factor
 from hil_sim.effects.library import own_effects, possible_on

@@ -21,50 +21,17 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.settling.run_figures import RECIPE, Case, run
+from benchmarks.shared.inspection_runs import FIRST_SITE, RECIPE, Case, run
 from benchmarks.shared.machine_facts import machine_facts
+from benchmarks.shared.other_stages import drawn, of_law
 from stagectl.config.machine import Machine
 from stagectl.config.machine.file import load_machine
 from stagectl.recipe import load_recipe
 from stagectl.sequencer import Mode
-from stagedata import LAWS, LawName
+from stagedata import LAWS
 
-FIRST_SITE = 4
-LEAST, MOST = 0.6, 1.6
 DEMANDS = {"file": (1.15, 1e-3, 1.3), "drawn": (1.3, 2e-3, 1.5)}
 """Mean settling to 50 nm over the oracle's; median to 200 nm [s]; median peak over the oracle's."""
-
-
-def drawn(machine: Machine, seed: int) -> Machine:
-    """Another stage of the same build."""
-    generator = np.random.default_rng([seed, 77])
-    axes = {}
-    for name, axis in machine.axes.items():
-        friction = axis.plant.friction
-        factor = dict(
-            zip(
-                ("coulomb", "viscous", "stiffness", "attraction"),
-                generator.uniform(LEAST, MOST, 4).tolist(),
-                strict=True,
-            )
-        )
-        friction = friction.model_copy(
-            update={name: getattr(friction, name) * f for name, f in factor.items()}
-        )
-        plant = axis.plant.model_copy(update={"friction": friction})
-        axes[name] = axis.model_copy(update={"plant": plant})
-    return machine.model_copy(update={"axes": axes})
-
-
-def of_law(machine: Machine, law: LawName) -> Machine:
-    """The same stage under another friction law, without the figures that it does not have."""
-    axes = {}
-    for name, axis in machine.axes.items():
-        gone = {key: None for key in LAWS["gms"] if key not in LAWS[law]}
-        friction = axis.plant.friction.model_copy(update={"model": law, **gone})
-        plant = axis.plant.model_copy(update={"friction": friction})
-        axes[name] = axis.model_copy(update={"plant": plant})
-    return machine.model_copy(update={"axes": axes})
 
 
 def micro_moves(

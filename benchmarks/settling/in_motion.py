@@ -18,7 +18,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from benchmarks.settling.run_figures import RECIPE, Case, run
+from benchmarks.shared.inspection_runs import RECIPE, Case, run
 from benchmarks.shared.machine_facts import machine_facts
 from estimation.friction import F64
 from estimation.trajectory import Trajectory

@@ -34,9 +34,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.settling.estimated_friction import FIRST_SITE, drawn, of_law
-from benchmarks.settling.run_figures import RECIPE
+from benchmarks.shared.inspection_runs import FIRST_SITE, RECIPE
 from benchmarks.shared.machine_facts import machine_facts
+from benchmarks.shared.other_stages import drawn, of_law, with_gains
 from hil_sim.effects import Effect as Known
 from hil_sim.effects.library import library, possible_on
 from hil_sim.settings import AxisSettings
@@ -183,18 +183,6 @@ def cases(machine: Machine) -> dict[str, tuple[Truth, Demand]]:
         )
         found[name] = (lambda _, stage=stage: stage, DEMANDS.get(name, SLOW))
     return found
-
-
-def with_gains(machine: Machine, factors: Mapping[str, float]) -> Machine:
-    """The machine with other gains of its drives."""
-    axes = {}
-    for name, axis in machine.axes.items():
-        own = axis.drive.pid
-        assert own is not None
-        pid = own.model_copy(update={k: getattr(own, k) * f for k, f in factors.items()})
-        drive = axis.drive.model_copy(update={"pid": pid})
-        axes[name] = axis.model_copy(update={"drive": drive})
-    return machine.model_copy(update={"axes": axes})
 
 
 def unlike(machine: Machine) -> dict[str, Stage]:

@@ -32,9 +32,8 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.settling.estimated_friction import drawn
-from benchmarks.settling.observer import with_gains
 from benchmarks.shared.machine_facts import machine_facts
+from benchmarks.shared.other_stages import drawn, with_gains
 from estimation.friction import mass_feedforward
 from estimation.move import MoveData
 from estimation.trajectory import Trajectory

@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from benchmarks.settling.run_figures import RECIPE, Case, run, run_whole
+from benchmarks.shared.inspection_runs import RECIPE, Case, run, run_whole
 from benchmarks.shared.machine_facts import machine_facts
 from hil_sim.effects import Effect, Parameter
 from hil_sim.effects.library import own_effects, possible_on

@@ -11,42 +11,17 @@ depend only on recipe and seed; the last column depends on the machine.
 from __future__ import annotations
 
 import argparse
-import tempfile
-from dataclasses import dataclass
-from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.shared.inspection_runs import RECIPE, Case, run
 from benchmarks.shared.machine_facts import machine_facts
-from stagectl.config.machine import Machine
 from stagectl.config.machine.file import load_machine
-from stagectl.recipe import Recipe, load_recipe
-from stagectl.run import Listener, RunRequest, RunResult, execute
+from stagectl.recipe import load_recipe
 from stagectl.sequencer import Mode
 
-RECIPE = Path(__file__).parents[2] / "recipes" / "inspection-20.yaml"
 WINDOWS = ("5e-08", "2e-07")
-
-
-@dataclass(frozen=True, slots=True)
-class Case:
-    """One row.
-
-    Attributes:
-        label: first column.
-        mode: of compensation.
-        friction_scale: of the figures that the host starts from.
-        first_site: moves to earlier sites are left out.
-        observer: corrects the force offsets at every SYNC.
-    """
-
-    label: str
-    mode: Mode
-    friction_scale: float = 1.0
-    first_site: int = 1
-    observer: bool = False
 
 
 CASES = (
@@ -57,36 +32,6 @@ CASES = (
     Case("friction figures right at the start, estimated", Mode.ESTIMATED),
     Case("true friction figures (`oracle`)", Mode.ORACLE),
 )
-
-
-def run(
-    case: Case, recipe: Recipe, machine: Machine, seed: int, truth: Machine | None = None
-) -> dict[str, Any]:
-    """The summary of one run; `truth` is the stage as it is, if not as the machine file says."""
-    return run_whole(case, recipe, machine, seed, truth).summary
-
-
-def run_whole(
-    case: Case, recipe: Recipe, machine: Machine, seed: int, truth: Machine | None = None
-) -> RunResult:
-    """One run, its recording included; arguments as of `run`."""
-    with tempfile.TemporaryDirectory() as folder:
-        request = RunRequest(
-            recipe=recipe,
-            machine=machine,
-            truth=truth or machine,
-            bus=None,
-            mode=case.mode,
-            friction_scale=case.friction_scale,
-            seed=seed,
-            folder=Path(folder),
-            started=datetime.now(UTC),
-            observer=case.observer,
-        )
-        result = execute(request, Listener())
-    if result.error is not None:
-        raise result.error
-    return result
 
 
 def row(case: Case, kind: str, summaries: list[dict[str, Any]]) -> str:
