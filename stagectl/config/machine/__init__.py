@@ -1,15 +1,15 @@
-"""Machine files: `model` (what one holds), `file` (read it), `checks` and `plausible` (refuse it).
+"""Machine files: what one holds (`model`, with `drive`, `plant` and `effect`), read by `file`.
 
-`unknown` is what a file leaves open for a diagnosis to find; `twin` adds what one has found.
+`checks` and `plausible` refuse what cannot be. `unknown` is what a file leaves open for a diagnosis
+to find; `twin` adds what one has found.
 """
 
+from stagectl.config.machine.drive import Cascade, Drive
+from stagectl.config.machine.effect import Effect
 from stagectl.config.machine.file import load_machine, parse_machine
 from stagectl.config.machine.model import (
     Axis,
     AxisName,
-    Cascade,
-    Drive,
-    Effect,
     Label,
     LengthPair,
     Machine,

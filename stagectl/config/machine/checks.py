@@ -11,7 +11,9 @@ from stagectl.config.parsing.yaml_nodes import Document
 from stagedata import LAWS
 
 if TYPE_CHECKING:
-    from stagectl.config.machine.model import Axis, Bus, Drive, Friction, Machine
+    from stagectl.config.machine.drive import Drive
+    from stagectl.config.machine.model import Axis, Bus, Machine
+    from stagectl.config.machine.plant import Friction
 
 POSITION_RANGE = 2**31
 """CiA 402 positions and velocities are INTEGER32: fewer units than this."""

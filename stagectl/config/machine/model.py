@@ -7,7 +7,7 @@ docs/reference-stage.md; conditions between them are in `stagectl.config.machine
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal
 
 from pydantic import (
     BeforeValidator,
@@ -18,29 +18,22 @@ from pydantic import (
     StringConstraints,
 )
 
+from stagectl.config.machine.drive import Drive
+from stagectl.config.machine.effect import GivenEffect
+from stagectl.config.machine.plant import Plant
 from stagectl.config.parsing.units import (
     Length,
-    NotNegativeDamping,
-    NotNegativeIntegralGain,
     NotNegativeLength,
-    NotNegativeNumber,
     NotNegativeTime,
     Number,
     PositiveAcceleration,
-    PositiveForce,
-    PositiveForceRate,
-    PositiveFrequency,
     PositiveJerk,
     PositiveLength,
-    PositiveMass,
-    PositiveNumber,
-    PositiveStiffness,
     PositiveTime,
     PositiveVelocity,
 )
 from stagectl.config.parsing.validation import Section, refusal
 from stagectl.config.parsing.yaml_nodes import Document, describe_value
-from stagedata import MAX_ELEMENTS, FrictionFigures, LawName
 
 Name = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 ObjectName = Annotated[str, StringConstraints(pattern=r"^0x[0-9A-Fa-f]{1,4}:[0-9A-Fa-f]{1,2}$")]
@@ -53,39 +46,6 @@ def _label(value: object) -> object:
 
 
 Label = Annotated[Name, BeforeValidator(_label)]
-
-
-class Effect(NamedTuple):
-    """A physical effect by name, with its parameters (SI): numbers, or tuples of them."""
-
-    name: str
-    parameters: Mapping[str, Any]
-
-
-def _effect(value: object) -> Effect:
-    """`{effect: NAME, KEY: NUMBER or LIST, ...}`; the simulator checks the keys of each effect."""
-    if not isinstance(value, dict):
-        raise refusal(
-            f"must be a mapping {{effect: name, key: number}}, is {describe_value(value)}"
-        )
-    name = value.get("effect")
-    if not isinstance(name, str) or not name:
-        raise refusal("needs the key effect with the effect's name")
-    figures: dict[str, Any] = {}
-    for key, figure in value.items():
-        if key == "effect":
-            continue
-        if isinstance(figure, list):
-            figures[key] = tuple(_number(name, f"{key}[{i}]", one) for i, one in enumerate(figure))
-        else:
-            figures[key] = _number(name, key, figure)
-    return Effect(name, figures)
-
-
-def _number(effect: str, key: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise refusal(f"{effect}: {key} must be a number (SI), is {describe_value(value)}")
-    return float(value)
 
 
 def _pair(value: object) -> object:
@@ -159,131 +119,6 @@ class Encoder(Section):
     noise: NotNegativeLength
 
 
-class Pid(Section):
-    """Position loop: kp [N/m], ki [N/(m s)], kd [N s/m], derivative's low-pass [s]."""
-
-    kp: PositiveStiffness
-    ki: NotNegativeIntegralGain
-    kd: NotNegativeDamping
-    derivative_time: NotNegativeTime
-
-
-class Cascade(Section):
-    """A P position loop over a PI velocity loop, instead of the PID.
-
-    Attributes:
-        position_gain: [1/s].  velocity_gain: [N s/m].  velocity_integral: [N/m].
-        feedforward: share of the setpoint velocity that is added.
-        span: control ticks over which the encoder is differenced.
-        derivative_time: time constant of the low-pass after that [s].
-    """
-
-    position_gain: PositiveNumber
-    velocity_gain: PositiveNumber
-    velocity_integral: NotNegativeNumber = 0.0
-    feedforward: Annotated[NotNegativeNumber, Field(le=1)] = 0.0
-    span: Literal[1, 2] = 1
-    derivative_time: NotNegativeTime = 0.0
-
-
-class OptionCodes(Section):
-    """How the drive stops: values of 0x605A, 0x605B, 0x605C, 0x605D, 0x605E and 0x6007."""
-
-    quick_stop: Literal[0, 1, 2, 3, 5, 6, 7, 8] = 2
-    shutdown: Literal[0, 1] = 1
-    disable: Literal[0, 1] = 1
-    halt: Literal[1, 2, 3, 4] = 1
-    fault_reaction: Literal[0, 1, 2, 3, 4] = 2
-    abort_connection: Literal[1, 2, 3] = 3
-
-
-class Drive(Section):
-    """Force scaling [N], current loop [Hz], control tick Tc [s] and position loop of a drive.
-
-    Attributes:
-        position_unit, velocity_unit, acceleration_unit: of its integers on the bus [m, m/s,
-            m/s^2]; velocity_unit None: one position unit per second.
-        unwatched_host: whether to power a drive that keeps moving when its host is gone.
-        boot_timeout: for its boot-up message [s].
-        enable_timeout: for OPERATION ENABLED, phase finding included [s].
-        revision: required major revision number; None: that of the EDS.
-        pid: the position loop; None if there is a cascade.
-        cascade: the loops instead of a PID.
-    """
-
-    rated_force: PositiveForce
-    peak_force: PositiveForce
-    current_bandwidth: PositiveFrequency
-    control_period: PositiveTime
-    position_unit: PositiveLength = 1e-9
-    velocity_unit: PositiveVelocity | None = None
-    options: OptionCodes = OptionCodes()
-    unwatched_host: Literal["refuse", "accept"] = "refuse"
-    acceleration_unit: PositiveAcceleration = 1e-6
-    boot_timeout: PositiveTime = 2.0
-    enable_timeout: PositiveTime = 2.0
-    revision: Annotated[StrictInt, Field(ge=0, le=65_535)] | None = None
-    pid: Pid | None = None
-    cascade: Cascade | None = None
-
-    @property
-    def force_unit(self) -> float:
-        """One count of force on the bus: 1/1000 of the rated force [N]."""
-        return self.rated_force / 1000.0
-
-
-class Repeatability(Section):
-    """Random variation of the Coulomb force: relative rms, correlation time [s]."""
-
-    coulomb: NotNegativeNumber = 0.0
-    correlation_time: PositiveTime = 0.5
-
-
-class Friction(Section):
-    """Friction figures with their law, in the symbols of docs/reference-stage.md.
-
-    Attributes:
-        model: name of the law; which figures it has, `stagectl.config.machine.checks` sees to.
-        elements: N.  coulomb: Fc [N].  static_ratio: alpha = (Fs - Fc)/Fc, > -1.
-        stribeck_velocity: vs [m/s].  stribeck_shape: delta.  stiffness: sigma0 [N/m].
-        attraction: C [N/s].  viscous: sigma_v [N s/m].
-    """
-
-    model: LawName
-    elements: Annotated[StrictInt, Field(ge=1, le=MAX_ELEMENTS)] | None = None
-    coulomb: PositiveForce
-    static_ratio: Annotated[Number, Field(gt=-1)]
-    stribeck_velocity: PositiveVelocity
-    stribeck_shape: PositiveNumber
-    stiffness: PositiveStiffness | None = None
-    attraction: PositiveForceRate | None = None
-    viscous: NotNegativeDamping
-    repeatability: Repeatability = Repeatability()
-
-    @property
-    def figures(self) -> FrictionFigures:
-        """The figures as simulator and estimator take them."""
-        return FrictionFigures(
-            elements=self.elements or 0,
-            coulomb=self.coulomb,
-            viscous=self.viscous,
-            stiffness=self.stiffness or 0.0,
-            relaxation_rate=(self.attraction or 0.0) / self.coulomb,
-            static_ratio=self.static_ratio,
-            stribeck_velocity=self.stribeck_velocity,
-            stribeck_shape=self.stribeck_shape,
-            law=self.model,
-        )
-
-
-class Plant(Section):
-    """The mechanics; `tolerance` is the uncertainty of the parameters (relative, 1 sigma)."""
-
-    tolerance: Annotated[NotNegativeNumber, Field(lt=1)]
-    mass: PositiveMass
-    friction: Friction
-
-
 class Homing(Section):
     """Homing of an axis: CiA 402 method, search velocity and index velocity [m/s]."""
 
@@ -311,7 +146,7 @@ class Axis(Section):
     plant: Plant
     eds: Name | None = None
     homing: Homing = Homing()
-    effects: tuple[Annotated[Effect, BeforeValidator(_effect)], ...] = ()
+    effects: tuple[GivenEffect, ...] = ()
     observer: Literal["auto", "none"] = "auto"
     rotary: StrictBool = False
 

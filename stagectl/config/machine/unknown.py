@@ -13,7 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from stagectl.config.machine.model import Axis, Machine, Pid
+from stagectl.config.machine.drive import Pid
+from stagectl.config.machine.model import Axis, Machine
 from stagectl.config.parsing.yaml_nodes import Document
 
 UNKNOWN = "unknown"

@@ -37,13 +37,6 @@ def test_units_mean_the_same_as_si_figures() -> None:
     assert parse_machine(text, "m").axes == load_machine().axes
 
 
-def test_effects_are_kept_as_names_and_figures() -> None:
-    text = changed("node: 1", "node: 1\n    effects: [{effect: cogging, amplitude: 1.2, phase: 0}]")
-    ((name, figures),) = parse_machine(text, "m").axes["x"].effects
-    assert name == "cogging"
-    assert figures == {"amplitude": 1.2, "phase": 0.0}
-
-
 def test_a_machine_survives_pickling() -> None:
     machine = load_machine()
     assert pickle.loads(pickle.dumps(machine)).text == machine.text  # noqa: S301 - our own

@@ -1,0 +1,74 @@
+"""The models of an axis' mechanics in a machine file: mass and friction."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, StrictInt
+
+from stagectl.config.parsing.units import (
+    NotNegativeDamping,
+    NotNegativeNumber,
+    Number,
+    PositiveForce,
+    PositiveForceRate,
+    PositiveMass,
+    PositiveNumber,
+    PositiveStiffness,
+    PositiveTime,
+    PositiveVelocity,
+)
+from stagectl.config.parsing.validation import Section
+from stagedata import MAX_ELEMENTS, FrictionFigures, LawName
+
+
+class Repeatability(Section):
+    """Random variation of the Coulomb force: relative rms, correlation time [s]."""
+
+    coulomb: NotNegativeNumber = 0.0
+    correlation_time: PositiveTime = 0.5
+
+
+class Friction(Section):
+    """Friction figures with their law, in the symbols of docs/reference-stage.md.
+
+    Attributes:
+        model: name of the law; which figures it has, `stagectl.config.machine.checks` sees to.
+        elements: N.  coulomb: Fc [N].  static_ratio: alpha = (Fs - Fc)/Fc, > -1.
+        stribeck_velocity: vs [m/s].  stribeck_shape: delta.  stiffness: sigma0 [N/m].
+        attraction: C [N/s].  viscous: sigma_v [N s/m].
+    """
+
+    model: LawName
+    elements: Annotated[StrictInt, Field(ge=1, le=MAX_ELEMENTS)] | None = None
+    coulomb: PositiveForce
+    static_ratio: Annotated[Number, Field(gt=-1)]
+    stribeck_velocity: PositiveVelocity
+    stribeck_shape: PositiveNumber
+    stiffness: PositiveStiffness | None = None
+    attraction: PositiveForceRate | None = None
+    viscous: NotNegativeDamping
+    repeatability: Repeatability = Repeatability()
+
+    @property
+    def figures(self) -> FrictionFigures:
+        """The figures as simulator and estimator take them."""
+        return FrictionFigures(
+            elements=self.elements or 0,
+            coulomb=self.coulomb,
+            viscous=self.viscous,
+            stiffness=self.stiffness or 0.0,
+            relaxation_rate=(self.attraction or 0.0) / self.coulomb,
+            static_ratio=self.static_ratio,
+            stribeck_velocity=self.stribeck_velocity,
+            stribeck_shape=self.stribeck_shape,
+            law=self.model,
+        )
+
+
+class Plant(Section):
+    """The mechanics; `tolerance` is the uncertainty of the parameters (relative, 1 sigma)."""
+
+    tolerance: Annotated[NotNegativeNumber, Field(lt=1)]
+    mass: PositiveMass
+    friction: Friction
