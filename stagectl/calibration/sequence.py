@@ -18,8 +18,8 @@ from estimation.friction import FrictionState, breakaway_travel, count_states, f
 from estimation.move import MoveData
 from estimation.online import SplitHorizonEstimator
 from estimation.trajectory import Limits, plan
-from stagectl.config.host_model import estimator_settings
 from stagectl.config.machine import Axis, Machine
+from stagectl.config.settings.host_model import estimator_settings
 from stagectl.recipe import Excursion, Profile
 
 GOALS = {"coulomb": 0.01, "viscous": 0.03, "stiffness": 0.01, "relaxation_rate": 0.035}
