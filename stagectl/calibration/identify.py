@@ -10,15 +10,19 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimation.friction import F64, FrictionState, count_states
+from estimation.known_effects import known_figures
 from estimation.move import MoveData
 from estimation.noise import encoder_noise, quantisation
 from estimation.offline import Identification, OfflineSettings, Samples, identify
 from estimation.sampled_force import kink_share, with_mean_force
 from stagectl.config.machine import Axis, Machine
 from stagectl.config.settings.host_model import kink_delay
+from stagectl.config.settings.known_effects import axis_as_known, known_terms
 from stagectl.errors import UnusableInput
+from stagectl.sequencer.compensation.known_axis import KnownAxis
 from stagedata import FrictionFigures, Recording
 
 REPEAT_FROM = 0.05
@@ -44,9 +48,11 @@ def identify_axis(
 ) -> Identification:
     """Estimate all friction figures of one axis from recordings.
 
+    Forces of the machine file's effects, as far as a host compensates them, are subtracted first.
+
     Args:
         recordings: of one stage, in any order.
-        machine: prior figures.
+        machine: prior figures, and effects.
         name: of the axis.
         elements: number of Maxwell-slip elements; default: the machine file's.
 
@@ -63,6 +69,10 @@ def identify_axis(
         )
     if elements is not None:
         friction = replace(friction, elements=elements)
+    terms = known_terms(machine).get(name)
+    if terms is not None:
+        axis, friction = axis_as_known(axis, terms), known_figures(terms, friction)
+    number, peak = list(machine.axes).index(name), axis.drive.peak_force
     pieces: list[tuple[Samples, F64]] = []
     offset = 0.0
     for recording in recordings:
@@ -73,6 +83,12 @@ def identify_axis(
             new = _pieces(recording, name, period, offset)
         except ValueError as error:
             raise UnusableInput(f"{where}: {error}") from error
+        if terms is not None:
+            known = KnownAxis(terms, number, axis.plant.mass, period, 0.0, 0.0, peak)
+            new = [
+                _without_known(piece, known, _paths(recording, machine, piece[0].time - offset))
+                for piece in new
+            ]
         pieces += new
         offset = new[-1][0].time + 2.0 * period * len(new[-1][1])  # never continuous
     return identify_pieces(pieces, axis, friction, period)
@@ -137,6 +153,43 @@ def around_syncs(
     commanded = np.nan_to_num(np.concatenate([sent[:1], sent[:-1]]))
     level = with_mean_force(move, share, friction, state, period, axis.drive.peak_force, commanded)
     return replace(piece, force=level.force)
+
+
+def _without_known(
+    piece: tuple[Samples, F64], known: KnownAxis, paths: tuple[F64, NDArray[np.bool_]]
+) -> tuple[Samples, F64]:
+    """A piece without known forces, and carries their state through it.
+
+    Args:
+        piece: samples, and the force offsets sent for them [N].
+        known: forces of the axis.
+        paths: positions of all axes from the piece's first sample on [m], and where all are valid.
+    """
+    samples, sent = piece
+    count = len(sent)
+    path, seen = paths[0][:count], paths[1][:count]
+    move = MoveData(samples.position, samples.force, samples.valid, samples.time, 0.0)
+    rest = known.without(move, path, seen)
+    known.carry(path)
+    valid = samples.valid if rest.disturbed is None else samples.valid & ~rest.disturbed
+    return replace(samples, force=rest.force, valid=valid), sent + rest.force - samples.force
+
+
+def _paths(recording: Recording, machine: Machine, begin: float) -> tuple[F64, NDArray[np.bool_]]:
+    """Positions of the machine's axes from a time on [m], (K, n), and where all of them are valid.
+
+    An axis without samples counts as at rest at 0; invalid ones are interpolated.
+    """
+    first = int(np.searchsorted(recording.time, begin - 1e-9))
+    index = np.arange(first, len(recording))
+    path = np.zeros((len(index), len(machine.axes)))
+    seen = np.ones(len(index), dtype=np.bool_)
+    for column, name in enumerate(machine.axes):
+        signals = recording.axes.get(name)
+        if signals is not None and (valid := signals.valid[first:]).any():
+            path[:, column] = np.interp(index, index[valid], signals.position_actual[first:][valid])
+            seen &= valid
+    return path, seen
 
 
 def _pieces(

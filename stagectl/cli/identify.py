@@ -49,6 +49,9 @@ def command(
     force offset and lag. A parameter about which the recordings say less than its prior keeps the
     prior and is marked. Recordings with many micro-moves in both directions are most informative.
 
+    Forces of the machine file's effects, such as cogging, are subtracted first; effects that scale
+    the Coulomb force over place or time are not taken into account.
+
     "For the machine file" has only values that predict moves better than the machine file's do,
     moves that they were not estimated from. "held out" says for every value whether it does.
 
@@ -165,6 +168,10 @@ _HELD_OUT = {
     "untested": "Not tested, for too few moves to hold any out",
 }
 """What held-out moves say of estimates that are not recommended."""
+_ADVICE = (
+    "  'stagectl gap diagnose --twin TWIN.yaml' may name what else acts; with",
+    "  '--machine TWIN.yaml' it is subtracted here.",
+)
 
 
 def _machine_values(answer: Identification) -> dict[str, float]:
@@ -205,7 +212,10 @@ def _for_machine_file(answer: Identification) -> list[str]:
 def _summary(answer: Identification) -> list[str]:
     """The data basis of the estimates, and how well the model fits."""
     if answer.reason is not None:
-        return [f"  Nothing estimated: {answer.reason}."]
+        return [
+            f"  Nothing estimated: {answer.reason}.",
+            *(_ADVICE * ("residual" in answer.reason)),
+        ]
     held = f", {answer.held_out:.2f} on held-out moves" if math.isfinite(answer.held_out) else ""
     return [
         f"  {answer.samples} samples in motion, {answer.blocks} blocks. Residual over noise:",

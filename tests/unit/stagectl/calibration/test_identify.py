@@ -15,7 +15,7 @@ from hil_sim.plant import simulate
 from hil_sim.settings import SUBSTEPS
 from stagectl.calibration import identify_axis, identify_pieces
 from stagectl.cli.identify import command
-from stagectl.config import stage_settings
+from stagectl.config import parse_machine, stage_settings
 from stagectl.config.machine.file import load_machine
 from stagectl.errors import UnusableInput
 from stagectl.recipe import load_recipe
@@ -53,6 +53,24 @@ def answer(recording, tmp_path_factory):
     result = CliRunner().invoke(command, arguments, catch_exceptions=False)
     assert result.exit_code == 0
     return result.output, json.loads(out.read_text())
+
+
+def test_known_forces_are_subtracted_first(recording, answer):
+    """Cogging that was added to a real recording: nothing can be estimated until it is known."""
+    x = recording.axes["x"]
+    wave = 1.2 * np.sin(2 * np.pi * x.position_actual / 0.032 + 0.5)
+    cogged = replace(x, force_actual=x.force_actual + wave)
+    disturbed = replace(recording, axes={**recording.axes, "x": cogged})
+    effect = "    effects: [{effect: cogging, amplitude: 1.2, pitch: 0.032, phase: 0.5}]\n"
+    plain = load_machine()
+    twin = parse_machine(plain.text.replace("  y:", effect + "  y:", 1), "twin.yaml")
+    refused = identify_axis([disturbed], plain, "x")
+    assert "residual" in str(refused.reason)
+    known = identify_axis([disturbed], twin, "x")
+    alone = answer[1]["axes"]["x"]["figures"]
+    assert known.reason is None
+    for name in ("coulomb", "viscous", "stiffness"):
+        assert known[name].value == pytest.approx(alone[name]["value"], rel=0.005), name
 
 
 def test_the_reference_stage_is_the_machine_file(answer):
