@@ -12,6 +12,7 @@ from .journal import (
     sample_codec,
     sample_dtype,
 )
+from .journal_reader import read_journal_notes
 from .ledger import CycleLedger
 from .log_reader import LoggedFrame, read_log
 from .recording import (
@@ -24,7 +25,6 @@ from .recording import (
 from .recovery import (
     RECORDING_NAME,
     RECOVERED_NAME,
-    read_journal_notes,
     recover_folder,
     recover_journal,
     recover_left_over,

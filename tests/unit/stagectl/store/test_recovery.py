@@ -15,59 +15,13 @@ import pytest
 
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.store import (
-    AxisScaling,
     Journal,
-    JournalHeader,
     read_ledger,
     read_recording,
     recover_journal,
     recover_left_over,
 )
-from stagectl.store.journal import TEXT_TAG
-from stagectl.store.recovery import read_journal
-from stagedata import Move
-
-HEADER = JournalHeader(
-    "machine: µ\n",
-    "recipe: r\n",
-    "2026-11-02T08:00:00+00:00",
-    (AxisScaling("x", 1e-9, 0.04), AxisScaling("y", 1e-8, 0.06)),
-)
-
-
-TEN_S = 10_000_000_000
-
-
-EXTRA = {6: 1, 10: 2}
-"""TPDOs of y in addition, reported with the sample after: a double of 5; of 9, late and twice."""
-
-
-def sample(k: int) -> tuple[int, ...]:
-    """Sample k; the TPDO of y misses every tenth SYNC."""
-    missed = k % 10 == 9
-    return (
-        TEN_S + k * 1_000_000, k == 4, 10 * k, -1 if k == 5 else 20,
-        -k, 25, -k + 1, -26, 4663, True, 200_000, 0,
-        2 * k, 0, 2 * k, 1, 0x1237, not missed, -1 if missed else 300_000, EXTRA.get(k, 0),
-    )  # fmt: skip
-
-
-def move(kind: str, start: int, end: int, site: int | None = 1) -> Move:
-    return Move(kind, start, end, {"x": 0.0, "y": 0.0}, {"x": 1e-6, "y": -1e-6}, site)
-
-
-def written(folder: Path, count: int = 30) -> Journal:
-    """A journal with `count` samples, an event before each fifth, two moves."""
-    journal = Journal(folder, HEADER)
-    for k in range(count):
-        if k == 3:
-            journal.move(move("macro", 3, 12))
-        if k == 20:
-            journal.move(move("micro", 20, 90))
-        if k % 5 == 0:
-            journal.event("phase", number=k)
-        journal.sink(sample(k))
-    return journal
+from tests.unit.stagectl.store.journals import HEADER, move, written
 
 
 def test_a_finished_run_becomes_a_recording(tmp_path: Path):
@@ -105,39 +59,6 @@ def test_a_finished_run_becomes_a_recording(tmp_path: Path):
         assert file.attrs["outcome"] == "aborted"
         events = [json.loads(text) for text in file["events"].asstr()]
     assert events[2] == {"event": "phase", "sample": 10, "number": 10}
-
-
-def test_a_journal_cut_at_any_byte_gives_every_whole_sample_before_the_cut(tmp_path: Path):
-    journal = written(tmp_path, 12)
-    journal.close()
-    data = journal.path.read_bytes()
-    cut = tmp_path / "cut.journal"
-    counts: list[int] = []
-    for length in range(len(data) + 1):
-        cut.write_bytes(data[:length])
-        content = read_journal(cut)
-        if content is None:
-            counts.append(0)
-            continue
-        assert content.outcome == "killed"
-        assert all(m.end <= len(content.recording) for m in content.recording.moves)
-        counts.append(len(content.recording))
-        np.testing.assert_array_equal(
-            content.recording.axes["y"].position_demand, np.arange(counts[-1]) * 2 * 1e-8
-        )
-    assert counts == sorted(counts)
-    assert set(counts) == set(range(13))
-    assert counts[-1] == 12
-
-
-def test_zeros_in_place_of_a_note_end_the_journal(tmp_path: Path):
-    journal = written(tmp_path, 20)
-    journal.close()
-    path = tmp_path / "recording.journal"
-    path.write_bytes(path.read_bytes() + bytes((TEXT_TAG,)) + bytes(40))
-    recovered = recover_journal(path)
-    assert recovered.content is not None
-    assert len(recovered.content.recording) == 20
 
 
 KILLED_WRITER = """
