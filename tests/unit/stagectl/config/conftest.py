@@ -1,4 +1,4 @@
-"""Machine files with one thing wrong."""
+"""Machine files with one thing wrong, and faults files."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from stagectl.config import load_machine, parse_machine
+from stagectl.config.fault_plan import parse_faults
 from stagectl.errors import ConfigError
 
 
@@ -45,3 +46,20 @@ def check_refused() -> Callable[[str, str, str], None]:
             assert key_and_reason in found
 
     return check
+
+
+@pytest.fixture(scope="module")
+def machine():
+    """The packaged machine."""
+    return load_machine()
+
+
+@pytest.fixture
+def parse(machine):
+    """The faults of these lines of a faults file."""
+
+    def one(*lines, seed=3):
+        text = "faults:\n" + "".join(f"  - {{{line}}}\n" for line in lines)
+        return parse_faults(text, "faults.yaml", machine, seed).faults
+
+    return one

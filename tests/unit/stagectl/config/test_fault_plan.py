@@ -6,24 +6,9 @@ from pathlib import Path
 import pytest
 
 from hil_sim.bus import faults as f
-from stagectl.config import load_machine
 from stagectl.config.fault_plan import load_faults, parse_faults
 
 EXAMPLE = Path(__file__).parents[4] / "examples" / "faults.yaml"
-
-
-@pytest.fixture(scope="module")
-def machine():
-    return load_machine()
-
-
-@pytest.fixture
-def parse(machine):
-    def one(*lines, seed=3):
-        text = "faults:\n" + "".join(f"  - {{{line}}}\n" for line in lines)
-        return parse_faults(text, "faults.yaml", machine, seed).faults
-
-    return one
 
 
 def test_the_example_of_the_documentation(machine):

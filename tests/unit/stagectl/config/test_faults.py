@@ -7,25 +7,10 @@ from typing import get_args
 import pytest
 
 from hil_sim.bus import faults as f
-from stagectl.config import faults, load_machine
-from stagectl.config.fault_plan import parse_faults
+from stagectl.config import faults
 from stagectl.config.faults import FRAME_NAMES
 from stagectl.config.parsing.validation import Section
 from stagectl.errors import ConfigError
-
-
-@pytest.fixture(scope="module")
-def machine():
-    return load_machine()
-
-
-@pytest.fixture
-def parse(machine):
-    def one(*lines, seed=3):
-        text = "faults:\n" + "".join(f"  - {{{line}}}\n" for line in lines)
-        return parse_faults(text, "faults.yaml", machine, seed).faults
-
-    return one
 
 
 @pytest.mark.parametrize(

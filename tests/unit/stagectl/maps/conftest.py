@@ -1,13 +1,15 @@
 """A history with calibrations of a table whose friction varies."""
 
+import io
 import math
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from stagectl.history import EstimateRecord, RunEntry, StageKey, open_history
-from stagectl.maps import build_map, to_json
+from stagectl.maps import build_map, map_versions, to_json
 
 STAGE = StageKey("wafer-xy", True)
 BEGIN = 1.7e9
@@ -55,6 +57,22 @@ def calibrate(history, at=BEGIN, spot=None, everywhere=1.0, sites=GRID, seed=1, 
 def keep(history, at):
     built = build_map(history, STAGE, until=at + 1000)
     return history.save_map(STAGE, at, "weekly", to_json(built)), built
+
+
+def two_versions(history, everywhere=1.0):
+    """Two versions of the map: since the first, one site has a fifth more friction."""
+    calibrate(history)
+    keep(history, BEGIN)
+    calibrate(history, at=BEGIN + 5000, spot=GRID[7], everywhere=everywhere, seed=2)
+    keep(history, BEGIN + 5000)
+    return map_versions(history, STAGE)
+
+
+def printed(part):
+    """What a terminal of 120 columns shows."""
+    console = Console(width=120, file=io.StringIO(), record=True)
+    console.print(part)
+    return console.export_text()
 
 
 def estimate(shown, zones="AB", misfit=0.6, level=1.0, accepted=True, expected=(6.0, 0.06)):

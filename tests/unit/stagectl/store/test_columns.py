@@ -1,63 +1,17 @@
 """Columns of data files: preambles, separators, decimal commas, and what cannot be read."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from hil_sim.plant import simulate
-from stagectl.config import stage_settings
 from stagectl.config.import_map import load_map
 from stagectl.errors import UnusableInput
 from stagectl.store import import_recording
-
-EXAMPLE = Path(__file__).parents[4] / "examples" / "emps"
+from tests.unit.stagectl.logged_data import AXIS, EXAMPLE, csv_of, read
 
 
 @pytest.fixture
 def example():
     return load_map(EXAMPLE / "map.yaml")
-
-
-@pytest.fixture(scope="module")
-def columns():
-    """What the example's machine would have logged, in the data's own columns and units."""
-    _, machine = load_map(EXAMPLE / "map.yaml")
-    settings = stage_settings(machine)
-    t = np.arange(3000) * 1e-3
-    demand = (0.05 * np.sin(np.pi * t) ** 2)[:, None]
-    response = simulate(settings, demand, np.zeros_like(demand), None)
-    volts = response.force[:, 0] / 35.15065188248547
-    return {
-        "t": t, "qg": demand[:, 0], "qm": response.position[:, 0],
-        "vir": np.concatenate((volts[1:], volts[-1:])),
-    }  # fmt: skip
-
-
-def csv_of(columns, path, header=True, delimiter=","):
-    lines = [delimiter.join(columns)] if header else []
-    lines += [
-        delimiter.join(f"{v:.17g}" for v in row) for row in zip(*columns.values(), strict=True)
-    ]
-    path.write_text("\n".join(lines) + "\n")
-    return path
-
-
-MACHINE = (EXAMPLE / "machine.yaml").read_text()
-
-
-AXIS = """  slide:
-    position_demand: {column: qg}
-    position_actual: {column: qm}
-    force_actual: {column: vir}
-"""
-
-
-def read(tmp_path, path, head="", axis=AXIS, machine=MACHINE):
-    """A file by a map with this head and these columns of the axis."""
-    (tmp_path / "machine.yaml").write_text(machine)
-    (tmp_path / "map.yaml").write_text(f"machine: machine.yaml\n{head}axes:\n{axis}")
-    return import_recording(path, *load_map(tmp_path / "map.yaml"))
 
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t", "  "])

@@ -11,37 +11,9 @@ import pytest
 
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.store import read_recording, write_recording
-from stagedata import AxisSignals, Move, Recording
+from tests.unit.stagectl.store.recordings import small_recording
 
 DATA = Path(__file__).parents[3] / "data"
-
-
-def small_recording(length: int = 50, seed: int = 1) -> Recording:
-    rng = np.random.default_rng(seed)
-
-    def axis() -> AxisSignals:
-        return AxisSignals(
-            rng.normal(size=length),
-            rng.normal(size=length),
-            rng.normal(size=length),
-            rng.normal(size=length),
-            rng.integers(0, 65536, length).astype(np.uint16),
-            rng.random(length) > 0.1,
-        )
-
-    moves = (
-        Move("macro", 3, 20, {"y": 0.0, "x": 0.1}, {"y": 0.5, "x": 0.2}, 1),
-        Move("other", 25, 50, {"y": 0.5, "x": 0.2}, {"y": 0.0, "x": 0.0}, None),
-    )
-    return Recording(
-        "machine: µ\n",
-        "",
-        "2026-11-02T08:00:00+00:00",
-        np.arange(length) * 1e-3,
-        {"y": axis(), "x": axis()},
-        moves,
-        "made",
-    )
 
 
 @pytest.fixture

@@ -5,19 +5,21 @@ import json
 import pytest
 
 from stagectl.history import Activation
-from stagectl.maps import compare, map_versions, version_as_json
+from stagectl.maps import compare, version_as_json
 from stagectl.maps.applicable import Problem
 from stagectl.maps.output.as_json import activation_as_json, changes_as_json, versions_as_json
-from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, keep, level
+from tests.unit.stagectl.maps.conftest import (
+    BEGIN,
+    GRID,
+    STAGE,
+    level,
+    two_versions,
+)
 
 
 @pytest.fixture
 def versions(history):
-    calibrate(history)
-    keep(history, BEGIN)
-    calibrate(history, at=BEGIN + 5000, spot=GRID[7], seed=2)
-    keep(history, BEGIN + 5000)
-    return map_versions(history, STAGE)
+    return two_versions(history)
 
 
 def through_json(value):

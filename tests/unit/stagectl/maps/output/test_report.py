@@ -5,18 +5,14 @@ import re
 import numpy as np
 import pytest
 
-from stagectl.maps import draw_maps, map_versions
+from stagectl.maps import draw_maps
 from stagectl.maps.output.surface import surface
-from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, keep
+from tests.unit.stagectl.maps.conftest import two_versions
 
 
 @pytest.fixture
 def versions(history):
-    calibrate(history)
-    keep(history, BEGIN)
-    calibrate(history, at=BEGIN + 5000, spot=GRID[7], everywhere=1.3, seed=2)
-    keep(history, BEGIN + 5000)
-    return map_versions(history, STAGE)
+    return two_versions(history, everywhere=1.3)
 
 
 def scale(picture):

@@ -1,30 +1,17 @@
 """One axis of a map over the table: what is drawn and summed up of it."""
 
-import io
-
 import numpy as np
 import pytest
-from rich.console import Console
 
-from stagectl.maps import changes_table, compare, map_versions, summary, version_as_json
+from stagectl.maps import changes_table, compare, summary, version_as_json
 from stagectl.maps.output.report import render
 from stagectl.maps.output.surface import surface
-from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, keep
+from tests.unit.stagectl.maps.conftest import STAGE, printed, two_versions
 
 
 @pytest.fixture
 def versions(history):
-    calibrate(history)
-    keep(history, BEGIN)
-    calibrate(history, at=BEGIN + 5000, spot=GRID[7], everywhere=1.3, seed=2)
-    keep(history, BEGIN + 5000)
-    return map_versions(history, STAGE)
-
-
-def printed(part):
-    console = Console(width=120, file=io.StringIO(), record=True)
-    console.print(part)
-    return console.export_text()
+    return two_versions(history, everywhere=1.3)
 
 
 def test_known_to_is_one_figure_on_terminal_page_and_json(history, versions):

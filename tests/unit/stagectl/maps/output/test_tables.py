@@ -1,31 +1,19 @@
 """Maps on a terminal: figures, places, versions and changes."""
 
-import io
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from stagectl.history import Activation
-from stagectl.maps import MapVersion, changes_table, compare, map_versions, summary
+from stagectl.maps import MapVersion, changes_table, compare, summary
 from stagectl.maps.output.tables import at_place, day, versions_table
-from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, calibrate, keep, level
+from tests.unit.stagectl.maps.conftest import BEGIN, GRID, STAGE, level, printed, two_versions
 
 
 @pytest.fixture
 def versions(history):
-    calibrate(history)
-    keep(history, BEGIN)
-    calibrate(history, at=BEGIN + 5000, spot=GRID[7], seed=2)
-    keep(history, BEGIN + 5000)
-    return map_versions(history, STAGE)
-
-
-def printed(part):
-    console = Console(width=120, file=io.StringIO(), record=True)
-    console.print(part)
-    return console.export_text()
+    return two_versions(history)
 
 
 def test_times_are_in_utc():
