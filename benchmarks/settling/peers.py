@@ -220,7 +220,7 @@ def in_place_of_ours(name: str, peer: Peer) -> Iterator[None]:
                 }
                 return design_observers(machine, figures)
 
-            stack.enter_context(patch("stagectl.run.session.design_observers", rigid))
+            stack.enter_context(patch("stagectl.run.observers.design_observers", rigid))
         yield
 
 

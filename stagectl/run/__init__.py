@@ -1,6 +1,7 @@
 """One run, from a recipe to its files.
 
-`checks` (whether it can begin), `prepare`, `session` (the order of things), `record` (its files),
+`execution` (the whole of it): `checks` (whether it can begin), `prepare`, `session` (the stage from
+boot to disabling, with `observers`), `record` (its files), `listener` (who is told),
 `run_history` (its estimates), `summarise` and `documents` (from the recording), `retries` (after a
 fault), `resume` (an interrupted run), `listing`, `replay` (a run again, on its bus log).
 

@@ -1,39 +1,30 @@
-"""One run, from a validated recipe to its files.
+"""One run on the open bus: boot, homing, the recipe (`sequencer.Engine`), disabling.
 
-`execute` checks everything (`prepare`) and opens the bus before it makes any file; a `_Session`
-then takes the stage through boot, homing, the recipe (`sequencer.Engine`) and disabling. Whatever
-happens on the way, the stage ends disabled, and what was measured becomes the recording. The
-history gets the run once the drives have answered.
+Whatever happens on the way, the stage ends disabled, and what was measured becomes the recording.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field, replace
 
 import can
 
 from drivers import AxisFault, DriverError, Stage
-from drivers.canopen import open_bus
-from drivers.errors import BusOpenError
 from drivers.settings import AxisSettings, BusSettings
-from estimation.observer import Design, StageObserver
 from estimation.trajectory import Limits
-from hil_sim.bus import InjectedFault, World
-from hil_sim.stage import VirtualStage
-from stagectl.config.settings.observer import design_observers, make_observer
-from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError, UnusableInput
-from stagectl.history import open_history, stage_temperature
+from hil_sim.bus import InjectedFault
+from stagectl.errors import Aborted, ConfigError, RunFault, StagectlError
+from stagectl.history import stage_temperature
 from stagectl.maps import ActiveMap, sites_outside
 from stagectl.recipe import plan_from
 from stagectl.run.checks import Substitutes
-from stagectl.run.prepare import Preparation, file_earlier_runs, prepare
+from stagectl.run.listener import Listener
+from stagectl.run.observers import Observers
+from stagectl.run.prepare import Preparation
 from stagectl.run.record import RunRecord
 from stagectl.run.request import RunRequest, RunResult
 from stagectl.run.retries import recover_stage
-from stagectl.run.virtual_stage import virtual_stage
 from stagectl.sequencer import (
     DriveLimited,
     EffectLeft,
@@ -42,105 +33,17 @@ from stagectl.sequencer import (
     FreshPlaces,
     Mode,
     MovingAxis,
-    ObservedOffsets,
     Places,
     Retrying,
 )
-from stagectl.store import BusLog, recover_left_over
-from stagedata.compiled import on_compiling
-
-
-@dataclass(slots=True)
-class Listener:
-    """Callbacks of a run.
-
-    Attributes:
-        phase: called with a few words when a phase begins (boot, home, ...).
-        event: called with each event of the engine.
-        stoppable: called with the function that requests a controlled stop.
-        switched_on: called with the virtual stage and its world (with `--simulate`).
-    """
-
-    phase: Callable[[str], object] = field(default=lambda _: None)
-    event: Callable[[Event], object] = field(default=lambda _: None)
-    stoppable: Callable[[Callable[[str], None]], object] = field(default=lambda _: None)
-    switched_on: Callable[[VirtualStage, World], object] = field(default=lambda *_: None)
+from stagectl.store import BusLog
 
 
 class _EarlyStop(KeyboardInterrupt):
     """The operator's stop before anything moves; not caught by any `except Exception`."""
 
 
-def execute(
-    request: RunRequest, listener: Listener, substitutes: Substitutes | None = None
-) -> RunResult:
-    """Run a recipe and write its files.
-
-    Args:
-        request: what to run.
-        listener: called as the run proceeds.
-        substitutes: of a replay, or of a test.
-
-    Raises:
-        ConfigError: the stage cannot be set up from the files given; nothing has moved.
-        StagectlError: the folder or the history cannot be used; nothing has moved.
-        OSError: likewise.
-    """
-    with on_compiling(lambda _: listener.phase("compiling, once")):
-        return _execute(request, listener, substitutes)
-
-
-def _execute(request: RunRequest, listener: Listener, substitutes: Substitutes | None) -> RunResult:
-    if substitutes is None:
-        file_earlier_runs(request, listener.phase)
-    ready = prepare(request, listener.phase, substitutes)
-    bus = ready.bus
-    if request.bus is not None:
-        bus = replace(bus, interface=request.bus[0], channel=request.bus[1])
-    simulated = (
-        virtual_stage(request, ready.truth, bus, listener.switched_on)
-        if substitutes is None
-        else nullcontext((bus, ()))
-    )
-    with simulated as (used, injected):
-        listener.phase(f"opening {used}")
-        with _open_bus(used, substitutes) as opened:
-            _prepare_files(request, listener)
-            record = RunRecord(request, ready.started, ready.active, ready.effects)
-            session = _Session(request, listener, ready, substitutes, record)
-            return session.run(used, opened, injected)
-
-
-def _open_bus(
-    bus: BusSettings, substitutes: Substitutes | None
-) -> AbstractContextManager[can.BusABC]:
-    """The open bus, closed at the end.
-
-    Raises:
-        UnusableInput: there is no such bus.
-    """
-    if substitutes is not None:
-        return nullcontext(substitutes.bus)
-    try:
-        return open_bus(bus)
-    except BusOpenError as error:
-        raise UnusableInput(str(error)) from error
-
-
-def _prepare_files(request: RunRequest, listener: Listener) -> None:
-    """Make folder and history; recover the journal of a killed run in the folder."""
-    try:
-        request.folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UnusableInput(f"{request.folder}: {error.strerror}") from error
-    left_over = recover_left_over(request.folder, aside=True)
-    if left_over is not None:
-        listener.phase(left_over.describe())
-    if request.history is not None:
-        open_history(request.history, write=True).close()
-
-
-class _Session:
+class Session:
     """The part of a run that has a record: the stage from opening to disabling."""
 
     def __init__(
@@ -155,8 +58,9 @@ class _Session:
         self._substitutes, self._record, active = substitutes, record, ready.active
         self._compensation = ready.compensation
         self._places = self._places_of(active)
-        self._designs = self._design_observers()
-        self._observer: StageObserver | None = None
+        self._observers: Observers | None = None
+        if request.observer:
+            self._observers = Observers(request.machine, ready.compensation)
         self._stage: Stage | None = None
         self._engine: Engine | None = None
         self._error: StagectlError | None = None
@@ -164,14 +68,6 @@ class _Session:
         self._early_stop: str | None = None
         if active is not None:
             record.note_limitations(sites_outside(active.version, request.recipe.sites))
-
-    def _design_observers(self) -> dict[str, Design | str]:
-        """Axis -> its observer, or why it has none; empty where the run does without."""
-        if not self._request.observer:
-            return {}
-        machine = self._request.machine
-        axes = zip(machine.axes, self._compensation, strict=True)
-        return design_observers(machine, {name: axis.estimator.friction for name, axis in axes})
 
     def _places_of(self, active: ActiveMap | None) -> Places | None:
         """Friction over the table: the map's, or unknown in a calibration without one."""
@@ -222,7 +118,8 @@ class _Session:
                 listener.phase("enabling the drives")
                 stage.enable()
                 self._heed_early_stop()
-                self._observe(stage)
+                if self._observers is not None:
+                    self._observers.attach(stage, record)
                 record.note_limitations((*stage.limitations, *stage.notices))
                 record.temperature = stage_temperature(
                     self._request.machine, stage, self._ready.thermometer
@@ -233,7 +130,9 @@ class _Session:
                     self._run_recipe(stage, bus.sync_period)
                 finally:
                     record.wall_time = time.perf_counter() - begin
-                    record.note_limitations((*stage.notices, *self._observer_failures()))
+                    record.note_limitations(stage.notices)
+                    if self._observers is not None:
+                        record.note_limitations(self._observers.failures())
                 listener.phase("disabling")
                 stage.disable()
         except DriverError as error:
@@ -258,35 +157,6 @@ class _Session:
             if not effect.compensated:
                 self._record.note_limitations([effect.describe()])
                 self._listener.event(EffectLeft(effect.describe()))
-
-    def _observe(self, stage: Stage) -> None:
-        """Have the observer correct the force offsets of every axis that can have one."""
-        if not self._designs:
-            return
-        self._observer = make_observer(
-            self._request.machine,
-            self._designs,
-            [
-                axis.settings.peak_force if axis.accepts_force_offset else None
-                for axis in stage.axes
-            ],
-        )
-        for compensation, is_on in zip(self._compensation, self._observer.is_on, strict=True):
-            compensation.observed = is_on
-        if any(self._observer.is_on):
-            stage.correct_offsets(ObservedOffsets(self._observer))
-        self._record.note_observer(self._designs, self._observer.is_on)
-
-    def _observer_failures(self) -> list[str]:
-        """What the operator should know of observers that ended early."""
-        if self._observer is None:
-            return []
-        axes = zip(self._request.machine.axes, self._observer.failed, strict=True)
-        return [
-            f"axis {name}: the observer's estimate was not finite; its correction stayed as it was"
-            for name, failed in axes
-            if failed
-        ]
 
     def _run_recipe(self, stage: Stage, period: float) -> None:
         """Run what is left of the recipe; repeat a segment after a fault that allows it."""
@@ -319,8 +189,8 @@ class _Session:
                         Retrying(record.done + 1, number, limit, why)
                     ),
                 )
-                if self._observer is not None:
-                    self._observer.restart()
+                if self._observers is not None:
+                    self._observers.restart()
                 interrupted = engine.restart(record.journal.samples)
                 if interrupted is not None:
                     record.note_interrupted_move(interrupted)

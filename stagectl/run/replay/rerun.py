@@ -18,9 +18,10 @@ from stagectl.errors import UnusableInput
 from stagectl.maps import restore_snapshot
 from stagectl.recipe import Pair, parse_recipe
 from stagectl.run.checks import Substitutes
+from stagectl.run.execution import execute
+from stagectl.run.listener import Listener
 from stagectl.run.replay.bus import Difference, ReplayBus
 from stagectl.run.request import Resumed, RunRequest
-from stagectl.run.session import Listener, execute
 from stagectl.sequencer import Mode
 from stagectl.store import LOG_NAME, RECORDING_NAME, RunNotes, read_log, read_notes, recover_folder
 

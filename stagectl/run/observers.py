@@ -1,0 +1,60 @@
+"""The settling observers of a run: designed before it, correcting once the stage is enabled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from drivers import Stage
+from estimation.observer import StageObserver
+from stagectl.config.machine import Machine
+from stagectl.config.settings.observer import design_observers, make_observer
+from stagectl.run.record import RunRecord
+from stagectl.sequencer import AxisCompensation, ObservedOffsets
+
+
+class Observers:
+    """One for each axis that can have one.
+
+    Args:
+        machine: as the host believes it.
+        compensation: of its axes, whose friction the observers are designed for.
+    """
+
+    def __init__(self, machine: Machine, compensation: Sequence[AxisCompensation]) -> None:
+        self._machine, self._compensation = machine, compensation
+        axes = zip(machine.axes, compensation, strict=True)
+        friction = {name: axis.estimator.friction for name, axis in axes}
+        self._designs = design_observers(machine, friction)
+        self._observer: StageObserver | None = None
+
+    def attach(self, stage: Stage, record: RunRecord) -> None:
+        """Have the force offsets of the enabled stage corrected; the record says of which axes."""
+        observer = self._observer = make_observer(
+            self._machine,
+            self._designs,
+            [
+                axis.settings.peak_force if axis.accepts_force_offset else None
+                for axis in stage.axes
+            ],
+        )
+        for compensation, is_on in zip(self._compensation, observer.is_on, strict=True):
+            compensation.observed = is_on
+        if any(observer.is_on):
+            stage.correct_offsets(ObservedOffsets(observer))
+        record.note_observer(self._designs, observer.is_on)
+
+    def restart(self) -> None:
+        """Forget the motion so far: a fault has ended it."""
+        if self._observer is not None:
+            self._observer.restart()
+
+    def failures(self) -> list[str]:
+        """What the operator should know of observers that ended early."""
+        if self._observer is None:
+            return []
+        axes = zip(self._machine.axes, self._observer.failed, strict=True)
+        return [
+            f"axis {name}: the observer's estimate was not finite; its correction stayed as it was"
+            for name, failed in axes
+            if failed
+        ]
