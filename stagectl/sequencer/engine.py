@@ -39,7 +39,8 @@ from stagectl.sequencer.events import (
     Waiting,
 )
 from stagectl.sequencer.excitation import excitation_setpoints
-from stagectl.sequencer.mover import Mover, MovingAxis, StagePort
+from stagectl.sequencer.mover import Mover, MovingAxis
+from stagectl.sequencer.streamer import StagePort
 from stagedata import Move
 
 LEAD_IN = 0.1

@@ -1,11 +1,11 @@
-"""Streams moves and holds: setpoints and force offsets to the stage, samples to the compensation.
+"""Makes moves and holds: setpoints and force offsets to the stage, samples to the compensation.
 
 A move in four steps (`Mover.move_to`):
 
 1. plan a jerk-limited trajectory per axis (`estimation.trajectory`),
 2. compute a force offset for every setpoint (`compensation.AxisCompensation.force_offsets`),
-3. stream both, one pair per SYNC; while a long move decelerates, revise the remaining offsets,
-4. watch the following error of every block (`following_error`).
+3. stream both, one pair per SYNC (`streamer`),
+4. while a long move decelerates, revise the remaining offsets.
 
 `Mover.learn` then hands the samples of the move and of the rest after it to the compensation.
 The engine decides what happens next; this carries it out.
@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,16 +23,13 @@ from numpy.typing import NDArray
 from estimation.move import MoveData
 from estimation.trajectory import Limits, Trajectory, plan, plan_stop
 from stagectl.sequencer.compensation import AxisCompensation, Learned
-from stagectl.sequencer.compensation.known_axis import REST_SAMPLES, SAMPLES_BEFORE_MOVE
 from stagectl.sequencer.compensation.path_friction import PathFriction
 from stagectl.sequencer.compensation.places import Places
-from stagectl.sequencer.following_error import check_following_error
 from stagectl.sequencer.samples.move_data import prepare_move_data
-from stagectl.sequencer.samples.sample_validity import mean_force, without_late
-from stagedata import Move, Samples
+from stagectl.sequencer.streamer import StagePort, Streamer, Until
+from stagedata import Move
 
 F64 = NDArray[np.float64]
-Until = Callable[[tuple[float, ...]], bool]
 
 LEAST_VALID = 3
 """Fewer valid samples than this make no record to learn from."""
@@ -42,17 +38,6 @@ SHORT_MOTION = 0.5
 the target: its Coulomb force still changes while the other axis moves the table."""
 _BLOCK = 256
 """Setpoints per block while holding."""
-
-
-class StagePort(Protocol):
-    """What the sequencer needs of a stage enabled in csp."""
-
-    @property
-    def targets(self) -> tuple[float, ...]:
-        """Target positions sent last [m]."""
-
-    def stream(self, position: F64, offset: F64, until: Until | None = None) -> Samples:
-        """Send one setpoint pair per SYNC, [m] and [N], shape (K, n); `until` ends it early."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +62,7 @@ class MovingAxis:
 
 
 class Mover:
-    """Streams moves and holds.
+    """Makes moves and holds.
 
     Args:
         stage: enabled in csp, at rest.
@@ -87,7 +72,6 @@ class Mover:
         places: friction over the table; None where it is taken to be the same everywhere.
 
     Attributes:
-        samples: SYNCs streamed so far, which is the index of the next sample.
         target: demanded position [m], shape (n,).
         move: the move that samples are being collected for; None before the first one and after
             `learn`.
@@ -101,27 +85,23 @@ class Mover:
         stop: Callable[[], bool],
         places: Places | None = None,
     ) -> None:
-        self.samples = 0
         self.move: Move | None = None
-        self._stage, self._axes, self._period, self._stop = stage, tuple(axes), period, stop
+        self._axes, self._period = tuple(axes), period
+        windows = [axis.following_error for axis in axes]
+        self._streamer = Streamer(stage, [axis.name for axis in axes], windows, period, stop)
         self._friction = PathFriction([axis.compensation for axis in axes], places, period)
         self._short_motion: list[bool] = []
         self._reset()
 
     def _reset(self) -> None:
-        """The state after enabling: at rest, no force offset, no samples."""
-        count = len(self._axes)
-        self.target: F64 = np.array(self._stage.targets, dtype=np.float64)
-        self._offset: F64 = np.zeros(count)
-        self._rest_force: F64 = np.zeros(count)
-        self._blocks: list[Samples] = []
-        self._latest = Samples.missing(0, count)
-        self._before_move = self._latest
+        """The state after enabling: at rest, no force offset."""
+        self.target: F64 = np.array(self._streamer.targets, dtype=np.float64)
+        self._offset: F64 = np.zeros(len(self._axes))
 
     def restart(self, samples: int) -> Move | None:
         """Start again after a fault, the stage enabled again at rest; see `Engine.restart`."""
         interrupted, self.move = self.move, None
-        self.samples = samples
+        self._streamer.restart(samples)
         self._reset()
         for axis in self._axes:
             axis.compensation.forget_state()
@@ -130,9 +110,14 @@ class Mover:
         return replace(interrupted, end=min(interrupted.end, samples))
 
     @property
+    def samples(self) -> int:
+        """SYNCs streamed so far, which is the index of the next sample."""
+        return self._streamer.samples
+
+    @property
     def time(self) -> float:
         """Time of the next SYNC if it is punctual [s]."""
-        return float(self._latest.time[-1]) + self._period if len(self._latest) else 0.0
+        return self._streamer.time
 
     def on_grid(self, position: Sequence[float]) -> tuple[float, ...]:
         """The position [m] rounded to whole increments of the setpoints."""
@@ -170,8 +155,7 @@ class Mover:
         duration = max(m.duration for m in motion)
         count = math.ceil(duration / self._period) + 1
         self._short_motion = [m.duration < (1.0 - SHORT_MOTION) * duration for m in motion]
-        if len(self._latest):
-            self._rest_force = mean_force(self._latest)
+        self._streamer.begin_move()
         demand = _setpoints(motion, count, self._period)
         self._friction.begin(target if place is None else place, motion, demand, self.time)
         offset = self._force_offsets(motion, count)
@@ -185,8 +169,6 @@ class Mover:
             site,
         )
         announce(self.move)
-        self._before_move = self._latest.tail(SAMPLES_BEFORE_MOVE)
-        self._blocks = []
         done = self._stream_and_revise(motion, demand, offset)
         self._offset = offset[done - 1]
         if done < count:
@@ -213,11 +195,8 @@ class Mover:
         at_rest = dict(zip((a.name for a in self._axes), self.target.tolist(), strict=True))
         self.move = Move("other", self.samples, self.samples + count, at_rest, dict(at_rest))
         announce(self.move)
-        if len(self._latest):
-            self._rest_force = mean_force(self._latest)
-        self._before_move = self._latest.tail(SAMPLES_BEFORE_MOVE)
-        self._blocks = []
-        done = self._stream(demand, np.tile(self._offset, (count, 1)))
+        self._streamer.begin_move()
+        done = self._streamer.stream(demand, np.tile(self._offset, (count, 1)))
         if done == count:
             return True
         path = np.concatenate((np.tile(self.target, (3, 1)), demand[:done]))
@@ -233,7 +212,7 @@ class Mover:
                     count,
                     self.time,
                     float(self.target[a]),
-                    float(self._rest_force[a]),
+                    float(self._streamer.rest_force[a]),
                     float(self._offset[a]),
                     self._friction.along_demand(a),
                 )
@@ -250,7 +229,7 @@ class Mover:
                 revisions.setdefault(round(when / self._period), []).append(a)
         done = 0
         for row in sorted(revisions):
-            done += self._stream(demand[done:row], offset[done:row])
+            done += self._streamer.stream(demand[done:row], offset[done:row])
             if done < row:
                 return done
             records = self._records()
@@ -266,13 +245,13 @@ class Mover:
                 )
                 if revised is not None:
                     offset[:, a] = revised
-        return done + self._stream(demand[done:], offset[done:])
+        return done + self._streamer.stream(demand[done:], offset[done:])
 
     def _records(self) -> list[MoveData]:
         """What has been measured of the move so far, one record per axis."""
         records, path = prepare_move_data(
-            Samples.concatenate([self._before_move, *self._blocks]),
-            self._rest_force,
+            self._streamer.record(),
+            self._streamer.rest_force,
             [axis.mass for axis in self._axes],
             self._period,
         )
@@ -292,7 +271,7 @@ class Mover:
         while left > 0:
             count = min(_BLOCK, left)
             offset = self._friction.hold_offsets(self._offset, count)
-            done = self._stream(np.tile(self.target, (count, 1)), offset, until)
+            done = self._streamer.stream(np.tile(self.target, (count, 1)), offset, until)
             self._offset = self._friction.held(self._offset, offset, done)
             if done < count:
                 return True
@@ -306,7 +285,7 @@ class Mover:
             Axis name and estimate of each axis that has one.
         """
         move, self.move = self.move, None
-        if move is None or not self._blocks:
+        if move is None or not self._streamer.has_record:
             return []
         learned = []
         for a, (axis, record) in enumerate(zip(self._axes, self._records(), strict=True)):
@@ -344,43 +323,9 @@ class Mover:
                 for a, (axis, stop) in enumerate(zip(self._axes, stops, strict=True))
             ]
         )
-        self._stream(_setpoints(stops, count, self._period), offset, _never)
+        self._streamer.stream_to_rest(_setpoints(stops, count, self._period), offset)
         self._offset = offset[-1]
         self.target = np.array([s.target for s in stops])
-
-    def _stream(self, demand: F64, offset: F64, until: Until | None = None) -> int:
-        """Stream setpoints, keep the samples, watch the following error; returns how many went."""
-        stop = self._stop
-        check: Until
-        if until is None:
-
-            def check(_: tuple[float, ...]) -> bool:
-                return stop()
-        elif until is _never:
-            check = until
-        else:
-
-            def check(position: tuple[float, ...]) -> bool:
-                return until(position) or stop()
-
-        samples = without_late(self._stage.stream(demand, offset, check))
-        self._blocks.append(samples)
-        self.samples += len(samples)
-        check_following_error(
-            samples,
-            demand,
-            [axis.name for axis in self._axes],
-            [axis.following_error for axis in self._axes],
-        )
-        latest = samples
-        if len(samples) < REST_SAMPLES:
-            latest = Samples.concatenate([self._latest, samples])
-        self._latest = latest.tail(REST_SAMPLES)
-        return len(samples)
-
-
-def _never(_: tuple[float, ...]) -> bool:
-    return False
 
 
 def _last_state(path: F64, period: float) -> list[list[float]]:

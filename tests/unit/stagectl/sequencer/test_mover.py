@@ -1,75 +1,15 @@
 """Moves and holds: what reaches the estimator from an unpunctual bus, and what is learned."""
 
 import math
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from estimation.trajectory import Limits
-from stagectl.errors import RunFault
 from stagectl.sequencer import MovingAxis
 from stagectl.sequencer.mover import Mover
-from stagectl.sequencer.samples.sample_validity import without_late
-from stagedata import Samples
-
-TS = 1e-3
-
-
-def test_after_a_gap_the_first_of_two_answers_is_that_of_an_earlier_sync():
-    count = 10
-    block = replace(
-        Samples.missing(count, 1),
-        valid=np.ones((count, 1), dtype=bool),
-        time=TS * np.arange(count),
-        arrival=np.full((count, 1), 2e-4),
-    )
-    block.extra[3] = 1  # one that was sent twice is as good as any
-    block.valid[5:7] = False
-    block.extra[8] = 1
-    assert np.flatnonzero(~without_late(block).valid[:, 0]).tolist() == [5, 6, 7]
-
-
-class Echo:
-    """A stage that follows at once; it skips periods at `skip`, and its SYNC is late at `late`.
-
-    Samples arrive 0.2 ms after their SYNC, those of `straggling` 15 us later.
-    """
-
-    targets = (0.0,)
-
-    def __init__(self, skip=(), late=(), straggling=()):
-        self.k, self.periods, self.skip, self.late = 0, 0, skip, late
-        self.offsets = []
-        self.straggling = straggling
-
-    def stream(self, position, offset, until=None):
-        time, late, rows, arrival = [], [], [], []
-        for row in position:
-            if self.k in self.skip:
-                self.periods += 2
-            time.append(self.periods * TS)
-            late.append(self.k in self.late)
-            arrival.append([2e-4 + 1.5e-5 * (self.k in self.straggling)])
-            rows.append(row)
-            self.k += 1
-            self.periods += 1
-            if until is not None and until(tuple(row)):
-                break
-        count = len(rows)
-        self.offsets.append(offset[:count])
-        axes = len(self.targets)
-        return replace(
-            Samples.missing(count, axes),
-            position=np.array(rows),
-            force=np.full((count, axes), 1.5),
-            valid=np.ones((count, axes), dtype=bool),
-            time=np.array(time),
-            late=np.array(late),
-            arrival=np.repeat(arrival, axes, axis=1),
-            doubt=np.full(count, np.inf),
-        )
+from tests.unit.stagectl.sequencer.echo import TS, Echo
 
 
 class Notes:
@@ -103,12 +43,13 @@ class Notes:
 def make_move(revise_at=math.inf, **trouble):
     notes = Notes(revise_at)
     axis = MovingAxis("x", Limits(1.0, 10.0, 2000.0), 1e-9, notes)
-    mover = Mover(Echo(**trouble), [axis], TS, lambda: False)
+    stage = Echo(**trouble)
+    mover = Mover(stage, [axis], TS, lambda: False)
     mover.hold(0.02)
     mover.move_to((0.01,), Limits(0.5, 3.0, 200.0), "macro", 1, lambda _: None)
     mover.hold(0.03)
     mover.learn()
-    notes.offsets_sent = np.concatenate(mover._stage.offsets)[:, 0]  # noqa: SLF001
+    notes.offsets_sent = np.concatenate(stage.offsets)[:, 0]
     return notes
 
 
@@ -154,24 +95,6 @@ def test_a_move_revises_its_remaining_offsets():
     assert (revised.offsets_sent[: 20 + 50] == 0.0).all()
     assert (revised.offsets_sent[20 + 50 :] == 7.0).all()  # and the rest holds the last one
     np.testing.assert_array_equal(revised.moves[0].position, plain.moves[0].position)
-
-
-class Stuck(Echo):
-    """Reports positions 2 mm off its setpoints, from sample 60 on."""
-
-    def stream(self, position, offset, until=None):
-        before = self.k
-        block = super().stream(position, offset, until)
-        block.position[max(0, 60 - before) :] += 2e-3
-        return block
-
-
-def test_a_following_error_is_a_fault_that_names_axis_and_object():
-    axis = MovingAxis("x", Limits(1.0, 10.0, 2000.0), 1e-9, Notes(), following_error=1e-3)
-    mover = Mover(Stuck(), [axis], TS, lambda: False)
-    mover.hold(0.05)
-    with pytest.raises(RunFault, match=r"^axis x: 0x6064:00 position actual: 2 mm from"):
-        mover.hold(0.05)
 
 
 class Everywhere:

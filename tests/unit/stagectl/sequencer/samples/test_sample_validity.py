@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,9 +12,11 @@ from stagectl.sequencer.samples.sample_validity import (
     REACH,
     filled_to_grid,
     resampled_to_grid,
+    without_late,
     without_stale,
     without_unpunctual,
 )
+from stagedata import Samples
 from tests.unit.stagectl.sequencer.samples.jittered import COUNT, MOTION, TS, jittered
 
 
@@ -88,3 +92,17 @@ def test_an_axis_at_rest_may_repeat_itself():
     samples.position[:, 0] = np.round(samples.position[:, 0], 9)
     assert (np.diff(samples.position[:, 0]) == 0.0).sum() > 20  # before and after the motion
     assert without_stale(samples).valid.all()
+
+
+def test_after_a_gap_the_first_of_two_answers_is_that_of_an_earlier_sync():
+    count = 10
+    block = replace(
+        Samples.missing(count, 1),
+        valid=np.ones((count, 1), dtype=bool),
+        time=TS * np.arange(count),
+        arrival=np.full((count, 1), 2e-4),
+    )
+    block.extra[3] = 1  # one that was sent twice is as good as any
+    block.valid[5:7] = False
+    block.extra[8] = 1
+    assert np.flatnonzero(~without_late(block).valid[:, 0]).tolist() == [5, 6, 7]

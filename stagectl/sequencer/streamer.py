@@ -1,0 +1,122 @@
+"""Streams setpoints to the stage, keeps what comes back, and watches the following error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stagectl.sequencer.compensation.known_axis import REST_SAMPLES, SAMPLES_BEFORE_MOVE
+from stagectl.sequencer.following_error import check_following_error
+from stagectl.sequencer.samples.sample_validity import mean_force, without_late
+from stagedata import Samples
+
+F64 = NDArray[np.float64]
+Until = Callable[[tuple[float, ...]], bool]
+
+
+class StagePort(Protocol):
+    """What the sequencer needs of a stage enabled in csp."""
+
+    @property
+    def targets(self) -> tuple[float, ...]:
+        """Target positions sent last [m]."""
+
+    def stream(self, position: F64, offset: F64, until: Until | None = None) -> Samples:
+        """Send one setpoint pair per SYNC, [m] and [N], shape (K, n); `until` ends it early."""
+
+
+class Streamer:
+    """Between the moves and the stage.
+
+    Args:
+        stage: enabled in csp, at rest.
+        names: of the axes, in the order of all arrays.
+        windows: of the host's own watch over the following error, per axis [m].
+        period: Ts [s].
+        stop: asked on every SYNC; True ends what is being streamed.
+
+    Attributes:
+        samples: SYNCs streamed so far, which is the index of the next sample.
+        rest_force: measured at rest before the move under way [N], shape (n,).
+    """
+
+    def __init__(
+        self,
+        stage: StagePort,
+        names: Sequence[str],
+        windows: Sequence[float],
+        period: float,
+        stop: Callable[[], bool],
+    ) -> None:
+        self._stage, self._names, self._windows = stage, names, windows
+        self._period, self._stop = period, stop
+        self.restart(0)
+
+    def restart(self, samples: int) -> None:
+        """Begin again with the stage enabled and at rest, after this many samples."""
+        count = len(self._names)
+        self.samples = samples
+        self.rest_force: F64 = np.zeros(count)
+        self._latest = Samples.missing(0, count)
+        self._before_move = self._latest
+        self._blocks: list[Samples] = []
+
+    @property
+    def targets(self) -> tuple[float, ...]:
+        """Target positions sent last [m]."""
+        return self._stage.targets
+
+    @property
+    def time(self) -> float:
+        """Time of the next SYNC if it is punctual [s]."""
+        return float(self._latest.time[-1]) + self._period if len(self._latest) else 0.0
+
+    @property
+    def has_record(self) -> bool:
+        """Whether anything has been streamed since the move under way began."""
+        return bool(self._blocks)
+
+    def begin_move(self) -> None:
+        """From here on the samples are those of a move, after the last few at rest."""
+        if len(self._latest):
+            self.rest_force = mean_force(self._latest)
+        self._before_move = self._latest.tail(SAMPLES_BEFORE_MOVE)
+        self._blocks = []
+
+    def record(self) -> Samples:
+        """What has come back of the move so far, the samples at rest before it included."""
+        return Samples.concatenate([self._before_move, *self._blocks])
+
+    def stream(self, demand: F64, offset: F64, until: Until | None = None) -> int:
+        """Send setpoints and keep the samples; return how many went.
+
+        Args:
+            demand: positions [m], shape (K, n).
+            offset: force offsets [N], shape (K, n).
+            until: called with the measured positions [m] after each SYNC; True ends it.
+
+        Raises:
+            RunFault: an axis has left its window.
+        """
+        stop = self._stop
+        if until is None:
+            return self._send(demand, offset, lambda _: stop())
+        return self._send(demand, offset, lambda position: until(position) or stop())
+
+    def stream_to_rest(self, demand: F64, offset: F64) -> None:
+        """The same to the end, whoever asks for a stop meanwhile."""
+        self._send(demand, offset, lambda _: False)
+
+    def _send(self, demand: F64, offset: F64, until: Until) -> int:
+        samples = without_late(self._stage.stream(demand, offset, until))
+        self._blocks.append(samples)
+        self.samples += len(samples)
+        check_following_error(samples, demand, self._names, self._windows)
+        latest = samples
+        if len(samples) < REST_SAMPLES:
+            latest = Samples.concatenate([self._latest, samples])
+        self._latest = latest.tail(REST_SAMPLES)
+        return len(samples)
