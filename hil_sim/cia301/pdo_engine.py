@@ -8,7 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from hil_sim.cia301.dictionary import Dictionary, key
-from hil_sim.cia301.pdo import EVENT, Hooks, Rpdo, Tpdo, order_hooks
+from hil_sim.cia301.pdo import EVENT
+from hil_sim.cia301.rpdo import Hooks, Rpdo, order_hooks
+from hil_sim.cia301.tpdo import Tpdo
 from hil_sim.ports import CanSegment
 
 COUNT = 4  # of each kind

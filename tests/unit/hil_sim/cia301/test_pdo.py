@@ -1,4 +1,4 @@
-"""Process data: mapping by the book, transmission types, what a SYNC latches."""
+"""PDO parameters and mapping by the book."""
 
 from __future__ import annotations
 
@@ -6,23 +6,7 @@ import struct
 
 import pytest
 
-from tests.unit.hil_sim.cia301.mapping import OFF, VALID_T1, remap
-
-
-@pytest.fixture
-def other(host):
-    """TPDO 1 switched off on both nodes, so that only what a test sets up is heard."""
-    for node in (1, 2):
-        host.write(node, 0x1800, 1, "I", 0xC0000180 + node)
-    return host
-
-
-def test_remapped_tpdo(other):
-    remap(other, 0x1A01, 0x1801, [0x60610008, 0x60640020, 0x60410010], 0x40000281)
-    other.nmt(1)
-    other.send(0x080)
-    (frame,) = other.take(0x281)
-    assert struct.unpack("<biH", frame.data)[:2] == (0, 0)
+from tests.unit.hil_sim.cia301.mapping import OFF, VALID_T1
 
 
 def test_mapping_is_refused_out_of_order(host):
@@ -98,53 +82,3 @@ def test_transmission_types(host, communication):
     for kind in (241, 251, 252, 253):
         refused = host.refusal(lambda k=kind: host.write(1, communication, 2, "B", k))
         assert refused == 0x06090030
-
-
-def test_each_nth_sync(other):
-    remap(other, 0x1A00, 0x1800, [0x60410010], VALID_T1, kind=3)
-    other.nmt(1)
-    counts = []
-    for _ in range(7):
-        other.send(0x080)
-        counts.append(len(other.take(0x181)))
-    assert counts == [0, 0, 1, 0, 0, 1, 0]
-
-
-def test_type_0_sends_when_changed(other):
-    remap(other, 0x1A00, 0x1800, [0x60410010], VALID_T1, kind=0)
-    other.nmt(1)
-    counts = []
-    for k in range(4):
-        if k == 2:
-            other.control(0x06)
-        other.send(0x080)
-        counts.append(len(other.take(0x181)))
-    assert counts == [1, 0, 1, 0]
-
-
-def test_event_driven_with_timer_and_inhibit(other):
-    remap(other, 0x1A00, 0x1800, [0x60410010], VALID_T1 | OFF, kind=255)
-    other.write(1, 0x1800, 3, "H", 50)  # 5 ms
-    other.write(1, 0x1800, 5, "H", 20)  # ms
-    other.write(1, 0x1800, 1, "I", VALID_T1)
-    other.nmt(1)
-    start = other.clock.now_ns()
-    assert len(other.take(0x181)) == 1
-    other.control(0x06)  # inside the inhibit time: deferred
-    assert other.take(0x181) == []
-    other.wait(60)
-    stamps = [f.time_ns - start for f in other.take(0x181)]
-    assert stamps == [5_000_000, 25_000_000, 45_000_000]
-    other.control(0x07)
-    assert len(other.take(0x181)) == 1
-
-
-def test_an_rpdo_cannot_store_what_sdo_refuses(host):
-    remap(host, 0x1601, 0x1401, [0x60600008], 0x301)
-    host.nmt(1)
-    host.send(0x301, struct.pack("<b", 7))
-    host.send(0x080)
-    assert host.read_object(1, 0x6061, 0, "b") == 0
-    host.send(0x301, struct.pack("<b", 8))
-    host.send(0x080)
-    assert host.read_object(1, 0x6061, 0, "b") == 8
