@@ -11,15 +11,9 @@ from numpy.typing import NDArray
 from hil_sim.plant.control import CONTROL_DTYPE, CONTROL_STATE_DTYPE, HELD_AT_POSITION
 from hil_sim.plant.friction.gms import element_shares
 from hil_sim.plant.friction.laws import NUMBERS, rest_forces
-from hil_sim.plant.ports.port_arrays import (
-    PORT_FIELDS,
-    PORT_STATE_FIELDS,
-    Arena,
-    build_ports,
-    write_coarse_weights,
-    write_coupling,
-    write_ports,
-)
+from hil_sim.plant.ports.current_loop import write_coarse_weights
+from hil_sim.plant.ports.port_arrays import build_ports, write_coupling, write_ports
+from hil_sim.plant.ports.records import PORT_FIELDS, PORT_STATE_FIELDS, Arena
 from hil_sim.settings import SUBSTEPS, AxisSettings, CascadeSettings, ControlSettings, StageSettings
 
 F64 = NDArray[np.float64]

@@ -1,9 +1,4 @@
-"""The ports of all axes in the form that the compiled plant takes: one record per axis, one arena.
-
-The arena is one flat float64 array with every table, list and extra state of all axes; the records
-hold their offsets in it (-1: none). However many effects there are, a call of the kernel takes only
-one more array.
-"""
+"""The ports of all axes, written into the records and the arena of the compiled plant."""
 
 from __future__ import annotations
 
@@ -14,114 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects.ports import VELOCITY_NODES, EffectPorts, Oscillator
-from hil_sim.plant.coarse_weights import motor_weights
+from hil_sim.plant.ports.current_loop import decay_of, write_delay
+from hil_sim.plant.ports.records import Arena
 from hil_sim.settings import SUBSTEPS, StageSettings
 
 F64 = NDArray[np.float64]
-
-PORT_FIELDS = [
-    ("ported", "?"),  # differs from the plain plant
-    ("coupled", "?"),  # the axes are solved jointly
-    ("gain", "f8"),
-    ("saturation", "f8"),
-    ("coulomb_forward", "f8"),
-    ("coulomb_backward", "f8"),
-    ("force", "f8"),
-    ("spring", "f8"),
-    ("mobility", "f8"),  # relative acceleration per force on the carriage [1/kg]
-    ("table_low", "f8"),
-    ("table_inverse", "f8"),
-    ("table_count", "i8"),
-    ("position_force", "i8"),
-    ("position_coulomb", "i8"),
-    ("position_gain", "i8"),
-    ("misreading", "i8"),
-    ("velocity_scale", "f8"),
-    ("velocity_nodes", "i8"),
-    ("velocity_force", "i8"),
-    ("time_inverse", "f8"),
-    ("time_count", "i8"),
-    ("time_force", "i8"),
-    ("time_coulomb", "i8"),
-    ("harmonics", "i8"),
-    ("harmonic_count", "i8"),
-    ("decays", "i8"),
-    ("decay_count", "i8"),
-    ("hysteresis", "i8"),
-    ("hysteresis_count", "i8"),
-    ("hanging", "i8"),
-    ("hanging_count", "i8"),
-    ("bases", "i8"),
-    ("base_count", "i8"),
-    ("fields", "i8"),
-    ("field_count", "i8"),
-    ("history", "i8"),
-    ("history_depth", "i8"),
-    ("delay_ticks", "i8"),
-    ("delay_share", "i8"),
-    ("coupling", "i8"),
-    ("end_old", "f8"),  # of a coarse step: `coarse_weights`
-    ("end_start", "f8"),
-    ("mean_old", "f8"),
-    ("mean_start", "f8"),
-    ("early_old", "f8"),
-    ("early_start", "f8"),
-    ("coarse_share", "f8"),
-]
-"""Fields of the plant's record; integers without a count are offsets in the arena."""
-
-PORT_STATE_FIELDS = [
-    ("clock", "i8"),  # control ticks since t = 0
-    ("ring", "i8"),  # index of the newest output in the history
-    ("late", "f8"),  # delayed output before and after its step within this tick
-    ("later", "f8"),
-    ("place", "f8"),  # position about which this tick is linearised [m]
-    ("coulomb", "f8"),
-    ("coulomb_slope", "f8"),
-    ("gain", "f8"),
-    ("gain_slope", "f8"),
-    ("pull", "f8"),
-    ("pull_slope", "f8"),
-    ("push", "f8"),  # force over time at the tick's start [N], and its rate [N/s]
-    ("push_rate", "f8"),
-    ("misread", "f8"),  # error of the encoder reading [m]
-    ("misread_slope", "f8"),
-    ("net", "f8"),  # force on the carriage without coupling and springs [N]
-    ("sprung", "f8"),  # force of the oscillators on it [N]
-    ("springs", "f8"),  # acceleration by all springs and dampers [m/s^2]
-    ("response", "f8"),  # change of motor force per change of measured force
-    ("rise", "f8"),  # of the motor force along the travel [N/m]
-    ("kick", "f8"),  # change of velocity in this substep [m/s]
-    ("lead", "f8"),  # velocity that a coarse step adds to its displacement [m/s]
-]
-"""Fields of the state's record."""
-
 
 _OFFSETS = (
     "position_force", "position_coulomb", "position_gain", "misreading", "velocity_force",
     "time_force", "time_coulomb", "harmonics", "decays", "hysteresis", "fields", "history",
 )  # fmt: skip
-
-
-class Arena:
-    """Collects arrays into one flat array."""
-
-    def __init__(self) -> None:
-        self._parts: list[F64] = []
-        self._used = 0
-
-    def add(self, values: F64 | Sequence[float] | Sequence[Sequence[float]] | None) -> int:
-        """Append values; return their offset, -1 if there are none."""
-        if values is None or len(values) == 0:
-            return -1
-        part = np.ascontiguousarray(values, dtype=np.float64).ravel()
-        self._parts.append(part)
-        self._used += len(part)
-        return self._used - len(part)
-
-    def array(self) -> F64:
-        """The whole array, never empty, float64[n]."""
-        return np.concatenate([*self._parts, np.zeros(1)])
 
 
 def build_ports(
@@ -169,7 +66,7 @@ def write_ports(
     _write_tables(record, ports, arena, settings.sync_period)
     _write_lists(record, ports, arena)
     _write_dynamics(record, ports, arena)
-    _write_delay(record, ports, arena, settings.control_period, substeps)
+    write_delay(record, ports, arena, settings.control_period, substeps)
     record["ported"] = (
         ports.force_constant != 1.0
         or ports.coulomb_forward != 1.0
@@ -190,7 +87,7 @@ def _write_values(record: np.void, ports: EffectPorts, period: float, substeps: 
     record["element_stiffness"] = ports.stiffness / max(friction.elements, 1)
     record["static_ratio"] = ports.static_ratio
     record["coulomb"] = friction.coulomb * ports.coulomb
-    record["current_gain"] = 1.0 - math.exp(-_decay(ports, period, substeps))
+    record["current_gain"] = 1.0 - math.exp(-decay_of(ports, period, substeps))
     record["gain"] = ports.force_constant
     record["saturation"] = ports.saturation if math.isfinite(ports.saturation) else 0.0
     record["coulomb_forward"] = ports.coulomb_forward
@@ -263,70 +160,6 @@ def _oscillator(part: Oscillator, mass: float, reduced: float) -> tuple[float, .
     """Stiffness, damping, mass, and the initial deflection and rate; `reduced` mass of the mode."""
     rate = 2.0 * math.pi * part.frequency
     return reduced * rate**2, 2.0 * part.damping * reduced * rate, mass, 0.0, 0.0
-
-
-def _write_delay(
-    record: np.void, ports: EffectPorts, arena: Arena, period: float, substeps: int
-) -> None:
-    """Write the dead time: whole ticks, and per substep the weight of the earlier output.
-
-    The current loop is a first-order lag: a step of its input within a substep acts like a
-    weighted mean of both values over the whole substep.
-    """
-    record["history"] = record["delay_share"] = -1
-    if ports.delay <= 0.0:
-        return
-    ticks = ports.delay / period
-    whole = math.floor(ticks + 1e-9)
-    step = max(0.0, ticks - whole) * substeps  # substeps until the output steps
-    share = _shares_before(step, _decay(ports, period, substeps), substeps)
-    record["delay_ticks"] = whole
-    record["history_depth"] = whole + 2
-    record["history"] = arena.add(np.zeros(whole + 2))
-    record["delay_share"] = arena.add(share)
-
-
-def _decay(ports: EffectPorts, period: float, steps: int) -> float:
-    return 2.0 * math.pi * ports.current_bandwidth * period / steps
-
-
-def _shares_before(step: float, decay: float, count: int) -> F64:
-    """Weight of the earlier input in each of `count` integration steps, float64[count].
-
-    Args:
-        step: time at which the input changes, in integration steps.
-        decay: 2 pi bandwidth times the integration step.
-        count: number of integration steps.
-    """
-    before = np.clip(step - np.arange(count), 0.0, 1.0)
-    old = (1.0 - np.exp(-decay * before)) * np.exp(-decay * (1.0 - before))
-    return np.asarray(old / (1.0 - math.exp(-decay)))
-
-
-def write_coarse_weights(record: np.void, ports: EffectPorts, period: float, fine: float) -> None:
-    """Write the weights of coarse steps (`hil_sim.plant.coarse_weights`).
-
-    Args:
-        record: of the axis.
-        ports: of the axis.
-        period: Tc [s], a coarse step.
-        fine: number of fine steps that it replaces; weights of a fraction are interpolated.
-    """
-    few = math.floor(fine)
-    weights = _coarse_weights(ports, period, few)
-    if fine > few:
-        share = (1.0 / few - 1.0 / fine) / (1.0 / few - 1.0 / (few + 1))
-        weights = weights + share * (_coarse_weights(ports, period, few + 1) - weights)
-    for name, (old, start) in zip(("end", "mean", "early"), weights, strict=True):
-        record[f"{name}_old"], record[f"{name}_start"] = old, start
-    record["coarse_share"] = (fine + 1.0) / (2.0 * fine)
-
-
-def _coarse_weights(ports: EffectPorts, period: float, fine: int) -> F64:
-    decay = _decay(ports, period, fine)
-    ticks = ports.delay / period
-    step = max(0.0, ticks - math.floor(ticks + 1e-9)) * fine
-    return motor_weights(decay, _shares_before(step, decay, fine))
 
 
 def write_coupling(plant: np.ndarray, ports: Sequence[EffectPorts], arena: Arena) -> None:

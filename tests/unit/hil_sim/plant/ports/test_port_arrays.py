@@ -4,18 +4,8 @@ import numpy as np
 import pytest
 
 from hil_sim.plant.arrays import Arrays
-from hil_sim.plant.ports.port_arrays import Arena, build_ports
+from hil_sim.plant.ports.port_arrays import build_ports
 from tests.unit.hil_sim.inputs import effect_of
-
-
-def test_the_arena_knows_where_everything_begins():
-    arena = Arena()
-    assert arena.add([1.0, 2.0]) == 0
-    assert arena.add(None) == arena.add([]) == -1
-    assert arena.add([(3.0, 4.0), (5.0, 6.0)]) == 2
-    assert arena.add(np.array([7.0])) == 6
-    np.testing.assert_array_equal(arena.array(), [1, 2, 3, 4, 5, 6, 7, 0])
-    assert len(Arena().array()) == 1  # never empty
 
 
 def test_an_axis_without_effects_takes_the_plain_path(nominal, with_effects, effects):
@@ -49,23 +39,6 @@ def test_lists_are_counted_from_their_offset(nominal, with_effects):
     np.testing.assert_allclose(arrays.arena[begin : begin + 2], [0.3, 1.0 / 60.0])
     begin = int(record["hysteresis"])
     np.testing.assert_allclose(arrays.arena[begin : begin + 3], [1e4, 1.5, 0.0])
-
-
-def test_a_dead_time_is_whole_ticks_and_a_share_of_each_substep(nominal, with_effects, effects):
-    def shares(seconds):
-        arrays = Arrays(with_effects(nominal, effects["dead_time"].at(delay=seconds)), (0.0, 0.0))
-        record = arrays.plant[0]
-        begin = int(record["delay_share"])
-        return int(record["delay_ticks"]), arrays.arena[begin : begin + 5]
-
-    ticks, share = shares(2e-4)  # two whole ticks
-    assert ticks == 2
-    np.testing.assert_allclose(share, 0.0)
-    ticks, share = shares(2.6e-4)  # and three of five substeps
-    assert ticks == 2
-    np.testing.assert_allclose(share, [1, 1, 1, 0, 0], atol=1e-9)
-    _, share = shares(2.5e-4)  # in the middle of the third: what has decayed since counts less
-    assert 0.4 < share[2] < 0.5
 
 
 def test_masses_of_parts_come_out_of_the_carriage(nominal, with_effects, effects):

@@ -1,0 +1,79 @@
+"""Dead time and lag of an axis' current loop, as weights over the plant's steps."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim.effects.ports import EffectPorts
+from hil_sim.plant.coarse_weights import motor_weights
+from hil_sim.plant.ports.records import Arena
+
+F64 = NDArray[np.float64]
+
+
+def write_delay(
+    record: np.void, ports: EffectPorts, arena: Arena, period: float, substeps: int
+) -> None:
+    """Write the dead time: whole ticks, and per substep the weight of the earlier output.
+
+    The current loop is a first-order lag: a step of its input within a substep acts like a
+    weighted mean of both values over the whole substep.
+    """
+    record["history"] = record["delay_share"] = -1
+    if ports.delay <= 0.0:
+        return
+    ticks = ports.delay / period
+    whole = math.floor(ticks + 1e-9)
+    step = max(0.0, ticks - whole) * substeps  # substeps until the output steps
+    share = _shares_before(step, decay_of(ports, period, substeps), substeps)
+    record["delay_ticks"] = whole
+    record["history_depth"] = whole + 2
+    record["history"] = arena.add(np.zeros(whole + 2))
+    record["delay_share"] = arena.add(share)
+
+
+def decay_of(ports: EffectPorts, period: float, steps: int) -> float:
+    """Of the current loop over one of `steps` steps in a control period `period` [s]."""
+    return 2.0 * math.pi * ports.current_bandwidth * period / steps
+
+
+def _shares_before(step: float, decay: float, count: int) -> F64:
+    """Weight of the earlier input in each of `count` integration steps, float64[count].
+
+    Args:
+        step: time at which the input changes, in integration steps.
+        decay: 2 pi bandwidth times the integration step.
+        count: number of integration steps.
+    """
+    before = np.clip(step - np.arange(count), 0.0, 1.0)
+    old = (1.0 - np.exp(-decay * before)) * np.exp(-decay * (1.0 - before))
+    return np.asarray(old / (1.0 - math.exp(-decay)))
+
+
+def write_coarse_weights(record: np.void, ports: EffectPorts, period: float, fine: float) -> None:
+    """Write the weights of coarse steps (`hil_sim.plant.coarse_weights`).
+
+    Args:
+        record: of the axis.
+        ports: of the axis.
+        period: Tc [s], a coarse step.
+        fine: number of fine steps that it replaces; weights of a fraction are interpolated.
+    """
+    few = math.floor(fine)
+    weights = _coarse_weights(ports, period, few)
+    if fine > few:
+        share = (1.0 / few - 1.0 / fine) / (1.0 / few - 1.0 / (few + 1))
+        weights = weights + share * (_coarse_weights(ports, period, few + 1) - weights)
+    for name, (old, start) in zip(("end", "mean", "early"), weights, strict=True):
+        record[f"{name}_old"], record[f"{name}_start"] = old, start
+    record["coarse_share"] = (fine + 1.0) / (2.0 * fine)
+
+
+def _coarse_weights(ports: EffectPorts, period: float, fine: int) -> F64:
+    decay = decay_of(ports, period, fine)
+    ticks = ports.delay / period
+    step = max(0.0, ticks - math.floor(ticks + 1e-9)) * fine
+    return motor_weights(decay, _shares_before(step, decay, fine))

@@ -1,0 +1,113 @@
+"""The records that the compiled plant has of an axis' ports, and the arena that they point into.
+
+The arena is one flat float64 array with every table, list and extra state of all axes; the records
+hold their offsets in it (-1: none). However many effects there are, a call of the kernel takes only
+one more array.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+
+PORT_FIELDS = [
+    ("ported", "?"),  # differs from the plain plant
+    ("coupled", "?"),  # the axes are solved jointly
+    ("gain", "f8"),
+    ("saturation", "f8"),
+    ("coulomb_forward", "f8"),
+    ("coulomb_backward", "f8"),
+    ("force", "f8"),
+    ("spring", "f8"),
+    ("mobility", "f8"),  # relative acceleration per force on the carriage [1/kg]
+    ("table_low", "f8"),
+    ("table_inverse", "f8"),
+    ("table_count", "i8"),
+    ("position_force", "i8"),
+    ("position_coulomb", "i8"),
+    ("position_gain", "i8"),
+    ("misreading", "i8"),
+    ("velocity_scale", "f8"),
+    ("velocity_nodes", "i8"),
+    ("velocity_force", "i8"),
+    ("time_inverse", "f8"),
+    ("time_count", "i8"),
+    ("time_force", "i8"),
+    ("time_coulomb", "i8"),
+    ("harmonics", "i8"),
+    ("harmonic_count", "i8"),
+    ("decays", "i8"),
+    ("decay_count", "i8"),
+    ("hysteresis", "i8"),
+    ("hysteresis_count", "i8"),
+    ("hanging", "i8"),
+    ("hanging_count", "i8"),
+    ("bases", "i8"),
+    ("base_count", "i8"),
+    ("fields", "i8"),
+    ("field_count", "i8"),
+    ("history", "i8"),
+    ("history_depth", "i8"),
+    ("delay_ticks", "i8"),
+    ("delay_share", "i8"),
+    ("coupling", "i8"),
+    ("end_old", "f8"),  # of a coarse step: `coarse_weights`
+    ("end_start", "f8"),
+    ("mean_old", "f8"),
+    ("mean_start", "f8"),
+    ("early_old", "f8"),
+    ("early_start", "f8"),
+    ("coarse_share", "f8"),
+]
+"""Fields of the plant's record; integers without a count are offsets in the arena."""
+
+PORT_STATE_FIELDS = [
+    ("clock", "i8"),  # control ticks since t = 0
+    ("ring", "i8"),  # index of the newest output in the history
+    ("late", "f8"),  # delayed output before and after its step within this tick
+    ("later", "f8"),
+    ("place", "f8"),  # position about which this tick is linearised [m]
+    ("coulomb", "f8"),
+    ("coulomb_slope", "f8"),
+    ("gain", "f8"),
+    ("gain_slope", "f8"),
+    ("pull", "f8"),
+    ("pull_slope", "f8"),
+    ("push", "f8"),  # force over time at the tick's start [N], and its rate [N/s]
+    ("push_rate", "f8"),
+    ("misread", "f8"),  # error of the encoder reading [m]
+    ("misread_slope", "f8"),
+    ("net", "f8"),  # force on the carriage without coupling and springs [N]
+    ("sprung", "f8"),  # force of the oscillators on it [N]
+    ("springs", "f8"),  # acceleration by all springs and dampers [m/s^2]
+    ("response", "f8"),  # change of motor force per change of measured force
+    ("rise", "f8"),  # of the motor force along the travel [N/m]
+    ("kick", "f8"),  # change of velocity in this substep [m/s]
+    ("lead", "f8"),  # velocity that a coarse step adds to its displacement [m/s]
+]
+"""Fields of the state's record."""
+
+
+class Arena:
+    """Collects arrays into one flat array."""
+
+    def __init__(self) -> None:
+        self._parts: list[F64] = []
+        self._used = 0
+
+    def add(self, values: F64 | Sequence[float] | Sequence[Sequence[float]] | None) -> int:
+        """Append values; return their offset, -1 if there are none."""
+        if values is None or len(values) == 0:
+            return -1
+        part = np.ascontiguousarray(values, dtype=np.float64).ravel()
+        self._parts.append(part)
+        self._used += len(part)
+        return self._used - len(part)
+
+    def array(self) -> F64:
+        """The whole array, never empty, float64[n]."""
+        return np.concatenate([*self._parts, np.zeros(1)])
