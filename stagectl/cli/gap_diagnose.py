@@ -105,7 +105,7 @@ def diagnose(
     from sim2real.residuals import residuals_json, view_residuals
     from stagectl.config import stage_settings
     from stagectl.errors import ConfigError, UnusableInput
-    from stagectl.store import read_recording
+    from stagectl.store import read_recording, write_atomically
 
     recorded = [read_recording(path) for path in recordings]
     others = [read_recording(path) for path in checks]
@@ -137,10 +137,9 @@ def diagnose(
         views = view_residuals(examined.measured, found.explained or None, examined.settings)
         write_json(report.to_json() | residuals_json(views), json_out)
     if html_out is not None:
-        from stagectl.report import write_gap_page
+        from stagectl.report.gap import render_gap_page
 
-        write_gap_page(
-            html_out,
+        page = render_gap_page(
             report,
             examined,
             model.name,
@@ -149,6 +148,7 @@ def diagnose(
             profiles=found.profiles,
             views=views,
         )
+        write_atomically(html_out, page, "report")
     has_twin = bool(report.causes or report.empirical) or report.verdict == NO_GAP
     if twin is not None and has_twin:
         _write_twin(twin, model, found, examined.settings)

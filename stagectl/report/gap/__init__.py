@@ -4,6 +4,6 @@
 what is drawn; `moves` is the data of the interactive charts of single moves.
 """
 
-from stagectl.report.gap.page import write_gap_page
+from stagectl.report.gap.page import render_gap_page
 
-__all__ = ["write_gap_page"]
+__all__ = ["render_gap_page"]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import yaml
@@ -22,7 +21,6 @@ from stagectl.report.gap.charts import legend, matrix
 from stagectl.report.gap.moves import NO_MOVES, move_data
 from stagectl.report.gap.views import draw_views
 from stagectl.report.render import render_template, script_json
-from stagectl.store import write_atomically
 
 _STATIC = (
     "uPlot.min.css", "uPlot.iife.min.js", "report.css", "gap.css", "charts.js", "gap.js",
@@ -48,29 +46,6 @@ class GapRow:
     floor: str
     before_ratio: str
     after_ratio: str
-
-
-def write_gap_page(
-    path: Path,
-    report: GapReport,
-    examined: Examination,
-    machine: str,
-    *,
-    explained: Sequence[Signals] | None = None,
-    similarity: Mapping[str, Pairs] | None = None,
-    profiles: Sequence[FrictionOverPosition] = (),
-    views: Mapping[str, ResidualViews] | None = None,
-) -> None:
-    """Write the page, atomically; arguments as for `render_gap_page`.
-
-    Raises:
-        StagectlError: the file cannot be written.
-    """
-    text = render_gap_page(
-        report, examined, machine,
-        explained=explained, similarity=similarity, profiles=profiles, views=views,
-    )  # fmt: skip
-    write_atomically(path, text, "report")
 
 
 def render_gap_page(

@@ -23,7 +23,6 @@ from sim2real.report import (
 )
 from sim2real.residuals import view_residuals
 from stagectl.config import load_machine, stage_settings
-from stagectl.report import write_gap_page
 from stagectl.report.gap.page import headline, render_gap_page
 from stagectl.store import read_recording
 
@@ -163,11 +162,10 @@ def test_without_causes_there_are_no_curves_after(examined):
     assert "describes this stage" in page
 
 
-def test_an_insufficient_recording_has_a_page_too(examined, tmp_path):
+def test_an_insufficient_recording_has_a_page_too(examined):
     none = replace(examined, insufficient="no motion", measured=(), gap=None, located=None)
     report = report_without_causes(none)
-    write_gap_page(tmp_path / "a.html", report, none, "m")
-    page = (tmp_path / "a.html").read_text()
+    page = render_gap_page(report, none, "m")
     Balanced().feed(page)
     assert "No motion." in page
     assert "<svg" not in page
