@@ -2,23 +2,37 @@
 
 `loop` (the axis in its drive, linear), `model` (what the observer assumes, with its Kalman gain),
 `sensitivity` (of the whole loop), `design` (the largest gain that is safe), `filter`, `kernel` and
-`observer` (what happens between two SYNCs).
+`observer` (what happens between two SYNCs), `feedforward_error` (what a whole move lacked).
 """
 
 from estimation.observer.design import AxisFigures, Design, design_observer
+from estimation.observer.feedforward_error import (
+    COUPLING,
+    LEAD,
+    MASS,
+    Course,
+    FeedforwardErrors,
+    LearnedFeedforward,
+)
 from estimation.observer.loop import Carriage, DriveLoop, Mode
 from estimation.observer.observer import BusUnits, StageObserver
 from estimation.observer.sensitivity import LATENCIES, PEAK, PEAK_OVER_DRIVE
 
 __all__ = [
+    "COUPLING",
     "LATENCIES",
+    "LEAD",
+    "MASS",
     "PEAK",
     "PEAK_OVER_DRIVE",
     "AxisFigures",
     "BusUnits",
     "Carriage",
+    "Course",
     "Design",
     "DriveLoop",
+    "FeedforwardErrors",
+    "LearnedFeedforward",
     "Mode",
     "StageObserver",
     "design_observer",

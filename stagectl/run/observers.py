@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from drivers import Stage
-from estimation.observer import StageObserver
+from estimation.observer import Design, StageObserver
 from stagectl.config.machine import Machine
 from stagectl.config.settings.observer import design_observers, make_observer
 from stagectl.run.record import RunRecord
@@ -37,8 +37,10 @@ class Observers:
                 for axis in stage.axes
             ],
         )
-        for compensation, is_on in zip(self._compensation, observer.is_on, strict=True):
-            compensation.observed = is_on
+        axes = zip(self._compensation, self._designs.values(), observer.is_on, strict=True)
+        for compensation, design, is_on in axes:
+            if is_on and isinstance(design, Design):
+                compensation.observe(design)
         if any(observer.is_on):
             stage.correct_offsets(ObservedOffsets(observer))
         record.note_observer(self._designs, observer.is_on)
@@ -47,6 +49,15 @@ class Observers:
         """Forget the motion so far: a fault has ended it."""
         if self._observer is not None:
             self._observer.restart()
+
+    def findings(self) -> list[str]:
+        """What moves have shown that the machine file does not have, and is fed forward now."""
+        axes = zip(self._machine.axes, self._compensation, strict=True)
+        return [
+            f"axis {name}: {clause}; it is fed forward"
+            for name, compensation in axes
+            for clause in compensation.acceleration.describe()
+        ]
 
     def failures(self) -> list[str]:
         """What the operator should know of observers that ended early."""

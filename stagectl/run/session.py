@@ -132,7 +132,9 @@ class Session:
                     record.wall_time = time.perf_counter() - begin
                     record.note_limitations(stage.notices)
                     if self._observers is not None:
-                        record.note_limitations(self._observers.failures())
+                        record.note_limitations(
+                            (*self._observers.failures(), *self._observers.findings())
+                        )
                 listener.phase("disabling")
                 stage.disable()
         except DriverError as error:

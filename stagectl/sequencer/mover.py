@@ -22,9 +22,10 @@ from numpy.typing import NDArray
 
 from estimation.move import MoveData
 from estimation.trajectory import Limits, Trajectory, plan, plan_stop
-from stagectl.sequencer.compensation import AxisCompensation, Learned
+from stagectl.sequencer.compensation import TAKE_OVER, AxisCompensation, Learned
 from stagectl.sequencer.compensation.path_friction import PathFriction
 from stagectl.sequencer.compensation.places import Places
+from stagectl.sequencer.samples.courses import courses
 from stagectl.sequencer.samples.move_data import prepare_move_data
 from stagectl.sequencer.streamer import StagePort, Streamer, Until
 from stagedata import Move
@@ -91,6 +92,7 @@ class Mover:
         self._streamer = Streamer(stage, [axis.name for axis in axes], windows, period, stop)
         self._friction = PathFriction([axis.compensation for axis in axes], places, period)
         self._short_motion: list[bool] = []
+        self._is_long = False
         self._reset()
 
     def _reset(self) -> None:
@@ -154,6 +156,7 @@ class Mover:
         ]
         duration = max(m.duration for m in motion)
         count = math.ceil(duration / self._period) + 1
+        self._is_long = duration >= TAKE_OVER
         self._short_motion = [m.duration < (1.0 - SHORT_MOTION) * duration for m in motion]
         self._streamer.begin_move()
         demand = _setpoints(motion, count, self._period)
@@ -196,6 +199,7 @@ class Mover:
         self.move = Move("other", self.samples, self.samples + count, at_rest, dict(at_rest))
         announce(self.move)
         self._streamer.begin_move()
+        self._is_long = False
         done = self._streamer.stream(demand, np.tile(self._offset, (count, 1)))
         if done == count:
             return True
@@ -215,6 +219,7 @@ class Mover:
                     float(self._streamer.rest_force[a]),
                     float(self._offset[a]),
                     self._friction.along_demand(a),
+                    _across(motion, a),
                 )
                 for a, axis in enumerate(self._axes)
             ]
@@ -242,6 +247,7 @@ class Mover:
                     row,
                     self._friction.leveled(a, records[a]),
                     self._friction.along_demand(a),
+                    _across(motion, a),
                 )
                 if revised is not None:
                     offset[:, a] = revised
@@ -287,6 +293,11 @@ class Mover:
         move, self.move = self.move, None
         if move is None or not self._streamer.has_record:
             return []
+        if self._is_long:
+            for axis, course in zip(
+                self._axes, courses(*self._streamer.streamed(), self._period), strict=False
+            ):
+                axis.compensation.acceleration.learn(course)
         learned = []
         for a, (axis, record) in enumerate(zip(self._axes, self._records(), strict=True)):
             result = None
@@ -333,6 +344,11 @@ def _last_state(path: F64, period: float) -> list[list[float]]:
     velocity = (path[-1] - path[-2]) / period
     acceleration = (path[-1] - 2.0 * path[-2] + path[-3]) / period**2
     return [list(map(float, state)) for state in zip(path[-1], velocity, acceleration, strict=True)]
+
+
+def _across(motion: Sequence[Trajectory], axis: int) -> Trajectory | None:
+    """Demand of the other axis of two."""
+    return motion[1 - axis] if len(motion) == 2 else None
 
 
 def _within(profile: Limits, limits: Limits) -> Limits:

@@ -63,6 +63,7 @@ class Streamer:
         self._latest = Samples.missing(0, count)
         self._before_move = self._latest
         self._blocks: list[Samples] = []
+        self._planned: list[F64] = []
 
     @property
     def targets(self) -> tuple[float, ...]:
@@ -84,11 +85,15 @@ class Streamer:
         if len(self._latest):
             self.rest_force = mean_force(self._latest)
         self._before_move = self._latest.tail(SAMPLES_BEFORE_MOVE)
-        self._blocks = []
+        self._blocks, self._planned = [], []
 
     def record(self) -> Samples:
         """What has come back of the move so far, the samples at rest before it included."""
         return Samples.concatenate([self._before_move, *self._blocks])
+
+    def streamed(self) -> tuple[Samples, F64]:
+        """The samples since the move began, and the force offsets as planned [N], shape (K, n)."""
+        return Samples.concatenate(self._blocks), np.concatenate(self._planned)
 
     def stream(self, demand: F64, offset: F64, until: Until | None = None) -> int:
         """Send setpoints and keep the samples; return how many went.
@@ -113,6 +118,7 @@ class Streamer:
     def _send(self, demand: F64, offset: F64, until: Until) -> int:
         samples = without_late(self._stage.stream(demand, offset, until))
         self._blocks.append(samples)
+        self._planned.append(offset[: len(samples)].copy())
         self.samples += len(samples)
         check_following_error(samples, demand, self._names, self._windows)
         latest = samples

@@ -2,7 +2,8 @@
 
 `mode` says what they consist of; `places` and `fresh_places` are the friction over the table,
 `known_axis` what the machine file's effects add, `path_friction` both along the move under way,
-`observed_offsets` their correction from SYNC to SYNC.
+`acceleration_force` what accelerates and what moves show of it, `observed_offsets` the correction
+from SYNC to SYNC.
 
 Its names, in `__init__.pyi`, are imported on first use.
 """

@@ -24,19 +24,20 @@ from estimation.friction import (
     count_states,
     friction_feedforward,
     level_with_target,
-    mass_feedforward,
     remaining_feedforward,
     state_after,
     varying_feedforward,
 )
 from estimation.known_effects import KnownTerms, known_figures
 from estimation.move import MoveData
+from estimation.observer import Design
 from estimation.online import Estimate, SplitHorizonEstimator
 from estimation.sampled_force import kink_share, with_mean_force
 from estimation.trajectory import Limits, Trajectory, plan
 from stagectl.config.machine import Axis, Machine
 from stagectl.config.settings.host_model import estimator_settings, kink_delay
 from stagectl.config.settings.known_effects import axis_as_known, known_terms
+from stagectl.sequencer.compensation.acceleration_force import AccelerationForce
 from stagectl.sequencer.compensation.known_axis import KnownAxis
 from stagectl.sequencer.compensation.mode import Figures, Mode
 from stagedata import FrictionFigures
@@ -106,10 +107,11 @@ class AxisCompensation:
             estimator_settings(axis, period, drift, calibration),
             frozen=mode is not Mode.ESTIMATED,
         )
-        self._mass, self._period = axis.plant.mass, period
+        self._period = period
         drive = axis.drive
         lag = 1.0 / (2.0 * math.pi * drive.current_bandwidth)
-        self._ahead = lag + drive.control_period / 2.0 + (0.0 if terms is None else terms.delay)
+        ahead = lag + drive.control_period / 2.0 + (0.0 if terms is None else terms.delay)
+        self.acceleration = AccelerationForce(axis.plant.mass, ahead, period)
         self._kink = kink_share(period, kink_delay(drive))
         # Friction state where a move to another place began, in that place's forces.
         self._departure: FrictionState | None = None
@@ -117,8 +119,14 @@ class AxisCompensation:
         if terms is not None:
             lead = period - drive.control_period
             self.known = KnownAxis(
-                terms, number, self._mass, period, lead, self._ahead, drive.peak_force
+                terms, number, axis.plant.mass, period, lead, ahead, drive.peak_force
             )
+
+    def observe(self, design: Design) -> None:
+        """From now on an observer of this design corrects the offsets."""
+        self.observed = True
+        if self.mode is Mode.ESTIMATED:
+            self.acceleration.learn_with(design)
 
     def force_offsets(
         self,
@@ -129,6 +137,7 @@ class AxisCompensation:
         rest_force: float,
         rest_offset: float,
         variation: F64 | None = None,
+        across: Trajectory | None = None,
     ) -> F64:
         """Force offsets of a move, one per setpoint [N], shape (samples,).
 
@@ -141,8 +150,10 @@ class AxisCompensation:
             rest_offset: force offset in effect at rest [N].
             variation: Coulomb force at each setpoint relative to that at the target, minus 1;
                 None where it is the same everywhere.
+            across: demand of the other axis.
         """
-        force = mass_feedforward(self._mass, trajectory, samples, self._period, self._ahead)
+        force = self.acceleration.along(trajectory, across, samples)
+        ahead = self.acceleration.ahead
         if self.mode is Mode.NONE:
             return rest_offset + force
         known = self.known
@@ -151,12 +162,10 @@ class AxisCompensation:
         friction = self.estimator.effective(moment + trajectory.duration / 2.0)
         departure = None if variation is None else self._state_at_departure(held)
         if variation is None or departure is None:
-            force += friction_feedforward(
-                friction, state, trajectory, samples, self._period, self._ahead
-            )
+            force += friction_feedforward(friction, state, trajectory, samples, self._period, ahead)
         else:
             force += varying_feedforward(
-                friction, departure, variation, trajectory, self._period, self._ahead
+                friction, departure, variation, trajectory, self._period, ahead
             )
         if known is not None:
             force = known.offsets(held, force)
@@ -178,6 +187,7 @@ class AxisCompensation:
         sent: int,
         move: MoveData,
         variation: F64 | None = None,
+        across: Trajectory | None = None,
     ) -> F64 | None:
         """Recompute the rest of a move's offsets where its samples contradict the model.
 
@@ -190,6 +200,7 @@ class AxisCompensation:
             sent: how many of them have been sent.
             move: samples so far, leveled with the target.
             variation: as in `force_offsets`.
+            across: as in `force_offsets`.
 
         Returns:
             Offsets of the whole move, shape (samples,) [N]; None where the model holds.
@@ -198,21 +209,20 @@ class AxisCompensation:
         if preview is None or abs(preview.change) < REVISE_FROM:
             return None
         samples = len(offsets)
-        force = mass_feedforward(self._mass, trajectory, samples, self._period, self._ahead)
+        force, ahead = self.acceleration.along(trajectory, across, samples), self.acceleration.ahead
         force = force[sent:] - force[sent - 1]
         if variation is None:
             force += remaining_feedforward(
-                preview.friction, preview.state, trajectory, sent, samples, self._period,
-                self._ahead,
-            )  # fmt: skip
+                preview.friction, preview.state, trajectory, sent, samples, self._period, ahead
+            )
         else:
             state = preview.state.copy()
             state.rescale(1.0 + float(variation[sent - 1]))  # sliding elements follow Fc
             force += varying_feedforward(
-                preview.friction, state, variation, trajectory, self._period, self._ahead, sent
+                preview.friction, state, variation, trajectory, self._period, ahead, sent
             )
         if self.known is not None:
-            now = self._mass * trajectory.sample(np.array([sent * self._period]))[2]
+            now = self.acceleration.mass * trajectory.sample(np.array([sent * self._period]))[2]
             force = self.known.offsets(float(now[0]) + preview.state.total, force, sent)
         return np.concatenate([offsets[:sent], offsets[sent - 1] + force])
 
@@ -229,8 +239,8 @@ class AxisCompensation:
             offset: in effect when it begins [N].
             acceleration: demanded at that moment [m/s^2].
         """
-        force = mass_feedforward(self._mass, stop, samples, self._period, self._ahead)
-        return offset - self._mass * acceleration + force
+        force = self.acceleration.along(stop, None, samples)
+        return offset - self.acceleration.mass * acceleration + force
 
     def learn(self, move: MoveData) -> Learned | None:
         """Carry the friction state through a move and, in mode ESTIMATED, learn from it.
@@ -279,6 +289,7 @@ class AxisCompensation:
         known = self.known
         if known is None:
             return
+        known.ahead = self.acceleration.ahead
         known.plan(motion, across, len(demand))
         if known.terms.has_coulomb_factor:
             before, local = known.local, known.meet_coulomb(demand, moment)

@@ -48,7 +48,7 @@ class KnownAxis:
 
     Attributes:
         terms: as above.
-        peak: as above.
+        ahead, peak: as above.
         local: factor on Fc where the last move ends, mean of both directions.
         varies: whether the factor differs along that move, or between its directions.
     """
@@ -66,7 +66,7 @@ class KnownAxis:
         self.terms = terms
         self._own, self._other = number, -1 - number
         self._forces = KnownForces(terms, mass, period)
-        self._period, self._lead, self._ahead, self.peak = period, lead, ahead, peak
+        self._period, self._lead, self.ahead, self.peak = period, lead, ahead, peak
         self.local = 1.0
         self.varies = False
         self.forget()
@@ -94,13 +94,13 @@ class KnownAxis:
             across: demand of the other axis.
             samples: number of setpoints.
         """
-        time = np.asarray(np.arange(samples + 1) * self._period + self._ahead, np.float64)
+        time = np.asarray(np.arange(samples + 1) * self._period + self.ahead, np.float64)
         time[0] = 0.0  # at rest, whatever the drive's lag
         position, velocity, acceleration = motion.sample(time)
         other = np.zeros(samples + 1) if across is None else across.sample(time)[2]
         acceleration[0] = other[0] = 0.0
         state = self._now.copy()
-        self._forces.rest(state, max(self._lead + self._ahead - self._period, 0.0))
+        self._forces.rest(state, max(self._lead + self.ahead - self._period, 0.0))
         self._demanded = position
         self._planned = self._forces.along(Path(position, velocity, acceleration, other), state)
         self._held = state

@@ -1,0 +1,203 @@
+"""What a move shows its planned force to lack: mass, lead and coupling.
+
+What the planned offset lacks on the way, the observer's correction and the drive's integrator make
+up for. A mass that is wrong shows as a force in proportion to the demanded acceleration, a force
+that comes late as one in proportion to the jerk, a force from another axis as one in proportion to
+its acceleration. A constant, a step with the motion and a slope over the velocity are friction's or
+something else's. Those are basis functions, as in iterative learning control; the moves are not
+repeated here, so their weights are tracked by a Kalman filter instead.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.observer.design import Design
+from estimation.observer.model import LACK
+
+F64 = NDArray[np.float64]
+
+MASS, LEAD, COUPLING = range(3)
+"""Share of the mass; lead [s]; share of the mass that the other axis' acceleration moves."""
+KEPT = 0.9
+"""Weight of a move over that of the next one: what is lacking may change."""
+EXPLAINED = 0.25
+"""Share of what moves lack that is at most left once a figure is fed forward."""
+MOST = np.array([0.3, 1e-3, 0.3])
+"""No more than this is fed forward, either way; also the spread before the first move, 1 sigma."""
+_AT_START = np.diag(MOST**-2.0)
+LEAST = 1.0
+"""A move whose acceleration takes less force than so many times Fc says more of friction."""
+_INDEPENDENT = 2.0
+"""So many independent values has what else acts in the course of a move."""
+_REST = 5.0
+"""So many time constants of the rest after a move belong to it."""
+_RESPONSE = 12.0
+"""Length of the observer's response, in time constants."""
+
+
+class Course(NamedTuple):
+    """One axis through a move, one value per SYNC without a gap, shape (K,).
+
+    Attributes:
+        demand: setpoint sent [m].
+        position: sampled when it was sent [m].
+        correction: force offset sent less the planned one [N].
+        across: setpoint of the other axis [m]; None where there is no other.
+    """
+
+    demand: F64
+    position: F64
+    correction: F64
+    across: F64 | None
+
+
+@dataclass(frozen=True, slots=True)
+class FeedforwardError:
+    """What a move lacked.
+
+    Attributes:
+        value: `MASS`, `LEAD`, `COUPLING`, (3,).
+        information: inverse of its covariance, (3, 3).
+    """
+
+    value: F64
+    information: F64
+
+
+class FeedforwardErrors:
+    """Finds them for one axis.
+
+    Args:
+        design: of the axis' observer.
+        mass: that is fed forward [kg].
+    """
+
+    def __init__(self, design: Design, mass: float) -> None:
+        own = design.figures
+        self._mass, self._coulomb = mass, own.coulomb
+        self._period, self._ki = own.period, own.drive.ki
+        self._first_tick = own.drive.control_period / own.period
+        self._constant = design.time_constant / own.period
+        self._response = _response(design, round(_RESPONSE * self._constant))
+
+    def find(self, course: Course) -> FeedforwardError | None:
+        """What the planned offsets of a move have lacked; None where it says nothing."""
+        across = np.zeros(len(course.demand)) if course.across is None else course.across
+        moves = np.diff(course.demand) != 0.0
+        moving = np.flatnonzero(moves | (np.diff(across) != 0.0))
+        if not len(moving):
+            return None
+        end = min(int(moving[-1] + _REST * self._constant), len(course.demand))
+        demand = course.demand[:end]
+        before = np.concatenate((demand[:1], demand[:-1]))
+        velocity, acceleration = self._motion(before)
+        if moves.any() and self._mass * np.abs(acceleration).max() < LEAST * self._coulomb:
+            return None
+        # The drive has gone the first tick's share of the way when the position is sampled.
+        deviation = course.position[:end] - (before + self._first_tick * (demand - before))
+        integrator = -self._ki * self._period * np.cumsum(deviation)
+        correction = course.correction[:end]
+        lacked = correction - correction[0] + self._seen(integrator)
+        other = self._motion(np.concatenate((across[:1], across[: end - 1])))[1]
+        basis = np.column_stack(
+            [
+                *(
+                    self._seen(force)
+                    for force in (
+                        self._mass * acceleration,
+                        self._mass * np.gradient(acceleration, self._period),
+                        self._mass * other,
+                        np.asarray(velocity != 0.0, np.float64),
+                        velocity,
+                    )
+                ),
+                np.ones(end),
+            ]
+        )
+        return self._fit(basis, lacked)
+
+    def _fit(self, basis: F64, lacked: F64) -> FeedforwardError | None:
+        """Least squares; what is no mass, lead or coupling is projected out."""
+        own, rest = basis[:, :3], basis[:, 3:]
+        weights, *_ = np.linalg.lstsq(rest, np.column_stack((own, lacked)), rcond=None)
+        left = np.column_stack((own, lacked)) - rest @ weights
+        own, lacked = left[:, :3], left[:, 3]
+        value, *_ = np.linalg.lstsq(own / MOST, lacked, rcond=1e-6)
+        value = np.asarray(value / MOST, np.float64)
+        square = float(np.mean((lacked - own @ value) ** 2))
+        if not square > 0.0:
+            return None
+        return FeedforwardError(value, own.T @ own / (square * len(lacked) / _INDEPENDENT))
+
+    def _motion(self, demand: F64) -> tuple[F64, F64]:
+        """Velocity and acceleration of a demand, at rest at both ends."""
+        acceleration = np.zeros(len(demand))
+        acceleration[1:-1] = np.diff(demand, 2) / self._period**2
+        return np.gradient(demand, self._period), acceleration
+
+    def _seen(self, force: F64) -> F64:
+        """A lacking force as the correction shows it, at rest before the first sample."""
+        start = float(force[0])
+        return start + np.convolve(force - start, self._response)[: len(force)]
+
+
+class LearnedFeedforward:
+    """What is fed forward besides the planned force: recursive least squares over the moves.
+
+    A figure is fed forward once it has explained moves that it was not learned from. Cogging, which
+    acts elsewhere on every move, may look like any of them, but like another value each time.
+
+    Attributes:
+        value: `MASS`, `LEAD`, `COUPLING`, (3,).
+    """
+
+    def __init__(self) -> None:
+        self.value: F64 = np.zeros(3)
+        self._information: F64 = _AT_START
+        self._before: F64 = np.zeros(3)
+        self._after: F64 = np.zeros(3)
+
+    @property
+    def fed(self) -> F64:
+        """Of `value`, what explains later moves, (3,)."""
+        explains = self._after < EXPLAINED * self._before
+        return np.where(explains, np.clip(self.value, -MOST, MOST), 0.0)
+
+    def take(self, error: FeedforwardError) -> None:
+        """Learn from a move that was made with `fed`: what it lacked comes on top."""
+        lacked = self.fed + error.value
+        seen, known = error.information.diagonal(), self._information.diagonal()
+        weight = seen * known / (seen + known)  # of both the move's uncertainty and the value's
+        self._before = KEPT * self._before + weight * lacked**2
+        self._after = KEPT * self._after + weight * (lacked - self.value) ** 2
+        kept = KEPT * self._information + (1.0 - KEPT) * _AT_START
+        self._information = kept + error.information
+        change = np.linalg.solve(self._information, error.information @ (lacked - self.value))
+        self.value = self.value + change
+
+
+def _response(design: Design, length: int) -> F64:
+    """How the correction answers a force that is lacking for one SYNC, (length,).
+
+    By the observer's own model: the filter's error about a force that is there from now on dies out
+    as the filter does, and the correction follows at its own pace, one SYNC later.
+    """
+    model, states = design.model, len(design.model.gain)
+    reads = np.zeros((1, states))
+    reads[0, 0] = 1.0
+    error_map = model.transition @ (np.eye(states) - np.outer(model.gain, reads))
+    unknown = np.zeros(states)
+    unknown[LACK] = 1.0
+    step, correction = np.zeros(length + 1), 0.0
+    for k in range(length):
+        correction += design.gain * (1.0 - unknown[LACK] - correction)
+        unknown = error_map @ unknown
+        step[k + 1] = correction
+    response: F64 = np.diff(step)
+    shifted: F64 = np.concatenate(([0.0], response[:-1])) / response.sum()
+    return shifted

@@ -1,0 +1,96 @@
+"""The force that accelerates an axis, fed forward: by the machine file, and by what moves show.
+
+Mass, lead of the force offset, and a share of the other axis' acceleration are corrected after each
+long move that the settling observer watched (`estimation.observer.feedforward_error`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.friction import mass_feedforward
+from estimation.observer import (
+    COUPLING,
+    LEAD,
+    MASS,
+    Course,
+    Design,
+    FeedforwardErrors,
+    LearnedFeedforward,
+)
+from estimation.trajectory import Trajectory
+
+F64 = NDArray[np.float64]
+
+REPORTED = (0.02, 1e-4, 0.01)
+"""From these on, the operator hears of mass, lead [s] and coupling."""
+
+
+class AccelerationForce:
+    """Of one axis.
+
+    Args:
+        mass: moved, by the machine file [kg].
+        ahead: how much earlier than its effect a force is to be sent, by the machine file [s].
+        period: Ts [s].
+    """
+
+    def __init__(self, mass: float, ahead: float, period: float) -> None:
+        self._mass, self._ahead, self._period = mass, ahead, period
+        self._learned = LearnedFeedforward()
+        self._errors: FeedforwardErrors | None = None
+
+    @property
+    def mass(self) -> float:
+        """Force per acceleration that is fed forward [kg]."""
+        return self._mass * (1.0 + float(self._learned.fed[MASS]))
+
+    @property
+    def ahead(self) -> float:
+        """How much earlier than its effect a force is sent [s]."""
+        return max(self._ahead + float(self._learned.fed[LEAD]), 0.0)
+
+    @property
+    def learned(self) -> LearnedFeedforward:
+        """What moves have shown to be missing from the machine file's."""
+        return self._learned
+
+    def describe(self) -> list[str]:
+        """What is fed forward that the machine file does not have, as clauses."""
+        mass, lead, coupling = self._learned.fed.tolist()
+        found = []
+        if abs(mass) > REPORTED[MASS]:
+            more = f"{100.0 * abs(mass):.1f} % {'more' if mass > 0.0 else 'less'}"
+            found.append(f"acceleration takes {more} force than in the machine file")
+        if abs(lead) > REPORTED[LEAD]:
+            when = "later" if lead > 0.0 else "earlier"
+            found.append(f"force acts {1e3 * abs(lead):.2f} ms {when} than in the machine file")
+        if abs(coupling) > REPORTED[COUPLING]:
+            share = f"{100.0 * abs(coupling):.1f} %"
+            found.append(f"the other axis' acceleration acts on {share} of the mass")
+        return found
+
+    def along(self, trajectory: Trajectory, across: Trajectory | None, samples: int) -> F64:
+        """Force at setpoints 1 to `samples` [N], shape (samples,).
+
+        Args:
+            trajectory: demand of the axis.
+            across: demand of the other axis; None where there is none, or it rests.
+            samples: number of setpoints.
+        """
+        force = mass_feedforward(self.mass, trajectory, samples, self._period, self.ahead)
+        coupled = self._mass * float(self._learned.fed[COUPLING])
+        if across is not None and coupled:
+            force = force + mass_feedforward(coupled, across, samples, self._period, self.ahead)
+        return force
+
+    def learn_with(self, design: Design) -> None:
+        """From now on an observer of this design corrects the offsets."""
+        self._errors = FeedforwardErrors(design, self._mass)
+
+    def learn(self, course: Course) -> None:
+        """Correct what is fed forward by what a move lacked; without an observer, nothing."""
+        error = None if self._errors is None else self._errors.find(course)
+        if error is not None:
+            self._learned.take(error)

@@ -1,0 +1,40 @@
+"""Samples of a move as the feedforward is judged by: demand, position, correction of each axis."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.observer import Course
+from stagectl.sequencer.samples.sample_validity import bridged_positions
+from stagedata import Samples
+
+F64 = NDArray[np.float64]
+
+GAP = 1.5
+"""SYNCs further apart than so many periods are a gap."""
+LEAST_SOUND = 0.9
+"""With fewer valid samples than this share, nothing is judged."""
+
+
+def courses(samples: Samples, planned: F64, period: float) -> list[Course]:
+    """One for each axis; none where SYNC periods were skipped or too many samples are invalid.
+
+    Args:
+        samples: of the move and the rest after it.
+        planned: force offsets before their correction [N], shape (K, n).
+        period: Ts [s].
+    """
+    if np.any(np.diff(samples.time) > GAP * period) or samples.valid.mean() < LEAST_SOUND:
+        return []
+    demand, position = samples.position_demand, bridged_positions(samples)
+    correction = samples.force_offset - planned
+    return [
+        Course(
+            demand[:, a],
+            position[:, a],
+            correction[:, a],
+            demand[:, 1 - a] if samples.axes == 2 else None,
+        )
+        for a in range(samples.axes)
+    ]
