@@ -21,7 +21,7 @@ from stagectl.maps import map_versions
 from stagectl.run import Listener, RunRequest, execute
 from stagectl.sequencer import Mode, SegmentDone
 from stagectl.store import read_notes
-from tests.system.short_recipe import short_recipe
+from tests.short_recipe import short_recipe
 
 STAGE = StageKey("wafer-xy", True)
 SITES = "calibrate: weekly\nsites: [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]\n"

@@ -16,7 +16,7 @@ from stagectl.cli import COMMANDS
 from stagectl.config import load_machine
 from stagectl.store import read_recording
 from tests.multicast import require_multicast
-from tests.system.short_recipe import short_recipe
+from tests.short_recipe import short_recipe
 
 ROOT = Path(__file__).parents[2]
 RECIPE = ROOT / "recipes" / "inspection-20.yaml"

@@ -8,7 +8,7 @@ import subprocess
 import sys
 
 from stagedata.compiled import SHIPPED, kernel_folder
-from tests.system.short_recipe import short_recipe
+from tests.short_recipe import short_recipe
 
 MISSING = "estimation.observer.kernel.step"
 PROGRAM = """

@@ -22,7 +22,7 @@ from stagectl.history import StageKey, open_history
 from stagectl.recipe import parse_recipe
 from stagectl.run import Listener, RunRequest, execute, list_runs
 from stagectl.sequencer import Mode, SegmentDone
-from tests.system.short_recipe import short_recipe
+from tests.short_recipe import short_recipe
 
 PLACES = ((0.01, 0.0), (0.02, 0.01), (0.01, 0.02), (0.0, 0.01))
 TIGHT = short_recipe(*PLACES) + "lot: L42\nwafer: W7\nlimits: {peak_error: 1 nm}\n"

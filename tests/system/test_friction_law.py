@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from stagectl.config import load_machine
+from tests.short_recipe import short_recipe
 from tests.simple_law import simple_law_text
-from tests.system.short_recipe import short_recipe
 
 SITES = ((-0.02, 0.01), (0.03, -0.02), (0.0, 0.03), (-0.03, -0.03), (0.02, 0.02))
 

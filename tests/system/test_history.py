@@ -16,8 +16,8 @@ from stagectl.recipe import parse_recipe
 from stagectl.run import Listener, RunRequest, execute
 from stagectl.run.record import RunRecord
 from stagectl.sequencer import FrictionUpdated, LevelStepped, Mode
+from tests.short_recipe import short_recipe
 from tests.sqlite_lock import locked
-from tests.system.short_recipe import short_recipe
 
 SHORT = short_recipe((0.01, 0.0), (0.02, 0.01)) + "lot: L42\nwafer: 7\n"
 STAGE = StageKey("wafer-xy", True)

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from tests.system.short_recipe import short_recipe
+from tests.short_recipe import short_recipe
 
 HEAD = """
 import atexit, os, runpy, signal, sys

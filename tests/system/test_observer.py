@@ -17,7 +17,7 @@ from stagectl.recipe import parse_recipe
 from stagectl.run import Listener, RunRequest, execute
 from stagectl.run.replay import replay
 from stagectl.sequencer import Mode
-from tests.system.short_recipe import short_recipe
+from tests.short_recipe import short_recipe
 
 UNKNOWN = {
     "x": Effect("cogging", {"amplitude": 1.2, "pitch": 0.032, "phase": 0.5}),

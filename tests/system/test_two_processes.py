@@ -18,7 +18,7 @@ import yaml
 
 from stagectl.config.machine.file import load_machine
 from stagectl.store import read_recording
-from tests.system.short_recipe import short_recipe
+from tests.short_recipe import short_recipe
 
 INTERFACE = os.environ.get("STAGECTL_HIL_SOCKETCAN")
 ELSEWHERE = pytest.mark.skipif(not INTERFACE, reason="run by test_vcan.py on a bus of its own")

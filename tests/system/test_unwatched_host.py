@@ -8,7 +8,7 @@ from stagectl.cli import cli
 from stagectl.config.machine.file import load_machine
 from stagectl.errors import RunFault
 from stagectl.store import read_notes
-from tests.system.short_recipe import short_recipe
+from tests.short_recipe import short_recipe
 
 SAID = "axis x: 0x1016:01 consumer heartbeat time"
 SITES = "calibrate: weekly\nsites: [[0, 0], [0.02, 0], [0, 0.02]]\n"

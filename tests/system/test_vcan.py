@@ -16,8 +16,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.short_recipe import short_recipe
 from tests.starvation import SHARE, Watch
-from tests.system.short_recipe import short_recipe
 
 ROOT = Path(__file__).parents[2]
 WITH_VCAN = ROOT / "tools" / "with-vcan"

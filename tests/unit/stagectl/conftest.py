@@ -1,12 +1,19 @@
-"""Data of another program, for what reads it."""
+"""Whole runs on the virtual stage, and data of another program."""
+
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
 
+from hil_sim.bus import faults as f
 from hil_sim.plant import simulate
-from stagectl.config import stage_settings
+from stagectl.config import load_machine, stage_settings
 from stagectl.config.import_map import load_map
+from stagectl.recipe import parse_recipe
+from stagectl.run import Listener, RunRequest, execute
+from stagectl.sequencer import Mode
 from tests.unit.stagectl.logged_data import EXAMPLE
+from tests.unit.stagectl.run.whole import SITES
 
 
 @pytest.fixture(scope="session")
@@ -22,3 +29,30 @@ def columns():
         "t": t, "qg": demand[:, 0], "qm": response.position[:, 0],
         "vir": np.concatenate((volts[1:], volts[-1:])),
     }  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def machine():
+    """The packaged machine."""
+    return load_machine()
+
+
+@pytest.fixture
+def sites(machine):
+    """A recipe of five sites."""
+    return parse_recipe(SITES, "short.yaml", machine)
+
+
+@pytest.fixture
+def go(machine, tmp_path):
+    """Run a recipe on the virtual stage."""
+
+    def run(recipe, folder, *, faults=(), listener=None, **options):
+        request = RunRequest(
+            recipe, machine, machine, None, Mode.ESTIMATED, options.pop("scale", 1.0), 1,
+            tmp_path / folder, datetime.now(UTC), f.FaultPlan(tuple(faults), 1) if faults else None,
+            **options,
+        )  # fmt: skip
+        return execute(request, listener or Listener())
+
+    return run

@@ -1,18 +1,15 @@
-"""`stagectl replay`: the host run again on its own log."""
+"""The host run again on its own log."""
 
 import json
-import re
 import shutil
 import time
 from datetime import UTC, datetime
 
 import h5py
 import pytest
-from click.testing import CliRunner
 
 from estimation.field import Node
 from hil_sim.bus import faults as f
-from stagectl.cli import cli
 from stagectl.errors import UnusableInput
 from stagectl.history import StageKey, open_history
 from stagectl.maps import FrictionMap, to_json
@@ -22,17 +19,7 @@ from stagectl.run import Listener, RunRequest, execute
 from stagectl.run.replay import replay
 from stagectl.sequencer import Mode, MoveStarted
 from stagectl.store import BusLog, read_log
-from tests.system.short_recipe import short_recipe
-
-RECIPE = short_recipe((0.004, -0.003), (0.01, 0.002))
-
-
-def run(machine, folder, *faults, listener=None, retries=0):
-    request = RunRequest(
-        parse_recipe(RECIPE, "short.yaml", machine), machine, machine, None, Mode.ESTIMATED, 0.5,
-        1, folder, datetime.now(UTC), f.FaultPlan(tuple(faults), 1), retries,
-    )  # fmt: skip
-    return execute(request, listener or Listener())
+from tests.unit.stagectl.run.replay.logged import RECIPE, run
 
 
 @pytest.fixture(scope="module")
@@ -47,16 +34,6 @@ def made(machine, tmp_path_factory):
 def folder(made, tmp_path):
     """A copy of it, to be changed."""
     return shutil.copytree(made, tmp_path / "run")
-
-
-def edit(path, pattern, replacement, occurrence):
-    """Change one of the lines that match; returns the number of the frame in the log."""
-    lines = path.read_text().splitlines(keepends=True)
-    hits = [n for n, line in enumerate(lines) if re.search(pattern, line)]
-    chosen = hits[occurrence]
-    lines[chosen] = re.sub(pattern, replacement, lines[chosen])
-    path.write_text("".join(lines))
-    return chosen - 4  # five lines come before the first frame
 
 
 def test_a_log_in_parts_is_replayed_like_one_file(folder, tmp_path):
@@ -130,27 +107,6 @@ def test_a_stop_by_the_operator_comes_at_the_same_sample(machine, tmp_path):
     listener = Listener(event=event, stoppable=ask.append)
     assert run(machine, tmp_path / "run", listener=listener).summary["outcome"] == "aborted"
     assert replay(tmp_path / "run").difference is None
-
-
-def test_a_frame_that_the_host_sends_differently_is_the_first_one_told(folder, stagectl):
-    number = edit(folder / "bus.asc", r"( 201 .* d 8 \w\w \w\w) \w\w", r"\1 7F", 900)
-    edit(folder / "bus.asc", r"( 202 .* d 8 \w\w \w\w) \w\w", r"\1 7F", 950)
-    result = CliRunner().invoke(cli, ["replay", str(folder)])
-    assert result.exit_code == 1
-    assert "was modified after the run" in result.output
-    assert f"differs at frame {number}" in result.output
-    assert result.output.count("RPDO 1 of axis x: enable operation") == 2
-    assert stagectl("replay", folder).returncode == 1  # the program's own, not click's
-
-
-def test_what_the_host_gets_differently_shows_where_it_acts_on_it(folder):
-    """A position that was received otherwise changes an offset later on, by the estimate."""
-    number = edit(folder / "bus.asc", r"( 181 .* d 8) 37 12", r"\1 18 02", 400)  # FAULT
-    result = CliRunner().invoke(cli, ["replay", str(folder), "--json", "-"])
-    difference = json.loads(result.output)["difference"]
-    assert difference["number"] > number
-    assert "quick stop" in difference["sent"]["meaning"]
-    assert "enable operation" in difference["recorded"]["meaning"]
 
 
 def test_a_host_that_sends_less_or_more(folder):

@@ -1,6 +1,5 @@
-"""Interrupted runs that are gone on with, and sites that are begun again after a fault."""
+"""Where an interrupted run goes on, and with what."""
 
-import json
 import os
 import signal
 from dataclasses import replace
@@ -9,69 +8,22 @@ from multiprocessing import get_context
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from hil_sim.bus import faults as f
-from hil_sim.cia402 import State
-from stagectl.cli import cli
 from stagectl.errors import StagectlError, UnusableInput
 from stagectl.recipe import parse_recipe
-from stagectl.run import Listener, RunRequest, execute, load_interrupted
+from stagectl.run import Listener, RunRequest, load_interrupted
 from stagectl.run.replay import replay
-from stagectl.sequencer import Exposed, Mode, MoveStarted
-from stagectl.store import read_log, read_notes, read_recording, recover_folder, recover_log
-
-HEAD = """\
-recipe: short
-macro: {velocity: 0.5, acceleration: 3.0, jerk: 200.0}
-micro: {velocity: 0.01, acceleration: 0.2, jerk: 20.0}
-settle: {window: 5.0e-8, hold: 0.005, timeout: 0.15}
-"""
-SITES = HEAD + (
-    "expose: 0.02\n"
-    "sites: [[0.004, -0.003], [0.02, 0.01], [0.0, 0.02], [-0.015, 0.0], [0.01, 0.01]]\n"
-    "fiducial: {source: simulated, range: 80.0e-6, seed: 1}\n"
+from stagectl.sequencer import Exposed, Mode
+from stagectl.store import (
+    read_log,
+    read_notes,
+    read_recording,
+    recover_folder,
+    recover_log,
+    write_recording,
 )
-MOVES = HEAD + (
-    "moves: [{to: [0.01, 0.0]}, {reverse: 100 um, axis: x}, {dwell: 50 ms},"
-    " {reverse: 200 um, axis: x}, {to: [0.0, 0.005]}]\nfiducial: {source: none}\n"
-)
-FOLLOWING, OVER_CURRENT = 0x8611, 0x2310
-
-
-@pytest.fixture
-def sites(machine):
-    return parse_recipe(SITES, "short.yaml", machine)
-
-
-@pytest.fixture
-def go(machine, tmp_path):
-    """A run on the virtual stage; `at` asks for a fault of drive y in this many moves from now."""
-
-    def run(recipe, folder, *, faults=(), listener=None, **options):
-        request = RunRequest(
-            recipe, machine, machine, None, Mode.ESTIMATED, options.pop("scale", 1.0), 1,
-            tmp_path / folder, datetime.now(UTC), f.FaultPlan(tuple(faults), 1) if faults else None,
-            **options,
-        )  # fmt: skip
-        return execute(request, listener or Listener())
-
-    return run
-
-
-def failing_at(move, code=FOLLOWING, times=1):
-    """Listens to a run and has drive y fail in the middle of a move (counted from 1)."""
-    stages, begun = [], 0
-
-    def event(happened):
-        nonlocal begun
-        if isinstance(happened, MoveStarted):
-            begun += 1
-            if move <= begun < move + times:
-                drive, world = stages[0].drives[1], stages[1]
-                world.at(world.now_ns + 5_000_000, lambda: drive.inject_fault(code))
-
-    return Listener(event=event, switched_on=lambda *both: stages.extend(both)), stages
+from stagedata import AxisSignals, Recording
+from tests.unit.stagectl.run.whole import MOVES, SITES, failing_at
 
 
 def test_a_run_goes_on_at_the_site_that_it_was_at(go, sites, tmp_path):
@@ -200,57 +152,6 @@ def test_a_list_of_moves_goes_on_where_it_was(go, machine, tmp_path):
     assert [m.target for m in others] == [m.target for m in whole.recording.moves[2:]]
 
 
-def test_a_site_is_begun_again_after_a_fault(go, sites, tmp_path):
-    listener, stages = failing_at(6)
-    result = go(sites, "run", listener=listener, retries=1)
-    assert result.summary["outcome"] == "completed"
-    assert [m.site for m in result.recording.moves] == [1, 1, 2, 2, 3, 3, 3, 3, 4, 4, 5, 5]
-    (retry,) = result.summary["retries"]
-    assert (retry["site"], retry["attempt"]) == (3, 1)
-    assert "0x8611" in retry["fault"]
-    assert "Site 3 was restarted" in (tmp_path / "run" / "report.html").read_text()
-    # the move that was broken off ends where its samples do
-    broken, after = result.recording.moves[5], result.recording.moves[6]
-    assert broken.end <= after.start
-    entries = [m for m in result.summary["moves"] if m["site"] == 3 and m["kind"] == "micro"]
-    assert [m.get("completed", True) for m in entries] == [False, False, True, True]
-    # time goes on, with a gap where the fault was acknowledged
-    gaps = np.diff(result.recording.time) > 1.5e-3
-    assert gaps.sum() == 1
-    assert broken.start < np.flatnonzero(gaps)[0] < after.start
-    final = {e["axis"]: e for e in result.summary["friction"] if e["accepted"]}
-    assert final["y"]["site"] == 5
-    assert all(d.motion.state is State.SWITCH_ON_DISABLED for d in stages[0].drives)
-    assert read_recording(tmp_path / "run" / "recording.h5").moves == result.recording.moves
-
-
-def test_a_drive_that_reboots_is_homed_again_whatever_the_other_does_meanwhile(go, sites):
-    faults = [f.Reboot(2, 3.2), f.DriveFault(1, FOLLOWING, at=4.2)]
-    result = go(sites, "run", faults=faults, retries=2)
-    assert result.summary["outcome"] == "completed"
-    rebooted, on_the_way = result.summary["retries"]
-    assert "axis y" in rebooted["fault"]
-    assert "the drive rebooted" in rebooted["fault"]
-    assert "axis x" in on_the_way["fault"]
-    assert "0x8611" in on_the_way["fault"]
-    assert rebooted["site"] == on_the_way["site"]
-    assert result.summary["micro"]["count"] == 10
-
-
-@pytest.mark.parametrize(
-    ("code", "times", "retries", "made"),
-    [(FOLLOWING, 9, 2, 2), (OVER_CURRENT, 1, 2, 0), (FOLLOWING, 1, 0, 0)],
-    ids=["it comes every time", "somebody has to look first", "nobody asked for it"],
-)
-def test_when_a_fault_ends_the_run_all_the_same(go, sites, code, times, retries, made):
-    listener, stages = failing_at(6, code, times)
-    result = go(sites, "run", listener=listener, retries=retries)
-    assert result.summary["outcome"] == "fault"
-    assert f"0x{code:04X}" in result.summary["fault"]
-    assert len(result.summary.get("retries", ())) == made
-    assert all(d.motion.state is not State.ENABLED for d in stages[0].drives)
-
-
 def test_what_cannot_be_gone_on_with(go, sites, machine, tmp_path):
     with pytest.raises(UnusableInput, match="no such folder"):
         load_interrupted(tmp_path / "nobody", sites)
@@ -267,30 +168,77 @@ def test_what_cannot_be_gone_on_with(go, sites, machine, tmp_path):
         load_interrupted(tmp_path / "first", other)
 
 
-def test_from_the_command_line(go, sites, tmp_path):
-    (tmp_path / "r.yaml").write_text(SITES)
-    listener, _ = failing_at(6)
-    go(sites, "a", listener=listener)
+@pytest.fixture
+def interrupted(sites, machine, tmp_path):
+    """Write the recording of a run that was stopped; with these events after the run's."""
 
-    def run(*options):
-        arguments = ["run", str(tmp_path / "r.yaml"), "--simulate", *options]
-        handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-        try:
-            return CliRunner().invoke(cli, arguments)
-        finally:
-            for number, handler in handlers.items():
-                signal.signal(number, handler)
+    def write(*events, before=None):
+        folder = tmp_path / "made"
+        folder.mkdir(exist_ok=True)
+        request = RunRequest(
+            sites, machine, machine, None, Mode.ESTIMATED, 1.0, 1, folder, datetime.now(UTC),
+            resumed=before,
+        )  # fmt: skip
+        none = np.zeros(1)
+        axes = {
+            name: AxisSignals(none, none, none, none, None, none == 0.0) for name in machine.axes
+        }
+        recording = Recording(machine.text, sites.text, "t", none, axes, (), "")
+        noted = [{"event": "run", "sample": 0, **request.as_note()}, *events]
+        write_recording(recording, folder / "recording.h5", events=noted, outcome="aborted")
+        return folder
 
-    folder, other = str(tmp_path / "a"), str(tmp_path / "b")
-    clash = run("--resume", folder, "--out", folder)
-    assert clash.exit_code == 2
-    assert "needs its own folder" in clash.output
-    told = tmp_path / "plan.json"
-    planned = run("--resume", folder, "--dry-run", "--json", str(told))
-    assert planned.exit_code == 0, planned.output
-    plan = json.loads(told.read_text())
-    assert plan["sites"] == len(sites.sites) - 2
-    assert plan["moves"]["macro"] == plan["sites"]
-    rest = run("--resume", folder, "--out", other, "--retries", "1")
-    assert rest.exit_code == 0, rest.output
-    assert "after the first 2 sites" in rest.output
+    return write
+
+
+def friction(axis, accepted=True, local=1.0, **figures):
+    return {
+        "event": "friction", "sample": 0, "axis": axis, "accepted": accepted, "local": local,
+        "parameters": figures,
+    }  # fmt: skip
+
+
+def test_the_figures_are_those_accepted_last(interrupted, sites):
+    folder = interrupted(
+        friction("x", coulomb=[6.0, 0.1]),
+        friction("x", coulomb=[6.5, 0.2], viscous=[20.0, 1.0]),
+        friction("x", accepted=False, coulomb=[9.0, 0.1]),
+        {"event": "done", "number": 1, "site": 1, "sample": 0},
+    )
+    resumed = load_interrupted(folder, sites)
+    assert resumed.done == 1
+    assert resumed.friction == {"x": {"coulomb": (6.5, 0.2), "viscous": (20.0, 1.0)}}
+
+
+def test_what_a_place_adds_to_the_coulomb_force_does_not_go_along(interrupted, sites):
+    """The attraction scales with it, the rate of relaxation does not."""
+    figures = {"coulomb": [7.2, 0.36], "attraction": [720.0, 72.0]}
+    x = load_interrupted(interrupted(friction("x", local=1.2, **figures)), sites).friction["x"]
+    assert x["coulomb"] == pytest.approx((6.0, 0.3))
+    rate, sigma = x["relaxation_rate"]
+    assert rate == pytest.approx(100.0)
+    assert sigma == pytest.approx(100.0 * np.sqrt(0.1**2 - 0.05**2))
+
+
+def test_a_run_that_got_nowhere_hands_on_what_it_was_given(interrupted, sites):
+    first = load_interrupted(
+        interrupted(friction("y", coulomb=[9.0, 0.1]), {"event": "done", "number": 2, "sample": 0}),
+        sites,
+    )
+    again = load_interrupted(interrupted(before=first), sites)
+    assert (again.done, again.friction) == (2, first.friction)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        friction("x", coulomb=[-6.0, 0.1]),
+        friction("x", coulomb=[6.0, 0.0]),
+        friction("x", coulomb=6.0),
+        {"event": "done", "sample": 0},
+        {"event": "friction", "sample": 0},
+    ],
+)
+def test_damaged_events_are_refused_in_one_line(interrupted, sites, damage):
+    with pytest.raises(UnusableInput, match=r"recording\.h5: /events: damaged \("):
+        load_interrupted(interrupted(damage), sites)

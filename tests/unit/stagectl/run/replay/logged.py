@@ -1,0 +1,30 @@
+"""Runs whose bus logs are replayed, and logs that are changed."""
+
+import re
+from datetime import UTC, datetime
+
+from hil_sim.bus import faults as f
+from stagectl.recipe import parse_recipe
+from stagectl.run import Listener, RunRequest, execute
+from stagectl.sequencer import Mode
+from tests.short_recipe import short_recipe
+
+RECIPE = short_recipe((0.004, -0.003), (0.01, 0.002))
+
+
+def run(machine, folder, *faults, listener=None, retries=0):
+    request = RunRequest(
+        parse_recipe(RECIPE, "short.yaml", machine), machine, machine, None, Mode.ESTIMATED, 0.5,
+        1, folder, datetime.now(UTC), f.FaultPlan(tuple(faults), 1), retries,
+    )  # fmt: skip
+    return execute(request, listener or Listener())
+
+
+def edit(path, pattern, replacement, occurrence):
+    """Change one of the lines that match; returns the number of the frame in the log."""
+    lines = path.read_text().splitlines(keepends=True)
+    hits = [n for n, line in enumerate(lines) if re.search(pattern, line)]
+    chosen = hits[occurrence]
+    lines[chosen] = re.sub(pattern, replacement, lines[chosen])
+    path.write_text("".join(lines))
+    return chosen - 4  # five lines come before the first frame

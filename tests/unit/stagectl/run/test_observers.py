@@ -1,0 +1,85 @@
+"""Which axes get an observer, and what is said of one that ends early."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from stagectl.run.observers import Observers
+from stagectl.sequencer import Mode, make_compensation
+
+
+@pytest.fixture
+def compensation(machine):
+    return make_compensation(machine, Mode.ESTIMATED)
+
+
+class Enabled:
+    """A stage as far as observers see it."""
+
+    def __init__(self, machine, accepts=(True, True)):
+        self.axes = [
+            SimpleNamespace(
+                settings=SimpleNamespace(peak_force=axis.drive.peak_force),
+                accepts_force_offset=accepted,
+            )
+            for axis, accepted in zip(machine.axes.values(), accepts, strict=True)
+        ]
+        self.correction = None
+
+    def correct_offsets(self, correction):
+        self.correction = correction
+
+
+class Noted:
+    """Keeps what a record is given."""
+
+    def note_observer(self, designs, is_on):
+        self.designs, self.is_on = designs, is_on
+
+
+def test_every_axis_has_one_where_its_drive_takes_force_offsets(machine, compensation):
+    stage, record = Enabled(machine), Noted()
+    Observers(machine, compensation).attach(stage, record)
+    assert list(record.designs) == ["x", "y"]
+    assert record.is_on == (True, True)
+    assert [axis.observed for axis in compensation] == [True, True]
+    assert stage.correction is not None
+
+
+def test_an_axis_whose_drive_takes_no_force_offset_goes_without(machine, compensation):
+    stage, record = Enabled(machine, accepts=(True, False)), Noted()
+    Observers(machine, compensation).attach(stage, record)
+    assert record.is_on == (True, False)
+    assert [axis.observed for axis in compensation] == [True, False]
+
+
+def test_nothing_is_corrected_where_no_axis_has_one(machine, compensation):
+    stage = Enabled(machine, accepts=(False, False))
+    observers = Observers(machine, compensation)
+    observers.attach(stage, Noted())
+    assert stage.correction is None
+    observers.restart()
+    assert observers.failures() == []
+
+
+def test_before_the_stage_is_enabled_there_is_nothing_to_forget(machine, compensation):
+    observers = Observers(machine, compensation)
+    observers.restart()
+    assert observers.failures() == []
+
+
+def test_an_estimate_that_is_not_finite_is_a_notice_that_names_its_axis(machine, compensation):
+    stage = Enabled(machine)
+    observers = Observers(machine, compensation)
+    observers.attach(stage, Noted())
+    planned = np.zeros((40, 2))
+    planned[:, 1] = np.nan
+    stage.correction.begin(np.zeros((40, 2), np.int64), planned, [0, 0], False)
+    for row in range(40):
+        answer = SimpleNamespace(position=0, force=0, valid=True, arrival=200_000)
+        stage.correction.offsets(row, 1, 0.0, [answer, answer])
+    (notice,) = observers.failures()
+    assert notice.startswith("axis y: the observer's estimate was not finite")
+    observers.restart()
+    assert observers.failures() == []

@@ -1,0 +1,110 @@
+"""The stage from boot to disabling, however a run ends."""
+
+from contextlib import suppress
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+from hil_sim.cia402 import State
+from stagectl.config.machine import Effect
+from stagectl.errors import Aborted, RunFault
+from stagectl.recipe import parse_recipe
+from stagectl.run import Listener, RunRequest, execute
+from stagectl.sequencer import DriveLimited, EffectLeft, Mode, MoveStarted
+from stagectl.store import read_notes, read_recording
+from tests.short_recipe import short_recipe
+from tests.unit.stagectl.run.whole import OVER_CURRENT, failing_at
+
+
+@pytest.mark.parametrize("during", ["booting the drives", "homing", "enabling the drives"])
+def test_a_stop_that_a_finalizer_swallows_is_not_lost(machine, tmp_path, during):
+    """As `__del__` does, whose exceptions Python reports and forgets."""
+    stops, phases = [], []
+
+    def phase(name):
+        phases.append(name)
+        if name == during:
+            with suppress(KeyboardInterrupt):
+                stops[0]("stopped by the operator (Ctrl-C)")
+
+    request = RunRequest(
+        parse_recipe(short_recipe((0.01, 0.0)), "r.yaml", machine), machine, machine, None,
+        Mode.NONE, 1.0, 1, tmp_path / "run", datetime.now(UTC),
+    )  # fmt: skip
+    result = execute(request, Listener(phase=phase, stoppable=stops.append))
+    assert isinstance(result.error, Aborted)
+    assert "Ctrl-C" in str(result.error)
+    assert phases[phases.index(during) + 1].startswith("writing")
+
+
+def test_the_phases_come_in_order_and_the_stage_ends_disabled(go, sites):
+    phases, stages = [], []
+    listener = Listener(phase=phases.append, switched_on=lambda *both: stages.extend(both))
+    result = go(sites, "run", listener=listener)
+    assert result.error is None
+    named = [phase for phase in phases if phase.endswith(("drives", "homing", "disabling"))]
+    assert named == ["booting the drives", "homing", "enabling the drives", "disabling"]
+    assert phases[-1] == "writing recording and report"
+    assert all(d.motion.state is State.SWITCH_ON_DISABLED for d in stages[0].drives)
+
+
+def test_a_fault_ends_the_run_with_its_axis_and_all_axes_without_power(go, sites, tmp_path):
+    listener, stages = failing_at(2, OVER_CURRENT)
+    result = go(sites, "run", listener=listener)
+    assert isinstance(result.error, RunFault)
+    assert str(result.error).startswith("axis y")
+    assert all(d.motion.state is not State.ENABLED for d in stages[0].drives)
+    assert read_notes(tmp_path / "run" / "recording.h5").fault == str(result.error)
+
+
+def test_an_error_of_ours_keeps_the_samples_and_is_shown(go, sites, tmp_path):
+    def event(happened):
+        if isinstance(happened, MoveStarted) and happened.site == 2:
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        go(sites, "run", listener=Listener(event=event))
+    path = tmp_path / "run" / "recording.h5"
+    assert {m.site for m in read_recording(path).moves} == {1}
+    notes = read_notes(path)
+    assert (notes.outcome, notes.fault) == ("fault", "internal error")
+
+
+def test_a_stop_while_it_runs_comes_to_rest_within_the_limits(go, sites, machine):
+    stops = []
+
+    def event(happened):
+        if isinstance(happened, MoveStarted) and happened.site == 2:
+            stops[0]("stopped by the operator")
+
+    result = go(sites, "run", listener=Listener(event=event, stoppable=stops.append))
+    assert isinstance(result.error, Aborted)
+    limits = machine.axes["x"].limits
+    demand = result.recording.axes["x"].position_demand
+    velocity = np.diff(demand) / machine.bus.sync_period
+    assert velocity[-1] == 0.0
+    acceleration = np.diff(velocity) / machine.bus.sync_period
+    assert np.abs(acceleration).max() <= 1.01 * limits.acceleration
+
+
+@pytest.mark.parametrize("mode", [Mode.ESTIMATED, Mode.NONE])
+def test_effects_that_are_not_compensated_are_named_where_anything_is(machine, tmp_path, mode):
+    x = machine.axes["x"].model_copy(
+        update={
+            "effects": (
+                Effect("floor_vibration", {"amplitude": 0.01, "frequency": 20.0, "phase": 0.0}),
+            )
+        }
+    )
+    host = machine.model_copy(update={"axes": {**machine.axes, "x": x}})
+    events = []
+    request = RunRequest(
+        parse_recipe(short_recipe((0.004, 0.0)), "r.yaml", host), host, host, None, mode, 1.0, 1,
+        tmp_path / "run", datetime.now(UTC),
+    )  # fmt: skip
+    result = execute(request, Listener(event=events.append))
+    left = [e.text for e in events if isinstance(e, EffectLeft)]
+    assert len(left) == (mode is Mode.ESTIMATED)
+    assert all("floor_vibration" in text and text in result.notices for text in left)
+    assert not any(isinstance(e, DriveLimited) for e in events)

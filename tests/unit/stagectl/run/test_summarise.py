@@ -1,0 +1,139 @@
+"""A summary from a recording alone: limits, interruption, and what is not of this version."""
+
+import json
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from stagectl.errors import UnusableInput
+from stagectl.recipe import parse_recipe
+from stagectl.run import Listener, RunRequest, execute
+from stagectl.run.documents import read_run
+from stagectl.run.summarise import run_note, site_verdicts, summarise
+from stagectl.sequencer import Mode, SegmentDone, SiteVerdict
+from tests.short_recipe import short_recipe
+
+PLACES = ((0.004, 0.0), (0.008, 0.0), (0.004, 0.004))
+
+
+@pytest.fixture(scope="module")
+def stopped(machine, tmp_path_factory):
+    """Notes and recording of a run of three sites, stopped when two were done."""
+    folder = tmp_path_factory.mktemp("stopped")
+    text = short_recipe(*PLACES) + "limits: {settling: 10 s}\n"
+    stops = []
+
+    def event(happened):
+        if isinstance(happened, SegmentDone) and happened.number == 2:
+            stops[0]("stopped by the operator")
+
+    request = RunRequest(
+        parse_recipe(text, str(folder / "r.yaml"), machine), machine, machine, None,
+        Mode.ESTIMATED, 1.0, 1, folder / "run", datetime.now(UTC),
+    )  # fmt: skip
+    execute(request, Listener(event=event, stoppable=stops.append))
+    path = folder / "run" / "recording.h5"
+    return (*read_run(path), path)
+
+
+def summary_of(stopped, change=lambda event: event, **other):
+    """The summary after each event has been changed, or left out (None)."""
+    notes, recording, machine, path = stopped
+    events = [changed for event in notes.events if (changed := change(dict(event))) is not None]
+    return summarise(replace(notes, events=tuple(events), **other), recording, None, machine, path)
+
+
+def changing(name, **values):
+    return lambda event: {**event, **values} if event["event"] == name else event
+
+
+def without(*names):
+    return lambda event: None if event["event"] in names else event
+
+
+def test_it_is_what_the_run_wrote(stopped):
+    *_, path = stopped
+    written = json.loads((path.parent / "summary.json").read_text())
+    made = json.loads(json.dumps(summary_of(stopped)))
+    assert made["moves"] == written["moves"]
+    assert made["friction"] == written["friction"]
+    assert made["limits"] == written["limits"]
+
+
+def test_only_completed_sites_are_judged(stopped):
+    limits = summary_of(stopped)["limits"]
+    assert (limits["verdict"], limits["passed"], limits["failed"]) == ("incomplete", 2, 0)
+    assert [site["site"] for site in limits["sites"]] == [1, 2]
+
+
+def test_verdicts_of_the_run_before_complete_those_of_this_one(stopped):
+    before = {"run": "/a", "started": "t", "done": 1, "friction": {}}
+
+    def verdict(failures):
+        resumed = {**before, "verdicts": [[3, failures]]}
+        return summary_of(stopped, changing("run", resumed=resumed))["limits"]["verdict"]
+
+    assert verdict([]) == "pass"
+    assert verdict(["settling"]) == "fail"
+
+
+def test_a_recipe_without_limits_gets_no_verdict(stopped):
+    none = {"settling": None, "peak_error": None, "window": 5e-8}
+    assert "limits" not in summary_of(stopped, changing("run", limits=none))
+    assert site_verdicts({}) == ()
+
+
+def test_verdicts_are_read_back(stopped):
+    assert site_verdicts(summary_of(stopped)) == (SiteVerdict(1, ()), SiteVerdict(2, ()))
+
+
+def test_an_interrupted_run_says_why_where_and_how_to_continue(stopped):
+    found = summary_of(stopped)["interrupted"]
+    assert found["reason"] == "stopped by the operator"
+    assert (found["unit"], found["done"], found["of"], found["at"]) == ("site", 2, 3, 3)
+    assert f"--resume {stopped[-1].parent}" in found["resume"]
+
+
+def test_the_reason_is_the_fault_the_stop_or_the_end_of_the_process(stopped):
+    fault = summary_of(stopped, outcome="fault", fault="axis y: 0x8611")
+    assert fault["interrupted"]["reason"] == "axis y: 0x8611"
+    killed = summary_of(stopped, without("end"), outcome="killed")
+    assert killed["interrupted"]["reason"] == "the process was killed"
+    assert killed["wall_time"] is None
+    assert "interrupted" not in summary_of(stopped, outcome="completed")
+
+
+def test_a_site_that_has_begun_is_where_the_run_was(stopped):
+    second = [event for event in stopped[0].events if event["event"] == "done"][1]
+
+    def change(event):
+        return None if event == second else event
+
+    found = summary_of(stopped, change)["interrupted"]
+    assert (found["done"], found["at"]) == (1, 2)
+
+
+def test_other_recordings_are_refused_in_one_line(stopped):
+    notes, path = stopped[0], Path("a.h5")
+    with pytest.raises(UnusableInput, match=r"^a\.h5: does not say how it was run"):
+        run_note(replace(notes, events=()), path)
+    with pytest.raises(UnusableInput, match=r"^a\.h5: does not say how it was run"):
+        run_note(replace(notes, events=({"event": "run"},)), path)
+    assert run_note(notes, path)["unit"] == "site"
+
+
+@pytest.mark.parametrize(
+    ("event", "damage"),
+    [
+        ("friction", {"parameters": {"coulomb": 6.0}}),
+        ("friction", {"parameters": {"colour": [1.0, 2.0]}}),
+        ("done", {"number": "two"}),
+        ("run", {"limits": {}}),
+        ("run", {"history": None}),
+    ],
+)
+def test_damaged_events_are_refused_in_one_line(stopped, event, damage):
+    with pytest.raises(UnusableInput, match=r"recording\.h5: /events: damaged \("):
+        summary_of(stopped, changing(event, **damage))
