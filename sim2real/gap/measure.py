@@ -43,14 +43,9 @@ class Measured:
     repeats: dict[str, dict[str, RepeatCheck]]
 
 
-def measure_gap(
-    recording: Recording,
-    settings: StageSettings,
-    draws: int = DRAWS,
-    progress: Callable[[int, int], object] | None = None,
-) -> Gap:
+def measure_gap(recording: Recording, settings: StageSettings, draws: int = DRAWS) -> Gap:
     """The gap of a model against a recording; arguments and errors as `compare_with_model`."""
-    return compare_with_model(recording, settings, draws, progress).gap
+    return compare_with_model(recording, settings, draws).gap
 
 
 def compare_with_model(

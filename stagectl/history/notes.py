@@ -49,18 +49,17 @@ def note_of_estimate(record: EstimateRecord) -> dict[str, Any]:
     return {f.name: getattr(record, f.name) for f in fields(record) if f.name not in _IN_EVENT}
 
 
-def step_record(event: Mapping[str, Any], entry: RunEntry, run: int, number: int) -> StepRecord:
+def step_record(event: Mapping[str, Any], entry: RunEntry, number: int) -> StepRecord:
     """A step of the level as a row of the history.
 
     Args:
         event: fields of a `LevelStepped`.
         entry: the run.
-        run: its number in the history.
         number: of the step in the run, from 1.
     """
     x, y = event["place"]
     return StepRecord(
-        run, str(event["axis"]), (float(x), float(y)), entry.started + float(event["time"]),
+        0, str(event["axis"]), (float(x), float(y)), entry.started + float(event["time"]),
         float(event["change"]), "common" if event["everywhere"] else "site", number,
     )  # fmt: skip
 
@@ -88,7 +87,7 @@ def recorded_run(notes: RunNotes, path: Path) -> RecordedRun:
             None if where is None else str(where),
             tuple(_estimate(e) for e in notes.events if e["event"] == "friction"),
             tuple(
-                step_record(e, entry, 0, number)
+                step_record(e, entry, number)
                 for number, e in enumerate(
                     (e for e in notes.events if e["event"] == "level_stepped"), 1
                 )

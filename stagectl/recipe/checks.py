@@ -54,12 +54,10 @@ class Check:
         reason = f"{length:g} m is never exceeded: axis {name} faults at {least:g} m"
         return f"{reason} (limits.following_error)"
 
-    def read_profile(
-        self, section: schema.ProfileSection, at: Location, only: int | None = None
-    ) -> Profile:
-        """The section as a profile, checked against the limits of the axes, or of axis `only`."""
+    def read_profile(self, section: schema.ProfileSection, at: Location) -> Profile:
+        """The section as a profile, checked against the limits of the axes."""
         profile = Profile(section.velocity, section.acceleration, section.jerk)
-        self.check_limits(profile, at, only)
+        self.check_limits(profile, at, None)
         return profile
 
     def check_limits(self, profile: Profile, at: Location, only: int | None) -> None:

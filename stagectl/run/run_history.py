@@ -99,7 +99,7 @@ class RunHistory:
     def step(self, event: LevelStepped) -> StepRecord:
         """The record of a step of the level."""
         self._steps += 1
-        return step_record(asdict(event), self.entry, 0, self._steps)
+        return step_record(asdict(event), self.entry, self._steps)
 
     def file(self, record: EstimateRecord | StepRecord) -> None:
         """Hand a record to the writer, if there is one; never waits."""

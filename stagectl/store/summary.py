@@ -137,7 +137,6 @@ def build_summary(
     control_period: float,
     sync_period: float,
     ledger: CycleLedger | None = None,
-    windows: Sequence[float] = WINDOWS,
 ) -> dict[str, Any]:
     """Build the summary as JSON values (long: one key after another).
 
@@ -148,9 +147,8 @@ def build_summary(
         control_period: Tc [s].
         sync_period: Ts [s].
         ledger: punctuality; without it, missed TPDOs are counted from `valid`, and late is 0.
-        windows: settling windows [m].
     """
-    results = summarise_moves(recording, control_period, sync_period, windows)
+    results = summarise_moves(recording, control_period, sync_period, WINDOWS)
     missed = sum(int((~signals.valid).sum()) for signals in recording.axes.values())
     summary: dict[str, Any] = {
         "format": FORMAT,
@@ -167,8 +165,8 @@ def build_summary(
         "fault": facts.fault,
         "moves": [_move(result) for result in results],
         "friction": [_friction(entry) for entry in friction],
-        "micro": statistics_block(statistics(results, "micro", windows)),
-        "macro": statistics_block(statistics(results, "macro", windows)),
+        "micro": statistics_block(statistics(results, "micro", WINDOWS)),
+        "macro": statistics_block(statistics(results, "macro", WINDOWS)),
         "cycle": {
             "period": sync_period,
             "missed": missed if ledger is None else ledger.missed,

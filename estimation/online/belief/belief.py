@@ -66,11 +66,6 @@ class BeliefSettings:
         """Rms of w before the first move: wander and variation."""
         return math.hypot(self.wander, self.variation)
 
-    def wander_variance(self, elapsed: float) -> tuple[float, float]:
-        """(factor kept, variance gained) of w over `elapsed` seconds."""
-        keep = math.exp(-max(elapsed, 0.0) / self.correlation_time)
-        return keep, (1.0 - keep**2) * self.wander**2 + 1e-12
-
 
 class Belief(NamedTuple):
     """Mean and covariance of the figures and the level; changed in place by an update.

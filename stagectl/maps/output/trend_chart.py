@@ -8,14 +8,13 @@ from stagectl.history import Trend
 from stagectl.maps.output.tables import day
 from stagectl.report import ticks
 
+_WIDTH, _HEIGHT = 380, 150
 _LEFT, _RIGHT, _TOP, _BOTTOM = 44, 8, 22, 22
 MOST = 200
 """Points drawn at most, the last ones."""
 
 
-def draw_trend(
-    trend: Trend, figure: str, title: str, at_map: float | None, width: int = 380, height: int = 150
-) -> str:
+def draw_trend(trend: Trend, figure: str, title: str, at_map: float | None) -> str:
     """Draw a trend as SVG; "" where no estimate has the figure (long: one shape per line).
 
     Args:
@@ -23,8 +22,6 @@ def draw_trend(
         figure: to draw.
         title: above the chart.
         at_map: the map's value, drawn as a line; None for none.
-        width: [px].
-        height: [px].
     """
     value, sigma, time = (
         trend.values[figure][-MOST:],
@@ -44,7 +41,7 @@ def draw_trend(
     t0, t1 = float(time[0]), float(time[-1])
     if t1 <= t0:
         t0, t1 = t0 - 1.0, t1 + 1.0
-    left, right, top, bottom = _LEFT, width - _RIGHT, _TOP, height - _BOTTOM
+    left, right, top, bottom = _LEFT, _WIDTH - _RIGHT, _TOP, _HEIGHT - _BOTTOM
 
     def px(t: float) -> float:
         return left + 4 + (t - t0) / (t1 - t0) * (right - left - 8)
@@ -53,7 +50,7 @@ def draw_trend(
         return bottom - (min(max(v, y0), y1) - y0) / (y1 - y0) * (bottom - top)
 
     parts = [
-        f'<svg viewBox="0 0 {width} {height}" width="{width}" height="{height}" role="img" '
+        f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" width="{_WIDTH}" height="{_HEIGHT}" role="img" '
         f'aria-label="{title}" font-size="12" fill="currentColor">',
         f'<text x="{left}" y="14" font-weight="600">{title}</text>',
     ]
@@ -77,7 +74,7 @@ def draw_trend(
     first, last = float(time[0]), float(time[-1])
     brief = last - first < 600.0
     parts.append(
-        f'<text x="{left}" y="{height - 5}">{day(first, brief)}</text>'
-        f'<text x="{right}" y="{height - 5}" text-anchor="end">{day(last, brief)}</text>'
+        f'<text x="{left}" y="{_HEIGHT - 5}">{day(first, brief)}</text>'
+        f'<text x="{right}" y="{_HEIGHT - 5}" text-anchor="end">{day(last, brief)}</text>'
     )
     return "".join([*parts, "</svg>"])
