@@ -1,0 +1,74 @@
+"""What the kernel is asked to send; that it does so is tested on a SocketCAN bus (tests/hil)."""
+
+from __future__ import annotations
+
+import socket
+from typing import Any
+
+import can
+import pytest
+
+from drivers.cyclic.kernel_sync import KernelSync
+
+
+class Task:
+    def __init__(self) -> None:
+        self.stopped = 0
+
+    def stop(self) -> None:
+        self.stopped += 1
+        raise can.CanOperationError("gone")
+
+
+class Bus:
+    """A bus with a socket and a broadcast manager."""
+
+    def __init__(self, own: socket.socket) -> None:
+        self.socket, self.asked, self.task = own, [], Task()
+
+    def send_periodic(self, messages: Any, period: float, store_task: bool) -> Task:
+        self.asked.append((messages, period, store_task))
+        return self.task
+
+
+@pytest.fixture
+def bus():
+    one, other = socket.socketpair()
+    with one, other:
+        yield Bus(one)
+
+
+def test_sync_without_a_counter_is_empty(bus: Any) -> None:
+    KernelSync(bus, 1000, 0).start()
+    ((messages, period, _),) = bus.asked
+    assert [(m.arbitration_id, bytes(m.data)) for m in messages] == [(0x80, b"")]
+    assert int(period * 1e6) == 1000  # python-can truncates
+
+
+def test_the_counter_runs_from_1_to_its_overflow(bus: Any) -> None:
+    KernelSync(bus, 250, 4).start()
+    ((messages, period, _),) = bus.asked
+    assert [bytes(m.data) for m in messages] == [b"\1", b"\2", b"\3", b"\4"]
+    assert int(period * 1e6) == 250
+
+
+@pytest.mark.parametrize("period_us", [125, 333, 1000, 4001])
+def test_no_period_is_a_microsecond_short(bus: Any, period_us: int) -> None:
+    KernelSync(bus, period_us, 0).start()
+    assert int(bus.asked[0][1] * 1e6) == period_us
+
+
+def test_it_is_started_once_and_stopping_never_fails(bus: Any) -> None:
+    sync = KernelSync(bus, 1000, 0)
+    sync.stop()
+    sync.start()
+    sync.start()
+    assert len(bus.asked) == 1
+    sync.stop()
+    sync.stop()
+    assert bus.task.stopped == 1
+
+
+def test_other_buses_have_no_kernel_that_sends(bus: Any) -> None:
+    assert not KernelSync.fits(bus)
+    assert not KernelSync.fits(object())

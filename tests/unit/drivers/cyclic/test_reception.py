@@ -1,0 +1,194 @@
+"""Frames between two SYNCs: whose they are, when they arrived, and which come too late."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import replace
+from typing import Any
+
+import can
+import pytest
+
+from drivers.canopen import Network
+from drivers.cyclic import Channel
+from drivers.cyclic.reception import Reception
+from drivers.drive import Axis
+from drivers.settings import AxisSettings, BusSettings
+
+MS = 1_000_000
+X, Y = 0x181, 0x182
+
+
+def tpdo(position: int) -> bytes:
+    return struct.pack("<Hih", 0x0637, position, 5)
+
+
+class Stamped:
+    """Frames with time stamps of the bus's own clock."""
+
+    useless = False
+
+    def __call__(self, stamp: float, now: int) -> int:
+        return round(stamp * 1e9)
+
+
+@pytest.fixture
+def network(scripted: Any) -> Network:
+    return Network(scripted, "scripted")
+
+
+@pytest.fixture
+def make(network: Network, axis_settings: tuple[AxisSettings, ...], bus_settings: BusSettings):
+    def reception(stamped: bool = False, **changes: Any) -> Reception:
+        channels = [Channel(Axis(network, axis)) for axis in axis_settings]
+        made = Reception(network, channels, replace(bus_settings, **changes))
+        if stamped:
+            made.arrival_of = Stamped()  # type: ignore[assignment]
+        return made
+
+    return reception
+
+
+def deliver(scripted: Any, can_id: int, data: bytes, at: int = 0) -> None:
+    scripted.queue.append(
+        can.Message(arbitration_id=can_id, is_extended_id=False, data=data, timestamp=at * 1e-9)
+    )
+
+
+def test_the_wait_ends_with_the_last_answer(make, scripted) -> None:
+    reception, begin = make(), scripted.clock.now
+    deliver(scripted, Y, tpdo(2))
+    deliver(scripted, X, tpdo(1))
+    reception.collect(scripted.recv, begin)
+    assert [c.position for c in reception.channels] == [1, 2]
+    assert (reception.missed, scripted.clock.now) == (0, begin)
+
+
+def test_an_answer_that_is_missing_is_awaited_for_half_the_period(make, scripted) -> None:
+    reception, begin = make(), scripted.clock.now
+    deliver(scripted, X, tpdo(1))
+    reception.collect(scripted.recv, begin)
+    x, y = reception.channels
+    assert (x.valid, y.valid, reception.missed) == (True, False, 1)
+    assert scripted.clock.now == begin + MS // 2
+
+
+def test_frames_of_services_are_passed_on_meanwhile(make, network, scripted) -> None:
+    reception, seen = make(), []
+    network.subscribe(0x701, lambda *frame: seen.append(bytes(frame[1])))
+    deliver(scripted, 0x701, b"\x05")
+    for can_id, position in ((X, 1), (Y, 2)):
+        deliver(scripted, can_id, tpdo(position))
+    reception.collect(scripted.recv, scripted.clock.now)
+    assert seen == [b"\x05"]
+    assert reception.missed == 0
+
+
+def test_a_frame_of_another_length_is_no_sample(make, scripted) -> None:
+    reception = make()
+    deliver(scripted, X, tpdo(1)[:-1])
+    deliver(scripted, Y, tpdo(2))
+    reception.collect(scripted.recv, scripted.clock.now)
+    assert [c.valid for c in reception.channels] == [False, True]
+
+
+def test_a_second_answer_is_counted_and_the_first_one_taken(make, scripted) -> None:
+    reception = make()
+    for position in (1, 1):
+        deliver(scripted, X, tpdo(position))
+    deliver(scripted, Y, tpdo(2))
+    reception.collect(scripted.recv, scripted.clock.now)
+    assert (reception.channels[0].position, reception.channels[0].extra) == (1, 1)
+
+
+def test_the_stamp_counts_however_late_the_host_reads(make, scripted) -> None:
+    reception, begin = make(stamped=True), scripted.clock.now
+    deliver(scripted, X, tpdo(1), begin + MS // 5)
+    deliver(scripted, Y, tpdo(2), begin + MS // 4)
+    scripted.clock.now += 3 * MS
+    reception.collect(scripted.recv, begin)
+    assert [c.arrival for c in reception.channels] == [MS // 5, MS // 4]
+
+
+def test_a_frame_from_before_the_sync_is_not_its_answer(make, scripted) -> None:
+    reception, begin = make(stamped=True), scripted.clock.now + MS
+    deliver(scripted, X, tpdo(7), begin - MS // 10)
+    deliver(scripted, X, tpdo(1), begin + MS // 5)
+    deliver(scripted, Y, tpdo(2), begin + MS // 5)
+    reception.collect(scripted.recv, begin)
+    assert (reception.channels[0].position, reception.channels[0].extra) == (1, 1)
+
+
+def test_after_the_drives_window_nothing_counts(make, scripted) -> None:
+    reception, begin = make(stamped=True, sync_window=5e-4), scripted.clock.now
+    deliver(scripted, X, tpdo(1), begin + 290_000)
+    deliver(scripted, Y, tpdo(2), begin + 310_000)
+    reception.collect(scripted.recv, begin)
+    assert [c.valid for c in reception.channels] == [True, False]
+    assert not reception.accepts_tardy
+
+
+def test_an_answer_after_the_wait_is_still_the_sample_of_its_sync(make, scripted) -> None:
+    reception, begin = make(stamped=True), scripted.clock.now
+    deliver(scripted, X, tpdo(1), begin + MS // 5)
+    reception.collect(scripted.recv, begin)
+    assert reception.missed == 1
+    deliver(scripted, Y, tpdo(2), begin + 7 * MS // 10)
+    reception.settle(begin + MS)
+    assert reception.channels[1].tardy == (0x0637, 2, 5, 7 * MS // 10)
+    assert reception.missed == 0
+
+
+def test_one_a_period_late_is_not(make, scripted) -> None:
+    reception, begin = make(stamped=True), scripted.clock.now
+    deliver(scripted, X, tpdo(1), begin + MS // 5)
+    reception.collect(scripted.recv, begin)
+    deliver(scripted, Y, tpdo(2), begin + MS)
+    reception.settle(begin + MS)
+    assert (reception.channels[1].tardy, reception.missed) == (None, 1)
+    assert reception.channels[1].extra == 1
+
+
+def test_our_own_sync_tells_when_it_was_on_the_bus(make, scripted) -> None:
+    reception, begin = make(stamped=True), scripted.clock.now
+    deliver(scripted, 0x80, b"", begin + 30_000)
+    for can_id in (X, Y):
+        deliver(scripted, can_id, tpdo(1), begin + MS // 5)
+    reception.collect(scripted.recv, begin)
+    assert reception.echo_at == begin + 30_000
+
+
+def test_the_kernels_syncs_are_counted_those_that_the_queue_lost_too(make, scripted) -> None:
+    reception, begin = make(stamped=True), scripted.clock.now
+    reception.follow_kernel(True)
+    for period in (0, 1, 4):  # two were lost
+        deliver(scripted, 0x80, b"", begin + period * MS)
+    reception.drain(scripted.recv)
+    assert reception.take_kernel_periods() == (5, begin + 4 * MS)
+    assert reception.take_kernel_periods()[0] == 0
+
+
+def test_the_kernels_next_sync_ends_the_wait(make, scripted) -> None:
+    reception, begin = make(stamped=True), scripted.clock.now
+    reception.follow_kernel(True)
+    deliver(scripted, 0x80, b"", begin + MS)
+    deliver(scripted, X, tpdo(1), begin + MS + MS // 5)
+    reception.collect(scripted.recv, begin)
+    assert reception.missed == 2
+    assert len(scripted.queue) == 1  # that one answers the next SYNC
+
+
+def test_answers_of_a_bus_that_has_them_at_once_are_taken_as_they_are(make, scripted) -> None:
+    reception, begin = make(), scripted.clock.now
+    reception.take([tpdo(1), tpdo(2)], begin)
+    assert [(c.position, c.arrival) for c in reception.channels] == [(1, 0), (2, 0)]
+    assert (reception.sync_at, reception.missed) == (begin, 0)
+
+
+def test_error_remote_and_extended_frames_are_nobodys(make, network, scripted) -> None:
+    reception, seen = make(), []
+    network.subscribe(0x701, lambda *frame: seen.append(frame))
+    for kind in ("is_error_frame", "is_remote_frame", "is_extended_id"):
+        marks = {"is_extended_id": False, kind: True}
+        reception.dispatch(can.Message(arbitration_id=0x701, **marks))
+    assert seen == []
