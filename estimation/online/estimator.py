@@ -32,8 +32,9 @@ from estimation.online.belief import (
     Belief,
     model_at,
 )
+from estimation.online.belief.scatter import learn_scatter
 from estimation.online.belief.trend import Trend
-from estimation.online.estimate import Estimate, in_units, sliding_shown, spreads
+from estimation.online.estimate import Estimate, sliding_shown, spreads
 from estimation.online.judge import SHOWS_SCALE, scale_covariance
 from estimation.online.outcome import ACCEPTED, BOUND, FEW, JUMP, SCALE, STILL, Outcome
 from estimation.online.settings import EstimatorSettings
@@ -101,7 +102,8 @@ class SplitHorizonEstimator:
     ) -> None:
         if frozen:  # nothing has to be kept out of figures that stay
             settings = replace(
-                settings, belief=replace(settings.belief, unmodelled=0.0, variation=0.0)
+                settings,
+                belief=replace(settings.belief, unmodelled=0.0, variation=0.0, scatter=0.0),
             )
         self.settings = settings
         self.state = state
@@ -124,6 +126,8 @@ class SplitHorizonEstimator:
         self._jumps = 0
         # How much the factor on each figure's variance weighs, in moves that determine it.
         self._informed = np.full(MASS, _GUESS)
+        # The same of what each figure differs by from move to move.
+        self._scatter_weights = np.full(MASS, _GUESS)
         # How much each variance of `_observe_unmodelled` weighs, in moves that determine it.
         self._weights = {"model_error": 1.0, "wander": _GUESS, "unmodelled": _GUESS}
         self._other_scale: float | None = None  # change of force per acceleration
@@ -153,14 +157,10 @@ class SplitHorizonEstimator:
     def sigma(self) -> dict[str, float]:
         """Standard deviations of the friction figures, by name, in their units.
 
-        Those of the belief: an estimate's count what the moves disagree by, too.
+        As those of the last accepted estimate, they count what the moves disagree by.
         """
-        return spreads(np.sqrt(self._belief.covariance.diagonal()), self._start)
-
-    @property
-    def covariance(self) -> F64:
-        """Of the n figures in `sigma`, in their units, shape (n, n)."""
-        return in_units(self._belief.covariance, self._start)
+        factor = np.sqrt(np.maximum(self._axis["scale"][:MASS], 1.0))
+        return spreads(factor * np.sqrt(self._belief.covariance.diagonal()[:MASS]), self._start)
 
     def believe(self, figures: Mapping[str, tuple[float, float]]) -> None:
         """Begin from figures that were learned before instead of from the start model.
@@ -343,8 +343,12 @@ class SplitHorizonEstimator:
 
     def _observe_innovations(self, outcome: Outcome) -> Outcome:
         """The outcome with the covariance that the innovations of the moves so far allow."""
+        axis = self._axis
+        learn_scatter(
+            outcome.scatter, axis["scatter"], self._scatter_weights, axis["drift"], _MOVES
+        )
         covariance = scale_covariance(
-            outcome.covariance, outcome.innovations, self._axis["scale"], self._informed, _MOVES
+            outcome.covariance, outcome.innovations, axis["scale"], self._informed, _MOVES
         )
         return outcome._replace(covariance=covariance)
 

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from estimation.compiled import kernel
-from estimation.least_squares import cholesky_inverse
 from estimation.online.belief import COULOMB, LAG, LEVEL, MASS, STATES
 from estimation.online.outcome import (
     ACCEPTED,
@@ -35,9 +34,7 @@ MOST_MISSED = 0.2
 """Of the Coulomb force: what the model may miss, rms, in a move and in those before it. With more,
 something else acts, and an onset or a curve that is found is its."""
 LEARNED = 0.3
-"""A figure less certain than this, relative, cannot surprise."""
-SURPRISE = 3.0
-"""A change of more than this many of its expected standard deviations goes into sigma."""
+"""A figure less certain than this, relative, is still a guess: how it has changed says nothing."""
 UNUSUAL = 1.6
 """A move whose misfit is more than this many times the usual one counts less: what the model misses
 in it is not what it misses elsewhere."""
@@ -189,66 +186,6 @@ def scale_covariance(covariance, innovations, scale, weights, most):  # type: ig
             scaled[i, j] *= factor
             scaled[j, i] *= factor
     return scaled
-
-
-@kernel()
-def admit_surprise(before, after):  # type: ignore[no-untyped-def]
-    """Widen what has changed by more than it was expected to: `after` is changed.
-
-    A Kalman filter's step has the variance before less that after. What goes beyond SURPRISE of its
-    standard deviations is an error of the model, in this move or in those before.
-    """
-    for i in range(MASS + 1):
-        if before.covariance[i, i] > (LEARNED * before.mean[i]) ** 2:
-            continue  # the start is a guess
-        change = after.mean[i] - before.mean[i]
-        expected = max(before.covariance[i, i] - after.covariance[i, i], 0.0)
-        beyond = change * change - SURPRISE * SURPRISE * expected
-        if beyond > 0.0:
-            after.covariance[i, i] += beyond
-
-
-@kernel()
-def temper(before, after, excess):  # type: ignore[no-untyped-def]
-    """Let a move's information count by 1/excess^2, as if its noise had been that much larger.
-
-    A figure that the move does not narrow keeps what was found.
-
-    Args:
-        before: belief before the move.
-        after: belief after it; changed.
-        excess: factor on the noise; nothing happens where it is 1 or less.
-    """
-    spread, found, uncertain = before.covariance, after.mean, after.covariance
-    n, m = found.shape[0], 0
-    chosen = np.empty(n, dtype=np.int64)
-    for i in range(n):
-        if uncertain[i, i] < spread[i, i] * (1.0 - 1e-9):
-            chosen[m] = i
-            m += 1
-    if not excess > 1.0 or m == 0:
-        return
-    earlier, later = np.empty((m, m)), np.empty((m, m))
-    for a in range(m):
-        for b in range(m):
-            earlier[a, b] = spread[chosen[a], chosen[b]]
-            later[a, b] = uncertain[chosen[a], chosen[b]]
-    if not cholesky_inverse(earlier) or not cholesky_inverse(later):
-        return
-    share, pull = 1.0 / (excess * excess), np.zeros(m)
-    for a in range(m):
-        for b in range(m):
-            pull[a] += (1.0 - share) * earlier[a, b] * before.mean[chosen[b]]
-            pull[a] += share * later[a, b] * found[chosen[b]]
-            later[a, b] = earlier[a, b] + share * (later[a, b] - earlier[a, b])
-    if not cholesky_inverse(later):
-        return
-    for a in range(m):
-        value = 0.0
-        for b in range(m):
-            value += later[a, b] * pull[b]
-            uncertain[chosen[a], chosen[b]] = later[a, b]
-        found[chosen[a]] = value
 
 
 @kernel()

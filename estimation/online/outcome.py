@@ -39,6 +39,7 @@ class Outcome(NamedTuple):
         wander: the same of the level.
         missed: mean square of what is left of the force.
         innovations: of the friction figures, see `judge.normalised_innovations`.
+        scatter: how far the move's figures were from those of the axis, see `scatter.temper`.
     """
 
     verdict: int
@@ -59,3 +60,4 @@ class Outcome(NamedTuple):
     wander: tuple[float, float]
     missed: float
     innovations: F64
+    scatter: F64

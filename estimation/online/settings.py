@@ -16,6 +16,7 @@ from estimation.online.belief import (
     LEVEL,
     MASS,
     RATE,
+    SCATTERING,
     STIFFNESS,
     VISCOUS,
     BeliefSettings,
@@ -45,6 +46,7 @@ AXIS = np.dtype(
         ("correlation_time", np.float64),
         ("unmodelled", np.float64),  # rms of the unmodelled force, as the moves so far show it
         ("unmodelled_length", np.float64),
+        ("scatter", np.float64, (LEVEL,)),  # rms of each figure from move to move, relative
         ("excess", np.float64),  # rms of what acts beside the model, over the Coulomb force
         ("peak_force", np.float64),
         ("slip_spread", np.float64),
@@ -148,6 +150,7 @@ class EstimatorSettings:
             self.belief.correlation_time,
             self.belief.unmodelled,
             self.belief.unmodelled_length,
+            [self.belief.scatter * (name in SCATTERING) for name in FIGURES],
             0.0,
             self.peak_force,
             self.slip_spread,

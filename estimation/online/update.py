@@ -26,8 +26,8 @@ from estimation.online.belief import (
     Belief,
 )
 from estimation.online.belief.arrival_cost import age, copy, decay, knots_of
+from estimation.online.belief.scatter import scattered, temper
 from estimation.online.judge import (
-    admit_surprise,
     find_jump,
     hold_undetermined,
     is_another_scale,
@@ -35,9 +35,8 @@ from estimation.online.judge import (
     noise_excess,
     normalised_innovations,
     sliding_level,
-    temper,
 )
-from estimation.online.outcome import ACCEPTED, FEW, Outcome
+from estimation.online.outcome import ACCEPTED, FEW, JUMP, Outcome
 from estimation.online.settings import CALM, SHORT, USUAL
 from estimation.online.solver.prepare import prepare
 from estimation.online.solver.residual import AtRest, follow_move
@@ -93,15 +92,22 @@ def update_move(sampled, axis, law, state, elapsed, trend_variance, known, whole
         knots_of(time + place, axis),
     )  # fmt: skip
     after = copy(before)
-    solution, evaluations, stick = _solve_zones(problem, before, after)
+    met = scattered(before, axis)
+    solution, evaluations, stick = _solve_zones(problem, met, after)
     # What was found holds at the move's end: so must what it is compared with.
     decay(before, time, place, axis)
+    decay(met, time, place, axis)
     if prepared.slide == 0 and stick == 0:
         decay(after, time, place, axis)
-    if whole and _is_tempered(solution, prepared.slide, axis, before, after):
-        temper(before, after, noise_excess(prepared, solution, axis))
+    scatter = np.zeros((2, MASS))
+    if whole and solution.status != FAILED:
+        tempered = _is_tempered(solution, prepared.slide, axis, met, after)
+        excess = noise_excess(prepared, solution, axis) if tempered else 1.0
+        scatter = temper(before, met, after, excess)
     missed = _missed(solution, axis, coulomb)
     verdict = judge(prepared, solution, math.sqrt(max(missed, 0.0)), axis, whole, before, after)
+    if verdict.code != ACCEPTED and verdict.code != JUMP:
+        scatter[:] = 0.0
     asked = axis.masks[USUAL, _zones_of(prepared.slide, stick)]
     innovations = normalised_innovations(verdict, axis, before, after)
     found, gain, held, sliding = _settle(verdict, solution, axis, asked, before, after)
@@ -116,7 +122,7 @@ def update_move(sampled, axis, law, state, elapsed, trend_variance, known, whole
         verdict.code, verdict.figure, verdict.number, math.sqrt(solution.chi), evaluations,
         prepared.slide, stick, believed.mean, believed.covariance, _variances(before),
         found, gain, held, sliding, solution.unmodelled, solution.wander,
-        missed, innovations,
+        missed, innovations, scatter,
     )  # fmt: skip
 
 
@@ -166,7 +172,7 @@ def _nothing(belief):  # type: ignore[no-untyped-def]
     return Outcome(
         FEW, -1, 0.0, 0.0, 0, 0, 0, mean, covariance, _variances(belief), mean, ones,
         np.zeros(LEVEL, np.bool_), np.zeros(4), (0.0, 0.0), (0.0, 0.0), 0.0,
-        np.zeros((2, MASS)),
+        np.zeros((2, MASS)), np.zeros((2, MASS)),
     )  # fmt: skip
 
 
@@ -228,11 +234,11 @@ def _shared_step(axis, coulomb):  # type: ignore[no-untyped-def]
 def _is_tempered(solution, slide, axis, before, after):  # type: ignore[no-untyped-def]
     """Whether a larger misfit makes the move count less: one that is refused anyway is left.
 
+    `before` and `after`: of the figures as the move has them.
     `slide`: samples of zone A.
     """
     return (
-        solution.status != FAILED
-        and math.sqrt(solution.chi) <= axis.misfit
+        math.sqrt(solution.chi) <= axis.misfit
         and find_jump(axis, before, after) < 0
         and not is_another_scale(slide, axis, before, after)
     )
@@ -253,7 +259,6 @@ def _settle(verdict, solution, axis, asked, before, after):  # type: ignore[no-u
         for i in range(STATES):
             gain[i] = math.sqrt(before.covariance[i, i] / after.covariance[i, i])
         held = hold_undetermined(axis, asked, before, after)
-        admit_surprise(before, after)
         for i in range(LEVEL):  # what was held has moved the others along straight lines
             after.mean[i] = min(max(after.mean[i], axis.lower[i]), axis.upper[i])
     return found, gain, held, sliding

@@ -1,7 +1,8 @@
 """What is believed of an axis' friction between moves.
 
 `belief` (its mean and covariance), `arrival_cost` (what it costs the next solve, and what it
-becomes by it), `trend` (of the Coulomb force over time).
+becomes by it), `scatter` (figures that differ from move to move), `trend` (of the Coulomb force over
+time).
 """
 
 from estimation.online.belief.belief import (
@@ -18,6 +19,7 @@ from estimation.online.belief.belief import (
     RATE,
     RESIDUAL,
     REST_FORCE,
+    SCATTERING,
     SLIP_FORCE,
     STATES,
     STIFFNESS,
@@ -42,6 +44,7 @@ __all__ = [
     "RATE",
     "RESIDUAL",
     "REST_FORCE",
+    "SCATTERING",
     "SLIP_FORCE",
     "STATES",
     "STIFFNESS",

@@ -36,7 +36,8 @@ def age(belief, elapsed, trend_variance, axis):  # type: ignore[no-untyped-def]
     for i in range(LEVEL):
         aged.covariance[i, i] += axis.drift[i] ** 2
     for i in range(MASS):
-        aged.covariance[i, i] += (UNMODELLED_DRIFT * axis.excess * belief.mean[i]) ** 2
+        beside = axis.excess**2 + axis.scatter[i] ** 2
+        aged.covariance[i, i] += beside * (UNMODELLED_DRIFT * belief.mean[i]) ** 2
     aged.covariance[COULOMB, COULOMB] += trend_variance * belief.mean[COULOMB] ** 2
     decay(aged, max(elapsed, 0.0) / axis.correlation_time, 0.0, axis)
     return aged

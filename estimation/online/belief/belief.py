@@ -27,6 +27,8 @@ FIGURES = ("coulomb", "viscous", "stiffness", "relaxation_rate", "mass", "static
 COULOMB, VISCOUS, STIFFNESS, RATE, MASS, ALPHA, LAG = range(7)
 FRICTION_FIGURES = ("coulomb", "viscous", "stiffness", "relaxation_rate", "static_ratio")
 """Those that belong to the friction law."""
+SCATTERING = ("viscous", "stiffness", "relaxation_rate")
+"""Those that differ from move to move where a stage is not as modelled (`scatter`)."""
 LEVEL, FORCE = 7, 8
 """Places of w and of the unmodelled force d behind the figures."""
 STATES = 9
@@ -50,6 +52,7 @@ class BeliefSettings:
         unmodelled: rms of the unmodelled force before the first move, relative to the Coulomb
             force; the moves then show how large it is. 0: there is none.
         variation: the same of the Coulomb force over place, beside its wander.
+        scatter: the same of the figures of `SCATTERING` from move to move.
         unmodelled_length: correlation length of both [m].
     """
 
@@ -59,6 +62,7 @@ class BeliefSettings:
     correlation_time: float = 0.5
     unmodelled: float = 0.0
     variation: float = 0.0
+    scatter: float = 0.0
     unmodelled_length: float = 5e-3
 
     @property

@@ -21,6 +21,8 @@ UNMODELLED_BY_MAP = 0.01
 enough to be learned from."""
 VARIATION = 0.03
 """The same of the Coulomb force over place, relative."""
+SCATTER = 0.1
+"""The same of the other figures, from move to move, relative."""
 RATE_DRIFT = 0.01
 """Of C/Fc per move where every move says something of it: a fast one takes up model errors."""
 
@@ -61,6 +63,7 @@ def estimator_settings(
             correlation_time=wander.correlation_time,
             unmodelled=UNMODELLED if settled is None else UNMODELLED_BY_MAP,
             variation=0.0 if places else VARIATION,
+            scatter=0.0 if places else SCATTER,
             drift=_drift(settled, calibration),
         ),
     )

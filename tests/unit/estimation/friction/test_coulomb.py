@@ -81,7 +81,7 @@ def test_an_estimator_learns_the_figures_that_the_law_has():
         assert estimate.accepted, estimate.reason
         time, at = time + len(x) * TS, target
     assert set(estimator.sigma) == {"coulomb", "viscous"}
-    assert estimator.covariance.shape == (2, 2)
+    assert estimate.covariance.shape == (2, 2)
     for name in ("coulomb", "viscous"):
         error = abs(getattr(estimator.friction, name) - getattr(TRUE, name))
         assert error < 4.0 * estimator.sigma[name]

@@ -14,7 +14,7 @@ AS_IN_A_RUN = replace(
     SETTINGS,
     request=("lag", "relaxation_rate"),
     consider=("static_ratio",),
-    belief=BeliefSettings(unmodelled=0.1, variation=0.03),
+    belief=BeliefSettings(unmodelled=0.1, variation=0.03, scatter=0.1),
 )
 """As the host sets it up."""
 
