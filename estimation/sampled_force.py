@@ -71,14 +71,24 @@ def with_mean_force(
     else:
         around = SMOOTH * _bend(move.force) + (share - SMOOTH) * _bend(commanded)
     if state is not None:
-        index = np.arange(len(sound))
-        path = np.interp(index, index[move.valid], move.position[move.valid])
-        model, _ = follow(friction, state.copy(), path, np.gradient(path, period), period)
+        path = move.position
+        if not move.valid.all():
+            index = np.arange(len(sound))
+            path = np.interp(index, index[move.valid], path[move.valid])
+        model, _ = follow(friction, state.copy(), path, _slope(path, period), period)
         around -= SMOOTH * _bend(model)
     force = move.force.copy()
     inner = sound[:-2] & sound[1:-1] & sound[2:]
     force[1:-1][inner] += around[inner]
     return replace(move, force=force)
+
+
+def _slope(path: F64, period: float) -> F64:
+    """Central differences, one-sided at the ends; `numpy.gradient` takes four times as long."""
+    slope = np.empty(len(path))
+    slope[1:-1] = (path[2:] - path[:-2]) / (2.0 * period)
+    slope[0], slope[-1] = (path[1] - path[0]) / period, (path[-1] - path[-2]) / period
+    return slope
 
 
 def _bend(values: F64) -> F64:

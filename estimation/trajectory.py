@@ -55,16 +55,16 @@ class Trajectory:
 
         Before 0 the first state holds still, after the end the target does.
         """
+        from estimation.trajectory_samples import sample_pieces  # a plan alone needs no compiler
+
         time = np.asarray(time, dtype=np.float64)
-        piece = np.clip(np.searchsorted(self.start, time, side="right") - 1, 0, None)
-        t = np.maximum(time - self.start[piece], 0.0)
-        j, a, v = self.jerk[piece], self.acceleration[piece], self.velocity[piece]
-        x = self.position[piece] + t * (v + t * (a / 2 + t * j / 6))
-        velocity = v + t * (a + t * j / 2)
-        acceleration = a + t * j
-        still = (time >= self.duration) | (time < 0)
-        x = np.where(time >= self.duration, self.target, x)
-        return x, np.where(still, 0.0, velocity), np.where(still, 0.0, acceleration)
+        position, velocity, acceleration = np.empty((3, time.size))
+        pieces = (self.start, self.position, self.velocity, self.acceleration, self.jerk)
+        sample_pieces(
+            (*pieces, self.duration, self.target), time.ravel(), position, velocity, acceleration
+        )
+        shape = time.shape
+        return position.reshape(shape), velocity.reshape(shape), acceleration.reshape(shape)
 
 
 def plan(

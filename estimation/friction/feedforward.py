@@ -43,7 +43,7 @@ def friction_feedforward(
     follower = state.copy()
     time = np.asarray(np.arange(1, samples * _STEPS + 1) * (period / _STEPS) + ahead, np.float64)
     position, velocity, _ = trajectory.sample(time)
-    follower.settle_at(float(trajectory.sample(np.zeros(1))[0][0]))
+    follower.settle_at(float(trajectory.position[0]))
     force, _ = follow(friction, follower, position, velocity, period / _STEPS, substeps=1, band=0.0)
     at = np.arange(_STEPS - 1, samples * _STEPS, _STEPS)
     total: F64 = force[at] + friction.viscous * velocity[at] - state.total

@@ -244,7 +244,7 @@ class RunRecord:
 
     def _note_friction(self, event: FrictionUpdated, record: EstimateRecord) -> None:
         estimate, friction = event.estimate, event.estimate.friction
-        sigma = dict(estimate.sigma)
+        sigma, gain, held = dict(estimate.sigma), estimate.gain, estimate.held
         units = [name for name in UNITS if friction.has(name)]
         if "attraction" in units:
             rate = sigma.pop("relaxation_rate") / friction.relaxation_rate
@@ -262,8 +262,8 @@ class RunRecord:
                 name: (finite(float(getattr(friction, name))), finite(sigma[name]))
                 for name in units
             },
-            gain={name: finite(estimate.gain[_ESTIMATED_AS.get(name, name)]) for name in units},
-            held=[name for name in units if _ESTIMATED_AS.get(name, name) in estimate.held],
+            gain={name: finite(gain[_ESTIMATED_AS.get(name, name)]) for name in units},
+            held=[name for name in units if _ESTIMATED_AS.get(name, name) in held],
             local=event.local,
             record=note_of_estimate(record),
         )

@@ -214,7 +214,7 @@ class Journal:
         self.close()
 
     def _text(self, record: dict[str, object]) -> None:
-        body = json.dumps(record, default=_plain).encode()
+        body = _ENCODER.encode(record).encode()
         self._write(TEXT_HEAD.pack(TEXT_TAG, len(body), zlib.crc32(body)) + body)
 
     def _write(self, data: bytes) -> None:
@@ -233,3 +233,6 @@ def _plain(value: object) -> object:
     if is_dataclass(value) and not isinstance(value, type):
         return asdict(value)
     return str(value)
+
+
+_ENCODER = json.JSONEncoder(default=_plain)

@@ -42,11 +42,13 @@ def late_setpoints(samples: Samples, period: float) -> NDArray[np.bool_]:
         period: Ts [s].
     """
     place = grid_places(samples, period)
+    mask = np.zeros((int(place[-1]) + 1, samples.position.shape[1]), dtype=np.bool_)
+    if len(place) == len(mask) and np.ptp(samples.sync) <= LATE * period:
+        return mask
     away = np.abs(samples.sync - np.median(samples.sync))
     still = np.where(away > LATE * period, away, 0.0)
     passed = np.diff(place, prepend=place[0] - 1) - 1
     still += period * passed
-    mask = np.zeros((int(place[-1]) + 1, samples.position.shape[1]), dtype=np.bool_)
     late = np.flatnonzero(still)
     if not len(late):
         return mask
@@ -77,6 +79,8 @@ def missed_syncs(samples: Samples, period: float) -> NDArray[np.bool_]:
         period: Ts [s].
     """
     mask = np.zeros(samples.position.shape, dtype=np.bool_)
+    if samples.valid.all():
+        return mask
     for a, valid in enumerate(samples.valid.T):
         rows = np.flatnonzero(valid)
         apart = np.diff(rows)

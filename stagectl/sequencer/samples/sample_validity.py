@@ -51,6 +51,8 @@ def mean_force(samples: Samples) -> F64:
 
 def bridged_positions(samples: Samples) -> F64:
     """Positions with straight lines across invalid samples [m], shape (K, n)."""
+    if samples.valid.all():
+        return samples.position
     index = np.arange(len(samples))
     columns = [
         np.interp(index, index[ok], values[ok]) if ok.any() else values
@@ -75,8 +77,8 @@ def without_unpunctual(samples: Samples, period: float) -> Samples:
     for arrival, ok in zip(samples.arrival.T, valid.T, strict=True):
         if ok.any():
             bound = np.fmin(arrival, samples.doubt)
-            away = np.abs(bound - np.median(bound[ok]))
-            ok &= away <= PUNCTUAL * period
+            if not np.ptp(bound[ok]) <= PUNCTUAL * period:
+                ok &= np.abs(bound - np.median(bound[ok])) <= PUNCTUAL * period
     return replace(samples, valid=valid)
 
 
@@ -89,9 +91,9 @@ def without_stale(samples: Samples) -> Samples:
     for position, force, ok in zip(samples.position.T, samples.force.T, valid.T, strict=True):
         rows = np.flatnonzero(ok)
         step = np.abs(np.diff(position[rows]))
-        if not step.any():
-            continue
         same = (step == 0.0) & (np.diff(force[rows]) == 0.0)
+        if not same.any() or not step.any():
+            continue
         jumped = step > STALE_STEPS * step[step > 0.0].min()
         # The step that ends a run of repeats decides about all of them.
         ends = np.where(~same, np.arange(len(same)), len(same))
@@ -128,7 +130,7 @@ def resampled_to_grid(samples: Samples, period: float) -> Samples:
         samples: of a move.
         period: Ts [s].
     """
-    if not samples.valid.any():
+    if not samples.valid.any() or np.ptp(samples.sync) <= EXACT * period:
         return samples
     off = (samples.sync - np.median(samples.sync[samples.valid.any(axis=1)])) / period
     moved = np.abs(off) > EXACT

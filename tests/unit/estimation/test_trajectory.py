@@ -45,6 +45,14 @@ def test_before_and_after_it_is_at_rest():
     assert not a.any()
 
 
+def test_samples_may_be_in_any_order_and_shape():
+    motion = plan(0.0, 0.025, MACRO)
+    t = np.linspace(-0.01, motion.duration + 0.01, 200)
+    mixed = np.random.default_rng(1).permutation(t).reshape(20, 10)
+    for straight, other in zip(motion.sample(t), motion.sample(mixed), strict=True):
+        np.testing.assert_array_equal(straight[np.searchsorted(t, mixed)], other)
+
+
 def test_nothing_to_do_takes_no_time():
     motion = plan(0.3, 0.3, MACRO)
     assert motion.duration == 0.0
