@@ -1,7 +1,7 @@
 """Which effects explain the gap of an axis.
 
-`search` selects effects one at a time. `parameter_scan` finds where to start fitting each, over the
-nodes of `parameter_grid`, with first-order `signature`s; `alternatives` scores the sets of effects
+`search` selects effects one at a time. `tracked` is the dictionary of candidates beside a model
+fitted to innovations, with first-order `signature`s; `alternatives` scores the sets of effects
 fitted, `refinement` fits close ones to convergence, and `similarity` compares their signatures.
 `shape_check` recognises an effect of the right family in another shape, `free_form` friction over
 position in any (`friction_profile`, on `residual_force`). `closed_loop_check` drops what does not
@@ -14,7 +14,6 @@ from sim2real.attribution.causes import find_causes, list_candidates
 from sim2real.attribution.closed_loop_check import drop_ineffective
 from sim2real.attribution.free_form import FreeForm, FreeFormTest, FrictionOverPosition
 from sim2real.attribution.friction_profile import fit_friction_profile
-from sim2real.attribution.parameter_scan import Scanner
 from sim2real.attribution.residual_force import stop_operators
 from sim2real.attribution.search import AxisSearch, refit_beside, search_effects
 from sim2real.attribution.shape_check import (
@@ -24,6 +23,7 @@ from sim2real.attribution.shape_check import (
     is_one_profile,
 )
 from sim2real.attribution.similarity import Pairs, signature_similarity
+from sim2real.attribution.tracked import TrackedDictionary
 
 __all__ = [
     "AxisSearch",
@@ -31,7 +31,7 @@ __all__ = [
     "FreeFormTest",
     "FrictionOverPosition",
     "Pairs",
-    "Scanner",
+    "TrackedDictionary",
     "are_harmonics",
     "drop_ineffective",
     "find_causes",

@@ -16,7 +16,7 @@ from hil_sim.effects.effect import Effect
 from hil_sim.effects.ports import EffectPorts
 from hil_sim.settings import AxisSettings, StageSettings
 from sim2real.attribution.friction_profile import FrictionProfile, fit_friction_profile
-from sim2real.attribution.parameter_grid import midrange
+from sim2real.dictionary import midrange
 from sim2real.fitting import AxisModel, Coordinate, Term, coordinates
 from sim2real.gap import Measured
 

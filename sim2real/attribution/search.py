@@ -30,9 +30,10 @@ from sim2real.attribution.constants import (
     RIVALS,
     WANDERS,
 )
-from sim2real.attribution.parameter_scan import Scanner, Start
 from sim2real.attribution.refinement import fit_alternatives, refine_contenders
 from sim2real.attribution.shape_check import Repeat
+from sim2real.attribution.tracked import TrackedDictionary
+from sim2real.dictionary import Candidate
 from sim2real.fitting import AxisModel, AxisProblem, Fitted, Term, fit, is_within_tolerance
 from sim2real.free_loop import (
     MOST_EFFECTS,
@@ -61,7 +62,7 @@ class AxisSearch:
         repeats: effects found, each once more beside itself (`shape_check`).
         alternatives: sets of effects that were fitted, without duplicates, best first.
         scanned: effect -> first-order gain in the first scan.
-        signatures: effect -> signature in the first scan (`parameter_scan.Start`).
+        signatures: effect -> signature in the first scan (`dictionary.Candidate`).
         free: the search in the free loop, where that took over.
         folds: models fitted to all moves but a fold's, where the free loop gave the figures.
     """
@@ -218,26 +219,24 @@ def _candidates(
     is_open: bool,
     found: AxisSearch | None = None,
     progress: Callable[[float], object] = lambda _: None,
-) -> tuple[list[Start], F64]:
+) -> tuple[list[Candidate], F64]:
     """Starts of the most promising effects, and derivatives by the base parameters.
 
     `found` records the results of the scan. `progress` is called with the share of the effects
     scanned, from any thread.
     """
     columns = problem.base_columns(current.model, current.residual)
-    scanner = Scanner(
-        problem, current.model, current.residual, columns, problem.weights(current.residual)
-    )
+    dictionary = TrackedDictionary(problem, current, columns)
     others = {n: effect for n, effect in library.items() if n not in current.model.names()}
     done = count(1)
 
-    def scan(effect: Effect) -> list[Start]:
-        best = scanner.best(effect, 2)
+    def scan(effect: Effect) -> list[Candidate]:
+        best = [*dictionary.best(effect, 2), *dictionary.follow(effect)]
         progress(next(done) / len(others))
-        return best
+        return sorted(best, key=lambda start: -start.gain)
 
     scanned = problem.workers.map(scan, others.values())
-    starts: list[Start] = []
+    starts: list[Candidate] = []
     for name, tried in zip(others, scanned, strict=True):
         starts += tried
         if found is not None and tried:

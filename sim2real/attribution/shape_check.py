@@ -26,7 +26,8 @@ from sim2real.attribution.constants import (
     SATISFIED,
 )
 from sim2real.attribution.free_form import is_profile
-from sim2real.attribution.parameter_scan import Scanner
+from sim2real.attribution.tracked import TrackedDictionary
+from sim2real.dictionary import Dictionary
 from sim2real.fitting import (
     AxisModel,
     AxisProblem,
@@ -109,14 +110,12 @@ def fit_repeats(
     problem.rescale(found.residual)
     found = problem.recosted(found)
     columns = problem.base_columns(found.model, found.residual)
-    scanner = Scanner(
-        problem, found.model, found.residual, columns, problem.weights(found.residual)
-    )
+    dictionary = TrackedDictionary(problem, found, columns)
     out = {}
     for index, term in enumerate(model.terms):
         if term.effect.group == "dynamics" or not _has_shape(term.effect):
             continue
-        starts = _repeat_starts(found.model, index, scanner, library[term.name], problem.axis)
+        starts = _repeat_starts(found.model, index, dictionary, library[term.name], problem.axis)
         trials = problem.workers.map(
             lambda start: fit(problem, start, 10, columns, thorough=False), starts
         )
@@ -194,14 +193,14 @@ def is_one_profile(
 
 
 def _repeat_starts(
-    model: AxisModel, index: int, scanner: Scanner, effect: Effect, axis: AxisSettings
+    model: AxisModel, index: int, dictionary: Dictionary, effect: Effect, axis: AxisSettings
 ) -> list[AxisModel]:
     """Where to start with an effect twice: beside itself, or split in two."""
     term = model.terms[index]
     found = []
     nodes = [_harmonics(term, orders) for orders in ORDERS] if _is_periodic(effect) else [None]
     for own in nodes:
-        if starts := scanner.best(effect, nodes=own):
+        if starts := dictionary.best(effect, nodes=own):
             found.append(replace(model, terms=(*model.terms, *(s.term for s in starts))))
     if nodes == [None]:
         halves = tuple(_split_half(term, side, axis) for side in (-1.0, 1.0))

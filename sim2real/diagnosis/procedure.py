@@ -33,9 +33,8 @@ from sim2real.fitting import (
     AxisProblem,
     Workers,
     compose_stage,
-    slow_energy,
 )
-from sim2real.free_loop import FAR_FROM_WHITE, FreeLoop, fit_figures, search_free
+from sim2real.free_loop import FreeLoop, fit_figures, search_free
 from sim2real.report import PARTLY_EXPLAINED, UNEXPLAINED
 from sim2real.shrinkage import HeldOut, axis_gap
 from sim2real.tracking import Tracker, needs_other_axes
@@ -178,16 +177,14 @@ class _StageSearch:
     def ask_free_loop(self, name: str) -> None:
         """Let the free loop find the effects of an axis that the innovations do not explain.
 
-        That is where they stay far from white and none of the effects tried comes near the floor,
-        in whatever shape. Names that the innovations found give way only to a model that does.
+        That is where they are not white, and no effect tried explains that in whatever shape. Names
+        that the innovations found give way only to a better model of the free loop.
         """
         found = self.searches[name]
-        structure = slow_energy(found.problem.positions(found.best.residual))
-        departs = any(repeat.departs for repeat in found.repeats.values())
-        if found.is_complete or departs or structure < FAR_FROM_WHITE:
+        if found.is_complete or any(repeat.departs for repeat in found.repeats.values()):
             return
         free = search_free(self.free_loop(name), self._all)
-        if free.names_causes() and (not found.best.model.terms or free.is_near_floor()):
+        if free.names_causes() and free.is_better_than(found.best.model):
             found.take_over(free)
 
     def check_shapes(self, name: str) -> None:

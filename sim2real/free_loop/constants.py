@@ -26,9 +26,6 @@ PATIENCE = 2
 """Effects that are added at once where one alone does not: some show only together."""
 VISIBLE = 0.25
 """And least squared gap over floor by which it must."""
-FAR_FROM_WHITE = 30.0
-"""Structure of the tracked innovations (`sim2real.fitting.slow_energy`) beyond which the free loop
-is asked; nominal stages show 0.5, a single effect found 0.6."""
 CLOSED = 0.6
 """Share of an axis' gap that the search must close on held-out moves for its names to be given."""
 MISFIT = 16.0

@@ -68,7 +68,7 @@ def fit_free(
         ValueError: the start is not physical.
     """
     residual = loop.residual(model)
-    cost = _cost(loop, model, residual, moves)
+    cost = free_cost(loop, model, residual, moves)
     counted = np.ones(len(residual), dtype=np.bool_) if moves is None else moves[loop.move]
     for _ in range(iterations):
         columns = derivatives(loop, model, residual)[counted]
@@ -87,7 +87,7 @@ def fit_free(
             step = np.linalg.solve(scaled + damping * np.eye(len(size)), slope) / size
             trials.append(_model_at(loop, model, where + _limited(loop, model, step)))
         found = [
-            (_cost(loop, trial, left, moves), trial, left)
+            (free_cost(loop, trial, left, moves), trial, left)
             for trial, left in zip(trials, loop.residuals(trials), strict=True)
             if left is not None
         ]
@@ -165,7 +165,9 @@ def _least_squares(loop: FreeLoop, fitted: FreeFit) -> tuple[F64, F64, float]:
     return np.asarray(invert_scaled(normal)), columns, weight
 
 
-def _cost(loop: FreeLoop, model: AxisModel, residual: F64, moves: BoolArray | None) -> float:
+def free_cost(
+    loop: FreeLoop, model: AxisModel, residual: F64, moves: BoolArray | None = None
+) -> float:
     """Twice the negative log posterior, up to a constant.
 
     How large the deviations of an incomplete model are is not known beforehand: the likelihood

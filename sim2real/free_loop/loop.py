@@ -249,7 +249,9 @@ class FreeLoop:
         most = 1.0 / _SHORTEST if over_travel else 0.4 / period
         return np.asarray(np.arange(1.0, max(most * extent, 2.0), 1.0 / _OVERSAMPLED) / extent)
 
-    def wave_power(self, residual: F64, model: AxisModel, over_travel: bool, own: BoolArray) -> F64:
+    def wave_power(
+        self, residual: F64, model: AxisModel, over_travel: bool, own: BoolArray, per_force: bool
+    ) -> F64:
         """Power of the residual force at `wave_lines`, what changes slowly taken out.
 
         Args:
@@ -257,6 +259,7 @@ class FreeLoop:
             model: the model.
             over_travel: over position, where the axis moves; else over time.
             own: elements that count, bool[R].
+            per_force: of a wave that multiplies the motor force.
         """
         lines = self.wave_lines(over_travel)
         mass = float(model.settings(self.axis).mass)
@@ -276,6 +279,8 @@ class FreeLoop:
             force = force - mass * np.gradient(np.gradient(position, period), period)
             speed = np.gradient(run.demand[place], period)
             force = force - _plain_part(force, speed, travel)
+            if per_force:
+                force = force * sosfiltfilt(low, run.signals[1][run.valid])
             if over_travel:
                 counted = counted & (np.abs(speed) > _MOVING * np.abs(speed).max())
             where = np.asarray(travel if over_travel else period * place, dtype=np.float64)[counted]

@@ -16,7 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
+from sim2real.dictionary import Candidate
 from sim2real.fitting import AxisModel, implausibility
+from sim2real.free_loop.candidates import FreeDictionary
 from sim2real.free_loop.constants import (
     CLOSED,
     EACH,
@@ -36,7 +38,6 @@ from sim2real.free_loop.constants import (
     TRANSMISSION,
     VISIBLE,
 )
-from sim2real.free_loop.dictionary import Candidate, Dictionary
 from sim2real.free_loop.fit import FreeFit, fit_free, move_covariance
 from sim2real.free_loop.loop import FreeLoop
 from sim2real.shrinkage import FLOOR_LEVEL, FOLDS
@@ -109,6 +110,13 @@ class FreeSearch:
     def is_near_floor(self) -> bool:
         """Whether next to nothing is left."""
         return self.loop.gap(self.best.residual) <= NEAR * FLOOR_LEVEL
+
+    def is_better_than(self, model: AxisModel) -> bool:
+        """Whether the effects found score better than those of another model, fitted likewise."""
+        if not self.loop.allows(model):
+            return True
+        other = score(self.loop, fit_free(self.loop, model, LONG))
+        return score(self.loop, self.best) < other
 
     def probability(self, effect: str) -> tuple[float, list[str]]:
         """Probability that an effect is present, and the effects that could take its place.
@@ -241,7 +249,7 @@ class _Selection:
 
     def _candidates(self, fitted: FreeFit, names: Sequence[str]) -> list[Candidate]:
         """Starts of these effects beside a model, best first."""
-        dictionary = Dictionary(self._loop, fitted)
+        dictionary = FreeDictionary(self._loop, fitted)
         found: list[Candidate] = []
         for name in names:
             if name not in fitted.model.names():
@@ -286,7 +294,7 @@ def fit_folds(loop: FreeLoop, model: AxisModel, before: Sequence[FreeFit]) -> li
         for term in model.terms:
             if term.name in own.model.names():
                 continue
-            starts = Dictionary(loop, own, train).best(term.effect, 2)
+            starts = FreeDictionary(loop, own, train).best(term.effect, 2)
             added = [own.model.added(s.term) for s in starts]
             tried = [fit_free(loop, start, SHORT, train) for start in added if loop.allows(start)]
             own = min([own, *tried], key=lambda f: f.cost)

@@ -145,3 +145,17 @@ def test_an_effect_in_another_shape_keeps_its_name_and_leaves_something(
     assert [(c.axis, c.effect) for c in found.report.causes] == [("y", "cogging")]
     assert found.report.causes[0].probability > 0.9
     assert "shape of cogging on y is not the library's" in found.report.reason
+
+
+def test_what_innovations_do_not_explain_is_sought_in_the_free_loop(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    """Effects of transmissions are, however little structure they leave."""
+    recording = stage_with(nominal, 18, x={"viscous_asymmetry": {"ratio": 0.2}})
+    found = diagnosed(
+        recording, nominal[1],
+        "viscous_asymmetry", "viscous_damping", "friction_asymmetry", "cogging", "force_offset",
+    )  # fmt: skip
+    assert [(c.axis, c.effect) for c in found.report.causes] == [("x", "viscous_asymmetry")]
+    ratio = found.report.causes[0].parameters["ratio"]
+    assert abs(ratio.value - 0.2) < 3.0 * ratio.sigma

@@ -6,7 +6,7 @@ import pytest
 
 from hil_sim.effects.library import library
 from hil_sim.settings import StageSettings
-from sim2real.attribution import Scanner, signature_similarity
+from sim2real.attribution import TrackedDictionary, signature_similarity
 from stagedata import Recording
 from tests.unit.sim2real.conftest import problem_of, stage_with
 
@@ -18,16 +18,15 @@ def test_a_wander_with_a_course_is_a_start_for_what_scales_friction(
     settings = nominal[1]
     problem = problem_of(recording, settings, "y")
     start = problem.nominal_fit()
-    scanner = Scanner(
-        problem, start.model, start.residual,
-        problem.base_columns(start.model, start.residual), problem.weights(start.residual),
-    )  # fmt: skip
+    dictionary = TrackedDictionary(
+        problem, start, problem.base_columns(start.model, start.residual)
+    )
     known = library()
-    followed = [s for s in scanner.best(known["coulomb_level"]) if s.from_wander]
+    followed = dictionary.follow(known["coulomb_level"])
     assert len(followed) == 1
     assert followed[0].term.values[0] == pytest.approx(0.9, abs=0.03)
-    offsets = scanner.best(known["force_offset"])
-    assert not [s for s in offsets if s.from_wander]
+    assert not dictionary.follow(known["force_offset"])
+    offsets = dictionary.best(known["force_offset"])
     signatures = {"coulomb_level": followed[0].signature, "force_offset": offsets[0].signature}
     ((_, alike),) = signature_similarity(signatures, list(signatures)).items()
     assert 0.0 < alike < 0.5

@@ -1,0 +1,141 @@
+"""A model fitted to tracked innovations, as the dictionary of candidates asks for it.
+
+Effects that are a force or a factor along the tracked motion have a signature to first order
+(`sim2real.attribution.signature`). And the filter's wander says something of effects that scale
+Coulomb friction, which it follows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim.effects.effect import Effect, Parameter
+from hil_sim.effects.ports import EffectPorts
+from sim2real.attribution.signature import effect_inputs, first_order_signature
+from sim2real.dictionary import Candidate, Dictionary, Linearised, midrange
+from sim2real.fitting import AxisProblem, Fitted, Term
+from sim2real.tracking import Track
+
+F64 = NDArray[np.float64]
+
+_PRIOR_STIFFNESS = 5.0
+"""Factor by which base parameters are held tighter than their tolerance: a fit keeps them in
+bounds, which first order does not know."""
+_PEAKS = 4
+"""Frequencies of a vibration that are tried: the highest peaks of the innovations' spectrum."""
+_LOWER, _HIGHER = 0.7, 1.4
+"""How far beyond the plausible range a peak may lie."""
+
+
+class TrackedDictionary(Dictionary):
+    """Candidates on an axis beside a model that has been fitted to innovations.
+
+    Args:
+        problem: the axis.
+        fitted: the model so far.
+        base_columns: derivatives by the base parameters there, float64[R, B].
+    """
+
+    def __init__(self, problem: AxisProblem, fitted: Fitted, base_columns: F64) -> None:
+        self._problem = problem
+        self._settings = fitted.model.settings(problem.axis)
+        self._tracks = problem.track(fitted.model)
+        period = float(problem.trackers[0].time[1])
+        self._accelerations = [np.gradient(t.v, period) for t in self._tracks]
+        model, residual = fitted.model, fitted.residual
+        fewer = [model.without(term) for term in range(len(model.terms))]
+        nuisance = [base_columns]
+        nuisance += [(r - residual)[:, None] for r in problem.residuals_or_worst(fewer)]
+        held = np.diag(_PRIOR_STIFFNESS / problem.spread)
+        super().__init__(
+            Linearised(
+                problem.axis,
+                model,
+                residual,
+                np.sqrt(problem.weights(residual)),
+                np.hstack(nuisance),
+                np.hstack([held, np.zeros((len(held), len(model.terms)))]),
+                _PRIOR_STIFFNESS * model.base / problem.spread,
+                (
+                    min(float(t.x.min()) for t in self._tracks),
+                    max(float(t.x.max()) for t in self._tracks),
+                ),
+                self._frequencies,
+                problem.residuals,
+                lambda there: problem.cost(model, there),
+                self._signature,
+            )
+        )
+
+    def follow(self, effect: Effect) -> list[Candidate]:
+        """What the filter's wander says of an effect that scales Coulomb friction.
+
+        The innovations say nothing of it, because the filter follows. But a wander that has the
+        effect's course is less likely than the effect, by the machine file's `repeatability`.
+        """
+        axis = self._problem.axis
+        if axis.wander <= 0.0:
+            return []
+        best: tuple[float, float, Term] | None = None
+        for values in self.nodes(effect):
+            term = Term(effect, values)
+            along = square = 0.0
+            for track, time, acceleration in self._motion():
+                course = effect_inputs(self._settings, term, track, time, acceleration)
+                if course is None or course.level is None or course.force is not None:
+                    return []
+                along += float(course.level @ track.level)
+                square += float(course.level @ course.level)
+            if along > 0.0 and (best is None or along**2 / square > best[0]):
+                best = (along**2 / square, along / square, term)
+        if best is None:
+            return []
+        energy, size, node = best
+        apart = 2.0 * axis.correlation_time / float(self._problem.trackers[0].time[1])
+        term, _ = self.scaled(effect, node.values, size)
+        signature = self._signature(term)
+        if signature is None:
+            return []
+        gain = energy / (apart * axis.wander**2)
+        return [Candidate(term, gain, self.left_over(signature), node.values, True)]
+
+    def _motion(self) -> zip[tuple[Track, F64, F64]]:
+        """Track, times [s] and accelerations [m/s^2] of each recording."""
+        times = [tracker.time for tracker in self._problem.trackers]
+        return zip(self._tracks, times, self._accelerations, strict=True)
+
+    def _signature(self, term: Term) -> F64 | None:
+        """Change of the residual when a term is added, float64[R], to first order."""
+        parts: list[F64] = []
+        forces: list[F64] = []
+        for (track, time, acceleration), gains, mask in zip(
+            self._motion(), self._problem.gains, self._problem.masks, strict=True
+        ):
+            there = effect_inputs(self._settings, term, track, time, acceleration)
+            if there is None:
+                return None
+            parts.append(-first_order_signature(there, gains)[mask])
+            forces.append(np.zeros(int(mask.sum())))
+        return np.concatenate((*parts, *forces))
+
+    def _frequencies(self, effect: Effect, parameter: Parameter) -> list[float] | None:
+        """Frequencies of the highest peaks of the innovations' spectrum [Hz], for a vibration."""
+        axis = self._problem.axis
+        ports = EffectPorts(axis, 1e-3, 1.0)
+        effect.apply(ports, {p.key: midrange(p, axis) for p in effect.parameters})
+        if not ports.harmonics:
+            return None
+        low, high = parameter.ranges(axis)[0]
+        track, time = self._tracks[0], self._problem.trackers[0].time
+        values = np.where(track.valid, np.clip(track.position, -20.0, 20.0), 0.0)
+        count = 4 * len(values)
+        power = np.abs(np.fft.rfft(values, count)) ** 2
+        frequency = np.fft.rfftfreq(count, float(time[1]))
+        power = np.where((frequency > _LOWER * low) & (frequency < _HIGHER * high), power, 0.0)
+        found: list[float] = []
+        while len(found) < _PEAKS and power.max() > 0.0:
+            peak = float(frequency[int(power.argmax())])
+            found.append(peak)
+            power[np.abs(frequency - peak) < 2.0 / float(time[-1])] = 0.0
+        return found

@@ -1,0 +1,10 @@
+"""Where to start fitting each effect of the library beside a model.
+
+`nodes` are the values that are tried, `candidates` scales and ranks what they promise. The caller
+says what models are fitted to: tracked innovations or the free loop.
+"""
+
+from sim2real.dictionary.candidates import Candidate, Dictionary, Linearised
+from sim2real.dictionary.nodes import Values, midrange
+
+__all__ = ["Candidate", "Dictionary", "Linearised", "Values", "midrange"]
