@@ -227,6 +227,25 @@ class EffectPorts:
             force += float(np.interp(position, self.positions, self.position_force))
         return force
 
+    def standing_level(self, position: float, other: float) -> float:
+        """The factor on Fc at t = 0, at rest, but for the direction.
+
+        Args:
+            position: of this axis [m].
+            other: of the other axis [m].
+        """
+        level = self.coulomb
+        if self.position_coulomb is not None:
+            level *= float(np.interp(position, self.positions, self.position_coulomb))
+        if self.time_coulomb is not None:
+            level *= float(self.time_coulomb[0])
+        for amplitude, _ in self.decays:
+            level *= 1.0 + amplitude
+        for field in self.fields:
+            across = [np.interp(other, field.other, row) for row in field.values]
+            level *= float(np.interp(position, field.own, across))
+        return level
+
     def misread(self, position: float) -> float:
         """Error of the encoder reading at this position [m]."""
         if self.misreading is None:

@@ -173,7 +173,10 @@ class Arrays:
         ports, record = self.ports[a], self.plant[a]
         pull = ports.standing_force(float(self.state[a]["position"]))
         asked = ports.force_constant * force - pull
-        static = float(record["coulomb"]) * (1.0 + ports.static_ratio)
+        place = self.state["position"].tolist()
+        across = next((p for b, p in enumerate(place) if b != a), 0.0)
+        level = ports.standing_level(place[a], across)
+        static = axis.friction.coulomb * level * (1.0 + ports.static_ratio)
         static *= ports.coulomb_forward if asked > 0.0 else ports.coulomb_backward
         forces, held = rest_forces(axis.friction, static, asked)
         motor = (held + pull) / ports.force_constant

@@ -48,6 +48,26 @@ def test_more_than_friction_can_hold_leaves_less_motor_force(nominal):
     assert arrays.state[0]["motor_force"] == pytest.approx(static)
 
 
+@pytest.mark.parametrize(
+    ("name", "values", "level"),
+    [
+        ("coulomb_level", {"ratio": 1.2}, 1.2),
+        ("thermal_drift", {"amplitude": 0.3, "time_constant": 20.0}, 1.3),
+        ("friction_position", {"amplitude": 0.4, "center": 0.05, "width": 0.01}, 1.4),
+        ("friction_spot", {"amplitude": 0.4, "center": 0.05, "other": -0.02, "width": 0.01}, 1.4),
+    ],
+)
+def test_friction_holds_at_the_start_what_it_does_there_and_then(
+    nominal, with_effects, effects, name, values, level
+):
+    stage = with_effects(nominal, effects[name].at(**values))
+    arrays = Arrays(stage, (0.05, -0.02), 1.0)
+    arrays.balance(0, 100.0, stage.axes[0])
+    friction = nominal.axes[0].friction
+    static = level * friction.coulomb * (1.0 + friction.static_ratio)
+    assert arrays.state[0]["friction"] == pytest.approx(static, rel=2e-3)
+
+
 @pytest.mark.parametrize("substeps", [2, 3, 4])
 def test_steps_between_coarse_and_reference_are_refused(nominal, substeps):
     with pytest.raises(ValueError, match=f"substeps must be 1 or at least 5, is {substeps}"):
