@@ -30,8 +30,10 @@ def render_twin(
 
     Raises:
         StagectlError: the machine file does not have an axis or parameter.
-        ConfigError: a value is refused.
+        ConfigError: a value is refused, of a parameter or of an effect.
     """
+    from stagectl.config.settings.package_settings import stage_settings  # made of machines
+
     document: Any = copy.deepcopy(machine.document.data)
     axes = document["axes"]
     for name in {*effects, *(plant or {})}:
@@ -53,9 +55,9 @@ def render_twin(
         title = f"{machine.name}: the gap diagnosis found no effect to add; SI units."
     head = "".join(f"# {line}\n" for line in (title, *comments))
     text = head + yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=100)
-    parse_machine(text, "twin", fitted=True)
+    stage_settings(parse_machine(text, "twin", fitted=True))
     return text
 
 
 def _plain(value: Value) -> float | list[float]:
-    return [float(f"{v:.6g}") for v in value] if isinstance(value, tuple) else float(value)
+    return [float(v) for v in value] if isinstance(value, tuple) else float(value)
