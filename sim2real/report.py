@@ -334,7 +334,7 @@ class EmpiricalForce:
         velocity: nodes [m/s].
         over_velocity: at these [N].
         coulomb: what `against` makes of the model's Coulomb force at the nodes over position, as a
-            factor; 1 where the model has none.
+            factor; 1 where the model has none above the floor, and `against` is 0 there.
     """
 
     axis: str

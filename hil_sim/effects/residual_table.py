@@ -52,24 +52,30 @@ class ResidualTable(Effect):
         ports.add_velocity_force(np.interp(ports.velocities, speeds, parameters["velocity_force"]))
 
     def refusal(self, parameters: Mapping[str, Any], axis: AxisSettings) -> str | None:
-        """See `Effect.refusal`: tables that do not fit their nodes, or are too steep."""
-        period = axis.control.period
-        for nodes, tables, steepest in (
-            ("position", ("force", "coulomb"), _STEEPEST * axis.mass / period**2),
-            ("velocity", ("velocity_force",), _STEEPEST * axis.mass / period),
+        """See `Effect.refusal`: tables that do not fit their nodes, or are too steep.
+
+        The factor `coulomb` counts as the force that it makes of the axis' Coulomb force.
+        """
+        period, coulomb = axis.control.period, axis.friction.coulomb
+        over_position, over_velocity = (
+            _STEEPEST * axis.mass / period**2,
+            _STEEPEST * axis.mass / period,
+        )
+        for nodes, table, scale, steepest, unit in (
+            ("position", "force", 1.0, over_position, "N/m"),
+            ("position", "coulomb", coulomb, over_position, "N/m"),
+            ("velocity", "velocity_force", 1.0, over_velocity, "N s/m"),
         ):
-            at = np.array(parameters[nodes])
+            at, heights = np.array(parameters[nodes]), scale * np.array(parameters[table])
             if not 2 <= len(at) <= _MOST_NODES:
                 return f"{nodes}: must have 2 to {_MOST_NODES} nodes, has {len(at)}"
             if not (np.diff(at) > 0.0).all():
                 return f"{nodes}: must increase from node to node"
-            for key in tables:
-                if len(parameters[key]) != len(at):
-                    return f"{key}: must have {len(at)} values like {nodes}, has " + str(
-                        len(parameters[key])
-                    )
-            slope = float(np.abs(np.diff(parameters[tables[0]]) / np.diff(at)).max())
+            if len(heights) != len(at):
+                return f"{table}: must have {len(at)} values like {nodes}, has {len(heights)}"
+            slope, highest = float(np.abs(np.diff(heights) / np.diff(at)).max()), heights.max()
             if slope > steepest:
-                unit = "N/m" if nodes == "position" else "N s/m"
-                return f"{tables[0]}: changes by {slope:.3g} {unit}, at most {steepest:.3g} {unit}"
+                return f"{table}: changes by {slope:.3g} {unit}, at most {steepest:.3g} {unit}"
+            if table == "coulomb" and highest > (peak := axis.control.peak_force):
+                return f"{table}: friction of {highest:.3g} N is above the peak force of {peak:g} N"
         return None

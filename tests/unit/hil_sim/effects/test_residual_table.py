@@ -59,6 +59,11 @@ def test_the_factor_is_on_the_coulomb_level(nominal):
         ({"velocity_force": (0.0, np.nan, 1.0)}, "velocity_force: value 2: must be finite"),
         ({"velocity": (-0.4, 0.0, 1e-9)}, r"velocity_force: changes by 1e\+09 N s/m, at most"),
         ({"position": (-0.05, 0.0, 1e-12)}, r"force: changes by 4e\+12 N/m, at most"),
+        (
+            {"position": (-0.05, 0.0, 1e-12), "force": (0.0, 0.0, 0.0)},
+            r"coulomb: changes by \S+e\+12 N/m, at most",
+        ),
+        ({"coulomb": (1.0, 1.0, 1e3)}, "coulomb: friction of .* N is above the peak force of"),
     ],
 )
 def test_tables_that_do_not_fit_are_refused(nominal, changed, reason):

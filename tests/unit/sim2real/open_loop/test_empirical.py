@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hil_sim.effects.residual_table import ResidualTable
 from sim2real.open_loop import compare_along, describe_residual, measure_motion
 from tests.unit.sim2real.open_loop.test_motion import imported
-from tests.unit.sim2real.other_machines import TOOL
+from tests.unit.sim2real.other_machines import TOOL, sliding, strokes
 
 KNOWN = ("300", "250", "400")
 
@@ -66,3 +67,75 @@ def test_it_is_a_table_beside_the_model(tmp_path):
 def test_it_is_plain_json(tmp_path, key):
     found = described(replace(TOOL, force=odd, known=KNOWN), tmp_path).to_json()
     assert all(isinstance(value, float) for value in found[key])
+
+
+def closed_by_twin(motion, stage, found):
+    """The share of the gap above the floor that the table closes in the model."""
+    axis = stage.axes[0]
+    twin = replace(stage, axes=(replace(axis, effects=(ResidualTable().at(**found.table()),)),))
+    used = motion.axes["a"].usable
+    before, after = (compare_along(motion, model) for model in (stage, twin))
+    floor = before.floor.rms["a"]["force"] ** 2
+    left = [np.mean(m.residual["a"]["force"][used] ** 2) - floor for m in (before, after)]
+    return 1.0 - left[1] / left[0]
+
+
+@pytest.mark.parametrize("coulomb", [250.0, 20.0, 1e-3])
+def test_what_is_claimed_is_what_the_twin_closes(tmp_path, coulomb):
+    """A guide that grips, on a model with friction, with too much of it, and with hardly any."""
+
+    def grips(t, x, v, a):
+        level = 40.0 + 160.0 * (1.0 + np.cos(2.0 * np.pi * x / 0.4)) / 2.0
+        return 300.0 * a + sliding(v, level, 400.0) + 60.0 * np.cos(2.0 * np.pi * x / 0.4)
+
+    recording, stage = imported(replace(TOOL, force=grips, known=KNOWN), tmp_path)
+    axis = replace(stage.axes[0], friction=replace(stage.axes[0].friction, coulomb=coulomb))
+    stage = replace(stage, axes=(axis,))
+    motion = measure_motion(recording, stage)
+    found = describe_residual("a", [motion], [compare_along(motion, stage)], stage)
+    assert found.gap_closed == pytest.approx(closed_by_twin(motion, stage, found), abs=0.03)
+    assert max(found.coulomb) * coulomb < 300.0
+    if coulomb < 1.0:
+        assert set(found.coulomb) == {1.0}
+
+
+def test_the_simulator_takes_the_table_of_a_light_and_slow_axis(tmp_path):
+    """10 g at 1 mm/s: friction of 5 mN that doubles at the lowest velocities, not in the model."""
+
+    def sticks(t, x, v, a):
+        return 300.0 * a + sliding(v, 45e3, 0.0) * (1.0 + np.exp(-np.abs(v) / 0.01))
+
+    motion = strokes(0.1, (0.006, 0.05, 0.3), 1.0)
+    machine = replace(TOOL, motion=motion, force=sticks, known=KNOWN, rated=2e4, duration=120.0)
+    recording, stage = imported(machine, tmp_path)
+    length, mass = 1.0 / 300.0, 0.01 / 300.0
+    logged = recording.axes["a"]
+    logged = replace(
+        logged,
+        position_demand=length * logged.position_demand,
+        position_actual=length * logged.position_actual,
+        force_actual=mass * length * logged.force_actual,
+    )
+    recording = replace(recording, axes={"a": logged})
+    axis = stage.axes[0]
+    friction = replace(axis.friction, coulomb=5e-3, viscous=0.0)
+    control = replace(axis.control, period=1e-4, rated_force=2e-3)
+    axis = replace(axis, mass=0.01, friction=friction, control=control)
+    stage = replace(stage, axes=(axis,))
+    motion = measure_motion(recording, stage)
+    found = describe_residual("a", [motion], [compare_along(motion, stage)], stage)
+    assert found.gap_closed > 0.5
+    ResidualTable().check(found.table(), axis)
+
+
+def test_an_axis_that_moves_in_every_other_pair_of_strokes_is_described(tmp_path):
+    recording, stage = imported(replace(TOOL, force=odd, known=KNOWN), tmp_path)
+    motion = measure_motion(recording, stage)
+    strokes_of = motion.recording.moves
+    moving = np.zeros(len(motion.recording), dtype=bool)
+    for number, stroke in enumerate(strokes_of):
+        moving[stroke.start : stroke.end] = number // 2 % 2 == 0
+    own = motion.axes["a"]
+    motion = replace(motion, axes={"a": replace(own, usable=own.usable & moving)})
+    found = describe_residual("a", [motion], [compare_along(motion, stage)], stage)
+    assert found.gap_closed > 0.8
