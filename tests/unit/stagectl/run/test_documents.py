@@ -1,0 +1,82 @@
+"""Summary and report made again from a recording."""
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+
+import h5py
+import pytest
+
+from stagectl.errors import UnusableInput
+from stagectl.recipe import parse_recipe
+from stagectl.run import (
+    Listener,
+    RunRequest,
+    document_paths,
+    execute,
+    is_calibration,
+    rewrite_documents,
+)
+from stagectl.sequencer import Mode
+from tests.short_recipe import short_recipe
+
+
+@pytest.fixture
+def made(machine, tmp_path):
+    """The recording of a run of one site."""
+    request = RunRequest(
+        parse_recipe(short_recipe((0.004, 0.0)), "r.yaml", machine), machine, machine, None,
+        Mode.NONE, 1.0, 1, tmp_path / "run", datetime.now(UTC),
+    )  # fmt: skip
+    execute(request, Listener())
+    return tmp_path / "run" / "recording.h5"
+
+
+@pytest.mark.parametrize(
+    ("recording", "suffix"),
+    [("recording", ""), ("recording-recovered", "-recovered"), ("of-monday", "-of-monday")],
+)
+def test_documents_are_named_after_their_recording(recording, suffix):
+    summary, report = document_paths(Path("run", f"{recording}.h5"))
+    assert (summary, report) == (
+        Path(f"run/summary{suffix}.json"),
+        Path(f"run/report{suffix}.html"),
+    )
+
+
+def test_they_are_the_same_again(made):
+    folder = made.parent
+    summary = json.loads((folder / "summary.json").read_text())
+    for path in document_paths(made):
+        path.unlink()
+    again, written = rewrite_documents(folder)
+    assert written == document_paths(made)
+    assert all(path.exists() for path in written)
+    assert json.loads(json.dumps(again)) == summary
+
+
+def test_those_of_a_copy_stand_beside_it(made):
+    copy = made.with_name("copy.h5")
+    copy.write_bytes(made.read_bytes())
+    _, written = rewrite_documents(copy)
+    assert [path.name for path in written] == ["summary-copy.json", "report-copy.html"]
+
+
+def test_a_calibration_gets_no_report_of_a_run(made):
+    assert not is_calibration(made)
+    with h5py.File(made, "r+") as file:
+        events = [json.loads(text) for text in file["events"].asstr()]
+        events[0]["calibration"] = True
+        file["events"][0] = json.dumps(events[0])
+    assert is_calibration(made)
+    made.with_name("report.html").unlink()
+    _, written = rewrite_documents(made)
+    assert [path.name for path in written] == ["summary.json"]
+    assert not made.with_name("report.html").exists()
+
+
+def test_what_is_missing_is_named(tmp_path):
+    with pytest.raises(UnusableInput, match=r"holds no recording\.h5$"):
+        rewrite_documents(tmp_path)
+    with pytest.raises(UnusableInput, match="nobody: no such run"):
+        rewrite_documents(tmp_path / "nobody")

@@ -1,0 +1,69 @@
+"""What a run is made of: figures to start from, and earlier runs that the history lacks."""
+
+from datetime import UTC, datetime
+
+import pytest
+
+from stagectl.history import StageKey, open_history
+from stagectl.recipe import parse_recipe
+from stagectl.run import Listener, Resumed, RunRequest, execute
+from stagectl.run.prepare import file_earlier_runs, prepare
+from stagectl.sequencer import Mode
+from tests.short_recipe import short_recipe
+
+
+@pytest.fixture
+def request_of(machine, tmp_path):
+    recipe = parse_recipe(short_recipe((0.004, 0.0)), "r.yaml", machine)
+
+    def make(folder="run", **changes):
+        given = {"mode": Mode.ESTIMATED, "friction_scale": 1.0, **changes}
+        return RunRequest(
+            recipe=recipe, machine=machine, truth=machine, bus=None, seed=1,
+            folder=tmp_path / folder, started=datetime.now(UTC), **given,
+        )  # fmt: skip
+
+    return make
+
+
+def coulomb(request):
+    return [axis.estimator.friction.coulomb for axis in prepare(request).compensation]
+
+
+def test_a_run_starts_from_the_machine_file_scaled(request_of, machine):
+    stated = [axis.plant.friction.coulomb for axis in machine.axes.values()]
+    assert coulomb(request_of()) == pytest.approx(stated)
+    assert coulomb(request_of(friction_scale=0.5)) == pytest.approx([0.5 * c for c in stated])
+
+
+def test_a_resumed_run_starts_from_what_was_accepted_last(request_of, machine):
+    resumed = Resumed("/a", "t", 1, {"y": {"coulomb": (7.5, 0.1)}})
+    x, y = coulomb(request_of(resumed=resumed, friction_scale=0.5))
+    assert y == pytest.approx(7.5)
+    assert x == pytest.approx(0.5 * machine.axes["x"].plant.friction.coulomb)
+
+
+def test_what_takes_long_is_announced(request_of):
+    told = []
+    prepare(request_of(), told.append)
+    assert told == ["preparing the estimator"]
+
+
+def test_without_a_history_nothing_is_filed_and_none_is_made(request_of, tmp_path):
+    told = []
+    file_earlier_runs(request_of(), told.append)
+    file_earlier_runs(request_of(history=str(tmp_path / "stage.db")), told.append)
+    assert told == []
+    assert not (tmp_path / "stage.db").exists()
+
+
+def test_a_run_that_the_history_has_is_not_filed_again(request_of, tmp_path):
+    where = tmp_path / "stage.db"
+    execute(request_of("first", history=str(where)), Listener())
+    history = open_history(str(where), write=True)
+    stage = StageKey("wafer-xy", True)
+    runs = len(list(history.runs(stage)))
+    history.close()
+    told = []
+    file_earlier_runs(request_of("second", history=str(where)), told.append)
+    assert (runs, told) == (1, [])
