@@ -135,7 +135,7 @@ def _groups(
     way: F64,
     others: Sequence[F64],
 ) -> list[_Group]:
-    """Columns beside mass, Coulomb and viscous friction, float64[T, 1 or 2] each."""
+    """Columns beside mass, Coulomb and viscous friction, float64[T, 1 or 2] each (long: a list)."""
     one, coulomb = np.ones_like(time), axis.friction.coulomb
     found = [
         _Group("force_offset", one[:, None], lambda c: {"force": c[0]}),

@@ -106,7 +106,7 @@ def examine(
     unknown: Mapping[str, Sequence[str]] | None = None,
     progress: Progress = lambda *_: None,
 ) -> Examination:
-    """Examine recordings of one stage: channels, floor, gap and its location.
+    """Examine recordings of one stage: channels, floor, gap, its location (long: in this order).
 
     Args:
         recordings: at least one.

@@ -87,7 +87,7 @@ def conclude(
     searches: Mapping[str, AxisSearch],
     held_out: HeldOut,
 ) -> Diagnosis:
-    """Draw the conclusions of all searches.
+    """Draw the conclusions of all searches (long: one verdict after another).
 
     Args:
         examined: the recordings.

@@ -226,7 +226,7 @@ def _recipe(experiment: NextExperiment) -> str:
 
 
 def _print_report(console: Console, report: GapReport, machine: str) -> None:
-    """The report on one screen."""
+    """The report on one screen (long: one part after another)."""
     word, colour = _VERDICTS[report.verdict]
     lines = [(f"[bold {colour}]{word}[/]:", report.reason)]
     lines += [

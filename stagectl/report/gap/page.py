@@ -58,7 +58,7 @@ def render_gap_page(
     profiles: Sequence[FrictionOverPosition] = (),
     views: Mapping[str, ResidualViews] | None = None,
 ) -> str:
-    """The page's HTML.
+    """The page's HTML (long: all that the template takes, one after another).
 
     Args:
         report: of the diagnosis.
