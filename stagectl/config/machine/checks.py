@@ -23,6 +23,8 @@ LONGEST_HOMING = 30 * 86_400.0
 """Limit of the time for twice the travel, which the driver allows for homing [s]."""
 FORCE_RANGE = 32.767
 """CiA 402 forces are INTEGER16 in 1/1000 of the rated force: at most this multiple."""
+BOTH_LOOPS = "cannot be combined with pid: only one of them"
+"""What is wrong with the cascade of a drive that also has a pid."""
 
 At = tuple[str | int, ...]
 
@@ -163,7 +165,7 @@ def _check_drive(drive: Drive, at: At, refuse: Refuse) -> None:
     if drive.pid is None and drive.cascade is None:
         refuse(at, "pid: missing (or a cascade instead)")
     if drive.pid is not None and drive.cascade is not None:
-        refuse((*at, "cascade"), "cannot be combined with pid: only one of them")
+        refuse((*at, "cascade"), BOTH_LOOPS)
     if drive.peak_force < drive.rated_force:
         refuse((*at, "peak_force"), "must be at least rated_force")
     if drive.peak_force > FORCE_RANGE * drive.rated_force:

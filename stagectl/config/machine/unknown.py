@@ -13,9 +13,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from stagectl.config.machine.checks import BOTH_LOOPS
 from stagectl.config.machine.drive import Pid
 from stagectl.config.machine.model import Axis, Machine
 from stagectl.config.parsing.yaml_nodes import Document
+from stagectl.errors import ConfigError
 
 UNKNOWN = "unknown"
 GAINS = "gains"
@@ -51,6 +53,9 @@ def take_unknown(document: Document) -> tuple[Any, Unknown]:
     """The values of a machine file with numbers where it says `unknown`, and where that was.
 
     `unknown` elsewhere stays what it is, and is refused like any word.
+
+    Raises:
+        ConfigError: an axis has both pid and cascade, at least one of them unknown.
     """
     data: Any = copy.deepcopy(document.data)
     found: dict[str, tuple[str, ...]] = {}
@@ -70,6 +75,9 @@ def take_unknown(document: Document) -> tuple[Any, Unknown]:
             if not isinstance(values, dict) or values.get(key) != UNKNOWN:
                 continue
             if key in ("pid", "cascade"):
+                if values.get("cascade" if key == "pid" else "pid") is not None:
+                    place = ("axes", name, "drive", "cascade")
+                    raise ConfigError([document.problem(place, BOTH_LOOPS)])
                 del values[key]
                 key_inside, keys_found = "pid", GAINS
             else:

@@ -43,6 +43,25 @@ def test_a_diagnosis_gets_a_machine_that_can_move(text):
     assert machine.axes["y"] == load_machine(None).axes["y"]
 
 
+@pytest.mark.parametrize(
+    ("pid", "cascade"),
+    [
+        (None, "unknown"),
+        ("unknown", "unknown"),
+        ("unknown", "{position_gain: 100.0, velocity_gain: 2000.0, derivative_time: 1e-4}"),
+    ],
+)
+def test_gains_beside_unknown_ones_are_refused(text, pid, cascade):
+    if pid is not None:
+        text = with_unknown(text, "pid")
+    lines = text.splitlines()
+    at = next(i for i, line in enumerate(lines) if line.strip().startswith("rated_force:"))
+    indent = lines[at][: len(lines[at]) - len(lines[at].lstrip())]
+    lines.insert(at, f"{indent}cascade: {cascade}")
+    with pytest.raises(ConfigError, match=r"axes\.x\.drive\.cascade: cannot be combined with pid"):
+        parse_machine("\n".join(lines), "M.yaml", fitted=True)
+
+
 def test_elsewhere_it_is_a_word_like_any_other(text):
     with pytest.raises(ConfigError, match="rated_force"):
         parse_machine(with_unknown(text, "rated_force"), "M.yaml", fitted=True)
