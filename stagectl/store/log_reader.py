@@ -71,14 +71,17 @@ class LoggedBus:
         """All frames in order, read as they are taken.
 
         Raises:
-            UnusableInput: as `read_log`; a file has changed since.
+            UnusableInput: as `read_log`; or after the last frame, if the log has changed since.
         """
-        last = 0
+        last, count, whole = 0, 0, hashlib.sha256()
         for file in self.files:
-            lines = _Part(file).lines(hashlib.sha256(), is_last=True)
+            lines = _Part(file).lines(whole, file is self.files[-1])
             for frame in _frames(lines, file, last):
                 last = frame.time_ns
+                count += 1
                 yield frame
+        if (count, whole.hexdigest()) != (self.count, self.digest):
+            raise UnusableInput(f"{self.files[0]}: has changed since it was checked")
 
 
 def read_log(path: Path) -> LoggedBus:

@@ -14,6 +14,7 @@ from typing import Any
 
 import can
 
+from stagectl.errors import UnusableInput
 from stagectl.store import LoggedFrame
 
 
@@ -66,9 +67,31 @@ class _Window:
         return self._count
 
     def __getitem__(self, number: int) -> LoggedFrame:
+        """A frame.
+
+        Raises:
+            UnusableInput: the log no longer reaches that far.
+        """
         while number >= self._first + len(self._held):
-            self._held.append(next(self._frames))
+            self._held.append(self._read())
         return self._held[number - self._first]
+
+    def read_rest(self) -> None:
+        """Read on to the end: only there it shows whether the log has changed.
+
+        Raises:
+            UnusableInput: it has.
+        """
+        for _ in range(self._first + len(self._held), self._count):
+            self._read()
+        if next(self._frames, None) is not None:
+            raise UnusableInput(f"the bus log goes on after its last frame, {self._count}")
+
+    def _read(self) -> LoggedFrame:
+        frame = next(self._frames, None)
+        if frame is None:
+            raise UnusableInput(f"the bus log ends before its last frame, {self._count}")
+        return frame
 
     def forget(self, before: int) -> None:
         """Drop the frames before this number."""
@@ -156,9 +179,14 @@ class ReplayBus(can.BusABC):
         self.now_ns = max(self.now_ns, time_ns)
 
     def finish(self) -> None:
-        """The host has finished: anything left in the log is a difference."""
+        """The host has finished: anything left in the log is a difference.
+
+        Raises:
+            UnusableInput: the log is no longer the one that was checked.
+        """
         if not self._over and self._complete and self._sent < len(self._frames):
             self.difference = Difference(self._sent + 1, self._frames[self._sent], None)
+        self._frames.read_rest()
 
     def _next(self, at: int, sent: bool) -> int:
         """Index of the next frame in this direction after `at`, or of the end."""

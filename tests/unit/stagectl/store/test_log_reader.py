@@ -100,6 +100,21 @@ def test_line_ends_of_another_system_do_not_change_the_digest(tmp_path):
     assert read_log(path).digest == read_log(path).stated == log.digest
 
 
+def test_a_log_that_has_changed_since_it_was_checked_is_refused_at_its_end(tmp_path):
+    path = tmp_path / "bus.asc"
+    with BusLog(path, STARTED) as log:
+        for number in range(10):
+            log.tap(number * 1000, 0x201, b"\x01")
+    back = read_log(path)
+    lines = path.read_text().splitlines(keepends=True)
+    for changed in (lines[:-4], [*lines[:-4], *lines[-5:]], [*lines[:8], lines[7], *lines[9:]]):
+        path.write_text("".join(changed))
+        with pytest.raises(UnusableInput, match=r"bus\.asc: has changed since it was checked"):
+            list(back.frames())
+    path.write_text("".join(lines))
+    assert len(list(back.frames())) == back.count
+
+
 def test_frames_are_read_as_they_are_taken(tmp_path):
     """The file may be larger than memory: what comes after a frame is not read before it."""
     path = tmp_path / "bus.asc"

@@ -50,6 +50,21 @@ def test_a_log_in_parts_is_replayed_like_one_file(folder, tmp_path):
     assert (result.difference, result.sealed, result.digest) == (None, True, seal)
 
 
+@pytest.mark.parametrize("kept", [0.6, 1.0], ids=["shorter", "another digit"])
+def test_a_log_that_changes_during_the_replay_is_refused(folder, kept):
+    log = folder / "bus.asc"
+
+    def change(_):
+        lines = log.read_text().splitlines(keepends=True)
+        lines = lines[: round(kept * len(lines))]
+        at = next(i for i in range(len(lines) - 20, 0, -1) if " Rx " in lines[i])
+        lines[at] = lines[at][:-2] + "9\n"
+        log.write_text("".join(lines))
+
+    with pytest.raises(UnusableInput, match=r"bus\.asc: has changed since it was checked"):
+        replay(folder, Listener(phase=change))
+
+
 @pytest.mark.parametrize(
     ("faults", "retries", "outcome"),
     [
