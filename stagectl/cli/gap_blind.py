@@ -47,7 +47,9 @@ if TYPE_CHECKING:
     type=click.IntRange(5, 1000),
     help="Plant steps per control tick of the stage.  [default: drawn]",
 )
-@click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Threads.")
+@click.option(
+    "--jobs", type=click.IntRange(1), default=2, show_default=True, help="Threads to fit with."
+)
 @click.option("--lines", type=OUTPUT, help="Append each trial here; skip trials it already holds.")
 @click.option("--label", default="", help="Version under test, for lines and page.")
 @JSON_OUT

@@ -61,7 +61,9 @@ _VERDICTS = {
     type=OUTPUT,
     help="Write a recipe of the moves that would settle most open questions.",
 )
-@click.option("--jobs", type=click.IntRange(1), default=2, show_default=True, help="Threads.")
+@click.option(
+    "--jobs", type=click.IntRange(1), default=2, show_default=True, help="Threads to fit with."
+)
 @click.option(
     "--correct/--no-correct",
     default=False,
@@ -90,7 +92,7 @@ def diagnose(
       No gap             the machine file describes the stage down to its noise
       Explained          the causes listed close nearly all of the gap
       Partly explained   the causes listed close some of it
-      Unexplained        there is a gap, but no known effect causes it
+      Unexplained        there is a gap, and no known effect accounts for it
       Insufficient       these recordings cannot support a diagnosis
 
     A cause comes with its parameters (±1 sigma), its probability p and the usual remedy; effects
@@ -150,10 +152,6 @@ def diagnose(
         )
         write_atomically(html_out, page, "report")
     has_twin = bool(report.causes or report.empirical) or report.verdict == NO_GAP
-    if twin is not None and has_twin:
-        _write_twin(twin, model, found, examined.settings)
-    if next_out is not None and report.next_experiment is not None:
-        next_out.write_text(_recipe(report.next_experiment), encoding="utf-8")
     if not is_json_on_stdout(json_out):
         _print_report(console, report, model.name)
         if next_out is not None and report.next_experiment is None:
@@ -162,6 +160,11 @@ def diagnose(
             console.print(
                 f"{twin} is not written: no cause was found, and no description", markup=False
             )
+    # After the report: if one of them cannot be written, the diagnosis is not lost.
+    if next_out is not None and report.next_experiment is not None:
+        next_out.write_text(_recipe(report.next_experiment), encoding="utf-8")
+    if twin is not None and has_twin:
+        _write_twin(twin, model, found, examined.settings)
 
 
 def _similarity(found: Diagnosis) -> dict[str, Pairs]:

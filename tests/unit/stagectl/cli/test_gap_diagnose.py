@@ -140,6 +140,12 @@ def test_without_a_diagnosis_there_is_no_twin(small, tmp_path):
     assert not twin.exists()
 
 
+def test_the_report_is_printed_before_a_twin_that_cannot_be_written(small):
+    result = CliRunner().invoke(diagnose, [str(small), "--twin", "/dev/full"])
+    assert isinstance(result.exception, OSError)
+    assert "No gap" in result.output
+
+
 @pytest.mark.slow
 def test_what_no_effect_explains_is_a_table_of_the_twin_beside_the_figures_found(tmp_path):
     def odd(t, x, v, a):
