@@ -31,6 +31,9 @@ _MOST = 0.999
 def force_along(settings: StageSettings, motion: tuple[F64, F64, F64]) -> F64:
     """Force actual value of every axis along a motion, float64[K, axes] [N], without noise.
 
+    A saturating motor cannot give more than its limit: where the motion takes more, the force is
+    that of 0.999 of the limit, 3.8 times the limit, and so less than what the motion would take.
+
     Args:
         settings: of the stage.
         motion: position [m], velocity [m/s] and acceleration [m/s^2] at each SYNC, each
@@ -39,6 +42,11 @@ def force_along(settings: StageSettings, motion: tuple[F64, F64, F64]) -> F64:
     Raises:
         ValueError: shapes do not match, or effects are impossible.
     """
+    return _force_along(settings, motion, alone=False)
+
+
+def _force_along(settings: StageSettings, motion: tuple[F64, F64, F64], alone: bool) -> F64:
+    """As `force_along`; `alone`: axes that are variants of one, so that none may act on another."""
     position, velocity, acceleration = (np.ascontiguousarray(part) for part in motion)
     shape = position.shape
     if len(shape) != 2 or shape[1] != len(settings.axes):
@@ -48,6 +56,8 @@ def force_along(settings: StageSettings, motion: tuple[F64, F64, F64]) -> F64:
     force = np.empty_like(position)
     if len(force):
         arrays = Arrays(settings, position[0].tolist(), len(position) * settings.sync_period)
+        if alone and any(ports.coupled_mass or ports.fields for ports in arrays.ports):
+            raise ValueError("a variant has an effect that involves another axis")
         arrays.state["velocity"] = velocity[0]
         coupled = np.array([ports.coupled_mass for ports in arrays.ports])
         _follow(
@@ -68,12 +78,12 @@ def force_variants(
         motion: position, velocity and acceleration, float64[K].
 
     Raises:
-        ValueError: as `force_along`.
+        ValueError: as `force_along`, or a variant involves the other axis.
     """
     shape = (len(motion[0]), len(variants))
     position, velocity, acceleration = (np.broadcast_to(part[:, None], shape) for part in motion)
     stage = StageSettings(sync_period, tuple(variants))
-    return force_along(stage, (position, velocity, acceleration))
+    return _force_along(stage, (position, velocity, acceleration), alone=True)
 
 
 @kernel(nogil=True)

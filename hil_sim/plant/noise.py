@@ -41,7 +41,11 @@ class Noise:
         )
 
     def draw(self, ticks: int) -> F64:
-        """Draw standard normals for the next ticks, float64[axes, 2, ticks]."""
+        """Draw standard normals for the next ticks, float64[axes, 2, ticks].
+
+        C-contiguous always: it goes to machine code that has been compiled for such arrays alone
+        and checks nothing (`stagedata.compiled.machine_code`).
+        """
         if self._streams is None:
             return np.zeros((self._axes, 2, ticks))
         return np.array([[s.standard_normal(ticks) for s in pair] for pair in self._streams])

@@ -87,3 +87,10 @@ def test_motions_of_other_shapes_are_refused(nominal):
         force_along(nominal, (np.zeros(5), np.zeros(5), np.zeros(5)))
     with pytest.raises(ValueError, match="velocity"):
         force_along(nominal, (np.zeros((5, 2)), np.zeros((4, 2)), np.zeros((5, 2))))
+
+
+def test_variants_that_involve_the_other_axis_are_refused(nominal, with_effects, effects):
+    stage = with_effects(nominal, effects["cross_coupling"].at(mass=0.3))
+    rest = (np.zeros(5), np.zeros(5), np.zeros(5))
+    with pytest.raises(ValueError, match="involves another axis"):
+        force_variants(nominal.sync_period, [nominal.axes[0], stage.axes[0]], rest)
