@@ -15,6 +15,7 @@ from sim2real.gap import Measured, Signals
 from sim2real.phases import REST, SETTLING, Stroke, split_phases
 from stagedata import BoolArray, FloatArray, aligned_demand
 
+MEASURED = "measured"
 BEFORE, AFTER = "before", "after"
 """Models: the machine file as given, and with the causes found."""
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim2real.residuals.course import BEFORE, Course
+from sim2real.residuals.course import BEFORE, MEASURED, Course
 from stagedata import BoolArray, FloatArray
 
 _SEGMENT = 0.5
@@ -28,7 +28,6 @@ _PER_DECADE = 30
 KNOWN_TO = 0.1
 """Standard deviation of what the measured response differs from the simulated one by, relative to
 the response, up to which a frequency is excited."""
-MEASURED = "measured"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,12 +48,12 @@ class FrequencyResponse:
 
 
 def estimate_response(course: Course) -> FrequencyResponse | None:
-    """Response of position to demand; None without demand, or where recordings are too short.
+    """Response of position to demand; None without demand or positions, or if too short.
 
     Args:
         course: of the axis.
     """
-    if course.demand is None or not np.ptp(course.demand) > 0.0:
+    if course.demand is None or not np.ptp(course.demand) > 0.0 or not course.valid.any():
         return None
     length = 2 ** round(np.log2(max(_SEGMENT / course.period, 32.0)))
     segments = _segments(course, length)

@@ -15,7 +15,7 @@ import numpy as np
 
 from sim2real.phases import Stroke
 from sim2real.residuals.bins import Bins
-from sim2real.residuals.course import Course
+from sim2real.residuals.course import MEASURED, Course
 from stagedata import BoolArray, FloatArray
 
 REACH = 100e-6
@@ -27,7 +27,6 @@ _FEWEST = 3
 """Samples of a bin that counts."""
 _CURVATURE = 3e-3
 """Time on either side of a sample from which its acceleration is taken [s]."""
-MEASURED = "measured"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -84,3 +84,7 @@ def test_without_demand_motion_or_length_there_is_no_response(chirp):
     assert estimate_response(replace(chirp, demand=None)) is None
     assert estimate_response(replace(chirp, demand=np.zeros(16000))) is None
     assert estimate_response(replace(chirp, starts=tuple(range(0, 16000, 500)))) is None
+
+
+def test_without_a_valid_position_there_is_no_response(chirp):
+    assert estimate_response(replace(chirp, valid=np.zeros(len(chirp.valid), dtype=bool))) is None
