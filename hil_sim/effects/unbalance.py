@@ -24,8 +24,8 @@ class Unbalance(Effect):
     parameters = (
         Parameter(
             "torque",
-            "N",
-            "largest torque of the weight (N m)",
+            "N m",
+            "largest torque of the weight",
             (0.02, 1.0),
             neutral=0.0,
             relative_to="rated force",
