@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect
-from hil_sim.settings import StageSettings
 from sim2real.diagnosis.examination import (
     OTHER_CONTROLLER,
     Examination,
     Progress,
     report_without_causes,
 )
-from sim2real.diagnosis.verdict import Diagnosis, describe_far_off
+from sim2real.diagnosis.open_loop_reason import STRANGE, give_reason
+from sim2real.diagnosis.verdict import Diagnosis, describe_far_off, moved_figures
 from sim2real.fitting import (
     BASE,
     STEP,
@@ -32,10 +32,11 @@ from sim2real.fitting import (
     compose_stage,
     coordinates,
     implausibility,
+    plant_figure,
     reported_values,
     with_base,
 )
-from sim2real.free_loop import CLOSED, FreeSearch, search_free
+from sim2real.free_loop import FreeSearch, search_free
 from sim2real.gap import NO_GAP_BELOW, Signals
 from sim2real.open_loop import (
     FIGURES,
@@ -59,7 +60,7 @@ from sim2real.report import (
     Parameter,
     SelectionStep,
 )
-from sim2real.shrinkage import FLOOR_LEVEL, share_closed, share_given_back
+from sim2real.shrinkage import share_closed, share_given_back
 
 F64 = NDArray[np.float64]
 
@@ -71,9 +72,8 @@ _MASS = 0.01
 is not constant. On the reference stage that is 2.4 % of mass times acceleration."""
 _ENOUGH = 0.9
 """Gap closed from which a gap counts as explained."""
-_DOUBTED, _STRANGE = 0.45, 4.0
-"""Largest probability of an effect whose size may be zero, or whose values are this many tenths of
-their ranges beyond them."""
+_DOUBTED = 0.45
+"""Largest probability of an effect whose size may be zero, or whose values are `STRANGE`."""
 _SHOWN = 8
 _SAME_AS = {
     "mass": ("payload_mass", "force_constant"),
@@ -181,7 +181,9 @@ def _conclude(examined: Examination, axes: Sequence[_Axis]) -> Diagnosis:
     report = replace(
         report,
         verdict=verdict,
-        reason=_reason(verdict, causes, axes, share, math.sqrt(opened), examined),
+        reason=give_reason(
+            verdict, causes, {a.name: a.found for a in axes}, share, math.sqrt(opened), examined
+        ),
         where=() if verdict == NO_GAP else report.where,
         candidates=tuple(candidates),
         confusable=tuple(alike),
@@ -200,7 +202,7 @@ def _conclude(examined: Examination, axes: Sequence[_Axis]) -> Diagnosis:
         gap=_explained_gap(examined, axes),
     )
     return Diagnosis(
-        report, models, {}, _explained(examined, axes), _plant(examined.settings, models)
+        report, models, {}, _explained(examined, axes), moved_figures(examined.settings, models)
     )
 
 
@@ -253,7 +255,7 @@ def _causes(axis: _Axis) -> tuple[list[Cause], list[Confusable]]:
         }
         at += len(entries)
         probability, others = found.probability(term.name)
-        doubtful = implausibility(term, loop.axis) > _STRANGE
+        doubtful = implausibility(term, loop.axis) > STRANGE
         for entry in entries:
             neutral = entry.parameter.neutral_on(loop.axis)
             if entry.parameter.role == "size" and neutral is not None and math.isfinite(neutral):
@@ -317,24 +319,11 @@ def _fitted(examined: Examination, axes: Sequence[_Axis]) -> tuple[FittedFigure,
             if figure not in FIGURES:
                 continue
             at = BASE.index(figure)
-            value = float(moved.mass if figure == "mass" else getattr(moved.friction, figure))
+            value = plant_figure(moved, figure)
             relative = spread[at] * a.loop.spread[at] / (1.0 + a.found.best.model.base[at])
             sigma = float(relative * value)
             found.append(FittedFigure(a.name, figure, value, sigma, FIGURES[figure]))
     return tuple(found)
-
-
-def _plant(settings: StageSettings, models: Mapping[str, AxisModel]) -> dict[str, dict[str, float]]:
-    """Plant figures of the fitted models, axis -> figure -> value."""
-    out = {}
-    for axis in settings.axes:
-        if axis.name in models:
-            moved = with_base(axis, models[axis.name].base)
-            out[axis.name] = {
-                name: float(moved.mass if name == "mass" else getattr(moved.friction, name))
-                for name in BASE
-            }
-    return out
 
 
 def _explained_gap(
@@ -359,47 +348,3 @@ def _explained(examined: Examination, axes: Sequence[_Axis]) -> tuple[Signals, .
             signals[a.name]["force"] = a.loop.force_of(number, own)
         found.append(signals)
     return tuple(found)
-
-
-def _why_not(found: FreeSearch) -> str:
-    """Why effects that were found are not given as causes."""
-    strange = [
-        term.name
-        for term in found.best.model.terms
-        if implausibility(term, found.loop.axis) > _STRANGE
-    ]
-    if found.closed < CLOSED:
-        return "too little to be its cause"
-    if strange:
-        return f"but no real machine shows values like those of {' and '.join(strange)}"
-    left = math.sqrt(found.loop.gap(found.best.residual) / FLOOR_LEVEL)
-    return f"but {left:.3g} times the floor is left: what acts may be in no list"
-
-
-def _reason(
-    verdict: str,
-    causes: Sequence[Cause],
-    axes: Sequence[_Axis],
-    share: float | None,
-    size: float,
-    examined: Examination,
-) -> str:
-    """The reason for a verdict, in one sentence."""
-    mode = f"{examined.open_loop}, so forces are compared along the measured motion"
-    gap = f"the gap in force is {size:.3g} times the floor"
-    if verdict in (NO_GAP, INSUFFICIENT):
-        return f"{mode}; {gap}: within the machine file's tolerance and repeatability"
-    if causes:
-        named = ", ".join(f"{cause.effect} on {cause.axis}" for cause in causes)
-        verb = "closes" if len(causes) == 1 else "close"
-        closed = "" if share is None else f" {verb} {100 * share:.0f} % of it on held-out moves"
-        rest = "" if verdict == EXPLAINED else "; the residual still has structure"
-        return f"{mode}; {gap}; {named}{closed}{rest}"
-    best = max(axes, key=lambda a: a.found.closed)
-    if best.found.steps:
-        names = ", ".join(best.found.steps[-1].effects)
-        return (
-            f"{mode}; {gap}; the nearest on {best.name} ({names}) closes "
-            f"{100 * best.found.closed:.0f} % of it on held-out moves, {_why_not(best.found)}"
-        )
-    return f"{mode}; {gap}, and no effect of the library shrinks it on held-out moves"

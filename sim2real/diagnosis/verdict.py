@@ -24,6 +24,7 @@ from sim2real.fitting import (
     BASE,
     AxisModel,
     coordinate,
+    plant_figure,
     with_base,
 )
 from sim2real.gap import NO_GAP_BELOW, Signals
@@ -147,7 +148,7 @@ def conclude(
         return Diagnosis(report, models, searches)
     tests = (FreeFormTest(name, examined.measured, examined.settings) for name in models)
     profiles = tuple(profile for test in tests for profile in test.profiles(models))
-    plant = _plant(examined.settings, models)
+    plant = moved_figures(examined.settings, models)
     return Diagnosis(report, models, searches, held_out.explained(), plant, profiles)
 
 
@@ -272,15 +273,15 @@ def _next(
     return None
 
 
-def _plant(settings: StageSettings, models: Mapping[str, AxisModel]) -> dict[str, dict[str, float]]:
-    """Plant figures of the fitted models, axis -> figure -> value."""
+def moved_figures(
+    settings: StageSettings, models: Mapping[str, AxisModel]
+) -> dict[str, dict[str, float]]:
+    """Plant figures of the fitted models, axis -> figure -> value; of axes that have a model."""
     out = {}
     for axis in settings.axes:
-        moved = with_base(axis, models[axis.name].base)
-        out[axis.name] = {
-            name: float(moved.mass if name == "mass" else getattr(moved.friction, name))
-            for name in BASE
-        }
+        if axis.name in models:
+            moved = with_base(axis, models[axis.name].base)
+            out[axis.name] = {figure: plant_figure(moved, figure) for figure in BASE}
     return out
 
 
@@ -321,8 +322,13 @@ def _reason(
         return f"{size}: within the machine file's tolerance and repeatability"
     if verdict == UNEXPLAINED:
         return f"{size}, and no effect of the library explains it"
-    named = ", ".join(f"{cause.effect} on {cause.axis}" for cause in causes)
     verb = "closes" if len(causes) == 1 else "close"
     closed = "" if share is None else f" {verb} {100 * share:.0f} % of it on held-out moves"
     rest = "" if whole else "; the residual still has structure"
-    return f"{size}; {named}{closed}{rest}"
+    return f"{size}; {name_causes(causes)}{closed}{rest}"
+
+
+def name_causes(causes: Sequence[Cause]) -> str:
+    """Causes in a sentence: a on x, b on y and c on y."""
+    *others, last = (f"{cause.effect} on {cause.axis}" for cause in causes)
+    return f"{', '.join(others)} and {last}" if others else last

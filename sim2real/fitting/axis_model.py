@@ -115,6 +115,11 @@ def with_base(nominal: AxisSettings, base: F64) -> AxisSettings:
     )
 
 
+def plant_figure(axis: AxisSettings, figure: str) -> float:
+    """The mass [kg] of an axis, or a figure of its friction in SI units."""
+    return float(axis.mass if figure == "mass" else getattr(axis.friction, figure))
+
+
 def with_effects(nominal: AxisSettings, terms: tuple[Term, ...]) -> AxisSettings:
     """The axis with effects added to its own."""
     return replace(

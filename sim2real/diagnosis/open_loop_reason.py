@@ -1,0 +1,68 @@
+"""The reason for the verdict of a diagnosis without the controller, in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from sim2real.diagnosis.examination import Examination
+from sim2real.diagnosis.verdict import name_causes
+from sim2real.fitting import implausibility
+from sim2real.free_loop import CLOSED, FreeSearch
+from sim2real.report import EXPLAINED, INSUFFICIENT, NO_GAP, Cause
+from sim2real.shrinkage import FLOOR_LEVEL
+
+STRANGE = 4.0
+"""Tenths of its range by which a value lies beyond it that no real machine shows."""
+
+
+def give_reason(
+    verdict: str,
+    causes: Sequence[Cause],
+    searches: Mapping[str, FreeSearch],
+    share: float | None,
+    size: float,
+    examined: Examination,
+) -> str:
+    """The reason for a verdict, in one sentence.
+
+    Args:
+        verdict: of the report.
+        causes: that are named.
+        searches: axis -> its search.
+        share: of the gap that the causes close, where it is known.
+        size: of the gap in force, in floors.
+        examined: the recordings.
+    """
+    mode = f"{examined.open_loop}, so forces are compared along the measured motion"
+    gap = f"the gap in force is {size:.3g} times the floor"
+    if verdict in (NO_GAP, INSUFFICIENT):
+        return f"{mode}; {gap}: within the machine file's tolerance and repeatability"
+    if causes:
+        verb = "closes" if len(causes) == 1 else "close"
+        closed = "" if share is None else f" {verb} {100 * share:.0f} % of it on held-out moves"
+        rest = "" if verdict == EXPLAINED else "; the residual still has structure"
+        return f"{mode}; {gap}; {name_causes(causes)}{closed}{rest}"
+    name, best = max(searches.items(), key=lambda item: item[1].closed)
+    if best.steps:
+        names = ", ".join(best.steps[-1].effects)
+        return (
+            f"{mode}; {gap}; the nearest on {name} ({names}) closes "
+            f"{100 * best.closed:.0f} % of it on held-out moves, {_why_not(best)}"
+        )
+    return f"{mode}; {gap}, and no effect of the library shrinks it on held-out moves"
+
+
+def _why_not(found: FreeSearch) -> str:
+    """Why effects that were found are not given as causes."""
+    strange = [
+        term.name
+        for term in found.best.model.terms
+        if implausibility(term, found.loop.axis) > STRANGE
+    ]
+    if found.closed < CLOSED:
+        return "too little to be its cause"
+    if strange:
+        return f"but no real machine shows values like those of {' and '.join(strange)}"
+    left = math.sqrt(found.loop.gap(found.best.residual) / FLOOR_LEVEL)
+    return f"but {left:.3g} times the floor is left: what acts may be in no list"
