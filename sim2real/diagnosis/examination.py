@@ -140,6 +140,27 @@ def examine(
             reason = _name_recording(recording, recordings, reason)
             insufficient = Examination(names, _merge_findings(repaired), reason, settings)
             return _with_gap(insufficient, recordings, progress)
+    return _examine_channels(names, recordings, repaired, settings, correct, progress)
+
+
+def _examine_channels(
+    names: tuple[str, ...],
+    recordings: Sequence[Recording],
+    repaired: Sequence[Sequence[ChannelFinding]],
+    settings: StageSettings,
+    correct: bool,
+    progress: Progress,
+) -> Examination:
+    """Audit the channels, and measure the gap in the loop or, with another controller, without.
+
+    Args:
+        names: of the recordings.
+        recordings: repaired.
+        repaired: findings of that, one list per recording.
+        settings: of the machine file.
+        correct: continue with corrected channels instead of giving up.
+        progress: called along the way.
+    """
     audits = []
     for number, recording in enumerate(recordings):
         progress("channels", number, len(recordings))

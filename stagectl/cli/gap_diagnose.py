@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from hil_sim.settings import StageSettings
     from sim2real.attribution import Pairs
     from sim2real.diagnosis import Diagnosis
-    from sim2real.report import GapReport, NextExperiment
+    from sim2real.report import Cause, GapReport, NextExperiment
     from stagectl.config import Machine
 
 _MAX_CELLS = 6  # places of the gap that are listed
@@ -209,13 +209,12 @@ def _write_twin(path: Path, machine: Machine, found: Diagnosis, examined: StageS
 
 def _found_figures(machine: Machine, examined: StageSettings, axis: str) -> dict[str, float]:
     """What the machine file leaves unknown of an axis' plant, as the examination found it."""
+    from sim2real.fitting import plant_figure
     from sim2real.open_loop import FIGURES
 
     settings = next(own for own in examined.axes if own.name == axis)
     return {
-        key: settings.mass if key == "mass" else float(getattr(settings.friction, key))
-        for key in machine.unknown.get(axis, ())
-        if key in FIGURES
+        key: plant_figure(settings, key) for key in machine.unknown.get(axis, ()) if key in FIGURES
     }
 
 
@@ -252,14 +251,7 @@ def _print_report(console: Console, report: GapReport, machine: str) -> None:
     if len(report.where) > _MAX_CELLS:
         lines.append(("", f"and {len(report.where) - _MAX_CELLS} more with smaller shares"))
     for cause in report.causes:
-        figures = ", ".join(
-            f"{key} {p.value:.4g} ± {p.sigma:.2g} {p.unit}" for key, p in cause.parameters.items()
-        )
-        lines.append(
-            ("cause", f"{cause.axis}: {cause.effect}, p = {cause.probability:.2f}: {figures}")
-        )
-        if cause.remedy:
-            lines.append(("", cause.remedy))
+        lines += _cause_lines(cause)
     lines += [
         (
             "step",
@@ -291,6 +283,15 @@ def _print_report(console: Console, report: GapReport, machine: str) -> None:
     if report.next_experiment is not None:
         lines.append(("next", report.next_experiment.why))
     console.print(_grid(lines))
+
+
+def _cause_lines(cause: Cause) -> list[tuple[str, str]]:
+    """A cause with its figures, and its remedy."""
+    figures = ", ".join(
+        f"{key} {p.value:.4g} ± {p.sigma:.2g} {p.unit}" for key, p in cause.parameters.items()
+    )
+    line = f"{cause.axis}: {cause.effect}, p = {cause.probability:.2f}: {figures}"
+    return [("cause", line), *([("", cause.remedy)] if cause.remedy else [])]
 
 
 def _elsewhere(share: float | None) -> str:

@@ -69,6 +69,7 @@ def run(machine: Machine, tmp_path_factory: pytest.TempPathFactory) -> Run:
         host: Machine | None = None,
         faults: FaultPlan | None = None,
     ) -> RunResult:
+        """Run a recipe: many arguments, for each of them is what some test is about."""
         host = host or machine
         request = RunRequest(
             load_recipe(recipe, host),
