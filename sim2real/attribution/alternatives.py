@@ -82,10 +82,14 @@ class Ranking:
     def enter(self, fitted: Fitted) -> Alternative:
         """Enter a fit, or a more plausible version; kept if it is the best of its effects."""
         alternative = self._more_plausible(Alternative(fitted, self._loop(fitted.model)))
-        key = tuple(sorted(fitted.model.names()))
+        self.keep(alternative)
+        return alternative
+
+    def keep(self, alternative: Alternative) -> None:
+        """Keep an alternative if it is the best of its effects."""
+        key = tuple(sorted(alternative.model.names()))
         if key not in self._kept or self.score(alternative) < self.score(self._kept[key]):
             self._kept[key] = alternative
-        return alternative
 
     def _more_plausible(self, alternative: Alternative) -> Alternative:
         """The fit, or the same with values clipped to what is plausible where that scores better.

@@ -17,6 +17,7 @@ from sim2real.attribution.constants import (
     DOUBTED,
     FAMILY,
     RELATIVE,
+    RIVAL,
     RIVALRY,
     SCATTER,
     SHOWN,
@@ -24,9 +25,7 @@ from sim2real.attribution.constants import (
     STEEP,
     STEP_SHARE,
     TEMPER,
-    TEMPER_OF_LEVELS,
     TUNED,
-    VAGUE,
     WANDER_SHARE,
 )
 from sim2real.attribution.search import AxisSearch
@@ -37,7 +36,7 @@ from sim2real.fitting import (
     Term,
     coordinates,
     implausibility,
-    is_coulomb_level,
+    is_coulomb_drift,
     reported_values,
 )
 from sim2real.free_loop import STRANGE
@@ -79,14 +78,11 @@ def find_causes(
         left_out = held_out.energies(held_out.without[name, index])
         gives_back, interval = share_given_back(before, left_out, after, samples)
         figures = _figures(term, spread, problem.axis)
-        limit, is_vague = _largest_probability(found, term, figures)
         if found.free is None:
             probability, alternatives = _probability(found, term.name)
         else:
             probability, alternatives = found.free.probability(term.name)
-        probability = min(probability, limit)
-        if is_vague:
-            alternatives = alternatives or _alternative_levels(found, term, problem.axis)[:1]
+        probability = min(probability, _largest_probability(found, term, figures))
         causes.append(
             Cause(
                 name,
@@ -99,14 +95,19 @@ def find_causes(
             )
         )
         if alternatives:
-            alike.append(
-                Confusable(
-                    name,
-                    (term.name, *alternatives),
-                    "on these moves one fits nearly as well as the other",
-                )
-            )
+            alike.append(Confusable(name, (term.name, *alternatives), _why_alike(found, term)))
     return causes, alike
+
+
+def _why_alike(found: AxisSearch, term: Term) -> str:
+    """Why an effect is confusable with others."""
+    axis = found.problem.axis
+    models = [r.model for r in found.alternatives] if term.name in found.levels else []
+    swaps = {t.name: t for m in models for t in m.terms if t.name in found.levels[term.name]}
+    later = any(is_coulomb_drift(t, axis) for t in (term, *swaps.values()) if swaps)
+    return "on these moves one fits nearly as well as the other" + (
+        "; a recording minutes later tells them apart" if later else ""
+    )
 
 
 def _figures(term: Term, spread: F64, axis: AxisSettings) -> dict[str, Parameter]:
@@ -122,30 +123,21 @@ def _figures(term: Term, spread: F64, axis: AxisSettings) -> dict[str, Parameter
     }
 
 
-def _largest_probability(
-    found: AxisSearch, term: Term, figures: Mapping[str, Parameter]
-) -> tuple[float, bool]:
-    """Largest probability that a term's figures allow, and whether it may be another level.
+def _largest_probability(found: AxisSearch, term: Term, figures: Mapping[str, Parameter]) -> float:
+    """Largest probability that a term's figures allow.
 
     An effect in another shape shows in the closed loop, whatever the sigma of its innovations; the
     nearest to a free form may have any values, and so may one that leaves nothing to others.
     """
     axis = found.problem.axis
-    entries = coordinates(term.effect, axis)
     repeat = found.repeats.get(term.name)
     departs = repeat is not None and repeat.departs
     is_free = repeat is not None and repeat.is_free
     alone = found.is_complete and len(found.best.model.terms) == 1
-    limit = 1.0
+    entries = coordinates(term.effect, axis)
     uncertain = not departs and any(_is_size_uncertain(e, figures, axis) for e in entries)
-    if uncertain or not (is_free or alone or implausibility(term, axis) <= STRANGE):
-        limit = DOUBTED
-    is_vague = (
-        not is_free
-        and is_coulomb_level(term, axis)
-        and any(_is_duration_uncertain(entry, figures) for entry in entries)
-    )
-    return (min(limit, VAGUE) if is_vague else limit), is_vague
+    plausible = is_free or alone or implausibility(term, axis) <= STRANGE
+    return DOUBTED if uncertain or not plausible else 1.0
 
 
 def _is_size_uncertain(
@@ -157,25 +149,6 @@ def _is_size_uncertain(
         return False
     figure = figures[entry.parameter.key]
     return figure.sigma > abs(figure.value - neutral)
-
-
-def _is_duration_uncertain(entry: Coordinate, figures: Mapping[str, Parameter]) -> bool:
-    """Whether a duration may as well be infinite."""
-    figure = figures[entry.parameter.key]
-    return entry.parameter.role == "shape" and entry.parameter.log and figure.sigma > figure.value
-
-
-def _alternative_levels(found: AxisSearch, term: Term, axis: AxisSettings) -> list[str]:
-    """Other effects on the Coulomb level that were fitted in an effect's place, best first."""
-    rest = {name for name in found.best.model.names() if name != term.name}
-    return [
-        other.name
-        for alternative in of_size(found.alternatives, len(rest) + 1)
-        for other in alternative.model.terms
-        if rest < set(alternative.model.names())
-        and other.name not in (*rest, term.name)
-        and is_coulomb_level(other, axis)
-    ]
 
 
 def _sigma(
@@ -226,22 +199,19 @@ def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
     # Among models that all leave structure the closed loop decides, not the innovations.
     departs = effect in found.repeats and found.repeats[effect].departs
     widest = min(r.gap for r in reached) if departs else math.inf
-    weight, alternatives = 0.0, []
+    levels = found.levels.get(effect, {})
+    weight, alternatives = sum(levels.values()), list(levels)
     for alternative in found.alternatives:
         others = tuple(sorted(alternative.model.names()))
         if effect in others or alternative.gap > widest:
             continue
         worse = score_alternative(problem, alternative, SIMPLER) - least
         swapped = [n for n in others if n not in rest]
-        courses = len(swapped) == 1 and all(
-            is_coulomb_level(term, problem.axis)
-            for model in (best.model, alternative.model)
-            for term in model.terms
-            if term.name in (effect, *swapped)
-        )
-        odds = math.exp(-max(worse, 0.0) / (2.0 * (TEMPER_OF_LEVELS if courses else TEMPER)))
+        if len(swapped) == 1 and swapped[0] in levels:
+            continue
+        odds = math.exp(-max(worse, 0.0) / (2.0 * TEMPER))
         weight += odds
-        if odds > 0.05 and len(others) == len(names) and len(swapped) == 1:
+        if odds > RIVAL and len(others) == len(names) and len(swapped) == 1:
             alternatives.append(swapped[0])
     preference = 1.0 / (1.0 + min(weight, RIVALRY))
     return preference * _confidence(found, effect), alternatives

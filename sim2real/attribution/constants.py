@@ -67,8 +67,8 @@ SETS = 4
 TEMPER = 5.0
 """Divisor of the log likelihood in the odds of names: innovations of the true model are white,
 those of a model that is right except for details are not."""
-TEMPER_OF_LEVELS = 50.0
-"""The same between effects on the Coulomb level: the filter follows them, and it wanders."""
+RIVAL = 0.05
+"""Odds from which an effect could take another one's place."""
 SIMPLER = 10.0
 """Score of a further parameter in the odds of names: simple causes are a little more probable."""
 RIVALRY = 0.9
@@ -82,8 +82,6 @@ CLOSED = 0.8
 DOUBTED = 0.45
 """Largest probability of an effect whose size may be zero by its sigma, or whose values are not
 plausible at all."""
-VAGUE = 0.55
-"""Largest probability of an effect on the Coulomb level that may as well be another such effect."""
 SHOWN = 8
 """Candidates shown per axis."""
 

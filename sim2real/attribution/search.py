@@ -30,6 +30,7 @@ from sim2real.attribution.constants import (
     RIVALS,
     WANDERS,
 )
+from sim2real.attribution.levels import settle_levels
 from sim2real.attribution.refinement import fit_alternatives, refine_contenders
 from sim2real.attribution.shape_check import Repeat
 from sim2real.attribution.tracked import TrackedDictionary
@@ -63,6 +64,7 @@ class AxisSearch:
         alternatives: sets of effects that were fitted, without duplicates, best first.
         scanned: effect -> first-order gain in the first scan.
         signatures: effect -> signature in the first scan (`dictionary.Candidate`).
+        levels: effect on the Coulomb level -> others that could take its place -> odds.
         free: the search in the free loop, where that took over.
         folds: models fitted to all moves but a fold's, where the free loop gave the figures.
     """
@@ -77,6 +79,7 @@ class AxisSearch:
     alternatives: list[Alternative] = field(default_factory=list)
     scanned: dict[str, float] = field(default_factory=dict)
     signatures: dict[str, F64] = field(default_factory=dict)
+    levels: dict[str, dict[str, float]] = field(default_factory=dict)
     free: FreeSearch | None = None
     folds: list[AxisModel] = field(default_factory=list)
 
@@ -180,6 +183,11 @@ def search_effects(
     found.best = fit(fine, model, 2) if model.terms else last.fitted
     nothing = not model.terms and last.gap < OPEN * FLOOR_LEVEL
     found.is_complete = nothing or problem.is_nearly_white(found.best.residual)
+    if found.is_complete:
+        levels = settle_levels(fine, found.best, library, loop)
+        found.best, found.levels = levels.best, levels.odds
+        for alternative in levels.fitted:
+            ranking.keep(alternative)
     found.alternatives = ranking.ranked()
     return found
 

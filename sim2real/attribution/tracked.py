@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from hil_sim.effects.effect import Effect, Parameter
 from hil_sim.effects.ports import EffectPorts
+from sim2real.attribution.levels import level_course
 from sim2real.attribution.signature import effect_inputs, first_order_signature
 from sim2real.dictionary import Candidate, Dictionary, Linearised, midrange
 from sim2real.fitting import AxisProblem, Fitted, Term
@@ -77,16 +78,14 @@ class TrackedDictionary(Dictionary):
         axis = self._problem.axis
         if axis.wander <= 0.0:
             return []
+        motion, level = list(self._motion()), np.concatenate([t.level for t in self._tracks])
         best: tuple[float, float, Term] | None = None
         for values in self.nodes(effect):
             term = Term(effect, values)
-            along = square = 0.0
-            for track, time, acceleration in self._motion():
-                course = effect_inputs(self._settings, term, track, time, acceleration)
-                if course is None or course.level is None or course.force is not None:
-                    return []
-                along += float(course.level @ track.level)
-                square += float(course.level @ course.level)
+            course = level_course(self._settings, term, motion)
+            if course is None:
+                return []
+            along, square = float(course @ level), float(course @ course)
             if along > 0.0 and (best is None or along**2 / square > best[0]):
                 best = (along**2 / square, along / square, term)
         if best is None:

@@ -5,6 +5,14 @@ says what models are fitted to: tracked innovations or the free loop.
 """
 
 from sim2real.dictionary.candidates import Candidate, Dictionary, Linearised
-from sim2real.dictionary.nodes import Values, midrange
+from sim2real.dictionary.nodes import FIRST_ORDER, Values, effect_nodes, midrange
 
-__all__ = ["Candidate", "Dictionary", "Linearised", "Values", "midrange"]
+__all__ = [
+    "FIRST_ORDER",
+    "Candidate",
+    "Dictionary",
+    "Linearised",
+    "Values",
+    "effect_nodes",
+    "midrange",
+]

@@ -6,13 +6,14 @@ Here nothing is tracked: `loop` runs the axis free under models, `fit` fits them
 moves. `constants` holds every figure that was chosen, with its reason.
 """
 
-from sim2real.free_loop.constants import CLOSED, MOST_EFFECTS, STRANGE, VISIBLE
+from sim2real.free_loop.constants import CLOSED, IMPLAUSIBLE, MOST_EFFECTS, STRANGE, VISIBLE
 from sim2real.free_loop.fit import FreeFit, fit_free, least_squares_covariance, move_covariance
 from sim2real.free_loop.loop import FreeLoop
 from sim2real.free_loop.search import FreeSearch, Step, fit_figures, search_free
 
 __all__ = [
     "CLOSED",
+    "IMPLAUSIBLE",
     "MOST_EFFECTS",
     "STRANGE",
     "VISIBLE",

@@ -1,0 +1,183 @@
+"""Which effect changes the level of Coulomb friction, by the wander that it leaves.
+
+Innovations hardly tell such effects apart, because the filter follows the level: its figures of
+merit are noise there. But what it follows is no more than the wander of the machine file's
+`repeatability` if the effect is right. So each effect is weighed by its evidence: the probability
+of the level that was tracked, averaged over the plausible values of the effect.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil_sim.effects.effect import Effect
+from hil_sim.settings import AxisSettings
+from sim2real.attribution.alternatives import Alternative
+from sim2real.attribution.constants import RIVAL
+from sim2real.attribution.signature import effect_inputs
+from sim2real.dictionary import FIRST_ORDER, Values, effect_nodes
+from sim2real.fitting import AxisModel, AxisProblem, Fitted, Term, fit, implausibility
+from sim2real.fitting import is_coulomb_level as is_level
+from sim2real.free_loop import IMPLAUSIBLE
+from sim2real.tracking import Track
+
+F64 = NDArray[np.float64]
+
+_SLIDING = 0.02
+"""Velocity from which the level shows [m/s]: at rest the filter forgets it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What a level that was tracked says of an effect.
+
+    Attributes:
+        value: natural logarithm of the probability of the level, up to a common constant.
+        term: the effect where it comes nearest.
+    """
+
+    value: float
+    term: Term
+
+
+@dataclass(slots=True, eq=False)
+class Levels:
+    """What was decided between effects on the Coulomb level.
+
+    Attributes:
+        best: the model with the most probable ones.
+        odds: effect in it -> effect that could take its place -> odds, at most 1.
+        fitted: models in which one is swapped for another that could take its place.
+    """
+
+    best: Fitted
+    odds: dict[str, dict[str, float]]
+    fitted: list[Alternative]
+
+
+def settle_levels(
+    problem: AxisProblem,
+    best: Fitted,
+    library: Mapping[str, Effect],
+    loop: Callable[[AxisModel], float],
+) -> Levels:
+    """Decide which effects on the Coulomb level a model should have.
+
+    Args:
+        problem: the axis.
+        best: a model that leaves nothing else.
+        library: effects by name.
+        loop: squared closed-loop gap of the axis under a model.
+    """
+    found = Levels(best, {}, [])
+    if problem.axis.wander <= 0.0:
+        return found
+    for index, term in enumerate(best.model.terms):
+        if not is_level(term, problem.axis):
+            continue
+        others = [e for n, e in library.items() if n not in found.best.model.names()]
+        weighed = weigh_levels(problem, found.best.model, index, [term.effect, *others])
+        tried = {term.name: found.best}
+        for name, evidence in weighed.items():
+            if name != term.name and evidence.value > weighed[term.name].value + math.log(RIVAL):
+                swapped = _swap(problem, found.best.model, index, evidence.term)
+                if problem.is_nearly_white(swapped.residual):
+                    tried[name] = swapped
+        likely = max(tried, key=lambda name: weighed[name].value)
+        found.best = tried[likely]
+        found.odds[likely] = {
+            name: math.exp(weighed[name].value - weighed[likely].value)
+            for name in tried
+            if name != likely
+        }
+        found.fitted += [Alternative(each, loop(each.model)) for each in tried.values()]
+    return found
+
+
+def weigh_levels(
+    problem: AxisProblem, model: AxisModel, index: int, effects: Sequence[Effect]
+) -> dict[str, Evidence]:
+    """Evidence of effects in the place of one of a model, by the level that was tracked beside it.
+
+    Args:
+        problem: the axis.
+        model: with the effect.
+        index: of the effect in it, which changes the Coulomb level and nothing else.
+        effects: that may take its place; those that do anything else are left out.
+    """
+    axis = model.without(index).settings(problem.axis)
+    tracks = problem.track(model)
+    period = float(problem.trackers[0].time[1])
+    times = [tracker.time for tracker in problem.trackers]
+    accelerations = [np.gradient(track.v, period) for track in tracks]
+    motion = list(zip(tracks, times, accelerations, strict=True))
+    own = level_course(axis, model.terms[index], motion)
+    if own is None:
+        return {}
+    sliding = np.concatenate([np.abs(track.v) > _SLIDING for track in tracks])
+    tracked = np.concatenate([track.level for track in tracks])
+    level = ((1.0 + own) * (1.0 + tracked) - 1.0)[sliding]
+    travelled = min(float(t.x.min()) for t in tracks), max(float(t.x.max()) for t in tracks)
+    # Energy that counts once: the wander is correlated.
+    unit = 2.0 * problem.axis.correlation_time / period * problem.axis.wander**2
+    found = {}
+    for effect in effects:
+        nodes = effect_nodes(effect, problem.axis, travelled, FIRST_ORDER, lambda *_: None)
+        courses = ((v, level_course(axis, Term(effect, v), motion)) for v in nodes)
+        each = [
+            _evidence(problem.axis, effect, values, course[sliding], level, unit)
+            for values, course in courses
+            if course is not None and course[sliding].any()
+        ]
+        if each:
+            total = float(np.logaddexp.reduce([e.value for e in each])) - math.log(len(each))
+            found[effect.name] = replace(max(each, key=lambda e: e.value), value=total)
+    return found
+
+
+def level_course(
+    axis: AxisSettings, term: Term, motion: Sequence[tuple[Track, F64, F64]]
+) -> F64 | None:
+    """Relative change of the Coulomb level by a term that changes nothing else, float64[K].
+
+    Args:
+        axis: without the term.
+        term: to be added.
+        motion: track, times [s] and accelerations [m/s^2] of each recording.
+    """
+    parts = []
+    for track, time, acceleration in motion:
+        there = effect_inputs(axis, term, track, time, acceleration)
+        if there is None or there.level is None or there.force is not None:
+            return None
+        parts.append(there.level)
+    return np.concatenate(parts)
+
+
+def _evidence(
+    axis: AxisSettings, effect: Effect, values: Values, course: F64, level: F64, unit: float
+) -> Evidence:
+    """Evidence of an effect of any size: sizes are equally probable over the plausible range."""
+    at = next(i for i, p in enumerate(effect.parameters) if p.role == "size")
+    parameter = effect.parameters[at]
+    first = values[at] - (parameter.neutral_on(axis) or 0.0)
+    along, square = float(course @ level), float(course @ course)
+    size = values[at] - first + along / square * first
+    term = Term(effect, (*values[:at], size, *values[at + 1 :]))
+    left = (float(level @ level) - along**2 / square) / unit
+    width = sum(high - low for low, high in parameter.ranges(axis))
+    spread = abs(first) * math.sqrt(unit / square) / width
+    beyond = IMPLAUSIBLE * implausibility(term, axis)
+    return Evidence(-0.5 * (left + beyond) + math.log(spread), term)
+
+
+def _swap(problem: AxisProblem, model: AxisModel, index: int, term: Term) -> Fitted:
+    """The model with another effect in the place of one, fitted."""
+    terms = (*model.terms[:index], term, *model.terms[index + 1 :])
+    found = fit(problem, replace(model, terms=terms), 4, thorough=False)
+    return fit(problem.finer_if_close(found.residual), found.model, 2)

@@ -1,0 +1,51 @@
+"""Which effect changes the level of Coulomb friction."""
+
+from __future__ import annotations
+
+import pytest
+
+from hil_sim.effects.library import library
+from hil_sim.settings import StageSettings
+from sim2real.attribution.levels import settle_levels, weigh_levels
+from sim2real.fitting import Term, fit
+from stagedata import Recording
+from tests.unit.sim2real.conftest import problem_of, stage_with
+
+LEVELS = ("coulomb_level", "thermal_drift", "friction_position")
+
+
+@pytest.mark.parametrize(
+    ("true", "values"),
+    [
+        ("coulomb_level", {"ratio": 0.85}),
+        ("thermal_drift", {"amplitude": 0.3, "time_constant": 4.0}),
+    ],
+)
+def test_the_wander_that_is_left_tells_effects_on_the_level_apart(
+    nominal: tuple[Recording, StageSettings], true: str, values: dict[str, float]
+) -> None:
+    """Whichever of them was fitted: another level is found beside it."""
+    recording = stage_with(nominal, 51, seconds=6.0, y={true: values})
+    problem, known = problem_of(recording, nominal[1], "y"), library()
+    wrong = Term(known["coulomb_level"], (sum(values.values()) if true == LEVELS[0] else 1.15,))
+    fitted = fit(problem, problem.start.added(wrong), 4, thorough=False)
+    weighed = weigh_levels(problem, fitted.model, 0, [known[name] for name in LEVELS])
+    assert set(weighed) == set(LEVELS)
+    assert max(weighed, key=lambda name: weighed[name].value) == true
+    found = settle_levels(problem, fitted, {n: known[n] for n in LEVELS}, lambda _: 1.0)
+    assert found.best.model.names() == (true,)
+    assert all(0.0 < odds <= 1.0 for odds in found.odds[true].values())
+
+
+def test_a_slow_drift_may_as_well_be_another_level(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    drift = {"amplitude": 0.2, "time_constant": 250.0}
+    recording = stage_with(nominal, 52, seconds=6.0, y={"thermal_drift": drift})
+    problem, known = problem_of(recording, nominal[1], "y"), library()
+    fitted = fit(problem, problem.start.added(Term(known["coulomb_level"], (1.2,))), 4)
+    found = settle_levels(problem, fitted, {n: known[n] for n in LEVELS}, lambda _: 1.0)
+    (chosen,) = found.best.model.names()
+    (other,) = {"coulomb_level", "thermal_drift"} - {chosen}
+    assert found.odds[chosen][other] > 0.2
+    assert {a.model.names() for a in found.fitted} == {("coulomb_level",), ("thermal_drift",)}
