@@ -16,6 +16,7 @@ from sim2real.attribution.constants import (
     DAMPED,
     DOUBTED,
     FAMILY,
+    LEAST_GAIN,
     RELATIVE,
     RIVAL,
     RIVALRY,
@@ -135,9 +136,28 @@ def _largest_probability(found: AxisSearch, term: Term, figures: Mapping[str, Pa
     is_free = repeat is not None and repeat.is_free
     alone = found.is_complete and len(found.best.model.terms) == 1
     entries = coordinates(term.effect, axis)
-    uncertain = not departs and any(_is_size_uncertain(e, figures, axis) for e in entries)
+    uncertain = (
+        not departs
+        and not _is_needed(found, term)
+        and any(_is_size_uncertain(entry, figures, axis) for entry in entries)
+    )
     plausible = is_free or alone or implausibility(term, axis) <= STRANGE
     return DOUBTED if uncertain or not plausible else 1.0
+
+
+def _is_needed(found: AxisSearch, term: Term) -> bool:
+    """Whether nothing is left, and much would be without an effect, however its size comes out.
+
+    The flank of a bell at the end of the travel is there, and may be that of any higher bell.
+    """
+    rest = {name for name in found.best.model.names() if name != term.name}
+    score = {
+        frozenset(a.model.names()): score_alternative(found.problem, a) for a in found.alternatives
+    }
+    own, without = score.get(frozenset({*rest, term.name})), score.get(frozenset(rest))
+    if not found.is_complete or own is None or without is None:
+        return False
+    return without - own > LEAST_GAIN
 
 
 def _is_size_uncertain(

@@ -159,3 +159,16 @@ def test_what_innovations_do_not_explain_is_sought_in_the_free_loop(
     assert [(c.axis, c.effect) for c in found.report.causes] == [("x", "viscous_asymmetry")]
     ratio = found.report.causes[0].parameters["ratio"]
     assert abs(ratio.value - 0.2) < 3.0 * ratio.sigma
+
+
+def test_the_flank_of_a_bump_beyond_the_path_is_named(
+    nominal: tuple[Recording, StageSettings],
+) -> None:
+    """How high the bump is nobody knows; that it is there is certain."""
+    end = float(nominal[0].axes["x"].position_demand[:3000].max())
+    bump = {"amplitude": 0.5, "center": end + 0.03, "width": 0.02}
+    recording = stage_with(nominal, 71, x={"friction_position": bump})
+    found = diagnosed(recording, nominal[1], "friction_position", "force_offset", "coulomb_level")
+    (cause,) = found.report.causes
+    assert (cause.axis, cause.effect) == ("x", "friction_position")
+    assert cause.parameters["amplitude"].sigma > abs(cause.parameters["amplitude"].value)
