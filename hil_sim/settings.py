@@ -159,13 +159,16 @@ class StageSettings:
     Attributes:
         sync_period: Ts [s], a whole number of control periods.
         axes: all with the same control period.
+        start: when a simulation starts, on the clock of effects that fade with time [s].
     """
 
     sync_period: float
     axes: tuple[AxisSettings, ...]
+    start: float = 0.0
 
     def __post_init__(self) -> None:
         _positive(self, "sync_period")
+        _not_negative(self, "start")
         _require(len(self.axes) > 0, "axes", "at least one")
         periods = {a.control.period for a in self.axes}
         _require(len(periods) == 1, "control_period", "must be the same on all axes")

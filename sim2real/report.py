@@ -390,6 +390,7 @@ class GapReport:
             none.
         steps: of axes where effects were added one after another.
         mode: `CLOSED_LOOP`, or `OPEN_LOOP` where forces are compared along the measured motion.
+        clock: from when effects that fade with time count; None for a single recording.
         fitted: figures that the machine file leaves unknown.
         empirical: descriptions of what no effect explains; empty where it is explained.
         next_experiment: None where nothing is left to distinguish.
@@ -413,6 +414,7 @@ class GapReport:
     confusable: tuple[Confusable, ...] = ()
     steps: tuple[SelectionStep, ...] = ()
     mode: str = CLOSED_LOOP
+    clock: str | None = None
     fitted: tuple[FittedFigure, ...] = ()
     empirical: tuple[EmpiricalForce, ...] = ()
     next_experiment: NextExperiment | None = None
@@ -431,6 +433,7 @@ class GapReport:
             "verdict": self.verdict,
             "reason": self.reason,
             "mode": self.mode,
+            "clock": self.clock,
             "fitted": [figure.to_json() for figure in self.fitted],
             "empirical": [force.to_json() for force in self.empirical],
             "channels": [finding.to_json() for finding in self.channels],

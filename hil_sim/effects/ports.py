@@ -14,6 +14,7 @@ linearised within it, which is accurate below 1 m/s for structure of a millimetr
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -64,6 +65,7 @@ class EffectPorts:
         axis: nominal settings.
         sync_period: Ts [s], node distance of tables over time.
         duration: of the simulation [s]; None: without end.
+        start: of the simulation, on the clock of effects that fade with time [s].
 
     Attributes:
         axis: as above.
@@ -81,8 +83,15 @@ class EffectPorts:
         spring: disturbance per position [N/m].
     """
 
-    def __init__(self, axis: AxisSettings, sync_period: float, duration: float | None) -> None:
+    def __init__(
+        self,
+        axis: AxisSettings,
+        sync_period: float,
+        duration: float | None,
+        start: float = 0.0,
+    ) -> None:
         self.axis = axis
+        self._start = start
         self.mass = axis.mass
         self.viscous = axis.friction.viscous
         self.stiffness = axis.friction.stiffness
@@ -180,8 +189,9 @@ class EffectPorts:
         self.time_coulomb = _product(self.time_coulomb, factor, self.times)
 
     def decay_coulomb(self, amplitude: float, time_constant: float) -> None:
-        """Factor on Fc 1 + amplitude exp(-t/time_constant) [s]."""
-        self.decays.append((amplitude, time_constant))
+        """Factor on Fc 1 + amplitude exp(-t/time_constant) [s]; t is 0 on the stage's clock."""
+        left = math.exp(-self._start / time_constant)
+        self.decays.append((amplitude * left, time_constant))
 
     def scale_field_coulomb(self, own: F64, other: F64, factor: F64) -> None:
         """Factor on Fc over the positions of this axis and the other one.

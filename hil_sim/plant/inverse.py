@@ -68,7 +68,10 @@ def _force_along(settings: StageSettings, motion: tuple[F64, F64, F64], alone: b
 
 
 def force_variants(
-    sync_period: float, variants: Sequence[AxisSettings], motion: tuple[F64, F64, F64]
+    sync_period: float,
+    variants: Sequence[AxisSettings],
+    motion: tuple[F64, F64, F64],
+    start: float = 0.0,
 ) -> F64:
     """The force of several variants of one axis along the same motion, float64[K, variants] [N].
 
@@ -76,13 +79,14 @@ def force_variants(
         sync_period: distance of the samples [s].
         variants: settings of the axis; no effect may involve another axis.
         motion: position, velocity and acceleration, float64[K].
+        start: on the clock of effects that fade with time [s].
 
     Raises:
         ValueError: as `force_along`, or a variant involves the other axis.
     """
     shape = (len(motion[0]), len(variants))
     position, velocity, acceleration = (np.broadcast_to(part[:, None], shape) for part in motion)
-    stage = StageSettings(sync_period, tuple(variants))
+    stage = StageSettings(sync_period, tuple(variants), start)
     return _force_along(stage, (position, velocity, acceleration), alone=True)
 
 

@@ -122,6 +122,7 @@ def simulate_variants(
     level: F64 | None = None,
     substeps: int = 1,
     rounded: bool = True,
+    start: float = 0.0,
 ) -> Response:
     """Simulate several variants of one axis for the same demand, noise-free.
 
@@ -137,6 +138,7 @@ def simulate_variants(
         level: factor on Fc at each SYNC, float64[K] or float64[K, variants]; default 1.
         substeps: as in `simulate`; coarse by default.
         rounded: as in `simulate`.
+        start: on the clock of effects that fade with time [s].
 
     Returns:
         One column per variant.
@@ -144,7 +146,7 @@ def simulate_variants(
     Raises:
         ValueError: shapes do not match, or effects are impossible or involve another axis.
     """
-    settings = StageSettings(sync_period, tuple(variants))
+    settings = StageSettings(sync_period, tuple(variants), start)
     if any(needs_all_axes(StageSettings(sync_period, (v,))) for v in variants if v.effects):
         raise ValueError("variants of one axis cannot have effects that involve another one")
     shape = (len(demand), len(variants))

@@ -113,7 +113,7 @@ def weigh_levels(
     axis = model.without(index).settings(problem.axis)
     tracks = problem.track(model)
     period = float(problem.trackers[0].time[1])
-    times = [tracker.time for tracker in problem.trackers]
+    times = [(tracker.time, tracker.start) for tracker in problem.trackers]
     accelerations = [np.gradient(track.v, period) for track in tracks]
     motion = list(zip(tracks, times, accelerations, strict=True))
     own = level_course(axis, model.terms[index], motion)
@@ -141,18 +141,18 @@ def weigh_levels(
 
 
 def level_course(
-    axis: AxisSettings, term: Term, motion: Sequence[tuple[Track, F64, F64]]
+    axis: AxisSettings, term: Term, motion: Sequence[tuple[Track, tuple[F64, float], F64]]
 ) -> F64 | None:
     """Relative change of the Coulomb level by a term that changes nothing else, float64[K].
 
     Args:
         axis: without the term.
         term: to be added.
-        motion: track, times [s] and accelerations [m/s^2] of each recording.
+        motion: of each recording its track, times with its start [s], accelerations [m/s^2].
     """
     parts = []
-    for track, time, acceleration in motion:
-        there = effect_inputs(axis, term, track, time, acceleration)
+    for track, (time, start), acceleration in motion:
+        there = effect_inputs(axis, term, track, time, acceleration, start)
         if there is None or there.level is None or there.force is not None:
             return None
         parts.append(there.level)

@@ -48,7 +48,12 @@ class EffectInputs:
 
 
 def effect_inputs(
-    axis: AxisSettings, term: Term, track: Track, time: F64, acceleration: F64
+    axis: AxisSettings,
+    term: Term,
+    track: Track,
+    time: F64,
+    acceleration: F64,
+    start: float = 0.0,
 ) -> EffectInputs | None:
     """What a term adds along a track; None where it has to be simulated.
 
@@ -58,12 +63,13 @@ def effect_inputs(
         track: of the axis under that model.
         time: of the samples, float64[K] [s].
         acceleration: of the carriage, float64[K] [m/s^2].
+        start: of the recording, on the clock of effects that fade with time [s].
     """
     period, duration = float(time[1] - time[0]), float(time[-1])
-    plain = EffectPorts(axis, period, duration)
+    plain = EffectPorts(axis, period, duration, start)
     for effect in axis.effects:
         effect.apply(plain)
-    ports = EffectPorts(axis, period, duration)
+    ports = EffectPorts(axis, period, duration, start)
     for effect in with_effects(axis, (term,)).effects:
         effect.apply(ports)
     if any(getattr(ports, name) != getattr(plain, name) for name in _SIMULATED):

@@ -99,19 +99,19 @@ class TrackedDictionary(Dictionary):
         gain = energy / (apart * axis.wander**2)
         return [Candidate(term, gain, self.left_over(signature), node.values, True)]
 
-    def _motion(self) -> zip[tuple[Track, F64, F64]]:
-        """Track, times [s] and accelerations [m/s^2] of each recording."""
-        times = [tracker.time for tracker in self._problem.trackers]
+    def _motion(self) -> zip[tuple[Track, tuple[F64, float], F64]]:
+        """Track, times with the start [s], and accelerations [m/s^2] of each recording."""
+        times = [(tracker.time, tracker.start) for tracker in self._problem.trackers]
         return zip(self._tracks, times, self._accelerations, strict=True)
 
     def _signature(self, term: Term) -> F64 | None:
         """Change of the residual when a term is added, float64[R], to first order."""
         parts: list[F64] = []
         forces: list[F64] = []
-        for (track, time, acceleration), gains, mask in zip(
+        for (track, (time, start), acceleration), gains, mask in zip(
             self._motion(), self._problem.gains, self._problem.masks, strict=True
         ):
-            there = effect_inputs(self._settings, term, track, time, acceleration)
+            there = effect_inputs(self._settings, term, track, time, acceleration, start)
             if there is None:
                 return None
             parts.append(-first_order_signature(there, gains)[mask])

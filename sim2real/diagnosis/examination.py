@@ -21,6 +21,7 @@ from sim2real.audit import (
     mark_applied,
     repair_samples,
 )
+from sim2real.diagnosis.clock import Clock, find_common_clock
 from sim2real.gap import (
     Gap,
     Located,
@@ -84,6 +85,7 @@ class Examination:
             simulated. Then gap and residual are those of the force alone.
         motions: of the recordings, in the open loop.
         unknown: axis -> figures that the machine file leaves unknown; `settings` has them as found.
+        clock: of the recordings.
     """
 
     recordings: tuple[str, ...]
@@ -96,6 +98,7 @@ class Examination:
     open_loop: str | None = None
     motions: tuple[Motion, ...] = ()
     unknown: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    clock: Clock = field(default=Clock(()))
 
 
 def examine(
@@ -125,20 +128,25 @@ def examine(
     if open_loop is None:
         require_presliding(settings)
     names = tuple(r.source for r in recordings)
+    clock = find_common_clock(recordings)
     repairs = [repair_samples(recording, settings) for recording in recordings]
     recordings = [recording for recording, _ in repairs]
     repaired = [found for _, found in repairs]
     if open_loop is not None:
         found = _merge_findings(repaired)
         return examine_motion(
-            Examination(names, found, None, settings, open_loop=open_loop, unknown=unknown),
+            Examination(
+                names, found, None, settings, open_loop=open_loop, unknown=unknown, clock=clock
+            ),
             recordings,
         )
     for recording in recordings:
         reason = why_insufficient(recording, settings)
         if reason is not None:
             reason = _name_recording(recording, recordings, reason)
-            insufficient = Examination(names, _merge_findings(repaired), reason, settings)
+            insufficient = Examination(
+                names, _merge_findings(repaired), reason, settings, clock=clock
+            )
             return _with_gap(insufficient, recordings, progress)
     return _examine_channels(names, recordings, repaired, settings, correct, progress)
 
@@ -174,7 +182,8 @@ def _examine_channels(
         recordings = [a.recording for a in audits] if correct else recordings
         findings = mark_applied(findings) if correct else findings
         return examine_motion(
-            Examination(names, findings, None, settings, open_loop=OTHER_CONTROLLER), recordings
+            Examination(names, findings, None, settings, open_loop=OTHER_CONTROLLER, clock=clock),
+            recordings,
         )
     if beyond or (misleading and not correct):
         worst = (beyond or misleading)[0]
@@ -182,12 +191,15 @@ def _examine_channels(
         if worst.finding not in UNCORRECTABLE:
             way = "correct it first, or continue with --correct"
         reason = f"{worst.text}; {way}"
-        return _with_gap(Examination(names, findings, reason, settings), recordings, progress)
+        given_up = Examination(names, findings, reason, settings, clock=clock)
+        return _with_gap(given_up, recordings, progress)
     if correct:
         findings = mark_applied(findings)
         recordings = [a.recording for a in audits]
         settings = audits[0].settings
-    return _with_gap(Examination(names, findings, None, settings), recordings, progress)
+    return _with_gap(
+        Examination(names, findings, None, settings, clock=clock), recordings, progress
+    )
 
 
 def _with_gap(
@@ -198,12 +210,15 @@ def _with_gap(
     Without them where they cannot be measured and the recordings are insufficient anyway.
     """
     settings, measured = examined.settings, []
-    for number, recording in enumerate(recordings):
+    for number, (recording, start) in enumerate(
+        zip(recordings, examined.clock.starts, strict=True)
+    ):
 
         def simulated(done: int, draws: int, before: int = number) -> None:
             progress("floor and gap", before * draws + done, len(recordings) * draws)
 
-        compare = partial(compare_with_model, settings=settings, progress=simulated)
+        stage = replace(settings, start=start)
+        compare = partial(compare_with_model, settings=stage, progress=simulated)
         try:
             with np.errstate(over="ignore", invalid="ignore"):
                 found = _name_errors(recording, compare)
@@ -259,8 +274,12 @@ def examine_motion(examined: Examination, recordings: Sequence[Recording]) -> Ex
             findings += check_quantisation(recording.axes[axis.name], axis)
     settings = examined.settings
     for _ in range(2):  # how smooth the motion must be depends on the mass
-        measure = partial(measure_motion, settings=settings)
-        motions = [_name_errors(recording, measure) for recording in recordings]
+        motions = [
+            _name_errors(
+                recording, partial(measure_motion, settings=replace(settings, start=start))
+            )
+            for recording, start in zip(recordings, examined.clock.starts, strict=True)
+        ]
         if not any(examined.unknown.values()):
             break
         try:
@@ -369,7 +388,7 @@ def report_without_causes(examined: Examination) -> GapReport:
     mode = CLOSED_LOOP if examined.open_loop is None else OPEN_LOOP
     return GapReport(
         examined.recordings, verdict, reason, examined.findings, examined.gap or {}, where=located,
-        mode=mode,
+        mode=mode, clock=examined.clock.text,
     )  # fmt: skip
 
 

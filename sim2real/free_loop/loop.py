@@ -184,7 +184,7 @@ class FreeLoop:
         run = self._runs[number]
         response = simulate_variants(
             self.settings.sync_period, variants, run.demand, run.offset, run.rest_force,
-            rounded=False, substeps=self._substeps,
+            rounded=False, substeps=self._substeps, start=run.measured.replay.start,
         )  # fmt: skip
         return response.position, response.force
 
@@ -193,9 +193,10 @@ class FreeLoop:
         run = self._runs[number]
         axes = tuple(axis if a.name == self.name else a for a in self.settings.axes)
         replay = run.measured.replay
+        stage = replace(self.settings, axes=axes, start=replay.start)
         response = simulate(
-            replace(self.settings, axes=axes), replay.demand, replay.offset, None,
-            replay.rest_force, substeps=self._substeps, rounded=False,
+            stage, replay.demand, replay.offset, None, replay.rest_force,
+            substeps=self._substeps, rounded=False,
         )  # fmt: skip
         return response.position[:, self._at], response.force[:, self._at]
 

@@ -40,6 +40,7 @@ class Replay:
         place: int64[K], number of the SYNC period that each sample belongs to.
         rest_force: motor force of each axis at the start [N].
         steps: axis -> signal -> step of the log where it is coarser than the sensor [m, N].
+        start: of the recording, on the clock of effects that fade with time [s].
     """
 
     recording: Recording
@@ -50,14 +51,17 @@ class Replay:
     place: NDArray[np.int64]
     rest_force: tuple[float, ...]
     steps: Mapping[str, Mapping[str, float]]
+    start: float = 0.0
 
     def run(self, settings: StageSettings, seed: int | None = None) -> Signals:
         """Simulated signals at the recording's samples.
 
         Args:
-            settings: of the model, with the axes and SYNC period that `prepare_replay` was given.
+            settings: of the model, with the axes and SYNC period that `prepare_replay` was given;
+                it starts when the recording did.
             seed: of encoder noise and friction wander; None for neither.
         """
+        settings = replace(settings, start=self.start)
         response = simulate(settings, self.demand, self.offset, seed, rest_force=self.rest_force)
         return {name: self._sampled(response, a) for a, name in enumerate(self.names)}
 
@@ -67,7 +71,7 @@ class Replay:
             return self.run(settings)[name]
         a = self.names.index(name)
         response = simulate(
-            replace(settings, axes=(settings.axes[a],)),
+            replace(settings, axes=(settings.axes[a],), start=self.start),
             self.demand[:, a : a + 1],
             self.offset[:, a : a + 1],
             None,
@@ -103,7 +107,7 @@ class Replay:
 
 
 def prepare_replay(recording: Recording, settings: StageSettings) -> Replay:
-    """Match a recording to a model.
+    """Match a recording to a model, which starts when the settings say.
 
     Raises:
         ValueError: axes or SYNC periods differ, an axis has no valid sample, or its demand or force
@@ -135,6 +139,7 @@ def prepare_replay(recording: Recording, settings: StageSettings) -> Replay:
         place,
         tuple(_rest_force(s, axis) for s, axis in zip(signals, settings.axes, strict=True)),
         {axis.name: coarse_steps(recording.axes[axis.name], axis) for axis in settings.axes},
+        settings.start,
     )
 
 

@@ -45,7 +45,8 @@ def compare_along(motion: Motion, settings: StageSettings) -> Measured:
         np.column_stack([getattr(motion.axes[name], part) for name in names])
         for part in ("position", "velocity", "acceleration")
     )
-    force = force_along(settings, (whole[0], whole[1], whole[2]))
+    stage = replace(settings, start=motion.start)
+    force = force_along(stage, (whole[0], whole[1], whole[2]))
     rng = np.random.default_rng(_SEED)
     nominal: Signals = {}
     residual: Signals = {}
@@ -67,7 +68,7 @@ def compare_along(motion: Motion, settings: StageSettings) -> Measured:
             gap[name] = {"force": GapFigures(there, floor, "N")}
     replay = Replay(
         motion.recording, tuple(names), motion.period, whole[0], np.zeros_like(whole[0]),
-        np.arange(count), (0.0,) * len(names), {name: {} for name in names},
+        np.arange(count), (0.0,) * len(names), {name: {} for name in names}, motion.start,
     )  # fmt: skip
     return Measured(replay, Floor(nominal, (drawn,), floors), residual, gap, {})
 
@@ -109,7 +110,7 @@ class MotionLoop(FreeLoop):
         motion = self._motions[number]
         own = motion.axes[self.name]
         force = force_variants(
-            motion.period, variants, (own.position, own.velocity, own.acceleration)
+            motion.period, variants, (own.position, own.velocity, own.acceleration), motion.start
         )
         position = np.broadcast_to(own.position[:, None], force.shape)
         low = [motion.low_pass(self.name, force[:, i]) for i in range(force.shape[1])]
@@ -129,7 +130,7 @@ class MotionLoop(FreeLoop):
             np.column_stack([getattr(motion.axes[a.name], part) for a in axes])
             for part in ("position", "velocity", "acceleration")
         ]
-        stage = replace(self.settings, axes=axes)
+        stage = replace(self.settings, axes=axes, start=motion.start)
         force = force_along(stage, (whole[0], whole[1], whole[2]))
         at = [a.name for a in axes].index(self.name)
         return motion.axes[self.name].position, motion.low_pass(self.name, force[:, at])

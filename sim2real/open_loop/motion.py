@@ -74,11 +74,13 @@ class Motion:
         recording: the same as a recording, without gaps: smooth positions are demand and actual
             value (the demand stands still with the axis), a move is a stroke of the axis that
             travels farthest.
+        start: of the recording, on the clock of effects that fade with time [s].
     """
 
     period: float
     axes: Mapping[str, AxisMotion]
     recording: Recording
+    start: float = 0.0
 
     def low_pass(self, axis: str, force: F64) -> F64:
         """A force as that of this axis was low-passed, float64[P] [N]."""
@@ -143,7 +145,7 @@ def measure_motion(recording: Recording, settings: StageSettings) -> Motion:
     time = np.asarray(grid * period, dtype=np.float64)
     moves = _strokes({name: s.position_demand for name, s in signals.items()}, period)
     smooth = Recording(recording.machine, "", "", time, signals, moves, recording.source)
-    return Motion(period, axes, smooth)
+    return Motion(period, axes, smooth, settings.start)
 
 
 def _smoothed(

@@ -129,6 +129,7 @@ class Tracker:
             self._force[replay.place, a] = signals.force_actual
             self._valid[replay.place, a] = signals.valid
         self.time: F64 = np.arange(shape[0], dtype=np.float64) * settings.sync_period
+        self.start = replay.start
         self.valid = self._valid[:, self._index]
 
     def finer(self) -> Tracker:
@@ -237,7 +238,11 @@ class Tracker:
         stage_substeps: Sequence[float],
     ) -> _Run:
         """Track several axes of the recording, or several variants of one, column by column."""
-        stage = replace(self._stage, axes=tuple(replace(a, increment=_FINE) for a in axes))
+        stage = replace(
+            self._stage,
+            axes=tuple(replace(a, increment=_FINE) for a in axes),
+            start=self._replay.start,
+        )
         recorded = Recorded(
             np.ascontiguousarray(self._replay.demand[:, columns]),
             np.ascontiguousarray(self._replay.offset[:, columns]),

@@ -234,6 +234,8 @@ def _print_report(console: Console, report: GapReport, machine: str) -> None:
     lines += [
         ("channel", f"{f.text}{' (corrected)' if f.applied else ''}") for f in report.channels
     ]
+    if report.clock is not None:
+        lines.append(("clock", report.clock))
     console.print(_grid(lines))
     lines = [
         (

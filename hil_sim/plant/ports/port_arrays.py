@@ -36,7 +36,7 @@ def build_ports(
     """
     ports = []
     for axis in settings.axes:
-        own = EffectPorts(axis, settings.sync_period, duration)
+        own = EffectPorts(axis, settings.sync_period, duration, settings.start)
         try:
             for effect in axis.effects:
                 effect.apply(own)
