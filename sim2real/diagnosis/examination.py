@@ -148,28 +148,27 @@ def examine(
                 names, _merge_findings(repaired), reason, settings, clock=clock
             )
             return _with_gap(insufficient, recordings, progress)
-    return _examine_channels(names, recordings, repaired, settings, correct, progress)
+    examined = Examination(names, _merge_findings(repaired), None, settings, clock=clock)
+    return _examine_channels(examined, recordings, repaired, correct, progress)
 
 
 def _examine_channels(
-    names: tuple[str, ...],
+    examined: Examination,
     recordings: Sequence[Recording],
     repaired: Sequence[Sequence[ChannelFinding]],
-    settings: StageSettings,
     correct: bool,
     progress: Progress,
 ) -> Examination:
     """Audit the channels, and measure the gap in the loop or, with another controller, without.
 
     Args:
-        names: of the recordings.
+        examined: so far.
         recordings: repaired.
         repaired: findings of that, one list per recording.
-        settings: of the machine file.
         correct: continue with corrected channels instead of giving up.
         progress: called along the way.
     """
-    audits = []
+    audits, settings = [], examined.settings
     for number, recording in enumerate(recordings):
         progress("channels", number, len(recordings))
         audits.append(_name_errors(recording, lambda r: audit_channels(r, settings)))
@@ -182,8 +181,7 @@ def _examine_channels(
         recordings = [a.recording for a in audits] if correct else recordings
         findings = mark_applied(findings) if correct else findings
         return examine_motion(
-            Examination(names, findings, None, settings, open_loop=OTHER_CONTROLLER, clock=clock),
-            recordings,
+            replace(examined, findings=findings, open_loop=OTHER_CONTROLLER), recordings
         )
     if beyond or (misleading and not correct):
         worst = (beyond or misleading)[0]
@@ -191,15 +189,14 @@ def _examine_channels(
         if worst.finding not in UNCORRECTABLE:
             way = "correct it first, or continue with --correct"
         reason = f"{worst.text}; {way}"
-        given_up = Examination(names, findings, reason, settings, clock=clock)
+        given_up = replace(examined, findings=findings, insufficient=reason)
         return _with_gap(given_up, recordings, progress)
     if correct:
         findings = mark_applied(findings)
         recordings = [a.recording for a in audits]
         settings = audits[0].settings
-    return _with_gap(
-        Examination(names, findings, None, settings, clock=clock), recordings, progress
-    )
+    done = replace(examined, findings=findings, settings=settings)
+    return _with_gap(done, recordings, progress)
 
 
 def _with_gap(

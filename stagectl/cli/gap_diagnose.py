@@ -103,6 +103,7 @@ def diagnose(
     from hil_sim.effects.library import EffectError, library
     from sim2real import diagnosis
     from sim2real.diagnosis import PHASES, examine, judge_elsewhere
+    from sim2real.diagnosis.examination import GAINS
     from sim2real.report import NO_GAP
     from sim2real.residuals import residuals_json, view_residuals
     from stagectl.config import stage_settings
@@ -156,6 +157,14 @@ def diagnose(
         _print_report(console, report, model.name)
         if next_out is not None and report.next_experiment is None:
             console.print(f"{next_out} is not written: no moves to propose", markup=False)
+        without = [name for name, figures in model.unknown.items() if GAINS in figures]
+        if twin is not None and has_twin and without:
+            console.print(
+                f"{twin} cannot run: the controller gains of {', '.join(without)} stay unknown, "
+                f"which no diagnosis finds",
+                markup=False,
+                soft_wrap=True,
+            )
         if twin is not None and not has_twin:
             console.print(
                 f"{twin} is not written: no cause was found, and no description", markup=False
@@ -203,6 +212,12 @@ def _write_twin(path: Path, machine: Machine, found: Diagnosis, examined: StageS
         )
         comments.append(
             "on held-out strokes; nothing says that it holds beyond the motion recorded."
+        )
+    for figure in found.report.fitted:  # an axis without a cause has them, too
+        value = plant.setdefault(figure.axis, {}).setdefault(figure.figure, figure.value)
+        comments.append(
+            f"{figure.figure} of {figure.axis}: {value:.4g} {figure.unit} fitted; the machine file "
+            f"leaves it unknown."
         )
     path.write_text(render_twin(machine, effects, plant, comments), encoding="utf-8")
 

@@ -146,6 +146,17 @@ def test_the_report_is_printed_before_a_twin_that_cannot_be_written(small):
     assert "No gap" in result.output
 
 
+def test_a_twin_has_the_figures_fitted_and_says_why_it_cannot_run(tmp_path):
+    data, how = TOOL.write(tmp_path)
+    path, twin = tmp_path / "r.h5", tmp_path / "twin.yaml"
+    CliRunner().invoke(import_data, [str(data), "--map", str(how), "--out", str(path)])
+    result = CliRunner().invoke(diagnose, [str(path), "--twin", str(twin), "--jobs", "1"])
+    assert "twin.yamlcannotrun:thecontrollergainsofa" in "".join(result.output.split())
+    text = twin.read_text()
+    assert "kg fitted; the machine file leaves it unknown" in text
+    assert yaml.safe_load(text)["axes"]["a"]["plant"]["mass"] == pytest.approx(300.0, rel=0.05)
+
+
 @pytest.mark.slow
 def test_what_no_effect_explains_is_a_table_of_the_twin_beside_the_figures_found(tmp_path):
     def odd(t, x, v, a):
