@@ -185,7 +185,6 @@ class Drive:
             return
         self._advance_to(self._segment.now_ns)
         self.pdo.on_sync()
-        self.pdo.latch()
         motion = self.motion
         if motion.following:
             motion.on_sync()

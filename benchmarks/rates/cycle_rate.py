@@ -53,7 +53,7 @@ def open_stage(stack: ExitStack, machine: Machine, name: str, log: BusLog | None
     VirtualStage(stage_settings(machine), seed=1).attach(world)
     bus, axes = driver_settings(machine)
     bus = replace(bus, interface="lockstep", channel=name)
-    stage = stack.enter_context(Stage.open(bus, axes, tap=None if log is None else log.tap))
+    stage = stack.enter_context(Stage.open(bus, axes, tap=log))
     stage.boot()
     stage.home()
     stage.enable()

@@ -1,6 +1,6 @@
 """CANopen on the host's side: bus, nodes, SDO, PDO mappings, EMCY, detection of other hosts."""
 
-from drivers.canopen.bus import Network, OwnFrame, Tap, open_bus
+from drivers.canopen.bus import FrameLog, Network, OwnFrame, Tap, open_bus
 from drivers.canopen.clock import Clock, MonotonicClock, delivers_at_once, stamps_of
 from drivers.canopen.direct import DirectBus, direct_bus
 from drivers.canopen.emcy import error_text, register_text
@@ -15,6 +15,7 @@ __all__ = [
     "REBOOTED",
     "Clock",
     "DirectBus",
+    "FrameLog",
     "MappedObject",
     "MonotonicClock",
     "Network",

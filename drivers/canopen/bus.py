@@ -14,9 +14,9 @@ import socket
 import struct
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import can
 import canopen
@@ -45,6 +45,21 @@ for _library in ("can", "canopen"):
 
 
 _new = object.__new__
+
+
+@runtime_checkable
+class FrameLog(Protocol):
+    """A tap that also takes many frames at once, in their order."""
+
+    def __call__(self, t_ns: int, can_id: int, data: bytes) -> object:
+        """Takes one frame."""
+
+    def extend(self, frames: Sequence[Any]) -> object:
+        """Takes frames that have been sent or received since the last call.
+
+        Args:
+            frames: time [ns], CAN-ID and data of the first, then of the second, and so on.
+        """
 
 
 class OwnFrame(can.Message):

@@ -1,7 +1,7 @@
 """A bus that delivers in its sender's thread, and what it offers beside python-can's messages.
 
-The lock-step bus is one. When it has taken a frame, all that follows from it has happened. So a
-whole SYNC, from its setpoints to the TPDOs that it brings, needs neither waiting nor messages.
+The lock-step bus is one. When it has taken a frame, all that follows from it has happened. So whole
+SYNCs, from their setpoints to the TPDOs that they bring, need neither waiting nor messages.
 """
 
 from __future__ import annotations
@@ -34,6 +34,34 @@ class DirectBus(Protocol):
             it has caused other ones, or fewer, or more: all of them wait for `recv`. None where
             SYNC was not sent: frames wait for `recv` before it, `at_ns` is past, or the bus has
             faults. Time is `at_ns` at most.
+        """
+
+    def exchange_block(
+        self,
+        rows: Sequence[Sequence[bytes]],
+        ids: Sequence[int],
+        grid_ns: tuple[int, int],
+        sync_id: int,
+        expected: Sequence[tuple[int, int, bytes]],
+        answers: list[bytes],
+    ) -> bool | None:
+        """Sends rows of frames, each at once, and SYNC after each, as long as all is as expected.
+
+        Args:
+            rows: data of the frames before each SYNC.
+            ids: CAN-IDs of the frames of a row.
+            grid_ns: when to send the first SYNC, a data frame without data, and the time from each
+                to the next [ns].
+            sync_id: its CAN-ID.
+            expected: CAN-ID, number of bytes and first bytes of each data frame that a SYNC is to
+                cause, in order.
+            answers: gets the data of these frames, SYNC by SYNC.
+
+        Returns:
+            True where all rows were exchanged. False where the last SYNC has caused other frames
+            than expected, or fewer, or more: all of them wait for `recv`. None where the last row
+            was sent without its SYNC: frames wait for `recv` before it, its time is past, or the
+            bus has faults. Time is that of the last row's SYNC at most.
         """
 
 

@@ -8,20 +8,19 @@ burst.
 
 from __future__ import annotations
 
-import struct
 from array import array
 from collections.abc import Callable, Iterator, Sequence
-from itertools import repeat
-from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers import objects as od
 from drivers.canopen import Clock, Network, Node
+from drivers.cyclic.blocks import BlockStream, Exchanged
 from drivers.cyclic.channel import Channel
 from drivers.cyclic.correction import CorrectedOffsets, OffsetCorrection, Row
 from drivers.cyclic.samples import SampleWriter, Sink
+from drivers.cyclic.setpoints import planned_rows
 from drivers.cyclic.sync_producer import Exchange
 from drivers.drive import ENABLED_MASK, ENABLED_VALUE, Axis, decode
 from drivers.errors import AxisFault, BusError, ConfigurationError
@@ -213,29 +212,42 @@ class Cycle:
         """
         writer = SampleWriter(self.channels, rows, sink, self.sync.reception.accepts_tardy)
         corrected = None if planned is None else self.corrected
-        if corrected is None or planned is None:
-            setpoints = self._rows(targets, offsets)
+        blocks = None
+        if corrected is not None and planned is not None:
+            exchanged = self._singly(corrected.rows(targets, planned))
+        elif until is None and sink is None and self.sync.is_direct:
+            blocks = BlockStream(self.sync, targets, offsets, rows, self._alarmed)
+            exchanged = blocks.run()
         else:
-            setpoints = corrected.rows(targets, planned)
+            exchanged = self._singly(planned_rows(self.channels, targets, offsets))
         try:
-            self._stream(setpoints, writer, until)
+            self._stream(exchanged, writer, until)
             if writer.waiting:
                 self.sync.settle()
         finally:
             writer.flush()
+            if blocks is not None and self._origin is not None:
+                blocks.decode(self._origin)
             if corrected is not None:
                 corrected.end()
 
-    def _stream(self, rows: Iterator[Row], writer: SampleWriter, until: Until | None) -> None:
+    def _singly(self, rows: Iterator[Row]) -> Iterator[Exchanged]:
+        """Exchanges the data of one SYNC after the other."""
+        run = self.sync.run
+        for frames, setpoints in rows:
+            yield run(frames), setpoints
+
+    def _stream(
+        self, exchanged: Iterator[Exchanged], writer: SampleWriter, until: Until | None
+    ) -> None:
         channels = self.channels
         increments = [c.axis.scale.increment for c in channels]
-        sync, run, alarmed = self.sync, self.sync.run, self._alarmed
+        sync, alarmed = self.sync, self._alarmed
         max_missed = self._max_missed
         if self._origin is None:
             self.resume()
         self._late_in_a_row = 0
-        for frames, setpoints in rows:
-            late = run(frames)
+        for late, setpoints in exchanged:
             if self._origin is None:
                 self._origin = sync.sent
             values = [sync.sent - self._origin, late, sync.offset, sync.doubt]
@@ -268,38 +280,6 @@ class Cycle:
                 tuple([c.position * i for c, i in zip(channels, increments, strict=True)])
             ):
                 break
-
-    def _rows(self, targets: NDArray[np.int64], offsets: NDArray[np.int64]) -> Iterator[Row]:
-        """Per SYNC: each channel with its RPDO, and each channel with its target and offset.
-
-        Pairs are made row by row: all of them at once would make the first SYNC late.
-        """
-        frames, setpoints = [], []
-        for j, channel in enumerate(self.channels):
-            if not channel.accepts_offset:
-                offsets[:, j] = 0
-            packed = self._frames(channel, targets[:, j], offsets[:, j])
-            frames.append(zip(repeat(channel), packed, strict=False))
-            setpoints.append(
-                zip(repeat(channel), targets[:, j].tolist(), offsets[:, j].tolist(), strict=False)
-            )
-        return zip(zip(*frames, strict=True), zip(*setpoints, strict=True), strict=True)
-
-    def _frames(
-        self, channel: Channel, targets: NDArray[np.int64], offsets: NDArray[np.int64]
-    ) -> Iterator[bytes]:
-        """The RPDOs of a stream, packed in one go."""
-        names = ("controlword", "target", "offset")[: len(channel.axis.rpdo.entries)]
-        codes = [e.code for e in channel.axis.rpdo.entries]
-        block = np.empty(
-            len(targets), dtype=[(n, "<" + c) for n, c in zip(names, codes, strict=True)]
-        )
-        block["controlword"] = channel.controlword
-        block["target"] = targets
-        if len(names) > 2:
-            block["offset"] = offsets
-        data, size = block.tobytes(), block.dtype.itemsize
-        return map(itemgetter(0), struct.iter_unpack(f"{size}s", data))
 
     def _preceding_stall(self, code: int | None) -> str:
         """A clause where a stall of the host explains the fault, else an empty text.

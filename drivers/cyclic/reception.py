@@ -136,15 +136,14 @@ class Reception:
     def take(self, answers: Sequence[bytes], sync_at: int) -> None:
         """Does what `collect` does, with one TPDO per channel as all that the SYNC has brought.
 
+        The tap has seen them.
+
         Args:
             answers: data of the TPDOs, which came at once.
             sync_at: time of the SYNC [ns].
         """
         self.sync_at, self.echo_at = sync_at, None
-        tap = self._network.tap
         for channel, data in zip(self.channels, answers, strict=True):
-            if tap is not None:
-                tap(sync_at, channel.tpdo[0], data)
             if not channel.take_sole(data):
                 self.missed += 1
 

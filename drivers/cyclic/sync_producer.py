@@ -10,8 +10,9 @@ from collections.abc import Callable, Sequence
 
 import can
 
-from drivers.canopen import DirectBus, Network, OwnFrame, delivers_at_once, direct_bus
+from drivers.canopen import Network, OwnFrame, delivers_at_once, direct_bus
 from drivers.cyclic.channel import Channel
+from drivers.cyclic.direct_exchange import DirectExchange, Expected, Rows
 from drivers.cyclic.kernel_sync import KernelSync, receive_own_frames
 from drivers.cyclic.reception import Receive, Reception
 from drivers.drive import Axis
@@ -39,6 +40,7 @@ class Exchange:
     Attributes:
         channels: one per axis.
         reception: what comes back.
+        period: Ts [ns].
         sent: place of the last SYNC on the grid [ns].
         offset: time from that place until the SYNC left [ns].
         doubt: by how much later it may have reached the drives [ns]; -1: unknown.
@@ -54,12 +56,15 @@ class Exchange:
         self.notices: list[str] = []
         self._network = network
         self._settings = settings
-        self._period = settings.period_ns
+        self.period = self._period = settings.period_ns
         self._half = settings.period_ns // 2
         self._setpoint_ids = frozenset(c.axis.rpdo_id for c in self.channels)
         self._now_ns = network.clock.now_ns
         self._at_once = delivers_at_once(network.bus)
-        self._direct = direct_bus(network.bus)
+        direct = direct_bus(network.bus)
+        self._direct: DirectExchange | None = None
+        if direct is not None:
+            self._direct = DirectExchange(direct, network, self.reception, self._period)
         self._phase: int | None = None
         self._sync = OwnFrame(arbitration_id=SYNC_ID, is_extended_id=False, data=b"")
         self._overflow, self._count = settings.sync_counter, 0
@@ -165,11 +170,49 @@ class Exchange:
         now, direct = self._now_ns(), self._direct
         if direct is None or self._overflow or self._due >= self._network.service_due:
             self._send_setpoints(bus.send, frames, now)
-        elif self._exchange_directly(direct, bus.recv, frames, now):
+        elif direct.run_one(frames, self._due, bus.recv):
+            self.sent, self._due = self._due, self._due + self._period
+            self.offset, self.doubt = 0, -1
             self.late += late
             return late
         late = self._exchange_in_time(bus, now, late)
         self.late += late
+        return late
+
+    @property
+    def is_direct(self) -> bool:
+        """Whether the bus takes several SYNCs in one call."""
+        return self._direct is not None
+
+    def most_at_once(self) -> int:
+        """How many SYNCs from the next one on `run_at_once` may take; 0 where it cannot be used."""
+        if self._direct is None or self._overflow or self._strict or self._network.bus is None:
+            return 0
+        return max(0, -((self._due - self._network.service_due) // self._period))
+
+    def run_at_once(self, rows: Rows, expected: Expected, answers: list[bytes]) -> int | None:
+        """Exchanges the data of several SYNCs, as long as each brings what is expected.
+
+        Args:
+            rows: for `most_at_once` SYNCs at most.
+            expected: of each SYNC.
+            answers: gets the TPDOs of the SYNCs that have brought these and nothing else.
+
+        Returns:
+            None where all SYNCs have. Else the first one that has not was the last: 1 where it was
+            late, else 0.
+
+        Raises:
+            BusError: the bus fails.
+        """
+        network = self._network
+        if network.bus is None or self._direct is None:
+            raise network.failure("cannot stream", RuntimeError("is closed"))
+        try:
+            late = self._exchange_directly(network.bus, self._direct, rows, expected, answers)
+        except (can.CanError, OSError, ValueError) as why:
+            raise network.failure("cyclic exchange failed", why) from why
+        self.late += late or 0
         return late
 
     def _exchange_in_time(self, bus: can.BusABC, now: int, late: int) -> int:
@@ -206,37 +249,26 @@ class Exchange:
         return late
 
     def _exchange_directly(
-        self, direct: DirectBus, recv: Receive, frames: Frames, now: int
-    ) -> bool:
-        """Setpoints at `now` [ns], the SYNC that is due and its TPDOs in one.
-
-        The same frames at the same times as `_send_setpoints` and `_exchange_in_time`.
-
-        Returns:
-            False where only the setpoints were sent: another frame came before SYNC, such as a
-            drive's heartbeat, or the bus has faults.
-        """
-        due, tap = self._due, self._network.tap
-        if tap is not None:
-            for channel, data in frames:
-                tap(now, channel.rpdo_id, data)
-        answers = direct.exchange(
-            [(channel.rpdo_id, data) for channel, data in frames], due, SYNC_ID,
-            [channel.tpdo for channel in self.channels],
-        )  # fmt: skip
-        if answers is None:
-            return False
-        if tap is not None:
-            tap(due, SYNC_ID, b"")
-        self.sent, self._due = due, due + self._period
-        self.offset, self.doubt = 0, -1
-        if answers:
-            self.reception.take(answers, due)
-            return True
-        for channel in self.channels:
-            channel.close_cycle()
-        self.reception.collect(recv, due)
-        return True
+        self,
+        bus: can.BusABC,
+        direct: DirectExchange,
+        rows: Rows,
+        expected: Expected,
+        answers: list[bytes],
+    ) -> int | None:
+        """As `run_at_once`; the same frames at the same times as `_exchange_in_time`."""
+        outcome = None
+        try:
+            outcome = direct.run_block(rows, self._due, expected, answers, bus.recv)
+        finally:
+            sent = len(answers) // len(self.channels) + (outcome is False)
+            if sent:
+                self._due += sent * self._period
+                self.sent = self._due - self._period
+                self.offset, self.doubt = 0, -1
+        if outcome is None:
+            return self._exchange_in_time(bus, self._now_ns(), 0)
+        return None if outcome else 0
 
     def _send_sync(self, send: Send, now: int) -> None:
         if self._overflow:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import heapq
 import weakref
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from threading import get_ident
 
 import can
@@ -25,6 +25,7 @@ Frame = tuple[int, int, bytes, tuple[bool, bool, bool], object]
 
 DATA_FRAME = (False, False, False)  # extended id, remote, error: the only frames nodes receive
 
+_SYNC = (b"",)
 _NOBODY: tuple[Handler, ...] = ()
 _worlds: weakref.WeakValueDictionary[str, World] = weakref.WeakValueDictionary()
 
@@ -147,6 +148,77 @@ class World:
                 if not frames:
                     return
                 _, can_id, data, flags, owner = frames.popleft()
+        finally:
+            self._delivering = False
+
+    def exchange_block(
+        self,
+        owner: object,
+        queue: deque[Frame],
+        rows: Iterable[Sequence[bytes]],
+        ids: Sequence[int],
+        grid_ns: tuple[int, int],
+        sync_id: int,
+        expected: Sequence[tuple[int, int, bytes]],
+        answers: list[bytes],
+    ) -> bool | None:
+        """Send a host's rows of data frames, and SYNC after each; see `LockstepBus.exchange_block`.
+
+        Args:
+            owner: the host.
+            queue: its frames; none waits.
+            rows: data of the frames before each SYNC.
+            ids: of the frames of a row.
+            grid_ns: time of the first SYNC, and from each to the next [ns].
+            sync_id: of SYNC.
+            expected: id, number of bytes and first bytes of each frame that a SYNC is to cause.
+            answers: gets the data of these frames.
+        """
+        at_ns, period_ns = grid_ns
+        timers = self._timers
+        for row in rows:
+            self._transmit_row(owner, ids, row)
+            if queue or at_ns < self.now_ns or not self.is_faultless:
+                return None
+            if timers and timers[0][0] <= at_ns:
+                self.sleep_until_ns(at_ns)
+                if queue:
+                    return None
+            self.now_ns = at_ns
+            self._transmit_row(owner, (sync_id,), _SYNC)
+            if len(queue) != len(expected):
+                return False
+            received = []
+            for (_, can_id, data, flags, _), (wanted, size, begin) in zip(queue, expected):  # noqa: B905
+                if can_id != wanted or len(data) != size or flags is not DATA_FRAME:
+                    return False
+                if not data.startswith(begin):
+                    return False
+                received.append(data)
+            answers += received
+            queue.clear()
+            at_ns += period_ns
+        return True
+
+    def _transmit_row(self, owner: object, ids: Sequence[int], row: Sequence[bytes]) -> None:
+        """Send data frames of a host; the same as `transmit`, one after the other."""
+        frames, others = self._frames, self._others.get(owner, self._hosts)
+        if others or self._delivering or not self.is_faultless:
+            for can_id, data in zip(ids, row, strict=True):
+                self.transmit(owner, can_id, data)
+            return
+        self._delivering = True
+        try:
+            for can_id, data in zip(ids, row):  # noqa: B905  twice as fast
+                for handler in self._handlers.get(can_id, _NOBODY):
+                    handler(data)
+                while frames:
+                    _, other_id, other, flags, sender = frames.popleft()
+                    for hand_to in self._others.get(sender, self._hosts):
+                        hand_to((self.now_ns, other_id, other, flags, sender))
+                    if flags is DATA_FRAME:
+                        for handler in self._handlers.get(other_id, _NOBODY):
+                            handler(other)
         finally:
             self._delivering = False
 

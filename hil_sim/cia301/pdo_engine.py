@@ -23,6 +23,10 @@ class PdoEngine:
     Args:
         announce: sends the EMCY for an RPDO of the wrong length.
         on_timeout: called when an RPDO was not received within its event timer.
+
+    Attributes:
+        on_sync: sends the synchronous TPDOs that are due, then applies the synchronous RPDOs
+            received since the last SYNC.
     """
 
     def __init__(
@@ -46,6 +50,7 @@ class PdoEngine:
         self._sync_rpdos: tuple[Rpdo, ...] = ()
         self._several = False
         self._emit = segment.emit
+        self.on_sync: Callable[[], None] = self._on_any_sync
         self._at_every_sync: tuple[tuple[int, Callable[[], bytes]], ...] = ()
         self._sync_tpdos: tuple[Tpdo, ...] = ()
         self._event_tpdos: tuple[Tpdo, ...] = ()
@@ -75,8 +80,12 @@ class PdoEngine:
             rpdo.stop()
         self._select_active()
 
-    def on_sync(self) -> None:
-        """Send the synchronous TPDOs that are due; call `latch` afterwards."""
+    def _on_any_sync(self) -> None:
+        """As `on_sync`, whatever is mapped."""
+        self._send()
+        self.latch()
+
+    def _send(self) -> None:
         # The host would take them for the answer to the next SYNC, which is on the bus already.
         if not (self._real_time and self._segment.sync_overtaken):  # type: ignore[attr-defined]
             for cob_id, sample in self._at_every_sync:
@@ -156,3 +165,24 @@ class PdoEngine:
             r for r in self._rpdos if live and r.valid and r.transmission <= 240
         )
         self._several = len(self._sync_rpdos) > 1
+        one_of_each = len(self._at_every_sync) == len(self._sync_rpdos) == 1
+        if one_of_each and not self._real_time and not self._window_ns:
+            ((cob_id, sample),) = self._at_every_sync
+            self.on_sync = _exchanger(self._emit, cob_id, sample, self._sync_rpdos[0])
+        else:
+            self.on_sync = self._on_any_sync
+
+
+def _exchanger(
+    emit: Callable[[int, bytes], None], cob_id: int, sample: Callable[[], bytes], rpdo: Rpdo
+) -> Callable[[], None]:
+    """Make `on_sync` of a node with one PDO each way at every SYNC, in virtual time."""
+
+    def exchange() -> None:
+        emit(cob_id, sample())
+        data = rpdo.pending
+        if data is not None:
+            rpdo.pending = None
+            rpdo.apply(data)
+
+    return exchange

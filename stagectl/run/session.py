@@ -103,7 +103,7 @@ class Session:
         try:
             self._name_effects_left()
             listener.stoppable(self._request_stop)
-            with Stage.open(bus, self._ready.axes, tap=log.tap, bus_object=opened) as stage:
+            with Stage.open(bus, self._ready.axes, tap=log, bus_object=opened) as stage:
                 self._stage = stage
                 listener.phase("booting the drives")
                 stage.boot()

@@ -14,10 +14,12 @@ says so in `failure`, and keeps the frames it has.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import nullcontext, suppress
 from datetime import datetime, tzinfo
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from drivers.settings import HOST_NODE
 from stagectl.errors import StagectlError, UnusableInput
@@ -31,7 +33,7 @@ LEFT_OVER_NAME = "bus-recovered.asc"
 
 
 class BusLog:
-    """The bus log being written; the drivers call `tap` for every frame.
+    """The bus log being written; the drivers hand every frame to it.
 
     As a context manager it never raises on exit: the run still has its recording to write.
 
@@ -80,6 +82,16 @@ class BusLog:
         if self.failure is None:
             try:
                 self._append(t_ns, can_id, data)
+            except OSError as error:
+                self.failure = f"{self._spool}: cannot write: {error.strerror}"
+
+    __call__ = tap
+
+    def extend(self, frames: Sequence[Any]) -> None:
+        """Log frames: time [ns], id and data of the first, of the second, ...; as `tap`."""
+        if self.failure is None:
+            try:
+                self._frames.extend(frames)
             except OSError as error:
                 self.failure = f"{self._spool}: cannot write: {error.strerror}"
 

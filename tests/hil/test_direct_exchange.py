@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -17,8 +18,11 @@ from hil_sim.stage import VirtualStage
 from stagectl.config.settings.observer import design_observers, make_observer
 from stagectl.config.settings.package_settings import driver_settings, stage_settings
 from stagectl.sequencer import ObservedOffsets
+from stagectl.store import BusLog
+from stagedata import Samples
 
 NAMES = (f"direct-{n}" for n in itertools.count())
+STATUSWORD = [field.name for field in dataclasses.fields(Samples)].index("statusword")
 COUNT = 700
 """Of SYNCs: all heartbeats and the host's service fall due several times."""
 
@@ -30,21 +34,28 @@ class StepByStep(LockstepBus):
 
 
 class Counted(LockstepBus):
-    """Counts the SYNCs that were exchanged at once."""
+    """Counts the SYNCs that were exchanged at once, and the largest block of them."""
 
-    at_once = 0
+    at_once, largest = 0, 0
 
     def exchange(self, *arguments):
         answers = super().exchange(*arguments)
         self.at_once += bool(answers)
         return answers
 
+    def exchange_block(self, rows, ids, grid_ns, sync_id, expected, answers):
+        outcome = super().exchange_block(rows, ids, grid_ns, sync_id, expected, answers)
+        done = len(answers) // len(expected)
+        self.at_once, self.largest = self.at_once + done, max(self.largest, done)
+        return outcome
+
 
 class Run:
     """A stage on a bus of this kind; what it sent, received and sampled."""
 
-    def __init__(self, machine, kind, faults=(), count_sync=False, homing=37):
+    def __init__(self, machine, kind, sink=True, faults=(), count_sync=False, homing=37, tap=None):
         self.frames, self.samples, self.failure = [], [], None
+        self.streams = []
         bus, axes = driver_settings(machine)
         name = next(NAMES)
         self.drives = VirtualStage(stage_settings(machine), seed=1, start=(-5e-4, -4e-4))
@@ -59,8 +70,9 @@ class Run:
         )
         self.bus = kind(channel=name)
         axes = [dataclasses.replace(axis, homing_method=homing) for axis in axes]
-        self.stage = Stage.open(bus, axes, self.note, self.bus)
-        self.stage.sink = self.samples.append
+        self.stage = Stage.open(bus, axes, tap or self.note, self.bus)
+        if sink:
+            self.stage.sink = self.samples.append
         self.stage.boot()
         self.stage.home()
         self.stage.enable()
@@ -82,7 +94,8 @@ class Run:
         way = 0.5e-3 * (1 - np.cos(2 * np.pi * np.arange(1, COUNT + 1) / COUNT))
         position = np.array(self.stage.targets) + way[:, None] * [1.0, 0.5]
         try:
-            self.stage.stream(position, np.full((COUNT, 2), 0.3), until)
+            samples = self.stage.stream(position, np.full((COUNT, 2), 0.3), until)
+            self.streams.append(dataclasses.astuple(samples))
         except DriverError as error:
             self.failure = str(error).replace(self.world.name, "")
 
@@ -93,24 +106,134 @@ class Run:
 
 def in_both_ways(machine, act, **options):
     """What `act` does with a stage, step by step and at once."""
-    runs = []
-    for kind in (StepByStep, Counted):
-        run = Run(machine, kind, **options)
-        act(run)
-        run.end()
-        runs.append(run)
-    single, direct = runs
-    assert direct.frames == single.frames
-    assert direct.samples == single.samples
-    assert direct.failure == single.failure
+    single, direct = runs = [made(machine, kind, act, **options) for kind in (StepByStep, Counted)]
+    assert_equal(*runs)
+    assert (direct.samples == single.samples) is True
     assert len(direct.samples) > 100
     return direct
+
+
+def in_blocks(machine, act, **options):
+    """What `act` does with a stage, also in blocks of SYNCs: there is no sink to be called."""
+    in_both_ways(machine, act, **options)
+    single, blocks = runs = [
+        made(machine, kind, act, sink=False, **options) for kind in (StepByStep, Counted)
+    ]
+    assert_equal(*runs)
+    assert len(single.frames) > 1000
+    return blocks
+
+
+def made(machine, kind, act, **options):
+    run = Run(machine, kind, **options)
+    act(run)
+    run.end()
+    return run
+
+
+def assert_equal(single, other):
+    pairs = zip(single.frames, other.frames, strict=False)
+    assert next((pair for pair in pairs if pair[0] != pair[1]), None) is None
+    assert len(other.frames) == len(single.frames)
+    assert other.failure == single.failure
+    assert len(other.streams) == len(single.streams)
+    for one, two in zip(single.streams, other.streams, strict=True):
+        for values, same in zip(one, two, strict=True):
+            assert values.dtype == same.dtype
+            np.testing.assert_array_equal(values, same)
 
 
 def test_a_stream_writes_the_same_frames_and_samples(stage_machine):
     run = in_both_ways(stage_machine, lambda run: (run.stream(), run.stream()))
     assert len(run.samples) == 2 * COUNT
     assert run.bus.at_once > 0.9 * len(run.samples)
+    assert run.bus.largest == 0
+
+
+def test_blocks_of_syncs_write_the_same_frames_and_samples(stage_machine):
+    run = in_blocks(stage_machine, lambda run: (run.stream(), run.stream()))
+    assert sum(len(samples) for samples, *_ in run.streams) == 2 * COUNT
+    assert run.bus.at_once > 0.9 * 2 * COUNT
+    assert run.bus.largest > 20
+
+
+def test_a_bus_log_gets_blocks_as_single_frames(stage_machine, tmp_path):
+    texts = []
+    for kind in (StepByStep, Counted):
+        with BusLog(tmp_path / f"{kind.__name__}.asc", datetime(2026, 1, 1, tzinfo=UTC)) as log:
+            run = Run(stage_machine, kind, sink=False, tap=log)
+            run.stream()
+            run.end()
+        texts.append(log.path.read_text())
+    assert texts[0] == texts[1]
+    assert texts[0].count("\n") > 5 * COUNT
+
+
+def test_an_interrupt_inside_a_block_ends_it_as_step_by_step(stage_machine):
+    """Between two SYNCs of it, by whoever's timer."""
+
+    def act(run):
+        def interrupt():
+            raise KeyboardInterrupt
+
+        run.at(0.2003, interrupt)
+        try:
+            run.stream()
+        except KeyboardInterrupt:
+            run.failure = "interrupted"
+
+    run = in_blocks(stage_machine, act)
+    assert run.failure == "interrupted"
+
+
+def test_a_heartbeat_that_comes_late_ends_the_stream_as_step_by_step(stage_machine):
+    def act(run):
+        run.at(0.2003, lambda: setattr(run.drives.drives[1].nmt, "_beat", lambda due: None))
+        run.stream()
+
+    run = in_blocks(stage_machine, act)
+    assert "heartbeat" in run.failure
+
+
+def test_a_target_beyond_the_drives_own_limit_is_cut_as_step_by_step(stage_machine):
+    def act(run):
+        drive = run.drives.drives[0]
+        limit = round((run.stage.targets[0] + 0.5e-3) * 1e9)
+
+        def lower():
+            drive.dictionary.set_data(0x607D, 2, limit.to_bytes(4, "little", signed=True))
+
+        run.at(0.1003, lower)
+        run.stream()
+
+    run = in_blocks(stage_machine, act)
+    assert len({int(word) for word in run.streams[0][STATUSWORD][:, 0]}) > 1
+
+
+def test_velocities_are_streamed_in_blocks_as_step_by_step(stage_machine):
+    def act(run):
+        velocity = 0.01 * np.sin(np.linspace(0.0, np.pi, COUNT))[:, None] * [1.0, -1.0]
+        velocity[-1] = 0.0
+        run.streams.append(dataclasses.astuple(run.stage.stream_velocity(velocity)))
+        run.stage.enable()
+        run.stream()
+
+    assert in_both_ways(stage_machine, act).bus.largest > 20
+
+
+def test_a_stage_stops_in_the_middle_of_blocks_as_step_by_step(stage_machine):
+    """By a quick stop between two streams, and one of a drive inside the second."""
+
+    def act(run):
+        run.stream()
+        run.stage.quick_stop()
+        run.stage.enable()
+        drive = run.drives.drives[0]
+        run.at(0.2003, lambda: drive.dictionary.set_data(0x6040, 0, b"\2\0"))
+        run.stream()
+
+    run = in_blocks(stage_machine, act)
+    assert "QUICK STOP" in run.failure.upper()
 
 
 def test_an_observed_stream_gets_the_same_offsets_and_samples(stage_machine):
@@ -178,7 +301,7 @@ def test_a_fault_in_a_stream_ends_it_as_step_by_step(stage_machine, strike, afte
         run.at(after, lambda: strike(run))
         run.stream()
 
-    in_both_ways(stage_machine, act)
+    in_blocks(stage_machine, act)
 
 
 @pytest.mark.parametrize("axis", [0, 1])  # its EMCY comes before, or after, the last TPDO
@@ -188,7 +311,7 @@ def test_a_following_error_that_a_sync_itself_reveals_ends_it_as_step_by_step(st
         run.at(0.15, lambda: drive.dictionary.set_data(0x6065, 0, b"\2\0\0\0"))
         run.stream()
 
-    run = in_both_ways(stage_machine, act)
+    run = in_blocks(stage_machine, act)
     assert f"axis {'xy'[axis]}" in run.failure
     assert "0x8611" in run.failure
 
@@ -208,22 +331,24 @@ def test_a_frame_that_waits_is_taken_before_the_next_sync(stage_machine):
 
 def test_a_tpdo_that_comes_twice_now_and_then_is_forgotten(stage_machine):
     def act(run):
+        sent = [b""]
+        run.world.subscribe(0x181, lambda data: sent.append(data))
+
         def repeat():
-            last = next(data for _, can_id, data in reversed(run.frames) if can_id == 0x181)
-            run.world.emit(0x181, last)
+            run.world.emit(0x181, sent[-1])
 
         for n in range(60):
             run.at(0.0203 + n * 0.002, repeat)
         run.stream()
 
-    run = in_both_ways(stage_machine, act)
+    run = in_blocks(stage_machine, act)
     assert run.failure is None
-    assert sum(sample[11] for sample in run.samples) == 60  # counted for axis x
+    assert run.streams[0][-1][:, 0].sum() == 60  # counted for axis x
 
 
 def test_frames_lost_and_doubled_are_treated_as_step_by_step(stage_machine):
     frames = f.Frames(frozenset({0x181, 0x182}), "drives", after=0.5, probability=0.02)
-    run = in_both_ways(
+    run = in_blocks(
         stage_machine, lambda run: run.stream(), faults=(f.Drop(frames), f.Duplicate(frames))
     )
     assert run.bus.at_once == 0
@@ -235,6 +360,6 @@ def test_homing_on_the_index_takes_the_same_steps(stage_machine):
 
 
 def test_a_sync_counter_counts_on(stage_machine):
-    run = in_both_ways(stage_machine, lambda run: run.stream(), count_sync=True)
+    run = in_blocks(stage_machine, lambda run: run.stream(), count_sync=True)
     counts = [data[0] for _, can_id, data in run.frames if can_id == 0x80][-COUNT:]
     assert set(np.diff(counts)) == {1, -9}

@@ -1,0 +1,63 @@
+"""The rows of a stream whose setpoints are known beforehand."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Sequence
+from itertools import repeat
+from operator import itemgetter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.cyclic.channel import Channel
+from drivers.cyclic.correction import Row
+
+I64 = NDArray[np.int64]
+
+
+def planned_rows(channels: Sequence[Channel], targets: I64, offsets: I64) -> Iterator[Row]:
+    """Per SYNC: each channel with its RPDO, and each channel with its target and offset.
+
+    Pairs are made row by row: all of them at once would make the first SYNC late.
+
+    Args:
+        channels: n of them.
+        targets: int64[K, n] [increments].
+        offsets: int64[K, n] [1/1000 rated]; set to 0 where an RPDO carries none.
+    """
+    frames, setpoints = [], []
+    for j, (channel, packed) in enumerate(zip(channels, _packed(channels, targets, offsets),
+                                              strict=True)):  # fmt: skip
+        frames.append(zip(repeat(channel), packed, strict=False))
+        setpoints.append(
+            zip(repeat(channel), targets[:, j].tolist(), offsets[:, j].tolist(), strict=False)
+        )
+    return zip(zip(*frames, strict=True), zip(*setpoints, strict=True), strict=True)
+
+
+def packed_rows(
+    channels: Sequence[Channel], targets: I64, offsets: I64
+) -> Iterator[tuple[bytes, ...]]:
+    """Per SYNC: the RPDOs of all channels; arguments as for `planned_rows`."""
+    return zip(*_packed(channels, targets, offsets), strict=True)
+
+
+def _packed(channels: Sequence[Channel], targets: I64, offsets: I64) -> list[Iterator[bytes]]:
+    """The RPDOs of a stream, those of each channel packed in one go."""
+    packed: list[Iterator[bytes]] = []
+    for j, channel in enumerate(channels):
+        if not channel.accepts_offset:
+            offsets[:, j] = 0
+        names = ("controlword", "target", "offset")[: len(channel.axis.rpdo.entries)]
+        codes = [e.code for e in channel.axis.rpdo.entries]
+        block = np.empty(
+            len(targets), dtype=[(n, "<" + c) for n, c in zip(names, codes, strict=True)]
+        )
+        block["controlword"] = channel.controlword
+        block["target"] = targets[:, j]
+        if len(names) > 2:
+            block["offset"] = offsets[:, j]
+        data, size = block.tobytes(), block.dtype.itemsize
+        packed.append(map(itemgetter(0), struct.iter_unpack(f"{size}s", data)))
+    return packed
