@@ -44,9 +44,7 @@ PATIENCE = 0.02
 The host's heartbeat goes by this grid, as in a run: with every fifth of our cycles goes a frame
 that canopen does not send."""
 NODES = (1, 2)
-RATES = {"lockstep, cycles": 60_000.0}
-"""Per second, to be reached."""
-RATIOS = {"virtual, cycles": 1.5, "virtual, SDO reads": 1.0}
+RATIOS = {"lockstep, cycles": 4.5, "virtual, cycles": 1.5, "virtual, SDO reads": 1.0}
 """To canopen, to be reached."""
 
 
@@ -290,8 +288,6 @@ def main() -> None:
     for f in figures:
         if f.ratio is None or f.cpu_ratio is None:
             continue
-        if max(f.rate, f.cpu_rate) < RATES.get(f.what, 0.0):
-            missed.append(f"{f.what}: {max(f.rate, f.cpu_rate):,.0f} of {RATES[f.what]:,.0f}")
         if max(f.ratio, f.cpu_ratio) < RATIOS.get(f.what, 0.0):
             missed.append(
                 f"{f.what}: {max(f.ratio, f.cpu_ratio):.2f} of {RATIOS[f.what]} x canopen"

@@ -28,7 +28,7 @@ from drivers.settings import BusSettings
 
 Tap = Callable[[int, int, bytes], object]
 """Called with every frame sent or received: (time [ns], CAN-ID, data). The CAN-ID `BUS_FAILED`
-marks a failure of the bus."""
+marks a failure of the bus. A block of SYNCs on a lock-step bus is shown after it."""
 BUS_FAILED = 0x2000_0000
 """SocketCAN's flag of an error frame."""
 
