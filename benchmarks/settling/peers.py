@@ -34,7 +34,6 @@ from numpy.typing import NDArray
 
 from benchmarks.shared.machine_facts import machine_facts
 from benchmarks.shared.other_stages import drawn, with_gains
-from estimation.friction import mass_feedforward
 from estimation.move import MoveData
 from estimation.trajectory import Trajectory
 from stagectl.config.machine import Machine
@@ -101,15 +100,17 @@ class LearnedCompensation(AxisCompensation):
         rest_force: float,
         rest_offset: float,
         variation: F64 | None = None,
+        across: Trajectory | None = None,
     ) -> F64:
         """As in `AxisCompensation`."""
-        time = np.arange(samples + 1, dtype=np.float64) * self._period + self._ahead
+        time = np.arange(samples + 1, dtype=np.float64) * self._period
+        time += self.acceleration.ahead
         place, velocity, _ = trajectory.sample(time)
         before = self._hysteresis
         rows = self.basis(velocity, np.diff(place, prepend=place[0]))
         self._hysteresis = before
         friction = rows @ self._weights
-        force = mass_feedforward(self._mass, trajectory, samples, self._period, self._ahead)
+        force = self.acceleration.along(trajectory, across, samples)
         found: F64 = rest_offset + force + friction[1:] - friction[0]
         return found
 
@@ -119,7 +120,7 @@ class LearnedCompensation(AxisCompensation):
         velocity = way / self._period
         rows = self.basis(velocity, way)
         rows = np.column_stack([rows, np.ones(len(rows))])
-        wanted = move.force - self._mass * np.gradient(velocity) / self._period
+        wanted = move.force - self.acceleration.mass * np.gradient(velocity) / self._period
         use = move.valid.copy()
         use[:2] = use[-2:] = False
         rows, wanted = rows[use], wanted[use]

@@ -293,10 +293,9 @@ class Mover:
         move, self.move = self.move, None
         if move is None or not self._streamer.has_record:
             return []
-        if self._is_long:
-            for axis, course in zip(
-                self._axes, courses(*self._streamer.streamed(), self._period), strict=False
-            ):
+        if self._is_long and any(axis.compensation.observed for axis in self._axes):
+            found = courses(*self._streamer.streamed(), self._period)
+            for axis, course in zip(self._axes, found, strict=False):
                 axis.compensation.acceleration.learn(course)
         learned = []
         for a, (axis, record) in enumerate(zip(self._axes, self._records(), strict=True)):

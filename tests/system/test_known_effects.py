@@ -1,6 +1,7 @@
 """The loop of a control engineer: run, diagnose, run with the twin; and runs that know effects."""
 
 import json
+from statistics import mean
 
 import numpy as np
 import pytest
@@ -140,13 +141,19 @@ def test_a_known_effect_no_longer_delays_settling(run, recipe, tmp_path, effect)
     plain = load_machine(with_effects(tmp_path / "plain.yaml", wander=0.001))
     truth = load_machine(with_effects(tmp_path / "truth.yaml", y=effect, wander=0.001))
     none, unknown, known = (
-        run(host=host, truth=stage, recipe=recipe, observer=False).summary
+        [  # ten moves of one run scatter by a fifth
+            run(seed=seed, host=host, truth=stage, recipe=recipe, observer=False).summary
+            for seed in range(1, 5)
+        ]
         for host, stage in ((plain, plain), (plain, truth), (truth, truth))
     )
-    assert mean_settling(known, "y") < 1.5 * mean_settling(none, "y")
-    assert mean_settling(known, "y") < 0.7 * mean_settling(unknown, "y")
-    assert sum(not entry["accepted"] for entry in known["friction"]) <= 2
-    assert "effects" not in unknown
+    without, with_it, made_up = (
+        mean(mean_settling(summary, "y") for summary in runs) for runs in (none, unknown, known)
+    )
+    assert made_up < 1.5 * without
+    assert made_up < 0.7 * with_it
+    assert mean(sum(not e["accepted"] for e in summary["friction"]) for summary in known) <= 2
+    assert "effects" not in unknown[0]
 
 
 def test_what_cannot_be_compensated_is_named_at_the_start(stagectl, recipe, tmp_path):

@@ -15,15 +15,13 @@ from tests.unit.stagectl.sequencer.echo import TS, Echo
 class Notes:
     """Stands in for the compensation, and keeps what it is given."""
 
-    known = None
+    known, observed = None, False
 
     def __init__(self, revise_at=math.inf):
         self.moves, self.moments, self.asked = [], [], []
         self.revise_at = revise_at
 
-    def force_offsets(
-        self, trajectory, samples, moment, position, rest_force, rest_offset, variation
-    ):
+    def force_offsets(self, trajectory, samples, moment, position, rest_force, rest_offset, *_):
         self.moments.append((moment, rest_force))
         return np.zeros(samples)
 
@@ -33,7 +31,7 @@ class Notes:
     def revision_time(self, trajectory):
         return self.revise_at
 
-    def revise_offsets(self, trajectory, offsets, sent, move, variation):
+    def revise_offsets(self, trajectory, offsets, sent, move, *_):
         self.asked.append((sent, move))
         revised = offsets.copy()
         revised[sent:] = 7.0
