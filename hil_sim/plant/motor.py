@@ -33,9 +33,6 @@ class Motor:
         self.rate_unit = self.settings.acceleration_unit
         self.tick_ns = round(stage.control_period * 1e9)
         self._plant = plant
-        # called at every SYNC
-        self._encoder, self._force, self._command = plant.encoder, plant.force, plant.command
-        self._following_error = plant.following_error
         self._axis = axis
         self._scale = self.settings.increment / self.unit
         self._whole = round(self._scale) if abs(self._scale - round(self._scale)) < 1e-9 else None
@@ -51,7 +48,7 @@ class Motor:
 
     def position(self) -> int:
         """Position actual value [units], INTEGER32."""
-        counts, whole = self._encoder(self._axis) - self.origin, self._whole
+        counts, whole = self._plant.encoder(self._axis) - self.origin, self._whole
         value = counts * whole if whole else round(counts * self._scale)
         return value if -0x80000000 <= value <= 0x7FFFFFFF else _int32(value)
 
@@ -61,7 +58,7 @@ class Motor:
 
     def force(self) -> int:
         """Torque actual value [1/1000 of the rated force], INTEGER16."""
-        value = round(self._force(self._axis) / self._permille)
+        value = round(self._plant.force(self._axis) / self._permille)
         return value if -32768 <= value <= 32767 else 32767 if value > 0 else -32768
 
     def demand(self) -> float:
@@ -70,7 +67,7 @@ class Motor:
 
     def worst_following_error(self) -> float:
         """Largest following error since this was last called [units]."""
-        return self._following_error(self._axis) / self.unit
+        return self._plant.following_error(self._axis) / self.unit
 
     def to_true(self, position: int) -> float:
         """Convert a position of the drive [units] to a true coordinate [m]."""
@@ -94,7 +91,7 @@ class Motor:
             self._begin_streaming()
         whole = self._whole
         true = (position + self.origin * whole) * self.unit if whole else self.to_true(position)
-        self._command(self._axis, true, permille * self._permille, ticks)
+        self._plant.command(self._axis, true, permille * self._permille, ticks)
 
     def _begin_streaming(self) -> None:
         if not self._clock_started:

@@ -47,7 +47,7 @@ def test_a_completed_run(result, finished):
     text = printed(result, finished[1])
     assert text.startswith("short on wafer-xy: completed, 5 sites in ")
     assert "x real time" in text
-    assert "bus.asc, recording.h5, report.html, summary.json" in text
+    assert "bus.asc, recording.h5, report.html, summary.json" in " ".join(text.split())
     assert "to continue" not in text
 
 
