@@ -18,7 +18,7 @@ from estimation.compiled import kernel
 def gauss_newton_step(  # type: ignore[no-untyped-def]
     curvature, slope, information, prior, value, lower, upper
 ):
-    """`gauss_newton_into` a step of its own: that, shape (n,), and its length."""
+    """`gauss_newton_into` that returns a new step, shape (n,), and its length."""
     step = np.empty(value.shape[0])
     length = gauss_newton_into(curvature, slope, information, prior, value, lower, upper, step)
     return step, length

@@ -32,7 +32,7 @@ class MoveData:
     disturbed: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
-        """Take samples of any type and layout: for another one kernels would be compiled anew."""
+        """Convert samples of any type and layout: kernels are compiled for one alone."""
         kinds = {"position": np.float64, "force": np.float64}
         for name, kind in (kinds | {"valid": np.bool_, "disturbed": np.bool_}).items():
             if getattr(self, name) is not None:

@@ -1,4 +1,4 @@
-"""What the sensors add to position and force."""
+"""Noise of position and force samples."""
 
 from __future__ import annotations
 

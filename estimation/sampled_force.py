@@ -1,4 +1,4 @@
-"""From the forces at SYNC to their means around it, which are what accelerates the axis.
+"""Mean forces around each SYNC, which accelerate the axis, from forces sampled at SYNC.
 
 The second difference of three positions is the mean of the acceleration over the two periods
 between them, weighted as a triangle. Force and friction have to be the same mean. That of a smooth
@@ -27,7 +27,7 @@ SMOOTH = 1.0 / 12.0
 
 
 def kink_share(period: float, tip: float) -> float:
-    """How much of its second difference to add to a force with kinks.
+    """Share of the second difference to add to a force with kinks.
 
     Args:
         period: of the samples [s].

@@ -1,4 +1,4 @@
-"""Has a level stepped? Page's two-sided cumulative sum over standardised surprises.
+"""Detects steps of a level: Page's two-sided cumulative sum of standardised innovations.
 
 S+ <- max(0, S+ + z - k), S- <- max(0, S- - z - k); an alarm where one passes h (E. S. Page,
 Biometrika 41, 1954). z is what a tracker did not expect over what it thought possible: standard
@@ -44,7 +44,7 @@ class StepDetector:
         return found
 
     def reset(self) -> None:
-        """Begin again."""
+        """Forget everything so far."""
         self.up = self.down = 0.0
 
 

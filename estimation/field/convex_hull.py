@@ -1,4 +1,4 @@
-"""The convex hull of places on the table, and the nearest point of it: where a map ends.
+"""The edge of a map: the convex hull of its sites, and the nearest point inside it.
 
 Andrew's monotone chain (A. M. Andrew, Information Processing Letters 9, 1979). One place, or all on
 a line, make a hull of no area.

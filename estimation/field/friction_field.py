@@ -57,7 +57,7 @@ KERNELS: dict[str, tuple[Kernel, float]] = {
 
 @dataclass(frozen=True, slots=True)
 class FieldSettings:
-    """What is believed of any table before its sites are looked at.
+    """Prior of the field, for any table.
 
     Attributes:
         length: correlation length, relative to the extent of the sites; median.
@@ -180,7 +180,7 @@ class FrictionField:
         return Prediction(np.exp(mean), np.sqrt(variance), outside <= 0.0)
 
     def value(self, places: F64) -> F64:
-        """The figure alone at these places [m], shapes (m, 2) and (m,): quick for many of them."""
+        """The mean alone at these places [m], shapes (m, 2) and (m,); fast for many places."""
         nearest, _ = self.hull.clamp(np.atleast_2d(np.asarray(places, np.float64)), self.edge)
         distance = _distances(nearest, self.places)
         mean = np.zeros(len(nearest))

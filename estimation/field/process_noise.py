@@ -1,4 +1,4 @@
-"""How fast a figure walks at random, from its history at several places.
+"""Random-walk rate of a figure, from its history at several places.
 
 Every place's series is a random walk of unknown rate, seen with noise of known size plus an unknown
 scatter that all series share. Rate and scatter are those that make the series most probable

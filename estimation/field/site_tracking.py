@@ -132,7 +132,7 @@ class SiteTracker:
         return len(self.mean) - 1
 
     def numbers(self) -> dict[str, F64]:
-        """Everything but `settings` and `time`, to be kept; `of_numbers` makes it whole again."""
+        """The state apart from `settings` and `time`, to be stored; `of_numbers` restores it."""
         step = self._last_step
         return {
             "mean": self.mean,
@@ -147,7 +147,7 @@ class SiteTracker:
     def of_numbers(
         cls, numbers: Mapping[str, F64], settings: TrackingSettings, time: float
     ) -> SiteTracker:
-        """A tracker as it stood when its `numbers` were taken.
+        """The tracker whose state `numbers` returned.
 
         Args:
             numbers: of it.
@@ -222,13 +222,13 @@ class SiteTracker:
         return mean, math.sqrt(max(float(row @ self.covariance @ row), 0.0))
 
     def off_map(self, site: int) -> tuple[float, float]:
-        """d_i and its standard deviation: by how much a site is off the map, common part apart."""
+        """d_i: a site's deviation from the map beyond the common change; and its sigma."""
         i = SITES + site
         return float(self.state[i]), math.sqrt(max(float(self.covariance[i, i]), 0.0))
 
     @property
     def common(self) -> tuple[float, float]:
-        """c, what all sites have changed by since the map, and its standard deviation."""
+        """c, the change since the map that all sites share, and its standard deviation."""
         return float(self.state[COMMON]), math.sqrt(float(self.covariance[COMMON, COMMON]))
 
     @property
@@ -286,7 +286,7 @@ class SiteTracker:
         return Observation(surprise, math.expm1(off), step, revoked)
 
     def _heavy_tailed(self, off: float, variance: float) -> tuple[float, float]:
-        """The normal z that is as unlikely as a measurement that may be astray; and that it is not.
+        """Equivalent normal z under the mixture with outliers; probability of no outlier.
 
         Args:
             off: measured minus expected.
@@ -304,7 +304,7 @@ class SiteTracker:
         return math.copysign(z, off), sound / (sound + astray)
 
     def _open(self, place: int, size: float) -> None:
-        """Doubt one entry of the state by as much as it may have stepped."""
+        """Increase the variance of one entry of the state by that of a step."""
         self.covariance[place, place] += size**2
 
     def _row(self, site: int, wander: bool) -> F64:

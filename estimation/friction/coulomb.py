@@ -87,7 +87,7 @@ def begin(law, figures, trace, forces, known, total):  # type: ignore[no-untyped
 
 @kernel()
 def resume(law, figures, trace, forces, slips):  # type: ignore[no-untyped-def]
-    """In the state given by `forces` [N] and `slips`, shapes (1,)."""
+    """Start in the state given by `forces` [N] and `slips`, shapes (1,)."""
     for row in range(ROWS):
         trace.total[row] = 0.0
     trace.total[FORCE] = forces[0]
@@ -96,13 +96,13 @@ def resume(law, figures, trace, forces, slips):  # type: ignore[no-untyped-def]
 
 @kernel()
 def slide(law, figures, trace, direction):  # type: ignore[no-untyped-def]
-    """Fast in `direction`."""
+    """Start sliding fast in `direction`."""
     step(law, figures, trace, 0.0, direction, 0.0, 0.0, 0.0)
 
 
 @kernel()
 def begin_zone(law, trace):  # type: ignore[no-untyped-def]
-    """An offset would not last."""
+    """Nothing to do: without internal forces an offset does not persist."""
 
 
 @kernel()
@@ -113,7 +113,7 @@ def leap(law, figures, trace, travel, direction, fast):  # type: ignore[no-untyp
 
 @kernel()
 def step(law, figures, trace, travel, direction, before, rise, time):  # type: ignore[no-untyped-def]
-    """The force is that of the speed [N]; nothing of what it was is left."""
+    """The force depends on the speed alone [N], not on its past."""
     for row in range(ROWS):
         trace.total[row] = 0.0
     trace.total[BY_COULOMB] = direction * (1.0 + figures.alpha * rise)
@@ -125,7 +125,7 @@ def step(law, figures, trace, travel, direction, before, rise, time):  # type: i
 
 @kernel()
 def release(law, figures, trace, direction):  # type: ignore[no-untyped-def]
-    """It sticks with the force it had; at rest that may become anything up to Fs [N]."""
+    """The axis sticks with its last force; at rest any force up to Fs is possible [N]."""
     slid = trace.sliding
     trace.total[BY_TURN] = 1.0
     trace.sliding = 0.0

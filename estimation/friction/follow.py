@@ -36,7 +36,7 @@ def follow_positions(  # type: ignore[no-untyped-def]
     law, figures, levels, forces, slipping, memory, position, velocity, substeps, band, force,
     jacobian,
 ):  # fmt: skip
-    """Drive a law through sampled positions (12 arguments: those of `follow`, as arrays).
+    """Evaluate a law along sampled positions (12 arguments: those of `follow`, as arrays).
 
     Args:
         law: its constants.

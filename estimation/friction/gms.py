@@ -100,7 +100,7 @@ def retained(law, rate, period):  # type: ignore[no-untyped-def]
 
 @kernel()
 def has_presliding(law):  # type: ignore[no-untyped-def]
-    """It does: elements that stick are springs."""
+    """True: elements that stick are springs."""
     return True
 
 
@@ -178,7 +178,7 @@ def begin(law, figures, trace, forces, known, total):  # type: ignore[no-untyped
 
 @kernel()
 def resume(law, figures, trace, forces, slips):  # type: ignore[no-untyped-def]
-    """With element forces [N] and slips as given, shapes (N,)."""
+    """Start with the given element forces [N] and slips, shapes (N,)."""
     for i in range(forces.shape[0]):
         for row in range(1, ROWS):
             trace.element[row, i] = 0.0
@@ -189,7 +189,7 @@ def resume(law, figures, trace, forces, slips):  # type: ignore[no-untyped-def]
 
 @kernel()
 def slide(law, figures, trace, direction):  # type: ignore[no-untyped-def]
-    """All slip, each with its share of Fc."""
+    """Start with all elements slipping, each at its share of Fc."""
     for i in range(law.elements):
         for row in range(1, ROWS):
             trace.element[row, i] = 0.0
@@ -202,7 +202,7 @@ def slide(law, figures, trace, direction):  # type: ignore[no-untyped-def]
 
 @kernel()
 def begin_zone(law, trace):  # type: ignore[no-untyped-def]
-    """An offset of all forces, by their shares, is an unknown from here on."""
+    """From here on an offset of all forces, in proportion to their shares, is an unknown."""
     _bring_up_to_date(law, trace)
     for i in range(law.elements):
         trace.element[BY_SLIP, i] = _share(law, i)
@@ -211,7 +211,7 @@ def begin_zone(law, trace):  # type: ignore[no-untyped-def]
 
 @kernel(forceinline=True)
 def leap(law, figures, trace, travel, direction, fast):  # type: ignore[no-untyped-def]
-    """A period at once while all stick (they are a spring), or all slip far above vs."""
+    """Take a whole period in one step while all stick (a spring) or all slip far above vs."""
     if trace.sliding == 1.0:
         if fast:
             _relax(figures, trace, direction, 0.0, figures.retained, figures.period)
@@ -236,7 +236,7 @@ def leap(law, figures, trace, travel, direction, fast):  # type: ignore[no-untyp
 
 @kernel()
 def step(law, figures, trace, travel, direction, before, rise, time):  # type: ignore[no-untyped-def]
-    """Every element by one displacement [m] within `time` [s]; see `FrictionLaw.step`."""
+    """Move every element by a displacement [m] within `time` [s]; see `FrictionLaw.step`."""
     n, element, alpha = law.elements, trace.element, figures.alpha
     curve = 1.0 + alpha * rise
     if rise == 0.0 and time == figures.period:
@@ -285,7 +285,7 @@ def step(law, figures, trace, travel, direction, before, rise, time):  # type: i
 
 @kernel()
 def _land(trace, i, figures, share, direction, before, rise, time, part, decay):  # type: ignore[no-untyped-def]
-    """Element i, which reaches its limit inside a step, that limit moving too (10 arguments: step).
+    """Element i reaches its limit, itself moving, inside the step (10 arguments: those of step).
 
     What is left of the step it slips, so that nothing jumps where the step it lands in changes.
     `part`: d force/d sigma0 of the whole step [m]; the others are those of `step`.
@@ -366,7 +366,7 @@ def _add_up(law, figures, trace):  # type: ignore[no-untyped-def]
 
 @kernel(forceinline=True)
 def _relax(figures, trace, direction, rise, decay, time):  # type: ignore[no-untyped-def]
-    """All slip for `time` [s]: go on with the map, and take the sums through it."""
+    """All slip for `time` [s]: extend the map, and apply it to the sums."""
     m, total, before = trace.map, trace.total, trace.before
     curve = 1.0 + figures.alpha * rise
     goal = direction * curve
@@ -398,7 +398,7 @@ def _relax(figures, trace, direction, rise, decay, time):  # type: ignore[no-unt
 
 @kernel()
 def _bring_up_to_date(law, trace):  # type: ignore[no-untyped-def]
-    """Take every element through the map, where all slip, and begin it anew."""
+    """Apply the map of the slipping elements to each of them, and start a new map."""
     if trace.sliding < 1.0:
         return
     m, element = trace.map, trace.element

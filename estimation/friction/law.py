@@ -1,4 +1,4 @@
-"""What a friction law is to everything else: a module with the names of `FrictionLaw`.
+"""The interface of a friction law: a module with the names of `FrictionLaw`.
 
 A law keeps internal forces whose sum is the friction force without its viscous part, and carries
 the derivatives of that sum along. Its compiled functions are reached through those below, which
@@ -53,7 +53,7 @@ class Figures(NamedTuple):
 
 
 class FrictionLaw(Protocol):
-    """What the module of a friction law has. All but `make_constants` and `count_states` compiled.
+    """A friction law's functions; all but `make_constants` and `count_states` compiled.
 
     `law` is an instance of the law's `Constants`, `trace` the record that `make_trace` makes.
     Forces are in N, and `forces` (with `slips`: which of them slide) the n internal ones.

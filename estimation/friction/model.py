@@ -1,4 +1,4 @@
-"""Friction laws by name, what they take of the figures of an axis, and what its friction remembers.
+"""Friction laws by name, their parameters from an axis' figures, and the friction state.
 
 Viscous friction sigma_v v is linear, the same in every law, and added by whoever uses the force.
 """
@@ -23,7 +23,7 @@ LAWS: dict[LawName, FrictionLaw] = {
 
 
 def make_constants(friction: FrictionFigures) -> Any:
-    """What compiled calls take of the law, see `FrictionLaw.Constants`."""
+    """The law's constants for compiled calls, see `FrictionLaw.Constants`."""
     law_of = LAWS[friction.law]
     return law_of.make_constants(
         friction.elements, friction.stribeck_velocity, friction.stribeck_shape
@@ -52,7 +52,7 @@ def breakaway_travel(friction: FrictionFigures) -> float:
 
 @dataclass(slots=True)
 class FrictionState:
-    """What an axis' friction remembers; changed in place as the axis moves.
+    """Internal state of an axis' friction; changed in place as the axis moves.
 
     Attributes:
         forces: internal forces of the law, F_i [N], shape (n,).

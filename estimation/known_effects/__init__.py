@@ -1,4 +1,4 @@
-"""What the host knows of an axis beside its friction, and how it is made up for.
+"""Known effects on an axis beside its friction, and their compensation.
 
 `inverses` says for each effect by name what it adds to the `KnownTerms` of its axis; the equations
 are the host's own, and share nothing with the simulator's.

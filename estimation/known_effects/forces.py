@@ -35,7 +35,7 @@ class Path(NamedTuple):
 
 @dataclass(slots=True)
 class ForceState:
-    """What known forces remember.
+    """Internal state of the known forces.
 
     Attributes:
         pulls: force of each hysteretic element [N], shape (n,).
@@ -73,7 +73,7 @@ class KnownForces:
             self._step = self._transition(period)
 
     def at_start(self) -> ForceState:
-        """Nothing pulls, nothing sways, nowhere."""
+        """Relaxed, at rest at position 0."""
         bases = len(self._terms.bases)
         return ForceState(
             np.zeros(len(self._limits)), np.array([math.nan]), np.zeros(2 * bases + 1)
@@ -103,7 +103,7 @@ class KnownForces:
             state.sway[:-1] = self._transition(duration)[0] @ state.sway[:-1]
 
     def sway(self, state: ForceState) -> float:
-        """Force of the bases now [N]."""
+        """Present force of the bases [N]."""
         return float(self._mass * (self._readout @ state.sway))
 
     def sway_at_rest(self, state: ForceState, count: int) -> F64:

@@ -1,4 +1,4 @@
-"""What each effect of the library is to the host: one function per effect, named like it.
+"""The host's compensation of each effect of the library: one function per effect, named like it.
 
 Each adds to the terms of its axis what its parameters mean (docs/formats/effects.md). They are
 found by the name that the effect declares; another package's effect names a function of its own

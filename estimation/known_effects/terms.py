@@ -1,4 +1,4 @@
-"""What is known of one axis, in the terms that the host can make up for.
+"""Known effects of one axis, in the terms that the host can compensate.
 
 An effect's inverse writes into these: several effects add up where they are forces, and multiply
 where they are factors. F_d is force against positive motion, as in docs/formats/effects.md.
@@ -31,7 +31,7 @@ class Base(NamedTuple):
 
 @dataclass(slots=True)
 class KnownTerms:
-    """Terms of one axis; as constructed, nothing is known.
+    """Terms of one axis; by default none.
 
     Attributes:
         mass: added to the moved mass [kg].

@@ -1,4 +1,4 @@
-"""The settling observer: what an axis lacks in force, from its position, from SYNC to SYNC.
+"""The settling observer: estimates an axis' disturbance force from its position at every SYNC.
 
 `loop` (the axis in its drive, linear), `model` (what the observer assumes, with its Kalman gain),
 `sensitivity` (of the whole loop), `design` (the largest gain that is safe), `filter`, `kernel` and

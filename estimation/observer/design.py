@@ -1,4 +1,4 @@
-"""The observer of one axis, designed from what is known of it: model, gain, limits."""
+"""Design of an axis' observer from its known figures: model, gain, limits."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Design:
 
     @property
     def time_constant(self) -> float:
-        """In which the correction follows the disturbance [s]; infinite without gain."""
+        """Time constant of the correction [s]; infinite without gain."""
         return self.figures.period / self.gain if self.gain else float("inf")
 
     @property

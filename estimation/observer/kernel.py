@@ -1,4 +1,4 @@
-"""What the observers of all axes do between two SYNCs, compiled.
+"""One step of the observers of all axes, between two SYNCs, compiled.
 
 At SYNC k the drive sampled its position and took over the setpoints of row k. Now the rows' next
 one is due: `step` corrects the prediction by the sample, predicts to the next SYNC with the offset
@@ -111,7 +111,7 @@ class State(NamedTuple):
 
 
 def make_observers(axes: int, states: int) -> Observers:
-    """Observers whose figures are still to be set."""
+    """Observers, their figures not yet set."""
     square = (axes, states, states)
     return Observers(
         np.zeros(axes, AXIS_DTYPE), np.zeros(square), np.zeros((axes, 3, states)), np.zeros(square)

@@ -1,4 +1,4 @@
-"""The observers of a stage's axes, from SYNC to SYNC."""
+"""The observers of a stage's axes, stepped at every SYNC."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Friction figures that single moves do not determine, from many of them; not time-critical.
+"""Friction figures that no single move determines, fitted to many moves; not time-critical.
 
 Stribeck curve, shape of the hysteresis and asymmetry: recorded positions and forces in, figures
 with sigma and verdict out. `identify` is the entry; `records` prepares the samples; `unknowns` has

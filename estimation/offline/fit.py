@@ -96,7 +96,7 @@ class Problem:
 
     @property
     def blocks(self) -> int:
-        """How many there are, those that do not count included."""
+        """Number of blocks, those that do not count included."""
         return len(self.counted)
 
     def solve(
@@ -107,7 +107,7 @@ class Problem:
         counted: Sequence[bool] | None = None,
         errors_in_variables: bool = False,
     ) -> Fit:
-        """A minimum over the free unknowns and all knots, from `q`.
+        """Find a minimum over the free unknowns and all knots, starting from `q`.
 
         Args:
             q: where to begin, in scales, shape (n,); what is not free stays there.
@@ -165,7 +165,7 @@ class Problem:
     def _descend(
         self, now: _Iterate, step: F64, moves: list[F64], counted: Sequence[bool]
     ) -> _Iterate | None:
-        """Where the step, halved until the cost does not rise, leads; None: it always does."""
+        """Take the step, halved until the cost does not rise; None where it always does."""
         for _ in range(HALVINGS):
             then = self._evaluate(self._shift(now.point, step, moves), counted)
             if then.cost <= now.cost * (1.0 + 1e-12):

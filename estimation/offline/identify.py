@@ -145,7 +145,7 @@ class Identification:
 
 @dataclass(frozen=True, slots=True)
 class _Estimate:
-    """What the samples give, unknown by unknown.
+    """Estimates from the samples, unknown by unknown.
 
     Attributes:
         fit: the minimum.
@@ -257,7 +257,7 @@ def _estimate(problem: Problem, free: NDArray[np.bool_], before: Fit) -> _Estima
 
 
 def _drop_undetermined(problem: Problem, found: _Estimate) -> _Estimate:
-    """The rest once more, with what the samples do not determine at its prior."""
+    """Estimate again, with what the samples do not determine held at its prior."""
     u, fit = problem.unknowns, found.fit
     determined = np.array([v in (ESTIMATED, TOGETHER) for v in found.verdicts])
     shared = np.hypot(find_sigma(u, fit, shared=True), found.by_mass)

@@ -53,7 +53,7 @@ _IN_MODEL = [COULOMB, STIFFNESS, RATE, ALPHA, VS, DELTA, ASYMMETRY]
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """What the residual is made of besides the model.
+    """Noise in the residual.
 
     Attributes:
         period: of the samples [s].
@@ -73,7 +73,7 @@ class Noise:
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """Where the residual is linearised.
+    """The point at which the residual is linearised.
 
     Attributes:
         q: unknowns in their scales, shape (n,).

@@ -150,7 +150,7 @@ def make_state(position: float, elements: int, knots: int, starts: int) -> State
 
 
 def make_prediction(samples: int, elements: int, knots: int, starts: int) -> Prediction:
-    """Room for the force at `samples` samples."""
+    """Workspace for the force at `samples` samples."""
     shapes = ((samples, n) for n in (7, elements, elements, knots, starts))
     return Prediction(np.empty(samples), *(np.empty(shape) for shape in shapes))
 

@@ -88,7 +88,7 @@ class Record:
 
 
 def joined(pieces: Sequence[Samples], period: float) -> list[Samples]:
-    """Pieces that follow one another without a gap, as one; overlapping samples once."""
+    """Join pieces that follow one another without a gap; overlapping samples count once."""
     result: list[Samples] = []
     for piece in pieces:
         if result:
@@ -157,7 +157,7 @@ def _ripple(demand: F64 | None, acceleration: F64, period: float) -> F64:
 
 @kernel()
 def _known(position, holes, travel):  # type: ignore[no-untyped-def]
-    """Where all elements have slipped since the start or the last hole, shape (M,).
+    """Whether all elements have slipped since the start or the last hole, shape (M,).
 
     `position` [m] and `holes`, shapes (M,); `travel`: in one direction after which all slip [m].
     """

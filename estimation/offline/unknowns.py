@@ -1,4 +1,4 @@
-"""What is estimated off line, with its prior and bounds.
+"""Unknowns of the off-line estimate, with priors and bounds.
 
 Names are those of the machine file where it has the figure. Inside the fit every unknown is divided
 by its scale, so that all of them are of order one.

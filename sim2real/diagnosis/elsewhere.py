@@ -1,4 +1,4 @@
-"""What a diagnosis is worth on recordings that took no part in it.
+"""Validates a diagnosis on recordings that took no part in it.
 
 The effects found are simulated there with the figures that they have; nothing is fitted again.
 """

@@ -1,4 +1,4 @@
-"""What is known of a gap before any effect is suspected: channels, floor, gap and its location.
+"""Examination before any effect is suspected: channels, floor, gap and its location.
 
 Also whether the recordings can support a diagnosis at all.
 """
@@ -70,7 +70,7 @@ PHASES = ("channels", "floor and gap", "where", "effects", "shapes", "held-out m
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Examination:
-    """What is known before any effect is suspected.
+    """Result of the examination.
 
     Attributes:
         recordings: by name.

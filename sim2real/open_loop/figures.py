@@ -1,4 +1,4 @@
-"""Figures that a machine file leaves unknown, found from the motion and its force.
+"""Figures that a machine file leaves unknown, fitted to the motion and its force.
 
 Least squares on the force in motion: mass times acceleration, Coulomb and viscous friction, beside
 a smooth force over position that is nobody's figure here (weight, springs). These are where the
@@ -29,7 +29,7 @@ _LEAST_FRICTION = 1e-6
 def fit_figures(
     motions: Sequence[Motion], settings: StageSettings, unknown: Mapping[str, Sequence[str]]
 ) -> StageSettings:
-    """The settings with unknown figures as the recordings have them.
+    """The settings with unknown figures fitted to the recordings.
 
     Args:
         motions: of the recordings.
@@ -60,7 +60,7 @@ def with_figures(axis: AxisSettings, figures: Mapping[str, float]) -> AxisSettin
 def _fit_axis(
     motions: Sequence[Motion], axis: AxisSettings, names: Sequence[str], others: Sequence[str]
 ) -> AxisSettings:
-    """The axis with these figures as found; `others` are all that are unknown."""
+    """The axis with these figures fitted; `others` are all that are unknown."""
     rows, targets = [], []
     reach = max(float(np.abs(m.axes[axis.name].position).max()) for m in motions)
     own = {"mass": axis.mass, "coulomb": axis.friction.coulomb, "viscous": axis.friction.viscous}

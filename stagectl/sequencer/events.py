@@ -16,7 +16,7 @@ class DriveLimited:
 
 @dataclass(frozen=True, slots=True)
 class EffectLeft:
-    """The host does not make up for an effect of its machine file; `text` says why."""
+    """The host does not compensate an effect of its machine file; `text` says why."""
 
     text: str
 

@@ -1,4 +1,4 @@
-"""Samples of a move as the feedforward is judged by: demand, position, correction of each axis."""
+"""What the feedforward learns from: demand, position and correction of each axis in a move."""
 
 from __future__ import annotations
 
