@@ -188,8 +188,8 @@ def calibrate(database: str, seed: int) -> dict[str, tuple[float, float]]:
     generator = np.random.default_rng(seed)
     unseen = generator.uniform(-0.05, 0.05, (500, 2))
     errors = {}
-    for a, (name, axis) in enumerate(built.axes.items()):
-        found = axis.field().at(unseen)
+    for a, name in enumerate(machine.axes):
+        found = built.axes[name].field().at(unseen)
         true = coulomb[name] * table.level(a, unseen)
         low, high = found.band()
         errors[name] = (

@@ -61,7 +61,7 @@ def build_map(
     for entry in measured:
         by_axis.setdefault(entry.axis, []).append(entry)
     axes: dict[str, MapAxis] = {}
-    for axis, entries in by_axis.items():
+    for axis, entries in sorted(by_axis.items()):
         places = {entry.place for entry in entries}
         if len(places) < LEAST_SITES:
             continue

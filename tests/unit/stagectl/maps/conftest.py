@@ -30,7 +30,9 @@ def level(axis, place):
     return (6.0 if axis == "x" else 9.0) * (1.0 + 0.15 * wave)
 
 
-def calibrate(history, at=BEGIN, spot=None, everywhere=1.0, sites=GRID, seed=1, falls=0.0):
+def calibrate(
+    history, at=BEGIN, spot=None, everywhere=1.0, sites=GRID, seed=1, falls=0.0, axes="xy"
+):
     """A calibration as the history has it: four moves a site, 1 % wander."""
     generator = np.random.default_rng(seed)
     number = history.start_run(
@@ -39,13 +41,14 @@ def calibrate(history, at=BEGIN, spot=None, everywhere=1.0, sites=GRID, seed=1, 
     rows = []
     for i, place in enumerate([*sites, sites[0]]):
         for k in range(4):
-            for axis in "xy":
+            for later, axis in enumerate(axes):
                 value = level(axis, place) * everywhere * (1.2 if place == spot else 1.0)
                 value *= 1.0 - falls * (3 * i + 0.6 * k)
                 shown = value * (1.0 + 0.01 * generator.standard_normal())
+                when = at + 3 * i + 0.6 * k + 0.1 * later
                 rows.append(
                     EstimateRecord(
-                        number, axis, "other", i + 1, place, at + 3 * i + 0.6 * k, 1e-3, True,
+                        number, axis, "other", i + 1, place, when, 1e-3, True,
                         None, {"coulomb": value, "viscous": 20.0}, (0.01, 0, 0, 0.1), 1.0,
                         (shown, 0.003 * value),
                     )

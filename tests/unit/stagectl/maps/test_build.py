@@ -27,6 +27,11 @@ def test_a_map_knows_its_sites_and_places_between_them(history):
         assert axis.figures["viscous"][0] == 20.0
 
 
+def test_axes_are_in_order_whichever_was_measured_first(history):
+    calibrate(history, axes="yx")
+    assert list(build_map(history, STAGE).axes) == ["x", "y"]
+
+
 @pytest.mark.parametrize("falls", [0.0, 1e-3])
 def test_drift_during_a_calibration_is_not_mistaken_for_a_tilt(history, falls):
     """8 % in the 78 s from the first row of sites to the last; the first site is seen again."""
