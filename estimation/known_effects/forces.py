@@ -12,13 +12,14 @@ taken to be linear, for which the step is exact.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from estimation.compiled import kernel
 from estimation.known_effects.terms import F64, KnownTerms
+from stagedata import FrictionFigures
 
 
 class Path(NamedTuple):
@@ -59,11 +60,15 @@ class KnownForces:
     Args:
         terms: of the axis.
         mass: moved, the known addition included [kg].
+        friction: figures of the machine file, which effects relative to friction refer to.
         period: of the samples of a path [s].
     """
 
-    def __init__(self, terms: KnownTerms, mass: float, period: float) -> None:
+    def __init__(
+        self, terms: KnownTerms, mass: float, friction: FrictionFigures, period: float
+    ) -> None:
         self._terms, self._mass, self._period = terms, mass, period
+        self._friction = replace(friction, viscous=friction.viscous * terms.viscous)
         self._limits = np.array([force for force, _ in terms.hysteresis], np.float64)
         self._stiffness = np.array([stiffness for _, stiffness in terms.hysteresis], np.float64)
         self._flow, self._readout = _base_dynamics(terms)
@@ -87,6 +92,8 @@ class KnownForces:
             force = force + curve(path.position)
         for curve in terms.velocity_forces:
             force = force + curve(path.velocity)
+        for friction_curve in terms.friction_forces:
+            force = force + friction_curve(path.velocity, self._friction)
         if len(self._limits):
             pull = np.empty(len(path.position))
             _drag(np.ascontiguousarray(path.position), self._limits, self._stiffness, state.pulls,

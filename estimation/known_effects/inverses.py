@@ -14,6 +14,7 @@ import numpy as np
 
 from estimation.known_effects.random_field import random_field
 from estimation.known_effects.terms import F64, Base, KnownTerms
+from stagedata import FrictionFigures
 
 Values = Mapping[str, float]
 
@@ -94,6 +95,17 @@ def friction_spot(terms: KnownTerms, values: Values) -> None:
     terms.table_factors.append(factor)
 
 
+def low_speed_friction(terms: KnownTerms, values: Values) -> None:
+    """Force in proportion to Fc that dies out with speed."""
+
+    def force(velocity: F64, friction: FrictionFigures) -> F64:
+        share = np.asarray(velocity) / values["speed"]
+        shape = np.tanh(5.0 * share) * np.exp(-np.abs(share))
+        return np.asarray(friction.coulomb * values["ratio"] * shape)
+
+    terms.friction_forces.append(force)
+
+
 def presliding_stiffness(terms: KnownTerms, values: Values) -> None:
     """Factor on sigma0."""
     terms.stiffness *= values["ratio"]
@@ -108,6 +120,13 @@ def thermal_drift(terms: KnownTerms, values: Values) -> None:
     """Factor on Fc that decays from the first SYNC on."""
     amplitude, constant = values["amplitude"], values["time_constant"]
     terms.time_factors.append(lambda t: 1.0 + amplitude * np.exp(-np.asarray(t) / constant))
+
+
+def viscous_asymmetry(terms: KnownTerms, values: Values) -> None:
+    """sigma_v (1 ± ratio), plus forwards: besides sigma_v v a force against either motion."""
+    terms.friction_forces.append(
+        lambda velocity, friction: friction.viscous * values["ratio"] * np.abs(velocity)
+    )
 
 
 def viscous_damping(terms: KnownTerms, values: Values) -> None:

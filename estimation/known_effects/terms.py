@@ -14,9 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stagedata import FrictionFigures
+
 F64 = NDArray[np.float64]
 Curve = Callable[[F64], F64]
 """A function of positions [m], velocities [m/s] or times [s], of any shape; returns the same."""
+FrictionCurve = Callable[[F64, FrictionFigures], F64]
+"""A function of velocities [m/s], relative to friction figures; returns the same shape."""
 Surface = Callable[[F64, F64], F64]
 """A function of positions of this axis and of the other one [m], of one shape."""
 
@@ -44,6 +48,7 @@ class KnownTerms:
         gains: factors on the force on the carriage over position, after saturation.
         forces: disturbance forces over position [N].
         velocity_forces: disturbance forces over velocity [N].
+        friction_forces: those relative to the machine file's friction figures [N].
         hysteresis: elements (force [N], stiffness [N/m]): dH = stiffness dx within ± force.
         coupled_mass: disturbance force per acceleration of the other axis [kg].
         bases: under the axis.
@@ -64,6 +69,7 @@ class KnownTerms:
     gains: list[Curve] = field(default_factory=list)
     forces: list[Curve] = field(default_factory=list)
     velocity_forces: list[Curve] = field(default_factory=list)
+    friction_forces: list[FrictionCurve] = field(default_factory=list)
     hysteresis: list[tuple[float, float]] = field(default_factory=list)
     coupled_mass: float = 0.0
     bases: list[Base] = field(default_factory=list)
@@ -83,6 +89,7 @@ class KnownTerms:
         return bool(
             self.forces
             or self.velocity_forces
+            or self.friction_forces
             or self.hysteresis
             or self.coupled_mass
             or self.bases

@@ -51,7 +51,8 @@ class LowSpeedFriction(Effect):
         "speed; a low level there calls for less compensation at reversals."
     )
     compensation = Compensation(
-        "the friction model has no such curve; the observer corrects what it leaves",
+        "fed forward along the planned path",
+        "estimation.known_effects.inverses:low_speed_friction",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

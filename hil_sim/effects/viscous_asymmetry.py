@@ -39,7 +39,8 @@ class ViscousAsymmetry(Effect):
         "and the alignment of screw and nut."
     )
     compensation = Compensation(
-        "the friction model has one viscous coefficient, which follows the last moves",
+        "fed forward along the planned path",
+        "estimation.known_effects.inverses:viscous_asymmetry",
     )
 
     def apply(self, ports: EffectPorts, parameters: Mapping[str, float]) -> None:

@@ -61,7 +61,7 @@ def identify_axis(
             machine file has another friction law than gms.
     """
     axis, period = machine.axes[name], machine.bus.sync_period
-    friction = axis.plant.friction.figures
+    friction = stated = axis.plant.friction.figures
     if not friction.has("stiffness"):
         key = f"axes.{name}.plant.friction.model"
         raise UnusableInput(
@@ -84,7 +84,7 @@ def identify_axis(
         except ValueError as error:
             raise UnusableInput(f"{where}: {error}") from error
         if terms is not None:
-            known = KnownAxis(terms, number, axis.plant.mass, period, 0.0, 0.0, peak)
+            known = KnownAxis(terms, number, axis.plant.mass, stated, period, 0.0, 0.0, peak)
             new = [
                 _without_known(piece, known, _paths(recording, machine, piece[0].time - offset))
                 for piece in new

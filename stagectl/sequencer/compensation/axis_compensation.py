@@ -119,8 +119,9 @@ class AxisCompensation:
         if terms is not None:
             lead = period - drive.control_period
             self.known = KnownAxis(
-                terms, number, axis.plant.mass, period, lead, ahead, drive.peak_force
-            )
+                terms, number, axis.plant.mass, axis.plant.friction.figures,
+                period, lead, ahead, drive.peak_force,
+            )  # fmt: skip
 
     def observe(self, design: Design) -> None:
         """From now on an observer of this design corrects the offsets."""

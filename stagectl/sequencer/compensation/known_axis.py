@@ -24,6 +24,7 @@ from estimation.known_effects import (
 )
 from estimation.move import MoveData
 from estimation.trajectory import Trajectory
+from stagedata import FrictionFigures
 
 SAMPLES_BEFORE_MOVE = 2
 """Samples at rest at the start of a move's record; they end the record before it, too."""
@@ -41,6 +42,7 @@ class KnownAxis:
         terms: what is known.
         number: of the axis, in arrays of positions.
         mass: moved, with what is known of it [kg].
+        friction: figures of the machine file.
         period: Ts [s].
         lead: from the last sample before a move to the demand's time 0 [s].
         ahead: how much earlier than its effect a force is to be sent [s].
@@ -58,6 +60,7 @@ class KnownAxis:
         terms: KnownTerms,
         number: int,
         mass: float,
+        friction: FrictionFigures,
         period: float,
         lead: float,
         ahead: float,
@@ -65,7 +68,7 @@ class KnownAxis:
     ) -> None:
         self.terms = terms
         self._own, self._other = number, -1 - number
-        self._forces = KnownForces(terms, mass, period)
+        self._forces = KnownForces(terms, mass, friction, period)
         self._period, self._lead, self.ahead, self.peak = period, lead, ahead, peak
         self.local = 1.0
         self.varies = False

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from estimation.known_effects import Base, KnownForces, KnownTerms, Path, directions
+from stagedata import FrictionFigures
 
 TS = 1e-3
 MASS = 14.0
+FRICTION = FrictionFigures(10, 6.0, 20.0, 6e5, 100.0, 0.2, 1e-3, 2.0)
 
 
 def path(position, acceleration=None, across=None):
@@ -23,7 +25,7 @@ def path(position, acceleration=None, across=None):
 
 
 def test_an_element_stretches_slides_and_turns():
-    forces = KnownForces(KnownTerms(hysteresis=[(1.0, 2000.0)]), MASS, TS)
+    forces = KnownForces(KnownTerms(hysteresis=[(1.0, 2000.0)]), MASS, FRICTION, TS)
     state = forces.at_start()
     there = path([0.1, 0.1002, 0.1005, 0.12, 0.1199, 0.119, 0.05])
     np.testing.assert_allclose(
@@ -34,11 +36,11 @@ def test_an_element_stretches_slides_and_turns():
 
 
 def test_several_elements_add_up():
-    both = KnownForces(KnownTerms(hysteresis=[(1.0, 2000.0), (0.5, 4000.0)]), MASS, TS)
+    both = KnownForces(KnownTerms(hysteresis=[(1.0, 2000.0), (0.5, 4000.0)]), MASS, FRICTION, TS)
     way = path(np.linspace(0.0, 1e-3, 11))
     total = both.along(way, both.at_start())
     parts = [
-        KnownForces(KnownTerms(hysteresis=[element]), MASS, TS)
+        KnownForces(KnownTerms(hysteresis=[element]), MASS, FRICTION, TS)
         for element in ((1.0, 2000.0), (0.5, 4000.0))
     ]
     np.testing.assert_allclose(total, sum(p.along(way, p.at_start()) for p in parts))
@@ -72,7 +74,7 @@ def integrated(bases, acceleration, fine=2000):
 )
 def test_a_base_swings_as_its_equation_says(bases):
     acceleration = np.concatenate((np.full(20, 3.0), np.full(20, -3.0), np.zeros(40)))
-    forces = KnownForces(KnownTerms(bases=bases), MASS, TS)
+    forces = KnownForces(KnownTerms(bases=bases), MASS, FRICTION, TS)
     state = forces.at_start()
     found = forces.along(path(np.zeros(80), acceleration), state)
     expected = integrated(bases, acceleration)
@@ -89,10 +91,20 @@ def test_a_base_swings_as_its_equation_says(bases):
 
 def test_acceleration_of_the_other_axis_and_velocity():
     terms = KnownTerms(coupled_mass=0.4, velocity_forces=[lambda v: 50.0 * v * np.abs(v)])
-    forces = KnownForces(terms, MASS, TS)
+    forces = KnownForces(terms, MASS, FRICTION, TS)
     across = np.array([0.0, 2.0, -2.0])
     way = path(np.array([0.0, 1e-4, 2e-4]), across=across)
     np.testing.assert_allclose(forces.along(way, forces.at_start()), 0.4 * across + 0.5)
+
+
+def test_friction_over_velocity_goes_with_the_stated_figures_and_known_factors():
+    terms = KnownTerms(
+        viscous=1.5,
+        friction_forces=[lambda v, friction: friction.coulomb + friction.viscous * np.abs(v)],
+    )
+    forces = KnownForces(terms, MASS, FRICTION, TS)
+    way = path(np.array([0.0, 1e-4, 2e-4]))
+    np.testing.assert_allclose(forces.along(way, forces.at_start()), 6.0 + 1.5 * 20.0 * 0.1)
 
 
 def test_directions_ignore_noise():

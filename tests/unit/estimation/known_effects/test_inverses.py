@@ -111,6 +111,18 @@ def test_tables_over_position_and_velocity():
     assert not level.has_coulomb_factor
 
 
+@pytest.mark.parametrize("name", ["low_speed_friction", "viscous_asymmetry"])
+def test_friction_over_velocity_goes_with_the_figures(name):
+    values = drawn(name)
+    ports, terms = ports_of(name, values), terms_of(name, values)
+    assert terms.has_forces
+    (force,) = terms.friction_forces
+    figures = load_machine().axes["x"].plant.friction.figures
+    np.testing.assert_allclose(force(ports.velocities, figures), ports.velocity_force, atol=1e-12)
+    twice = force(ports.velocities, figures.scaled(2.0))
+    np.testing.assert_allclose(twice, 2.0 * ports.velocity_force, atol=1e-12)
+
+
 def test_figures():
     terms = KnownTerms()
     for name, key in (

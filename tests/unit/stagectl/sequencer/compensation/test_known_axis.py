@@ -7,14 +7,16 @@ from estimation.known_effects import Base, KnownTerms
 from estimation.move import MoveData
 from estimation.trajectory import Limits, plan
 from stagectl.sequencer.compensation.known_axis import SAMPLES_BEFORE_MOVE, KnownAxis
+from stagedata import FrictionFigures
 
 TS, TC, AHEAD, MASS = 1e-3, 1e-4, 1.56e-4, 14.0
+FRICTION = FrictionFigures(10, 6.0, 20.0, 6e5, 100.0, 0.2, 1e-3, 2.0)
 LIMITS = Limits(0.5, 3.0, 200.0)
 STILL = plan(0.0, 0.0, LIMITS)
 
 
 def known(**terms):
-    return KnownAxis(KnownTerms(**terms), 0, MASS, TS, TS - TC, AHEAD, 120.0)
+    return KnownAxis(KnownTerms(**terms), 0, MASS, FRICTION, TS, TS - TC, AHEAD, 120.0)
 
 
 def positions(motion, rest=20):
