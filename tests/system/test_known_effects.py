@@ -134,6 +134,7 @@ def test_what_no_effect_explains_is_compensated_in_the_next_run(stagectl, recipe
         "{effect: dead_time, delay: 0.0005}",
         "{effect: cross_coupling, mass: 0.375}",
         "{effect: base_motion, frequency: 10, damping: 0.08, mass_ratio: 0.03}",
+        "{effect: low_speed_friction, ratio: 0.5, speed: 0.01}",
     ],
     ids=lambda effect: effect.split(",")[0].split()[-1],
 )
