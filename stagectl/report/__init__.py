@@ -4,8 +4,8 @@ The pages of friction maps and calibrations, in rooms above, are rendered with t
 Those of diagnoses are in `gap`, which takes all of `sim2real`: nothing here imports it.
 """
 
-from stagectl.report.content import friction_map_used
 from stagectl.report.ending import interruption, resume_command, verdict
+from stagectl.report.facts import friction_map_used
 from stagectl.report.page import write_report
 from stagectl.report.render import render_template
 from stagectl.report.svg import Line, Panel, Span, draw, ticks

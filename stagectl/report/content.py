@@ -153,16 +153,6 @@ def _settling(summary: Summary) -> str:
     )
 
 
-def friction_map_used(summary: Summary) -> str:
-    """Which friction map the run went by, in words."""
-    if summary.get("map") is None:
-        if summary["compensation"] != "estimated":
-            return f"none (compensation {summary['compensation']})"
-        return "none"
-    comment = summary.get("map_comment")
-    return f"map {summary['map']}" + (f" ({comment})" if comment else "")
-
-
 def outcome_notice(summary: Summary) -> Notice:
     """How the run ended, for the badge in the header."""
     outcome = str(summary["outcome"])

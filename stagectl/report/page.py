@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from stagectl.report import content
+from stagectl.report import content, facts
 from stagectl.report.ending import resume_command
 from stagectl.report.render import render_template, script_json
 from stagectl.report.traces import chart_data
@@ -54,7 +54,8 @@ def render_report(
         outcome=content.outcome_notice(summary),
         verdict=content.verdict_notice(summary),
         resume=resume_command(summary),
-        friction_map=content.friction_map_used(summary),
+        friction_map=facts.friction_map_used(summary),
+        learned_feedforward=facts.learned_feedforward(summary),
         notices=content.notices(summary),
         rows=content.result_rows(summary, axes),
         refused=content.refused_estimates(summary),

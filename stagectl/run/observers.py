@@ -9,7 +9,7 @@ from estimation.observer import Design, StageObserver
 from stagectl.config.machine import Machine
 from stagectl.config.settings.observer import design_observers, make_observer
 from stagectl.run.record import RunRecord
-from stagectl.sequencer import AxisCompensation, ObservedOffsets
+from stagectl.sequencer import AxisCompensation, Mode, ObservedOffsets
 
 
 class Observers:
@@ -58,6 +58,15 @@ class Observers:
             for name, compensation in axes
             for clause in compensation.acceleration.describe()
         ]
+
+    def learned(self) -> dict[str, dict[str, float]]:
+        """What is fed forward now besides the machine file's, of each axis that learns it."""
+        axes = zip(self._machine.axes, self._compensation, strict=True)
+        return {
+            name: axis.acceleration.figures()
+            for name, axis in axes
+            if axis.observed and axis.mode is Mode.ESTIMATED
+        }
 
     def failures(self) -> list[str]:
         """What the operator should know of observers that ended early."""

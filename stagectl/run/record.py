@@ -142,6 +142,10 @@ class RunRecord:
                 observers[name] = {"on": False, "reason": why}
         self.journal.event("observer", axes=observers)
 
+    def note_feedforward(self, learned: Mapping[str, Mapping[str, float]]) -> None:
+        """Note what each axis feeds forward besides the machine file's mass, lead and coupling."""
+        self.journal.event("feedforward", axes={name: dict(of) for name, of in learned.items()})
+
     def note_move(self, move: Move) -> None:
         """Note a move, before its first sample."""
         self._moves += 1

@@ -135,6 +135,7 @@ class Session:
                         record.note_limitations(
                             (*self._observers.failures(), *self._observers.findings())
                         )
+                        record.note_feedforward(self._observers.learned())
                 listener.phase("disabling")
                 stage.disable()
         except DriverError as error:

@@ -114,6 +114,7 @@ def _facts(
         map_comment=run.get("map_comment", ""),
         effects=tuple(run.get("effects", ())),
         observer=_last(notes, "observer").get("axes", {}),
+        feedforward=_last(notes, "feedforward").get("axes", {}),
         steps=tuple(
             {key: e[key] for key in _STEP} for e in notes.events if e["event"] == "level_stepped"
         ),

@@ -101,6 +101,8 @@ class RunFacts:
         interrupted: where and why it ended early, likewise, or None.
         observer: axis -> whether its force offsets were corrected by an observer, with its gain
             and time constant [s], or the reason why not; empty in a run without.
+        feedforward: axis -> what it feeds forward at the end of the run besides the machine file's
+            mass, lead and coupling, as in docs/formats/run.md; empty where nothing learns it.
     """
 
     recipe: str
@@ -127,6 +129,7 @@ class RunFacts:
     limits: Mapping[str, object] | None = None
     interrupted: Mapping[str, object] | None = None
     observer: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
+    feedforward: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
 
 
 def build_summary(
@@ -188,6 +191,8 @@ def build_summary(
     summary |= {key: value for key, value in optional.items() if value is not None}
     if facts.observer:
         summary["observer"] = {axis: dict(figures) for axis, figures in facts.observer.items()}
+    if facts.feedforward:
+        summary["feedforward"] = {axis: dict(of) for axis, of in facts.feedforward.items()}
     if facts.steps:
         summary["steps"] = [dict(step) for step in facts.steps]
     if facts.effects:

@@ -72,17 +72,21 @@ def test_effects_that_the_host_does_not_know(run, machine):
 
 
 LACKING = {
-    "payload_mass": ({"mass": 0.72}, "acceleration takes 8.8 %", 8),
-    "dead_time": ({"delay": 5e-4}, "force acts 0.4", 20),
-    "cross_coupling": ({"mass": 0.26}, "the other axis' acceleration acts on 3.", 20),
+    "payload_mass": ({"mass": 0.72}, "acceleration takes 8.8 %", "mass", 8),
+    "dead_time": ({"delay": 5e-4}, "force acts 0.4", "lead", 20),
+    "cross_coupling": ({"mass": 0.26}, "the other axis' acceleration acts on 3.", "coupling", 20),
 }
-"""Effect on x -> its parameters, what the run says of it, macro-moves' mean to 50 nm at most [ms].
+"""Effect on x -> its parameters, what the run says of it, the figure that it is taken for, and
+macro-moves' mean to 50 nm at most [ms].
 Not learned, x needs 26, 28 and 109 ms."""
+
+
+SCALE = {"mass": 0.3, "lead": 1e-3, "coupling": 0.3}
 
 
 @pytest.mark.parametrize("effect", LACKING)
 def test_what_the_planned_force_lacks_is_learned(run, machine, effect):
-    values, said, most = LACKING[effect]
+    values, said, figure, most = LACKING[effect]
     axes = dict(machine.axes)
     axes["x"] = axes["x"].model_copy(update={"effects": (Effect(effect, values),)})
     result = run("estimated", 1, 0.5, truth=machine.model_copy(update={"axes": axes}))
@@ -90,6 +94,8 @@ def test_what_the_planned_force_lacks_is_learned(run, machine, effect):
     assert mean(1e3 * m["settling"]["5e-08"] for m in late if m["axis"] == "x") <= most
     [notice] = [n for n in result.notices if "fed forward" in n]
     assert notice.startswith(f"axis x: {said}")
+    learned = result.summary["feedforward"]["x"]
+    assert max(learned, key=lambda name: abs(learned[name] / SCALE[name])) == figure
 
 
 def test_what_is_as_in_the_machine_file_is_not(run):
@@ -99,6 +105,7 @@ def test_what_is_as_in_the_machine_file_is_not(run):
 def test_without_it_nothing_is_corrected(run, tmp_path):
     summary = run("model", observer=False, folder=tmp_path / "run").summary
     assert "observer" not in summary
+    assert "feedforward" not in summary
     assert "integrator holds" not in (tmp_path / "run" / "report.html").read_text()
 
 

@@ -56,9 +56,14 @@ class AccelerationForce:
         """What moves have shown to be missing from the machine file's."""
         return self._learned
 
+    def figures(self) -> dict[str, float]:
+        """What is fed forward besides the machine file's: share of the mass, lead [s], coupling."""
+        mass, lead, coupling = self._learned.fed.tolist()
+        return {"mass": mass, "lead": lead, "coupling": coupling}
+
     def describe(self) -> list[str]:
         """What is fed forward that the machine file does not have, as clauses."""
-        mass, lead, coupling = self._learned.fed.tolist()
+        mass, lead, coupling = self.figures().values()
         found = []
         if abs(mass) > REPORTED[MASS]:
             more = f"{100.0 * abs(mass):.1f} % {'more' if mass > 0.0 else 'less'}"

@@ -22,19 +22,6 @@ def test_times_in_milliseconds(seconds: float, text: str):
     assert content.format_milliseconds(seconds) == text
 
 
-@pytest.mark.parametrize(
-    ("facts", "text"),
-    [
-        ({"map": 3, "map_comment": "after service"}, "map 3 (after service)"),
-        ({"map": 3}, "map 3"),
-        ({}, "none"),
-        ({"map": None, "compensation": "model"}, "none (compensation model)"),
-    ],
-)
-def test_the_friction_map_of_a_run_in_words(facts: dict[str, Any], text: str):
-    assert content.friction_map_used({"compensation": "estimated", **facts}) == text
-
-
 def test_interrupted_moves_are_not_in_the_table(summary: dict[str, Any]):
     moves = [{**move, "completed": False} for move in summary["moves"] if move["axis"] == "x"]
     moves += [move for move in summary["moves"] if move["axis"] == "y"]
