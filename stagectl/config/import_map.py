@@ -23,6 +23,11 @@ UNITS = {
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9,
 }  # fmt: skip
 """Units of columns, in SI units. A rotary axis has rad for m, N m for N and kg m^2 for kg."""
+SPEEDS = {
+    "m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0, "mm/min": 1e-3 / 60.0,
+    "rad/s": 1.0, "deg/s": math.pi / 180.0, "rev/s": 2.0 * math.pi, "rpm": math.pi / 30.0,
+}  # fmt: skip
+"""Units of a velocity that is integrated to a position."""
 BY_FACTOR = ("A", "V")
 """Units that need a factor [N or N m per unit]."""
 OF_THE_AXIS = ("counts", "%", "permille")
@@ -33,14 +38,14 @@ def unit_factor(unit: str | None, axis: Axis | None) -> float:
     """SI units per unit of a column.
 
     Args:
-        unit: a key of `UNITS`, or one of `BY_FACTOR` or `OF_THE_AXIS`; None: SI.
+        unit: a key of `UNITS` or `SPEEDS`, or one of `BY_FACTOR` or `OF_THE_AXIS`; None: SI.
         axis: that the column belongs to, None for the time.
     """
     if unit == "counts" and axis is not None:
         return axis.encoder.increment
     if unit in ("%", "permille") and axis is not None:
         return axis.drive.rated_force / (100.0 if unit == "%" else 1000.0)
-    return 1.0 if unit is None or unit in BY_FACTOR else UNITS[unit]
+    return 1.0 if unit is None or unit in BY_FACTOR else (UNITS | SPEEDS)[unit]
 
 
 class Column(Section):
@@ -54,6 +59,8 @@ class Column(Section):
         delay: samples by which to shift it later.
         optional: use zeros if the data do not have the column.
         file: a key of `files` where it is not in DATA itself.
+        wrap: the values begin anew after this much, in their unit: 360 for an angle in degrees.
+        integrate: a velocity, whose integral is the position from 0 on.
     """
 
     column: Name | StrictInt
@@ -63,6 +70,8 @@ class Column(Section):
     delay: StrictInt = 0
     optional: StrictBool = False
     file: Name | None = None
+    wrap: Annotated[Number, Field(gt=0.0)] | None = None
+    integrate: StrictBool = False
 
 
 class OtherFile(Section):
@@ -134,13 +143,17 @@ def load_map(path: Path) -> tuple[ImportMap, Machine]:
         for name in machine.axes
         if name not in found.axes
     ]
-    known = {*UNITS, *BY_FACTOR, *OF_THE_AXIS}
     for name, axis in found.axes.items():
         for channel in ("position_demand", "position_actual", "force_actual", "force_offset"):
             column = getattr(axis, channel)
             if column is None:
                 continue
             place = ("axes", name, channel)
+            if column.integrate and not channel.startswith("position"):
+                text = "only a velocity that stands for a position is integrated"
+                problems.append(document.problem((*place, "integrate"), text))
+                continue
+            known = {*(SPEEDS if column.integrate else UNITS), *BY_FACTOR, *OF_THE_AXIS}
             if column.unit is not None and column.unit not in known:
                 text = f"unknown unit {column.unit!r}; known: {', '.join(sorted(known))}"
                 problems.append(document.problem((*place, "unit"), text))

@@ -1,25 +1,20 @@
-"""Columns of data files of other programs: MATLAB (4 to 7 by scipy, 7.3 as HDF5) and text.
-
-Text files may begin with other lines, have a second line of header with units, text columns beside
-the numbers, and any of , ; tab or blanks between cells; with ; a comma may be the decimal point.
-"""
+"""Columns of data files of other programs, MATLAB and text."""
 
 from __future__ import annotations
 
-import csv
-import re
-from collections import Counter
-from collections.abc import Sequence
+from datetime import datetime
 from pathlib import Path
 
-import h5py
 import numpy as np
 import numpy.typing as npt
 
 from stagectl.errors import UnusableInput
+from stagectl.store.matlab_file import read_matlab
+from stagectl.store.text_table import read_table, to_number
 
 FloatArray = npt.NDArray[np.float64]
 TEXT_FILES = (".csv", ".txt", ".tsv", ".dat", ".log")
+_MOST_NAMES = 60
 
 
 class Columns:
@@ -39,9 +34,10 @@ class Columns:
         self.path = path
         self._numbers: dict[str, FloatArray] = {}
         self._not_numbers: dict[str, str] = {}
+        self._texts: dict[str, list[str]] = {}
         suffix = path.suffix.lower()
         if suffix == ".mat":
-            self._numbers = _hdf5(path) if h5py.is_hdf5(path) else _matlab(path)
+            self._numbers = read_matlab(path)
         elif suffix in TEXT_FILES:
             self._read_text(preamble)
         else:
@@ -62,109 +58,50 @@ class Columns:
         if name in self._not_numbers:
             raise UnusableInput(f"{self.path}: {self._not_numbers[name]}")
         if name not in self._numbers:
-            has = ", ".join(sorted(self._numbers)) or "none with numbers"
-            raise UnusableInput(f"{self.path}: no column {name!r}; it has {has}")
+            names = sorted(self._numbers)
+            has = ", ".join(names[:_MOST_NAMES]) or "none with numbers"
+            more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+            raise UnusableInput(f"{self.path}: no column {name!r}; it has {has}{more}")
         return self._numbers[name]
 
-    def _read_text(self, preamble: int | None) -> None:
+    def seconds(self, name: str) -> FloatArray | None:
+        """A column of dates or times of day [s]; None where it is not one.
+
+        ISO 8601, or hours, minutes and seconds with colons between them.
+        """
+        if name not in self._texts:
+            return None
         try:
-            text = self.path.read_text(encoding="utf-8-sig")
-        except (OSError, UnicodeError) as error:
-            raise UnusableInput(f"{self.path}: not readable text") from error
-        lines = [
-            (number, line)
-            for number, line in enumerate(text.splitlines(), start=1)
-            if line.strip() and not line.startswith("#") and number > (preamble or 0)
-        ]
-        if not lines:
-            raise UnusableInput(f"{self.path}: empty")
-        rows, decimal = _cells([line for _, line in lines])
-        width = len(rows[0]) if preamble is not None else _usual_width(rows)
-        first = next(
-            (
-                i
-                for i, row in enumerate(rows)
-                if len(row) == width and any(_number(cell, decimal) is not None for cell in row)
-            ),
-            len(rows),
-        )
-        header = first
-        while header and len(rows[header - 1]) == width:
-            header -= 1
-        names = rows[header] if header < first else [str(i + 1) for i in range(width)]
-        body = rows[first:]
-        if not body:
-            raise UnusableInput(f"{self.path}: no row of numbers")
-        for (number, _), row in zip(lines[first:], body, strict=True):
-            if len(row) != width:
-                raise UnusableInput(
-                    f"{self.path}: row {number}: {len(row)} values, the first row has {width}"
-                )
-        for c, name in enumerate(names):
-            values = np.empty(len(body))
-            for r, row in enumerate(body):
-                value = _number(row[c], decimal) if row[c] else np.nan
+            return np.array([_seconds(text) for text in self._texts[name]])
+        except ValueError:
+            return None
+
+    def _read_text(self, preamble: int | None) -> None:
+        table = read_table(self.path, preamble)
+        for c, name in enumerate(table.names):
+            values = np.empty(len(table.rows))
+            for r, row in enumerate(table.rows):
+                value = to_number(row[c], table.decimal) if row[c] else np.nan
                 if value is None:
-                    place = f"row {lines[first + r][0]}, column {name}"
+                    place = f"row {table.lines[r]}, column {name}"
                     self._not_numbers[name] = f"{place}: {row[c]!r} is not a number"
+                    self._texts[name] = [row[c] for row in table.rows]
                     break
                 values[r] = value
             else:
                 self._numbers[name] = values
 
 
-def _cells(lines: Sequence[str]) -> tuple[list[list[str]], str]:
-    """The cells of each line, and the decimal point."""
-    uses = {d: sum(d in line for line in lines) for d in ";\t,"}
-    delimiter = max(uses, key=lambda d: uses[d])
-    if uses[delimiter] < len(lines) / 2:  # a preamble may hold any character
-        return [re.split(r"\s+", line.strip()) for line in lines], "."
-    rows = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter)]
-    last = lines[-1]
-    return rows, "," if delimiter == ";" and "," in last and "." not in last else "."
-
-
-def _usual_width(rows: Sequence[Sequence[str]]) -> int:
-    """The number of cells that most lines have; of two as frequent, that of the earlier line."""
-    counts = Counter(len(row) for row in rows)
-    return max(counts, key=lambda width: counts[width])
-
-
-def _number(text: str, decimal: str = ".") -> float | None:
-    try:
-        return float(text.replace(decimal, "."))
-    except ValueError:
-        return None
-
-
-def _matlab(path: Path) -> dict[str, FloatArray]:
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
-    try:
-        content = loadmat(path)
-    except (MatReadError, ValueError, TypeError, OSError, NotImplementedError, KeyError) as error:
-        line = str(error).split("\n")[0]
-        raise UnusableInput(f"{path}: not a readable .mat file: {line}") from error
-    return {
-        name: np.asarray(values, dtype=np.float64).ravel()
-        for name, values in content.items()
-        if not name.startswith("__")
-        and isinstance(values, np.ndarray)
-        and values.dtype.kind in "fiub"
-        and max(values.shape, default=0) == values.size > 1
-    }
-
-
-def _hdf5(path: Path) -> dict[str, FloatArray]:
-    try:
-        with h5py.File(path, "r") as file:
-            return {
-                name: np.asarray(member[()], dtype=np.float64).ravel()
-                for name, member in file.items()
-                if isinstance(member, h5py.Dataset)
-                and member.dtype.kind in "fiub"
-                and max(member.shape, default=0) == member.size > 1
-            }
-    except (OSError, RuntimeError, KeyError) as error:
-        raise UnusableInput(f"{path}: not a readable .mat file (version 7.3)") from error
+def _seconds(text: str) -> float:
+    text = text.strip("\"' ").replace(",", ".")
+    if "-" in text:
+        moment = datetime.fromisoformat(text)
+        whole = moment.replace(tzinfo=None) - datetime(1970, 1, 1)
+        return whole.total_seconds()
+    parts = text.split(":")
+    if not 2 <= len(parts) <= 3:
+        raise ValueError(text)
+    total = 0.0
+    for part in parts:
+        total = 60.0 * total + float(part)
+    return total

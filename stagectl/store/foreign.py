@@ -87,10 +87,12 @@ def _read(
         count = len(columns[used]) if used in columns else 0
         return _File(columns, np.arange(float(count)) * period, has_time=False)
     values = _in_si(columns, time, None)
-    order = np.diff(values)
-    if np.any(order <= 0):
-        sample = int(np.argmax(order <= 0)) + 1
-        raise UnusableInput(f"{path}: time: sample {sample}: not later than the one before")
+    steps = np.diff(values)
+    disordered = steps < 0 if how.resample else steps <= 0
+    if np.any(disordered):
+        sample = int(np.argmax(disordered)) + 1
+        late = "earlier than" if how.resample else "not later than"
+        raise UnusableInput(f"{path}: time: sample {sample}: {late} the one before")
     return _File(columns, values, has_time=True)
 
 
@@ -143,16 +145,19 @@ class _Channels:
                     f"the demand has {len(self.time)}"
                 )
             _refuse_gaps(file.columns.path, name, values)
-            return values, none
+            return _integral(values, self.time) if column.integrate else values, none
         at = (file.time if file.has_time else first.time) - first.time[0]
         if len(values) != len(at):
             raise UnusableInput(
                 f"{file.columns.path}: column {name}: {len(values)} samples, its time has {len(at)}"
             )
         known = np.isfinite(values)
+        known[1:] &= np.diff(at) > 0.0  # of samples of one instant, the first
         if known.sum() < 2:
             raise UnusableInput(f"{file.columns.path}: column {name}: no samples")
         at, values = at[known], values[known]
+        if column.integrate:
+            values = _integral(values, at)
         wanted = np.clip(self.time, at[0], at[-1])
         # Positions are smooth between samples; forces may step.
         read = PchipInterpolator(at, values)(wanted) if smooth else np.interp(wanted, at, values)
@@ -171,10 +176,17 @@ def _in_hole(time: FloatArray, at: FloatArray) -> BoolArray:
 
 
 def _in_si(columns: Columns, column: Column, axis: Axis | None) -> FloatArray:
-    """A column in SI units."""
+    """A column in SI units; of a time, also dates and times of day."""
     name = str(column.column)
     factor = column.factor * unit_factor(column.unit, axis)
-    values = columns[name] * factor + column.offset
+    if axis is None and (moments := columns.seconds(name)) is not None:
+        return moments
+    values = columns[name]
+    if column.wrap is not None:
+        values = values.copy()
+        known = np.isfinite(values)
+        values[known] = np.unwrap(values[known], period=column.wrap)
+    values = values * factor + column.offset
     if not 0 <= column.delay <= _MOST_DELAY:
         raise UnusableInput(
             f"{columns.path}: column {name}: delay must be 0 to {_MOST_DELAY} samples"
@@ -184,6 +196,12 @@ def _in_si(columns: Columns, column: Column, axis: Axis | None) -> FloatArray:
     if axis is None:
         _refuse_gaps(columns.path, name, values)
     return values
+
+
+def _integral(velocity: FloatArray, at: FloatArray) -> FloatArray:
+    """The position that a velocity [m/s] leads to from 0 on [m]."""
+    steps = 0.5 * (velocity[1:] + velocity[:-1]) * np.diff(at)
+    return np.concatenate(([0.0], np.cumsum(steps)))
 
 
 def _refuse_gaps(path: Path, name: str, values: FloatArray) -> None:

@@ -1,4 +1,4 @@
-"""Columns of data files: preambles, separators, decimal commas, and what cannot be read."""
+"""Columns of data files: what cannot be read, and times."""
 
 import numpy as np
 import pytest
@@ -12,27 +12,6 @@ from tests.unit.stagectl.logged_data import AXIS, EXAMPLE, csv_of, read
 @pytest.fixture
 def example():
     return load_map(EXAMPLE / "map.yaml")
-
-
-@pytest.mark.parametrize("delimiter", [",", ";", "\t", "  "])
-def test_a_log_with_preamble_units_row_and_text(columns, tmp_path, delimiter):
-    log = {**columns, "state": np.arange(3000)}
-    path = csv_of(log, tmp_path / "a.txt", delimiter=delimiter)
-    lines = path.read_text().splitlines()
-    rows = [line.rsplit(delimiter, 1)[0] + delimiter + "moving" for line in lines[1:]]
-    units = delimiter.join(["s", "m", "m", "V", "-"])
-    path.write_text("\n".join(["Logger 3.1", "made: 2024-05-01, 10:00", lines[0], units, *rows]))
-    slide = read(tmp_path, path, "time: {column: t}\n").axes["slide"]
-    np.testing.assert_allclose(slide.position_demand, columns["qg"])
-    with pytest.raises(UnusableInput, match="column state: 'moving' is not a number"):
-        read(tmp_path, path, axis=AXIS.replace("vir", "state"))
-
-
-def test_decimal_commas(columns, tmp_path):
-    path = csv_of(columns, tmp_path / "a.csv", delimiter=";")
-    path.write_text(path.read_text().replace(".", ","))
-    slide = read(tmp_path, path).axes["slide"]
-    np.testing.assert_allclose(slide.force_actual, columns["vir"])
 
 
 @pytest.mark.parametrize(
@@ -51,3 +30,16 @@ def test_unreadable_files_are_one_line(example, tmp_path, name, content, words):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(UnusableInput, match=words):
         import_recording(tmp_path / name, *example)
+
+
+@pytest.mark.parametrize("form", ["2024-05-01 23:59:{:09.6f}", "23:59:{:09.6f}"])
+def test_dates_and_times_of_day(columns, tmp_path, form):
+    at = [form.format(t) for t in columns["t"]]
+    path = csv_of(columns, tmp_path / "a.csv")
+    head, *rows = path.read_text().splitlines()
+    lines = [f"{text},{row}" for text, row in zip(at, rows, strict=True)]
+    path.write_text("\n".join([f"clock,{head}", *lines]))
+    found = read(tmp_path, path, "time: {column: clock}\n")
+    np.testing.assert_allclose(found.time, columns["t"] - columns["t"][0], atol=1e-6)
+    with pytest.raises(UnusableInput, match="is not a number"):
+        read(tmp_path, path, axis=AXIS.replace("vir", "clock"))

@@ -107,6 +107,36 @@ def test_without_a_demand_the_measured_position_is_one(columns, tmp_path):
     np.testing.assert_allclose(slide.position_demand, columns["qm"], atol=2e-6)
 
 
+def test_a_velocity_is_integrated_to_the_position(columns, tmp_path):
+    log = columns | {"v": np.gradient(columns["qm"], columns["t"]) * 1e3}
+    axis = AXIS.replace("{column: qm}", "{column: v, unit: mm/s, integrate: true}")
+    slide = read(tmp_path, csv_of(log, tmp_path / "a.csv"), axis=axis).axes["slide"]
+    expected = columns["qm"] - columns["qm"][0]
+    np.testing.assert_allclose(slide.position_actual, expected, atol=1e-6)
+    with pytest.raises(ConfigError, match=r"position_actual.unit: unknown unit 'mm/s'"):
+        read(tmp_path, tmp_path / "a.csv", axis=axis.replace(", integrate: true", ""))
+    force = AXIS.replace("{column: vir}", "{column: vir, integrate: true}")
+    with pytest.raises(ConfigError, match="only a velocity that stands for a position"):
+        read(tmp_path, tmp_path / "a.csv", axis=force)
+
+
+def test_an_angle_that_begins_anew_is_unwrapped(columns, tmp_path):
+    log = columns | {"qm": np.mod(columns["qm"], 0.05)}
+    axis = AXIS.replace("{column: qm}", "{column: qm, wrap: 0.05}")
+    slide = read(tmp_path, csv_of(log, tmp_path / "a.csv"), axis=axis).axes["slide"]
+    moved = columns["qm"] - columns["qm"][0]
+    np.testing.assert_allclose(slide.position_actual - slide.position_actual[0], moved, atol=1e-9)
+
+
+def test_samples_of_one_instant_count_once(columns, tmp_path):
+    twice = {name: np.repeat(values, 2) for name, values in columns.items()}
+    path = csv_of(twice, tmp_path / "a.csv")
+    with pytest.raises(UnusableInput, match="sample 1: not later"):
+        read(tmp_path, path, "time: {column: t}\n")
+    slide = read(tmp_path, path, "time: {column: t}\nresample: true\n").axes["slide"]
+    np.testing.assert_allclose(slide.force_actual, columns["vir"], atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [

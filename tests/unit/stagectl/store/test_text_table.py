@@ -1,0 +1,46 @@
+"""Tables in text files: preambles, separators, decimal commas, encodings."""
+
+import numpy as np
+import pytest
+
+from stagectl.errors import UnusableInput
+from tests.unit.stagectl.logged_data import AXIS, csv_of, read
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", "  "])
+def test_a_log_with_preamble_units_row_and_text(columns, tmp_path, delimiter):
+    log = {**columns, "state": np.arange(3000)}
+    path = csv_of(log, tmp_path / "a.txt", delimiter=delimiter)
+    lines = path.read_text().splitlines()
+    rows = [line.rsplit(delimiter, 1)[0] + delimiter + "moving" for line in lines[1:]]
+    units = delimiter.join(["s", "m", "m", "V", "-"])
+    path.write_text("\n".join(["Logger 3.1", "made: 2024-05-01, 10:00", lines[0], units, *rows]))
+    slide = read(tmp_path, path, "time: {column: t}\n").axes["slide"]
+    np.testing.assert_allclose(slide.position_demand, columns["qg"])
+    with pytest.raises(UnusableInput, match="column state: 'moving' is not a number"):
+        read(tmp_path, path, axis=AXIS.replace("vir", "state"))
+
+
+def test_decimal_commas(columns, tmp_path):
+    path = csv_of(columns, tmp_path / "a.csv", delimiter=";")
+    path.write_text(path.read_text().replace(".", ","))
+    slide = read(tmp_path, path).axes["slide"]
+    np.testing.assert_allclose(slide.force_actual, columns["vir"])
+
+
+def test_header_behind_a_comment_sign_and_delimiters_at_the_ends(columns, tmp_path):
+    table = np.column_stack(list(columns.values()))
+    path = tmp_path / "a.dat"
+    np.savetxt(path, table, header=" ".join(columns))
+    np.testing.assert_allclose(read(tmp_path, path).axes["slide"].force_actual, columns["vir"])
+    path = csv_of(columns, tmp_path / "b.csv")
+    path.write_text("".join(f"{line},\n" for line in path.read_text().splitlines()))
+    np.testing.assert_allclose(read(tmp_path, path).axes["slide"].force_actual, columns["vir"])
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "cp1252"])
+def test_encodings_and_tabs_with_decimal_commas(columns, tmp_path, encoding):
+    path = csv_of(columns, tmp_path / "a.txt", delimiter="\t")
+    text = path.read_text().replace(".", ",")
+    path.write_bytes(f"Prüfstand 20 °C\n{text}".encode(encoding))
+    np.testing.assert_allclose(read(tmp_path, path).axes["slide"].force_actual, columns["vir"])
