@@ -20,13 +20,19 @@ def import_data(data: Path, how: Path, out: Path | None) -> None:
     stage; its drives may have a PID or a cascaded position loop. All keys: docs/sim-to-real.md;
     example: examples/emps.
     """
-    from stagectl.config.import_map import load_map
+    from stagectl.config.import_map import load_map, unlike_rotary
     from stagectl.store import import_recording, write_recording
 
     columns, machine = load_map(how)
     recording = import_recording(data, columns, machine)
     target = Path(f"{data.stem}.h5") if out is None else out
     write_recording(recording, target)
+    for name in unlike_rotary(columns, machine):
+        click.echo(
+            f"axis {name}: units of a rotary axis, but no `rotary: true` in {machine.source}: a "
+            "diagnosis will not look for the weight of what it carries (unbalance)",
+            err=True,
+        )
     seconds = recording.time[-1]
     click.echo(
         f"{target}: {len(recording)} samples, {seconds:.4g} s, {len(recording.moves)} moves, "

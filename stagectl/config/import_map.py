@@ -23,6 +23,20 @@ UNITS = {
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9,
 }  # fmt: skip
 """Units of columns, in SI units. A rotary axis has rad for m, N m for N and kg m^2 for kg."""
+ROTARY = (
+    "rad",
+    "mrad",
+    "deg",
+    "rev",
+    "rad/s",
+    "deg/s",
+    "rev/s",
+    "rpm",
+    "N m",
+    "Nm",
+    "mN m",
+    "mNm",
+)
 SPEEDS = {
     "m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0, "mm/min": 1e-3 / 60.0,
     "rad/s": 1.0, "deg/s": math.pi / 180.0, "rev/s": 2.0 * math.pi, "rpm": math.pi / 30.0,
@@ -122,6 +136,19 @@ class ImportMap(Section):
     files: Mapping[Name, OtherFile] = Field(default_factory=dict)
     resample: StrictBool = False
     axes: Annotated[Mapping[AxisName, AxisColumns], Field(min_length=1)]
+
+
+def unlike_rotary(found: ImportMap, machine: Machine) -> list[str]:
+    """Axes with units of a rotary axis that the machine file does not call one."""
+    return [
+        name
+        for name, axis in found.axes.items()
+        if not machine.axes[name].rotary
+        and any(
+            column is not None and column.unit in ROTARY
+            for column in (axis.position_demand, axis.position_actual, axis.force_actual)
+        )
+    ]
 
 
 def load_map(path: Path) -> tuple[ImportMap, Machine]:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from stagectl.config.import_map import load_map
+from stagectl.config.import_map import load_map, unlike_rotary
 from stagectl.errors import ConfigError
-from tests.unit.stagectl.logged_data import AXIS, EXAMPLE, csv_of, read
+from tests.unit.stagectl.logged_data import AXIS, EXAMPLE, MACHINE, csv_of, read
 
 
 @pytest.mark.parametrize(
@@ -45,3 +45,16 @@ def test_a_map_must_fit_its_machine(tmp_path):
         (tmp_path / "map.yaml").write_text(text.replace(old, new))
         with pytest.raises(ConfigError, match=words):
             load_map(tmp_path / "map.yaml")
+
+
+def test_units_of_a_rotary_axis_on_one_that_is_not(tmp_path):
+    (tmp_path / "machine.yaml").write_text(MACHINE)
+    for unit, found in (("deg", ["slide"]), ("mm", [])):
+        axis = AXIS.replace("{column: qm}", f"{{column: qm, unit: {unit}}}")
+        (tmp_path / "map.yaml").write_text(f"machine: machine.yaml\naxes:\n{axis}")
+        assert unlike_rotary(*load_map(tmp_path / "map.yaml")) == found
+    node = "    node: 1\n"
+    assert node in MACHINE
+    (tmp_path / "machine.yaml").write_text(MACHINE.replace(node, f"{node}    rotary: true\n"))
+    (tmp_path / "map.yaml").write_text(f"machine: machine.yaml\naxes:\n{axis}".replace("mm", "deg"))
+    assert unlike_rotary(*load_map(tmp_path / "map.yaml")) == []
