@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from hil_sim.drive import Drive
     from hil_sim.effects import AppliedEffect, Effect, Parameter
     from hil_sim.plant import Plant, Response, simulate
-    from hil_sim.ports import CanSegment, PlantPort
+    from hil_sim.ports import BlockPlantPort, CanSegment, PlantPort, SetpointBlock
     from hil_sim.settings import (
         AxisSettings,
         CascadeSettings,
@@ -28,6 +28,7 @@ __all__ = [
     "EDS_PATH",
     "AppliedEffect",
     "AxisSettings",
+    "BlockPlantPort",
     "CanSegment",
     "CascadeSettings",
     "ControlSettings",
@@ -41,6 +42,7 @@ __all__ = [
     "Plant",
     "PlantPort",
     "Response",
+    "SetpointBlock",
     "StageSettings",
     "VirtualStage",
     "World",
@@ -53,7 +55,7 @@ _HOMES = {
     "Drive": "drive",
     "VirtualStage": "stage",
     **dict.fromkeys(("AppliedEffect", "Effect", "Parameter"), "effects"),
-    **dict.fromkeys(("CanSegment", "PlantPort"), "ports"),
+    **dict.fromkeys(("BlockPlantPort", "CanSegment", "PlantPort", "SetpointBlock"), "ports"),
     **dict.fromkeys(("Plant", "Response", "simulate"), "plant"),
     **dict.fromkeys(
         ("FaultPlan", "FaultyWorld", "InjectedFault", "LockstepBus", "World", "serve"), "bus"

@@ -128,11 +128,11 @@ class Drive:
 
     def _subscribe(self, state: NmtState) -> None:
         segment = self._segment
-        segment.unsubscribe(self._sync_id, self._on_sync)
+        segment.unsubscribe(self._sync_id, self.on_sync)
         segment.unsubscribe(0x600 + self.node_id, self._on_sdo)
         if state is NmtState.OPERATIONAL:
             self._sync_id = self.dictionary.integer(o.SYNC_COB_ID) & 0x7FF
-            segment.subscribe(self._sync_id, self._on_sync)
+            segment.subscribe(self._sync_id, self.on_sync)
         if state in _COMMUNICATING:
             segment.subscribe(0x600 + self.node_id, self._on_sdo)
 
@@ -177,7 +177,8 @@ class Drive:
         self._sync_length = 1 if value else 0
         self._sync_reported = False
 
-    def _on_sync(self, data: bytes) -> None:
+    def on_sync(self, data: bytes) -> None:
+        """Handle a SYNC: send what is due, then act on the setpoints received before it."""
         if len(data) != self._sync_length:
             if not self._sync_reported:  # once, not at every SYNC
                 self._sync_reported = True

@@ -31,6 +31,7 @@ from drivers import objects as od
 from drivers.stage import Stage
 from hil_sim.bus import World, serve
 from hil_sim.cia301 import EDS_PATH
+from hil_sim.ports import SetpointBlock
 from hil_sim.stage import VirtualStage
 from stagectl.config.machine.file import load_machine
 from stagectl.config.settings.package_settings import driver_settings, stage_settings
@@ -85,6 +86,16 @@ class Weightless:
     def command(self, axis: int, position: float, force: float, ticks: int) -> None:
         """Be there at once [m]."""
         self._position[axis] = position
+
+    def run_block(self, block: SetpointBlock) -> None:
+        """Be at each demand at the next instant."""
+        block.reports = np.zeros((len(block.positions), len(self._position), 5))
+        block.reports[0, :, 0] = np.rint(np.array(self._position) * 1e9)
+        block.reports[1:, :, 0] = np.rint(block.positions[:-1] * 1e9)
+        self._position = block.positions[-1].tolist()
+
+    def open_loop(self, axis: int) -> None:
+        """There is no loop."""
 
     def encoder(self, axis: int) -> int:
         """In increments of 1 nm."""

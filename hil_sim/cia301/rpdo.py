@@ -91,6 +91,13 @@ class Rpdo(Pdo):
             self.store = _storer(d.values, self.keys, self.codec.unpack, self._hooks)
             self.apply = _writer(d.values, self.keys, self.codec.unpack, self._hooks)
 
+    @property
+    def acting(self) -> tuple[int, ...] | None:
+        """Keys of the objects that act when written; None where frames are checked or timed."""
+        if self._deadline_ns or self.apply == self._apply_guarded:
+            return None
+        return tuple(k for k, _ in self._hooks)
+
     def stop(self) -> None:
         """Discard what is pending, and stop the event timer."""
         self.pending = None

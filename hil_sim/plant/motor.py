@@ -7,8 +7,14 @@ target reaches the loop as exactly that many units.
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hil_sim.ports import PlantPort
 from hil_sim.settings import AxisSettings, StageSettings
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 
 
 def _int32(value: float) -> int:
@@ -92,6 +98,32 @@ class Motor:
         whole = self._whole
         true = (position + self.origin * whole) * self.unit if whole else self.to_true(position)
         self._plant.command(self._axis, true, permille * self._permille, ticks)
+
+    # -- Of several SYNCs at once, as the methods for one ----------------------------------------
+
+    @property
+    def is_streaming(self) -> bool:
+        """Whether the loop is closed and setpoints have been commanded before."""
+        return self._ready
+
+    def positions(self, counts: F64) -> I64:
+        """Position actual values [units] of encoder counters, float64[K]."""
+        relative = counts - self.origin
+        values = relative * self._whole if self._whole else np.rint(relative * self._scale)
+        return np.clip(values, -0x80000000, 0x7FFFFFFF).astype(np.int64)
+
+    def permilles(self, forces: F64) -> I64:
+        """Torque actual values [1/1000 rated] of motor forces [N], float64[K]."""
+        return np.clip(np.rint(forces / self._permille), -32768, 32767).astype(np.int64)
+
+    def commands(self, targets: I64, offsets: I64) -> tuple[F64, F64]:
+        """True coordinates [m] and force offsets [N] of targets [units, 1/1000 rated], int64[K]."""
+        whole = self._whole
+        if whole:
+            true = np.multiply(targets + self.origin * whole, self.unit)
+        else:
+            true = np.multiply(targets, self.unit) + self.origin * self.settings.increment
+        return true, np.multiply(offsets, self._permille)
 
     def _begin_streaming(self) -> None:
         if not self._clock_started:

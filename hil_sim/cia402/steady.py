@@ -1,0 +1,27 @@
+"""What SYNCs may bring in csp for nothing but the demand to change."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Steady(NamedTuple):
+    """Bounds of setpoints and measurements; without any other event, nothing follows from these.
+
+    Attributes:
+        controlword: the only one.
+        lowest, highest: of targets [units].
+        force: largest force offset [1/1000 rated].
+        ticks: control ticks in which a setpoint is reached.
+        lowest_counts, highest_counts: of the encoder [increments].
+        following_error: largest [units].
+    """
+
+    controlword: int
+    lowest: int
+    highest: int
+    force: int
+    ticks: int
+    lowest_counts: int
+    highest_counts: int
+    following_error: float
