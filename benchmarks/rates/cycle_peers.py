@@ -45,7 +45,7 @@ PATIENCE = 0.02
 The host's heartbeat goes by this grid, as in a run: with every fifth of our cycles goes a frame
 that canopen does not send."""
 NODES = (1, 2)
-RATIOS = {"lockstep, cycles": 4.5, "virtual, cycles": 1.5, "virtual, SDO reads": 1.0}
+RATIOS = {"lockstep, cycles": 7.0, "virtual, cycles": 1.5, "virtual, SDO reads": 1.0}
 """To canopen, to be reached."""
 
 

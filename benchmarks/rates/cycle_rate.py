@@ -4,12 +4,14 @@
 
 One cycle: two RPDOs, SYNC, one step of the two-axis plant, two TPDOs, decoded. The reference is
 `hil_sim.plant.simulate`, the same plant without CAN, measured in the same rounds. It is
-processor time: on a busy machine the ratios hold, the microseconds do not.
+processor time: on a busy machine the ratios hold, the microseconds do not. Exit code 1 where a
+ratio is above its limit.
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -36,6 +38,10 @@ from stagectl.store import AxisScaling, BusLog, Journal, JournalHeader
 CYCLES = 4000
 STROKE = 0.01
 """Both axes go out by this much and come back [m]."""
+
+STREAM, WITH_LOG = "`Stage.stream`, lock-step bus", "the same with bus log"
+LIMITS = {STREAM: 3.3, WITH_LOG: 3.7}
+"""Times the plant alone."""
 
 F64 = NDArray[np.float64]
 
@@ -95,11 +101,9 @@ def main() -> None:
         observed.correct_offsets(ObservedOffsets(observer))
         subjects = {
             "plant alone (`simulate`)": lambda: simulate(settings, demand, offset, 1),
-            "`Stage.stream`, lock-step bus": streaming(
-                open_stage(stack, machine, "rate", None), period
-            ),
+            STREAM: streaming(open_stage(stack, machine, "rate", None), period),
             "the same with the observer": streaming(observed, period),
-            "the same with bus log": streaming(open_stage(stack, machine, "rate-log", log), period),
+            WITH_LOG: streaming(open_stage(stack, machine, "rate-log", log), period),
             "the same with journal": streaming(journaled, period),
         }
         for subject in subjects.values():
@@ -114,10 +118,15 @@ def main() -> None:
     print(f"{CYCLES} cycles of {period * 1e3:g} ms, {rounds} rounds; {machine_facts()}\n")
     print("| per SYNC cycle, two axes | µs, median | times the plant alone | times real time |")
     print("| --- | --- | --- | --- |")
+    missed = []
     for name, values in spent.items():
         cost = float(np.median(values))
         ratio = float(np.median(np.array(values) / first))
         print(f"| {name} | {cost * 1e6:.1f} | {ratio:.1f} | {period / cost:.0f} |")
+        if ratio > LIMITS.get(name, np.inf):
+            missed.append(f"missed: {name}: {ratio:.2f}, must be at most {LIMITS[name]}")
+    print(*missed, sep="\n")
+    sys.exit(bool(missed))
 
 
 if __name__ == "__main__":
