@@ -110,7 +110,7 @@ def measure(
         with quiet():
             begin = time.perf_counter()
             make: Callable[..., Callable[[], F64]] = importlib.import_module(
-                f"peers.{peer.module}"
+                f"benchmarks.peers.{peer.module}"
             ).make
             solver = make(problem, *peer.arguments)
             peer.answer = solver()

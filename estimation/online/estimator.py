@@ -133,6 +133,8 @@ class SplitHorizonEstimator:
         self._other_scale: float | None = None  # change of force per acceleration
         self._right: Belief | None = None  # belief when there was none
         self._axis = settings.axis(friction, frozen)
+        self._scatter, self._scale = self._axis["scatter"], self._axis["scale"]  # views of it
+        self._drifts = self._axis["drift"]
         self._law = make_constants(friction)
         self._facts = (friction, settings.mass, settings.period)
 
@@ -236,11 +238,10 @@ class SplitHorizonEstimator:
         """The model with the level expected at `time` [s]: what feedforward should use."""
         elapsed = 0.0 if self._end is None else max(time - self._end, 0.0)
         keep = math.exp(-elapsed / self.settings.belief.correlation_time)
-        friction = self.friction
         level = self._local * (1.0 + keep * float(self._belief.mean[LEVEL]))
         if self._carried is not None:
             level *= math.exp(self._trend.carry(self._carried, time)[0])
-        return replace(friction, coulomb=friction.coulomb * level)
+        return model_at(self._start, self._belief.mean, level)
 
     def at_rest(self, position: float, force: float, time: float) -> FrictionState:
         """Take the force measured at rest [N] as the sum of the element forces.
@@ -271,7 +272,7 @@ class SplitHorizonEstimator:
         outcome = self._run(move, state, self._known, True, end)
         outcome = self._refuse_scale(outcome)
         self._end, self._rest = end, None
-        outcome = self._observe_innovations(outcome)
+        self._observe_innovations(outcome)
         if outcome.verdict != SCALE and outcome.unmodelled[1] > 0.0 and outcome.wander[1] > 0.0:
             self._observe_unmodelled(outcome)
         if outcome.verdict == ACCEPTED:
@@ -341,16 +342,12 @@ class SplitHorizonEstimator:
             excess += (variance - usual**2) / unit**2
         axis["excess"] = math.sqrt(excess)
 
-    def _observe_innovations(self, outcome: Outcome) -> Outcome:
-        """The outcome with the covariance that the innovations of the moves so far allow."""
-        axis = self._axis
-        learn_scatter(
-            outcome.scatter, axis["scatter"], self._scatter_weights, axis["drift"], _MOVES
+    def _observe_innovations(self, outcome: Outcome) -> None:
+        """Learn what the moves disagree by; the outcome's covariance then allows for it."""
+        learn_scatter(outcome.scatter, self._scatter, self._scatter_weights, self._drifts, _MOVES)
+        scale_covariance(
+            outcome.covariance, outcome.innovations, self._scale, self._informed, _MOVES
         )
-        covariance = scale_covariance(
-            outcome.covariance, outcome.innovations, axis["scale"], self._informed, _MOVES
-        )
-        return outcome._replace(covariance=covariance)
 
     def _refuse_scale(self, outcome: Outcome) -> Outcome:
         """Take back what was learned since the force per acceleration was last seen to be right.
@@ -370,7 +367,7 @@ class SplitHorizonEstimator:
         self._belief.take(right)
         return outcome._replace(
             verdict=SCALE, figure=MASS, number=self._other_scale, mean=right.mean,
-            covariance=right.covariance,
+            covariance=right.covariance.copy(),
         )  # fmt: skip
 
     @staticmethod
@@ -398,9 +395,8 @@ class SplitHorizonEstimator:
         outcome = self._run(move, state, False, False, end)
         if outcome.verdict != ACCEPTED or outcome.slide == 0:
             return None
-        model = model_at(self._start, outcome.mean)
         level = self._local * (1.0 + float(outcome.mean[LEVEL]))
-        model = replace(model, coulomb=model.coulomb * level)
+        model = model_at(self._start, outcome.mean, level)
         speed = float(np.nanmax(np.abs(np.diff(move.position)))) / self.settings.period
         before = self.effective(move.time)
         change = (model.coulomb + model.viscous * speed) / (

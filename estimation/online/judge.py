@@ -167,25 +167,23 @@ def normalised_innovations(verdict, axis, before, after):  # type: ignore[no-unt
 
 @kernel()
 def scale_covariance(covariance, innovations, scale, weights, most):  # type: ignore[no-untyped-def]
-    """A covariance times the mean square of the normalised innovations (Birge's ratio), 1 or more.
+    """Multiply by the mean square of the normalised innovations (Birge's ratio), 1 or more.
 
     Args:
-        covariance: of all states, shape (STATES, STATES); not changed.
+        covariance: of all states, shape (STATES, STATES); changed.
         innovations: of the move, see `normalised_innovations`.
         scale: that mean so far, shape (LEVEL,); the first MASS are updated.
         weights: of it, in moves that determine the figure, shape (MASS,); updated.
         most: of `weights`.
     """
-    scaled = covariance.copy()
     for i in range(MASS):
         share = innovations[1, i]
         scale[i] += share * (innovations[0, i] - scale[i]) / (weights[i] + share)
         weights[i] = min(weights[i] + share, most)
         factor = math.sqrt(max(scale[i], 1.0))
         for j in range(STATES):
-            scaled[i, j] *= factor
-            scaled[j, i] *= factor
-    return scaled
+            covariance[i, j] *= factor
+            covariance[j, i] *= factor
 
 
 @kernel()

@@ -105,11 +105,11 @@ class Belief(NamedTuple):
         self.covariance[figure, figure] = sigma**2 + 1e-12
 
 
-def model_at(start: FrictionFigures, mean: F64) -> FrictionFigures:
-    """The model with these figures, relative to those of `start`."""
+def model_at(start: FrictionFigures, mean: F64, level: float = 1.0) -> FrictionFigures:
+    """The model with these figures, relative to those of `start`, the Coulomb force at `level`."""
     return replace(
         start,
-        coulomb=start.coulomb * float(mean[COULOMB]),
+        coulomb=start.coulomb * float(mean[COULOMB]) * level,
         viscous=start.viscous * float(mean[VISCOUS]),
         stiffness=start.stiffness * float(mean[STIFFNESS]),
         relaxation_rate=start.relaxation_rate * float(mean[RATE]),

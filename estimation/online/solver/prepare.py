@@ -204,7 +204,7 @@ def prepare(sampled, axis, law, known, mean, state_known, zone_b):  # type: igno
     slide, stick = _count_usable(zone, usable, SLIDE), _count_usable(zone, usable, STICK)
     why = TOO_LITTLE
     if slide < MIN_SLIDE and stick < MIN_STICK:
-        why = _why_not(zone, sound_slide, sound_stick)
+        why = _why_not(zone, sound_slide, sound_stick, has_presliding(law))
     return Prepared(
         Samples(
             position, force, velocity, acceleration, heading, turn_share, turn_at, turn_sharpness,
@@ -239,17 +239,18 @@ def _behind_hidden_onset(position, valid, least):  # type: ignore[no-untyped-def
 
 
 @kernel()
-def _why_not(zone, slide, stick):  # type: ignore[no-untyped-def]
+def _why_not(zone, slide, stick, presliding):  # type: ignore[no-untyped-def]
     """Why nothing can be solved; `zone`: codes, shape (K,).
 
-    `slide`, `stick`: number of samples usable but for an unknown onset.
+    `slide`, `stick`: number of samples usable but for an unknown onset; `presliding`: whether the
+    law has any, without which samples that stick are none to learn from.
     """
     if slide >= MIN_SLIDE or stick >= MIN_STICK:
         return UNKNOWN_STATE
     sliding = sticking = 0
     for k in range(zone.shape[0]):
         sliding += zone[k] == SLIDE
-        sticking += zone[k] == STICK
+        sticking += presliding and zone[k] == STICK
     return UNUSABLE_FORCE if sliding >= MIN_SLIDE or sticking >= MIN_STICK else TOO_LITTLE
 
 

@@ -8,6 +8,7 @@ import pytest
 from estimation.move import MoveData
 from estimation.online.estimator import SplitHorizonEstimator
 from estimation.online.update import update_move
+from stagedata import FrictionFigures
 from tests.unit.estimation.online.moves import (
     SEQUENCE,
     SETTINGS,
@@ -321,6 +322,13 @@ def test_an_unusable_force_is_not_reported_as_too_little_motion(data):
     )
     assert "its force says nothing while it moves" in saturated.reason
     assert "late setpoints disturbed the force in all but 0 % of the motion" in disturbed.reason
+
+
+def test_without_presliding_a_slow_move_is_too_little_motion(data):
+    """It is below four Stribeck velocities throughout; nothing is wrong with its force."""
+    law = FrictionFigures(0, 6.0, 20.0, 0.0, 0.0, 0.4, 2e-3, 1.0, law="coulomb")
+    estimate = SplitHorizonEstimator(law, SETTINGS).update(data.move(1))
+    assert estimate.reason == "too little motion to learn from"
 
 
 def test_a_disturbed_force_does_not_count_while_the_position_is_followed(data):
