@@ -94,15 +94,18 @@ def find_jump(axis, before, after):  # type: ignore[no-untyped-def]
     """The first figure that changes by more than drift can explain, or -1.
 
     A move changes a figure by as much as it narrows it (the variance of a Kalman filter's step is
-    that before less that after): one that says little may not change much. Once a figure is known,
-    what its changes have been counts too.
+    that before less that after): one that says little may not change much. Figures are scales, and
+    may as well be eight times as large as believed as an eighth: a change is that of the logarithm.
+    Once a figure is known, what its changes have been counts too.
     """
     for i in range(MASS):
         narrowed = max(before.covariance[i, i] - after.covariance[i, i], 0.0)
         if before.covariance[i, i] < (LEARNED * before.mean[i]) ** 2:
             narrowed *= max(axis.scale[i], 1.0)
         allowed = axis.jump * math.sqrt(narrowed) / before.mean[i]
-        if abs(after.mean[i] / before.mean[i] - 1.0) > max(allowed, axis.jump_share):
+        # One that is no longer positive has changed beyond any bound.
+        change = math.log(max(after.mean[i] / before.mean[i], 1e-9))
+        if abs(change) > max(allowed, axis.jump_share):
             return i
     return -1
 

@@ -186,6 +186,8 @@ def _zones_of(slide, stick):  # type: ignore[no-untyped-def]
 def _solve_zones(problem, before, after):  # type: ignore[no-untyped-def]
     """Solve zone A, and then all that is usable, as far as there is anything to solve.
 
+    Where that ends on a bound, zone A alone is believed.
+
     `before`: belief before the move; `after`: written. Returns the last solution, passes over the
     samples, and samples of the stick zones used.
     """
@@ -209,6 +211,12 @@ def _solve_zones(problem, before, after):  # type: ignore[no-untyped-def]
     if stick > 0 and solution.status == SOLVED:
         solution = solve(problem, True, False, masks[_zones_of(slide, stick)], before, p, after)
         evaluations += solution.evaluations
+        if slide > 0 and solution.bound >= 0:
+            # What sticks is not as the law has it, which zone A does not depend on.
+            for i in range(p.shape[0]):
+                p[i] = before.mean[i] if i < LEVEL else 0.0
+            solution, stick = solve(problem, False, False, masks[0], before, p, after), 0
+            evaluations += solution.evaluations
     return solution, evaluations, stick
 
 
