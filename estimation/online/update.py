@@ -149,11 +149,13 @@ def _measure_progress(position, axis):  # type: ignore[no-untyped-def]
 def _missed(solution, axis, coulomb):  # type: ignore[no-untyped-def]
     """Mean square of what the model missed in the move, relative to `coulomb` [N].
 
-    From the residual, or from its sums over neighbouring samples where they are alike.
+    From the residual, or from its sums over neighbouring samples where they are alike. Under the
+    usual error: what the model is thought to miss must not confirm itself where the encoder's noise
+    hides it.
     """
-    white = axis.force_noise**2 + model_variance(axis, coulomb)
-    chi = min(max(solution.chi, solution.slow), axis.misfit**2)
-    return (chi * white - axis.force_noise**2) / coulomb**2
+    noise, usual = axis.force_noise**2, (axis.usual_error * coulomb) ** 2
+    most = axis.misfit**2 * (noise + model_variance(axis, coulomb))
+    return (min(solution.under_usual * (noise + usual), most) - noise) / coulomb**2
 
 
 @kernel()
@@ -197,7 +199,7 @@ def _solve_zones(problem, before, after):  # type: ignore[no-untyped-def]
     for i in range(LEVEL):
         p[i] = before.mean[i]
     masks = axis.masks[_kind_of(prepared)]
-    solution, evaluations = Solution(SOLVED, -1, 0.0, 0, 0.0, (0.0, 0.0), (0.0, 0.0)), 0
+    solution, evaluations = Solution(SOLVED, -1, 0.0, 0, 0.0, 0.0, (0.0, 0.0), (0.0, 0.0)), 0
     if slide > 0:
         solution = solve(problem, False, stick > 0, masks[0], before, p, after)
         evaluations += solution.evaluations

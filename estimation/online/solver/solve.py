@@ -45,6 +45,7 @@ from estimation.online.solver.whitening import (
     factor_weights,
     make_weights,
     normal_equations,
+    unwhiten,
     weigh_apart,
     whiten,
 )
@@ -83,6 +84,7 @@ class Solution(NamedTuple):
         wander: the same of the level.
         slow: mean square of the sums of whitened residuals over BLOCK samples, per sample: `chi`
             where they are independent, more where they go on being alike.
+        under_usual: the larger of both, were there only the usual model error.
     """
 
     status: int
@@ -90,6 +92,7 @@ class Solution(NamedTuple):
     chi: float
     evaluations: int
     slow: float
+    under_usual: float
     unmodelled: tuple[float, float]
     wander: tuple[float, float]
 
@@ -221,19 +224,28 @@ def solve(problem, whole, linear, mask, before, p, after):  # type: ignore[no-un
         if status == SOLVED and (value[a] <= lower[a] or value[a] >= upper[a]):
             bound = unknowns[a]
     chi = normal[n, n] / max(counted, 1) if status == SOLVED else 0.0
-    slow, unmodelled, wander = 0.0, (0.0, 0.0), (0.0, 0.0)
+    slow, under_usual, unmodelled, wander = 0.0, 0.0, (0.0, 0.0), (0.0, 0.0)
     if status == SOLVED and (not linear or bound >= 0):
         for a in range(n):
             for b in range(n):
                 information[a, b] += normal[a, b]
         if cholesky_inverse(information):
             take_over(p, information, unknowns, figures, knots, forces, before, after)
-            slow = _slow_residual(rows.columns, unknowns, move, weights) / max(counted, 1)
+            left = rows.columns[RESIDUAL]
+            _step(rows.columns, unknowns, move, left)
+            slow = _slow_residual(left, weights) / max(counted, 1)
+            under_usual = max(chi, slow)
+            if axis.model_error > axis.usual_error and not linear:
+                unwhiten(left, weights)
+                usual = axis.usual_error * axis.unit[COULOMB] * before.mean[COULOMB]
+                white = axis.force_noise**2 + usual * usual
+                _weigh(p, problem, linear, rows, white, use[:end], weights)
+                under_usual = _weighed_square(left, weights) / max(counted, 1)
             wander = _show_process(value, information, figures, knots, axis.wander)
             unmodelled = _show_process(value, information, figures + knots, forces, axis.unmodelled)
         else:
             status = FAILED
-    return Solution(status, bound, chi, evaluations, slow, unmodelled, wander)
+    return Solution(status, bound, chi, evaluations, slow, under_usual, unmodelled, wander)
 
 
 @kernel()
@@ -259,20 +271,24 @@ def _show_process(value, covariance, first, knots, rms):  # type: ignore[no-unty
 
 
 @kernel(fastmath={"contract"})
-def _slow_residual(columns, unknowns, move, weights):  # type: ignore[no-untyped-def]
-    """Sum of squares of the whitened residual's sums over BLOCK samples, behind the last step.
+def _step(columns, unknowns, move, residual):  # type: ignore[no-untyped-def]
+    """Carry a whitened residual, shape (K,), over the last step, in place.
 
     Args:
         columns: whitened, of the last pass, shape (*, K).
         unknowns: columns of the unknowns, shape (n,).
         move: the step from there, shape (n,).
-        weights: of the rows.
+        residual: of that pass.
     """
-    left = columns[RESIDUAL].copy()
     for a in range(unknowns.shape[0]):
         column, by = columns[unknowns[a]], move[a]
-        for k in range(left.shape[0]):
-            left[k] += by * column[k]
+        for k in range(residual.shape[0]):
+            residual[k] += by * column[k]
+
+
+@kernel(fastmath={"contract"})
+def _slow_residual(left, weights):  # type: ignore[no-untyped-def]
+    """Sum of squares of a whitened residual's sums over BLOCK samples; `left`: shape (K,)."""
     total = part = 0.0
     number = 0
     for k in range(left.shape[0]):
@@ -283,6 +299,19 @@ def _slow_residual(columns, unknowns, move, weights):  # type: ignore[no-untyped
                 total += part * part
                 part, number = 0.0, 0
     return total + part * part
+
+
+@kernel()
+def _weighed_square(residual, weights):  # type: ignore[no-untyped-def]
+    """Sum of squares of a residual, shape (K,), or of its sums over BLOCK samples if that is more.
+
+    Whitened in place.
+    """
+    whiten(residual.reshape((1, residual.shape[0])), np.zeros(1, np.int64), weights)
+    single = 0.0
+    for k in range(residual.shape[0]):
+        single += weights.inverse[k] * residual[k] ** 2
+    return max(single, _slow_residual(residual, weights))
 
 
 @kernel()

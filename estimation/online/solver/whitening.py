@@ -97,6 +97,16 @@ def whiten(columns, chosen, weights):  # type: ignore[no-untyped-def]
 
 
 @kernel()
+def unwhiten(column, weights):  # type: ignore[no-untyped-def]
+    """Undo `whiten` for one column, shape (K,), in place."""
+    last = before = 0.0
+    for k in range(column.shape[0]):
+        this = column[k]
+        column[k] = this + weights.second[k] * before + weights.first[k] * last
+        before, last = last, this
+
+
+@kernel()
 def normal_equations(columns, chosen, weights, normal):  # type: ignore[no-untyped-def]
     """Weighted products of the chosen whitened columns, shape (n, n), both triangles."""
     for a in range(chosen.shape[0]):
