@@ -176,7 +176,7 @@ class AxisSettings:
         following_error: window [m]; the drive faults outside it for following_error_time [s].
         position_window: the target is reached (pp) within it [m] for position_window_time [s].
         options: option codes for stops.
-        unwatched_host: accept a drive that stays under power when its host is lost.
+        unwatched_host: accept a drive that stays enabled when the host's heartbeat is lost.
         homing_method: CiA 402 homing method, 33..37 for stages without switches.
         homing_velocity: (search, index) [m/s].
         boot_timeout: until the boot-up message after a communication reset [s].

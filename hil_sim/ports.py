@@ -1,4 +1,4 @@
-"""What a virtual drive needs of its surroundings: a CAN segment, and the plant it drives.
+"""Interfaces that a virtual drive needs: a CAN segment, and the plant it drives.
 
 `bus.World` is a segment in virtual time, `bus.server.RealTimeSegment` one in real time on any
 python-can bus. `plant.Plant` is the simulated plant; tests may substitute anything with its

@@ -23,7 +23,7 @@ class WheelKernels(BuildHookInterface):
     """A build hook of hatchling."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Compile them into a folder of their own, and have them put into the wheel."""
+        """Compile the kernels into a temporary folder and add that to the wheel."""
         if version == "editable":
             return
         self._folder = tempfile.TemporaryDirectory()
@@ -42,7 +42,7 @@ class WheelKernels(BuildHookInterface):
         build_data["infer_tag"] = True
 
     def _pretend_installed(self, folder: Path) -> None:
-        """The program asks for its version and for the bus that it brings, as if installed."""
+        """Write package metadata, where the program looks up its version and its bus plug-in."""
         project = self.metadata.core
         info = folder / f"{project.raw_name}-{project.version}.dist-info"
         info.mkdir()

@@ -72,12 +72,12 @@ def report(modes: Sequence[str], wafers: int, folder: Path, spot: float) -> None
 
 
 def beside_the_oracle(lines: Sequence[Any], oracle: Sequence[Any]) -> None:
-    """Ratios, with what chance makes of them, and the same moves side by side.
+    """Print ratios to the oracle with confidence intervals, and a move-by-move comparison.
 
-    Half of all moves are within the window when the demand arrives or soon after: the median lies
-    where few moves are, and a share of one in a hundred more or less moves it by a millisecond or
-    two. No finer clock would help. So: intervals of 95 % over wafers drawn again (bootstrap), the
-    mean, the quartile beyond the median, and every move beside the oracle's.
+    About half of all moves are in the window as soon as the demand arrives or shortly after, so few
+    settling times lie near the median, and one move in a hundred shifts it by a millisecond or two.
+    A finer clock would not help. Hence 95 % bootstrap intervals over wafers, the mean, the upper
+    quartile, and a comparison of each move with the oracle's.
     """
     theirs = [{(m["axis"], m["site"]): m["50"] for m in line["micro"]} for line in oracle]
     pairs = [

@@ -23,7 +23,7 @@ def make(problem: Problem, method: str) -> Callable[[], F64]:
     Args:
         problem: of all peers.
         method: "differences" and "derivatives" are `leastsq`, with MINPACK's forward differences
-            and with the model's own sensitivities; "least_squares" is that, method="lm".
+            and with the model's own sensitivities; "least_squares" is method="lm", by differences.
     """
     solvers = [_Zone(problem, free, method) for free in (ZONE_A, ZONE_AB)]
 

@@ -6,9 +6,9 @@ are Coulomb force, viscous coefficient, presliding stiffness and mass, relative 
 resolution white. First zone A for (Fc, sigma_v, mass), then all that moved for all four, from zone
 A's solution and with the same arrival cost.
 
-Two forms of the same model: `residual` leads the estimator's own compiled elements through the
-samples; `steps` is the list of micro-steps for packages that have to build the model themselves
-(what does not depend on the unknowns is computed here for them).
+Two forms of the same model: `residual` runs the estimator's own compiled elements over the
+samples; `steps` lists the micro-steps for packages that have to build the model themselves, with
+all quantities that do not depend on the unknowns precomputed.
 """
 
 from __future__ import annotations
@@ -190,7 +190,7 @@ def _follow(p, position, velocity, model, law, scale, free, end, elements, jacob
 
 @numba.njit(cache=True)
 def _whiten(k, value, factor, out):  # type: ignore[no-untyped-def]
-    """Entry k of a column without what the factor says of the two before it."""
+    """Whiten entry k of a column: forward substitution with the two entries before it."""
     if k > 0:
         value -= factor[k, 1] * out[k - 1]
     if k > 1:
@@ -241,7 +241,7 @@ def compiled_jacobian(  # type: ignore[no-untyped-def]
 
 
 def build(samples: int = 250) -> Problem:
-    """The move of the comparison, its noise on a seed."""
+    """The move of the comparison, with seeded noise."""
     motion = plan(0.0, 25e-3, Limits(0.5, 3.0, 200.0))
     time = np.arange(-3, samples - 3) * TS
     clean = motion.sample(time)[0]
@@ -264,7 +264,7 @@ def build(samples: int = 250) -> Problem:
         fixed=("relaxation_rate",),
     )  # fmt: skip
     chosen = [0, 1, 2, 4]
-    # Two moves old: the one of rest that made the state known, and this one.
+    # The prior has aged by two moves: the rest that made the state known, and this move.
     spread = np.sqrt(
         np.square(belief.start_spread)[chosen] + 2 * np.square(belief.drift)[chosen] + 1e-12
     )

@@ -40,13 +40,13 @@ LOCKSTEP_CYCLES, VIRTUAL_CYCLES, READS = 10_000, 2_000, 2_000
 PRESENT_POSITION = 37
 """Homing method that takes no time."""
 PATIENCE = 0.02
-"""SYNC period where the drives are in another thread [s]: half of it is waited for their TPDOs.
+"""SYNC period where the drives run in another thread [s]; the host waits half of it for TPDOs.
 
-The host's heartbeat goes by this grid, as in a run: with every fifth of our cycles goes a frame
+As in a run, the host's heartbeat is timed by this grid: every fifth of our cycles includes a frame
 that canopen does not send."""
 NODES = (1, 2)
 RATIOS = {"lockstep, cycles": 7.0, "virtual, cycles": 1.5, "virtual, SDO reads": 1.0}
-"""To canopen, to be reached."""
+"""Target: lowest ratio of our rate to canopen's."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class Weightless:
         """Nothing depends on time."""
 
     def power(self, axis: int, on: bool) -> None:
-        """Holds in any case."""
+        """Do nothing: the axis holds its demand with or without power."""
 
     def command(self, axis: int, position: float, force: float, ticks: int) -> None:
         """Be there at once [m]."""
@@ -134,7 +134,7 @@ class Hurried:
 
 
 class PumpedNetwork(canopen.Network):
-    """canopen's network on a bus that no thread may wait on: received after each frame sent."""
+    """canopen's network without a receiving thread: it receives after each frame it sends."""
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         """Send, and dispatch what came of it."""
@@ -168,7 +168,7 @@ def drives(interface: str, name: str) -> Iterator[can.BusABC]:
 
 
 Subject = Callable[[], int]
-"""Works once and returns how often."""
+"""Does a batch of work and returns the number of operations done."""
 
 
 def our_cycles(stack: ExitStack, interface: str, count: int) -> tuple[Subject, Stage]:
@@ -182,7 +182,7 @@ def our_cycles(stack: ExitStack, interface: str, count: int) -> tuple[Subject, S
     axes = tuple(replace(axis, homing_method=PRESENT_POSITION) for axis in axes)
     stage = stack.enter_context(Stage.open(bus, axes, bus_object=bus_object))
     stage.boot()
-    for axis in stage.axes:  # others have their turn meanwhile, and this clock runs ahead
+    for axis in stage.axes:  # other subjects run in between, and this clock runs ahead
         axis.node.write(od.HEARTBEAT_CONSUMER, 0)
         axis.node.watched = False
     stage.home()

@@ -4,7 +4,7 @@
         [--json FILE]
 
 The working tree is measured in a copy; with --against, a commit as well, on this machine, in turn.
-Then the figures that moved by more than 1.3 are marked. Times are processor time of whole
+Figures that changed by a factor of more than 1.3 are then marked. Times are processor time of whole
 processes, so that other work on the machine counts less. Rates are those that `cycle_rate.py`,
 `cycle_peers.py` and `simulation_rate.py` of each tree print. --warm leaves out the first
 runs (kernels are compiled all the same, once). --install makes an environment and a wheel of each
@@ -64,12 +64,12 @@ for _ in range(5):
     rates.append(result.summary["duration"] / (at[-1] - at[0]))
 print(max(rates))
 """
-"""From the first event of a run to its last one, by the processor time of the thread that moves."""
+"""Simulated seconds per CPU second of the moving thread, from a run's first to its last event."""
 
 
 @dataclass(frozen=True, slots=True)
 class Spent:
-    """By a process that has ended."""
+    """Time and output of a process that has ended."""
 
     cpu: float
     wall: float
@@ -139,7 +139,7 @@ def first_runs(tree: Tree) -> Figures:
 
 
 def further_runs(tree: Tree) -> Figures:
-    """One round of what is warm."""
+    """One round of runs with a warm kernel cache."""
     run, plan = tree.run(), tree.stagectl(*RUN[:2], "--dry-run")
     return {
         "a warm run, CPU, s": run.cpu,
@@ -149,7 +149,7 @@ def further_runs(tree: Tree) -> Figures:
 
 
 def rates(tree: Tree) -> Figures:
-    """Of the SYNC cycle, the fixture and the simulation."""
+    """Rates of the SYNC cycle, the pytest fixture and the simulation."""
     found: Figures = {}
     cycle = _rows(tree.benchmark("cycle_rate").output)
     for name, cells in cycle.items():
@@ -179,7 +179,7 @@ def rates(tree: Tree) -> Figures:
 
 
 def installations(tree: Tree) -> Figures:
-    """As a user gets it: an editable environment as `make run` makes it, and a wheel."""
+    """Times of an editable installation (as by `make run`) and of a wheel installation."""
     found: Figures = {}
     for what, source in (("`make run`'s environment", ["--editable", "."]), ("a wheel", ["."])):
         with tempfile.TemporaryDirectory() as folder:

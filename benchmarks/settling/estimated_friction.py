@@ -5,8 +5,8 @@
 
 Whole runs of the recipe inspection-20 on the virtual stage, through `stagectl.run.execute`: every
 seed once with estimated friction, started at half of the machine file's figures, and once as
-`oracle`, which knows the true figures (but not the wander of the Coulomb force). From the fourth
-site on, both axes together. The true stage is the machine file's (`file`), or one whose Coulomb
+`oracle`, which knows the true figures (but not the wander of the Coulomb force). Counted: from
+site 4 on, both axes together. The true stage is the machine file's (`file`), or one whose Coulomb
 force, viscous friction, stiffness and attraction deviate by -40 to +60 %, drawn for each seed and
 axis (`drawn`).
 
@@ -31,7 +31,7 @@ from stagectl.sequencer import Mode
 from stagedata import LAWS
 
 DEMANDS = {"file": (1.15, 1e-3, 1.3), "drawn": (1.3, 2e-3, 1.5)}
-"""Mean settling to 50 nm over the oracle's; median to 200 nm [s]; median peak over the oracle's."""
+"""Targets: mean settling to 50 nm / oracle's; median to 200 nm [s]; median peak / oracle's."""
 
 
 def micro_moves(
@@ -63,7 +63,7 @@ def micro_moves(
 
 
 def figures(mode: Mode, which: str, seeds: int) -> dict[str, np.ndarray]:
-    """Micro-moves on the file's stage, or on drawn ones."""
+    """Figures of micro-moves on the machine file's stage, or on randomly drawn ones."""
     machine = load_machine(None)
     return micro_moves(
         mode, machine, lambda seed: machine if which == "file" else drawn(machine, seed), seeds

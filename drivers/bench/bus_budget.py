@@ -72,7 +72,7 @@ class BusBudget:
     @property
     def available(self) -> int:
         """Bits available in a cycle."""
-        # the factor keeps 0.001 * 1e6 from losing a bit to binary fractions
+        # the factor keeps rounding of 0.001 * 1e6 from losing one bit
         return math.floor(self.sync_period * self.bitrate * (1 + 1e-9))
 
     @property

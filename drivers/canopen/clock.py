@@ -40,9 +40,9 @@ class MonotonicClock:
 STAMPED = ("socketcan", "udp_multicast", "virtual")
 """python-can interfaces that stamp frames on arrival with this computer's wall clock."""
 _MAX_AGE_NS = 1_000_000_000
-"""A stamp older than this is of another clock."""
+"""A time stamp older than this cannot be from this computer's wall clock."""
 _ENOUGH = 100
-"""Unusable stamps before a bus counts as one without."""
+"""Unusable time stamps after which a bus is treated as having none."""
 _COMPARE_NS = 50_000_000
 """How often wall clock and monotonic clock are compared."""
 
@@ -88,7 +88,7 @@ def stamps_of(bus: object) -> Stamps | None:
 def _wall_ahead() -> int:
     """By how much the wall clock is ahead of the monotonic clock [ns].
 
-    The quickest of three readings, which had the least interruption.
+    Takes the fastest of three readings, the one least disturbed by other threads.
     """
     readings = []
     for _ in range(3):

@@ -16,15 +16,15 @@ from drivers.motion.fault_report import axis_fault
 from drivers.motion.standstill import wait_for_rest
 
 TIMEOUT = 2.0
-"""Of a change of power state without motion [s]."""
+"""For a change of power state that involves no motion [s]."""
 HOLDING_TIMEOUT = 1.0
-"""For an enabled axis to come to rest, as when the loop settles after homing [s]."""
+"""Longest wait for an enabled axis to come to rest, for example after homing [s]."""
 RINGING_TIMEOUT = 0.3
-"""For an axis without power, which may oscillate on its presliding stiffness for longer [s]."""
+"""The same for an unpowered axis, whose presliding stiffness may ring for longer [s]."""
 SDO_DELAY = 0.02
 """An axis still silent or enabled this long after a quick stop is stopped by SDO as well [s]."""
 SILENCE_TIMEOUT = 0.6
-"""How long a silent axis is waited for; by then its drive has missed our heartbeat [s]."""
+"""How long to wait for a silent axis; by then its drive has missed our heartbeat [s]."""
 OFFSET_RAMP = 0.05
 """Duration of the ramp of force offsets to 0 before axes are disabled [s]."""
 
@@ -248,7 +248,7 @@ class Power:
             positions = tuple(c.position for c in self.channels)
             still, last = positions == last, positions
             states = [c.state for c in self.channels if c.valid]
-            # with option codes 5..8 drives stay in QUICK STOP ACTIVE: at standstill they are done
+            # with option codes 5..8 a drive stays in QUICK STOP ACTIVE: standstill ends the stop
             if not any(
                 s in moving and (s is not State.QUICK_STOP_ACTIVE or not still) for s in states
             ):
@@ -301,7 +301,7 @@ class Power:
         for channel in chosen:
             node = channel.axis.node
             try:
-                # a silent node may still listen, but its answer is not awaited again
+                # a silent node may still receive, but do not wait for its answer again
                 write = node.write_unanswered if node.silent else node.write
                 write(od.CONTROLWORD, int(command))
             except DriverError:

@@ -23,25 +23,25 @@ from estimation.online.outcome import (
 )
 
 MOSTLY = 0.25
-"""A motion is not learned from unless its force was steady in more than this share of it."""
+"""A move is rejected if its force was undisturbed in less than this share of the motion."""
 KNOWN_SCALE, SCALE_SHARE = 0.02, 0.05
-"""Force per acceleration is known from this relative sigma on, and another one where it changes
-by more than this share."""
+"""The force per acceleration counts as known below this relative sigma, and as changed when it
+changes by more than this share."""
 SHOWS_SCALE = 0.02
-"""A move that determines the apparent mass to this by itself, relative, shows whether the force's
-scale is right."""
+"""A move shows whether the force's scale is right if it alone determines the apparent mass to this
+relative sigma."""
 MOST_MISSED = 0.2
-"""Of the Coulomb force: what the model may miss, rms, in a move and in those before it. With more,
-something else acts, and an onset or a curve that is found is its."""
+"""Largest rms model error of this and earlier moves, relative to the Coulomb force. Above it some
+other effect acts, and an onset or a curve that is found is due to that effect."""
 LEARNED = 0.3
-"""A figure less certain than this, relative, is still a guess: how it has changed says nothing."""
+"""A figure with a larger relative sigma is still a guess: its past changes say nothing."""
 UNUSUAL = 1.6
-"""A move whose misfit is more than this many times the usual one counts less: what the model misses
-in it is not what it misses elsewhere."""
+"""A move whose misfit exceeds the usual one by more than this factor gets less weight: its model
+error is not typical of other moves."""
 
 
 class Verdict(NamedTuple):
-    """Of a move; see `Outcome`."""
+    """Verdict on a move; the fields are those of `Outcome`."""
 
     code: int
     figure: int
@@ -55,9 +55,9 @@ def judge(prepared, solution, missed, axis, whole, before, after):  # type: igno
     Args:
         prepared: the move.
         solution: of the last solve.
-        missed: rms of what the model misses in the move, relative to the Coulomb force.
+        missed: rms model error in the move, relative to the Coulomb force.
         axis: settings.
-        whole: False for a look at a move that is not over.
+        whole: False for a preview while the move is still under way.
         before: belief before the move.
         after: belief after it.
     """
@@ -112,11 +112,11 @@ def find_jump(axis, before, after):  # type: ignore[no-untyped-def]
 
 @kernel()
 def is_another_scale(slide, axis, before, after):  # type: ignore[no-untyped-def]
-    """Whether the force per acceleration, once known, is another one.
+    """Whether the force per acceleration has changed since it became known.
 
-    Friction does not change it: the force constant, the reading of the force or the mass has. All
-    figures are then off by that factor. A move without zone A (`slide`: samples of it) shows the
-    mass by what else it is wrong in. The other arguments as of `judge`.
+    Friction cannot change it; the force constant, the force measurement or the mass can. All
+    figures are then off by the same factor. A move without zone A (`slide`: number of its samples)
+    is not judged: there, other model errors shift the mass. Other arguments as for `judge`.
     """
     variance, mean = before.covariance[MASS, MASS], before.mean[MASS]
     narrowed = max(variance - after.covariance[MASS, MASS], 0.0)
@@ -133,9 +133,9 @@ def is_another_scale(slide, axis, before, after):  # type: ignore[no-untyped-def
 
 @kernel()
 def noise_excess(prepared, solution, axis):  # type: ignore[no-untyped-def]
-    """By how much larger the move's noise is to be taken than assumed, as a factor, 1 or more."""
+    """Factor (at least 1) by which the noise of the move exceeds the assumed noise."""
     misfit = math.sqrt(max(solution.chi, solution.slow))
-    # What is left between late setpoints is not free of them either.
+    # Samples kept between late setpoints are disturbed by them, too.
     excess = max(misfit, 1.0 / max(prepared.steady, MOSTLY) ** 2)
     if misfit > UNUSUAL * axis.usual_misfit:
         excess = max(excess, misfit / axis.usual_misfit)
@@ -144,7 +144,7 @@ def noise_excess(prepared, solution, axis):  # type: ignore[no-untyped-def]
 
 @kernel()
 def normalised_innovations(verdict, axis, before, after):  # type: ignore[no-untyped-def]
-    """How far a move takes the friction figures, over what it may, shape (2, MASS).
+    """Normalised innovations of the friction figures in one move, shape (2, MASS).
 
     Row 0: squares of their changes over the variances by which the move narrows them (that of a
     Kalman filter's step), 1 where sigma is right; row 1: these over the variances before, the share
@@ -175,9 +175,9 @@ def scale_covariance(covariance, innovations, scale, weights, most):  # type: ig
     Args:
         covariance: of all states, shape (STATES, STATES); changed.
         innovations: of the move, see `normalised_innovations`.
-        scale: that mean so far, shape (LEVEL,); the first MASS are updated.
-        weights: of it, in moves that determine the figure, shape (MASS,); updated.
-        most: of `weights`.
+        scale: running mean square so far, shape (LEVEL,); the first MASS entries are updated.
+        weights: of that mean, in fully informative moves, shape (MASS,); updated.
+        most: upper limit of `weights`.
     """
     for i in range(MASS):
         share = innovations[1, i]
@@ -191,11 +191,11 @@ def scale_covariance(covariance, innovations, scale, weights, most):  # type: ig
 
 @kernel()
 def hold_undetermined(axis, mask, before, after):  # type: ignore[no-untyped-def]
-    """Leave figures of which the move says next to nothing at their prior; returns which, (LEVEL,).
+    """Reset figures that the move hardly determines to their prior; returns which, shape (LEVEL,).
 
     `mask`: figures that were solved for, shape (LEVEL,); `after` is changed. The other figures
-    become what they are if the held ones are there. Those that are only to be considered stay with
-    their variance and what it has in common with the others, which keep what was found
+    are re-estimated given the held ones. Figures that are only considered return to their prior
+    mean and variance but keep their covariances with the others, whose estimates stand
     (Schmidt-Kalman filter).
     """
     held, gains = np.zeros(LEVEL, np.bool_), np.empty(LEVEL)
@@ -216,7 +216,7 @@ def hold_undetermined(axis, mask, before, after):  # type: ignore[no-untyped-def
 
 @kernel()
 def _hold(figure, held, before, after):  # type: ignore[no-untyped-def]
-    """Move one figure back to its prior; the covariance takes in what that leaves open."""
+    """Reset one figure to its prior and correct the others and the covariance accordingly."""
     found, uncertain = after.mean, after.covariance
     variance, kept = uncertain[figure, figure], before.covariance[figure, figure]
     away = before.mean[figure] - found[figure]

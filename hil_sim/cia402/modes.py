@@ -80,7 +80,7 @@ class Mode:
         """Read parameters again: the dictionary has changed."""
 
     def start(self) -> None:
-        """Begin where the demand is at rest, or will be."""
+        """Begin at the position where the demand is at rest or will come to rest."""
         self.set_bits(0)
 
     def velocity(self) -> float:

@@ -1,9 +1,9 @@
 """Rows that a log lost and values that it repeated, recognised before anything is judged by them.
 
 Loggers drop rows, and hold a value where none arrived. Neither is physics: such samples are marked
-as not valid, lost rows are put back with demands in between those around them. Where the host
-itself paused, the drives held their setpoint, and nothing is put back: the demand tells the two
-apart: the motion continues undisturbed where only the log has a gap.
+as not valid, lost rows are restored with interpolated demands. Where the host itself paused, the
+drives held their setpoint, and nothing is restored. The demand tells the two apart: it advances
+through a gap in the log, but not through a pause of the host.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from sim2real.report import ChannelFinding
 from stagedata import AxisSignals, BoolArray, FloatArray, Move, Recording
 
 _STEPS = 3.0
-"""Changes of the position from sample to sample, in steps of the log plus its noise, from which one
-that does not change can be distinguished from one at rest."""
+"""Smallest change of position per sample, in units of log resolution plus encoder noise, at which a
+held value can be told from standstill."""
 _JUMP = 1.5
-"""After a held value the position makes up for it: its change is at least this many times that of
-the samples around."""
+"""After a held value the position catches up: it then changes by at least this multiple of the
+change per sample before and after."""
 _MOST_LOST = 0.2
 """Share of lost rows up to which they are put back."""
 
@@ -153,7 +153,7 @@ def _held_samples(signals: AxisSignals, axis: AxisSettings) -> BoolArray:
 
 
 def _without_held(recording: Recording, held: dict[str, BoolArray]) -> Recording:
-    """Held samples not valid; where whole rows were repeated, demands in between those around."""
+    """Mark held samples as not valid; where whole rows were repeated, interpolate the demands."""
     rows = np.logical_or.reduce(list(held.values()))
     for signals in recording.axes.values():
         for values in (signals.position_demand, signals.position_actual):

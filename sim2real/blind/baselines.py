@@ -1,8 +1,8 @@
 """Other methods on the same sealed stages, scored alike.
 
 Each gets what the diagnosis gets: the recording, the machine file with its tolerance, and the
-library. None of them says `no_gap` or how sure it is: what counts is which effects it names, and
-what its model closes on the second run.
+library. None of them reports `no_gap` or a confidence: they are scored by the effects they name and
+by the share of the gap that their models close on the second run.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def run_baselines(
     runs: tuple[Recording, Recording],
     spent: Callable[[], float],
 ) -> dict[str, Baseline]:
-    """Name of each method -> what it says of a trial.
+    """Name of each method -> its result for a trial.
 
     Args:
         settings: of the machine file.

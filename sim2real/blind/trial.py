@@ -1,4 +1,4 @@
-"""One trial: a stage drawn and sealed, its recording diagnosed, a second run of it predicted."""
+"""One trial: draw and seal a stage, diagnose its recording, and predict a second run of it."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ class Setup:
         elements: friction elements of the real stage, None for the machine file's.
         substeps: plant steps per control tick of the real stage, None to draw one of `SUBSTEPS`.
         jobs: threads of a diagnosis.
-        effects: effects of the library on one axis in every trial, None to draw kinds.
-        baselines: ask the other methods, too.
+        effects: library effects on one axis in every trial; None to draw the kind of trial.
+        baselines: whether to run the baseline methods as well.
     """
 
     settings: StageSettings
@@ -115,7 +115,7 @@ def draw_trial(setup: Setup, number: int) -> Trial:
 
 
 def _gap_measure(setup: Setup, demands: Demands) -> Callable[[StageSettings], float]:
-    """A function for the combined gap in floors of a stage on these moves, noise-free."""
+    """A function that returns a stage's combined noise-free gap on these moves, over the floor."""
     settings = setup.settings
     blank = record_stage(settings, demands, 0, SUBSTEPS[0], setup.machine, "blank")
     below = estimate_floor(prepare_replay(blank, settings), settings, _FLOOR_DRAWS)
@@ -142,7 +142,7 @@ def run_trial(
     spent: Callable[[], float],
     progress: Progress = lambda *_: None,
 ) -> Outcome:
-    """Diagnose the first run, and compare what is promised with the second.
+    """Diagnose the first run and check the predicted gap closed on the second.
 
     Args:
         setup: of all trials.
@@ -240,12 +240,12 @@ def deviations_in_sigmas(
 ) -> dict[str, float]:
     """(reported - true)/sigma of every parameter of the causes that are named correctly.
 
-    Phases are compared on the circle, after a negative size has been turned into half a turn.
+    Phases are compared modulo 2 pi; a negative size counts as a positive one, shifted by pi.
     """
     out = {}
     for drawn in key.effects:
         if drawn.effect != drawn.kin:
-            continue  # another shape: its figures mean something else
+            continue  # a variant of another shape: its parameters are not comparable
         for cause in report.causes:
             if (cause.axis, cause.effect) != (drawn.axis, drawn.effect):
                 continue

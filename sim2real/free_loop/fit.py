@@ -27,15 +27,15 @@ F64 = NDArray[np.float64]
 _BASE_STEP = 0.01
 """Relative step of the base parameters for difference quotients."""
 _WIDER = 3.0
-"""Steps of an effect's coordinates, over those of the tracked fit: the encoder's rounding is in the
-loop here."""
+"""Difference steps of an effect's coordinates relative to those of the tracked fit: larger, because
+the free loop contains the encoder's rounding."""
 _PHASE_STEP, _PHASE_REACH = 0.1, 2.0
-"""By how much a step of a pitch or a frequency may turn the wave's end, for difference quotients
-and in one iteration [rad]."""
+"""Largest change of phase at the end of the travel due to a step of a pitch or frequency, for
+difference quotients and in one iteration [rad]."""
 _DAMPING = (1e-4, 1e-2, 1e-1, 1.0)
 """Levenberg-Marquardt factors, tried at once."""
 _CONVERGED = 0.05
-"""Fall of the cost below which a fit ends."""
+"""A fit ends when the cost decreases by less than this."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,7 +104,7 @@ def fit_free(
 def derivatives(loop: FreeLoop, model: AxisModel, residual: F64) -> F64:
     """Derivatives of the residual by base parameters (in sigmas) and coordinates, float64[R, P].
 
-    By one step each: slips that fall into another sample average out over a recording.
+    One-sided differences: slips that shift to another sample average out over a recording.
 
     Args:
         loop: the axis.
@@ -142,8 +142,8 @@ def derivatives(loop: FreeLoop, model: AxisModel, residual: F64) -> F64:
 def move_covariance(loop: FreeLoop, fitted: FreeFit) -> F64:
     """Covariance of a fit, float64[P, P]: by the prior's noise and by the scatter between moves.
 
-    What an incomplete model leaves is no noise; how much the moves disagree about the figures says
-    more (the sandwich estimate, by moves).
+    The residual of an incomplete model is not noise; the disagreement between moves is a better
+    measure (sandwich estimate, clustered by move).
     """
     inverse, columns, weight = _least_squares(loop, fitted)
     scores = np.zeros((len(loop.samples), columns.shape[1]))
@@ -170,8 +170,8 @@ def free_cost(
 ) -> float:
     """Twice the negative log posterior, up to a constant.
 
-    How large the deviations of an incomplete model are is not known beforehand: the likelihood
-    counts the logarithm of their energy, as often as there are independent elements.
+    The size of an incomplete model's deviations is not known beforehand: the likelihood term is the
+    logarithm of their energy times the number of independent residual elements.
     """
     samples = float(loop.samples.sum() if moves is None else loop.samples[moves].sum())
     energy = max(loop.gap(residual, moves), FLOOR_LEVEL)
@@ -209,7 +209,7 @@ def _limited(loop: FreeLoop, model: AxisModel, step: F64) -> F64:
 def _strides(loop: FreeLoop, term: Term) -> list[tuple[float, float]]:
     """Step for differences and largest change in one iteration, of each coordinate of a term.
 
-    A wave of another pitch is out of phase at the end of the travel: its steps are small.
+    A small change of pitch puts a wave out of phase by the end of the travel: its steps are small.
     """
     strides = []
     periodic = any(p.role == "phase" for p in term.effect.parameters)

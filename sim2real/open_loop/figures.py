@@ -1,8 +1,8 @@
 """Figures that a machine file leaves unknown, fitted to the motion and its force.
 
-Least squares on the force in motion: mass times acceleration, Coulomb and viscous friction, beside
-a smooth force over position that is nobody's figure here (weight, springs). These are where the
-search starts from, not its result: it fits them again, beside the effects.
+Least squares on the force in motion: mass times acceleration, Coulomb and viscous friction, plus a
+smooth force over position that is fitted but not reported (weight, springs). The figures are start
+values of the search, which fits them again together with the effects.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ F64 = NDArray[np.float64]
 FIGURES = {"mass": "kg", "coulomb": "N", "viscous": "N s/m"}
 """Figures that may be unknown, and their units."""
 _POWERS = (0, 1, 2, 3)
-"""Of the position, in the force that is nobody's figure."""
+"""Powers of position in the smooth force that is fitted but not reported."""
 _LEAST_FRICTION = 1e-6
-"""Share of the rms force that Coulomb friction is at least: a plant has some."""
+"""Lower limit of Coulomb friction, as a share of the rms force: a plant always has some."""
 
 
 def fit_figures(
@@ -94,6 +94,6 @@ def _fit_axis(
         figures[key] = max(figures[key], least if key == "coulomb" else 0.0)
     if (
         "stiffness" in others and "coulomb" in figures
-    ):  # unknown, too: as far to breaking away as before
+    ):  # also unknown: keep the breakaway distance as before
         figures["stiffness"] = axis.friction.stiffness * figures["coulomb"] / own["coulomb"]
     return with_figures(axis, figures)

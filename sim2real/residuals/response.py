@@ -2,8 +2,8 @@
 
 Welch's method with Hann windows on velocities, which suppresses the leakage of long strokes; demand
 and positions are differenced alike, so the response is that of positions. With friction the loop is
-not linear: the response is that of these moves, and its scatter is not noise. But the simulation
-makes the same moves; so what is known is judged by the scatter of measured minus simulated.
+not linear: the response is that of these moves, and its scatter is not noise. The simulation makes
+the same moves, so the uncertainty is taken from the scatter of measured minus simulated response.
 
 J. S. Bendat, A. G. Piersol, Random Data, 4th ed., 2010, sections 6.1 and 9.1.
 """
@@ -22,12 +22,12 @@ from stagedata import BoolArray, FloatArray
 _SEGMENT = 0.5
 """Length of a segment [s]."""
 _FEWEST = 8
-"""Segments without which nothing can be said."""
+"""Fewest segments for an estimate."""
 _PER_DECADE = 30
-"""Frequencies of a decade, where the segments resolve that many."""
+"""Frequency bands per decade, where the segments resolve that many."""
 KNOWN_TO = 0.1
-"""Standard deviation of what the measured response differs from the simulated one by, relative to
-the response, up to which a frequency is excited."""
+"""A frequency counts as excited if the standard deviation of measured minus simulated response,
+relative to the measured one, is below this."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,7 +88,7 @@ def estimate_response(course: Course) -> FrequencyResponse | None:
     left = outputs[MEASURED] - outputs[BEFORE]
     difference = power(demand, left)
     scatter = power(left, left).real
-    # Only lines in which the demand has power tell anything; neighbours are not independent.
+    # Only spectral lines in which the demand has power carry information; neighbours correlate.
     powers = np.bincount(band, weights=np.sum(np.abs(demand[:, 1:]) ** 4, axis=0))
     with np.errstate(divide="ignore", invalid="ignore"):
         coherence = np.clip(np.nan_to_num(np.abs(measured) ** 2 / (own * other)), 0.0, 1.0)
@@ -112,7 +112,7 @@ def _segments(course: Course, length: int) -> list[slice]:
 
 
 def _filled(values: FloatArray, valid: BoolArray) -> FloatArray:
-    """Values with straight lines in place of invalid samples."""
+    """Values with invalid samples replaced by linear interpolation."""
     if valid.all():
         return values
     at = np.arange(len(values))

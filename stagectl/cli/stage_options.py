@@ -39,7 +39,7 @@ def stage_options(command: Callable[..., None]) -> Callable[..., None]:
 def load_machines(
     machine: Path | None, simulate: Path | None, bus: tuple[str, str] | None, moves: bool = True
 ) -> tuple[Machine, Machine | None]:
-    """The machine as the host believes it to be, and the simulated one (None on a real stage).
+    """The host's machine model and that of the simulated stage (None on a real stage).
 
     Args:
         machine: `--machine`.

@@ -2,7 +2,7 @@
 
 SQLite runs in WAL mode: one writer, and any number of readers that never wait for it. A commit has
 reached the kernel when it returns, so a killed process loses none (`synchronous = NORMAL`: a power
-cut may cost the last commits, but not the file).
+failure may lose the last commits but does not corrupt the file).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from stagectl.history.port import NoHistory
 from stagectl.history.schema import APPLICATION_ID, MIGRATIONS, READABLE
 
 BUSY_TIMEOUT = 2.0
-"""A write waits this long for another program's [s]."""
+"""How long a write waits for another program's write lock [s]."""
 
 
 class Database(Protocol):
@@ -149,10 +149,10 @@ class SqliteDatabase:
 
 
 def _is_read_only(path: Path) -> bool:
-    """Whether the file is complete in a folder that cannot be written.
+    """Whether the folder is read-only and the file complete.
 
-    SQLite is then opened so that it writes nothing beside it. With a log beside it (`-wal`) the
-    file is not complete, for the last commits are only there.
+    SQLite is then opened in a way that creates no files next to it. If there is a log (`-wal`), the
+    database file is not complete: the last commits are only in the log.
     """
     log = path.with_name(f"{path.name}-wal")
     return not os.access(path.absolute().parent, os.W_OK) and not log.exists()

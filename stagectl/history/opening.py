@@ -64,9 +64,9 @@ def default_history(
 ) -> str | None:
     """The history of a run: by the option, else by the machine file, else near the run's files.
 
-    A simulated run does not use the machine file's, so that virtual friction gets into a real
-    stage's history on request only. Where the user names the folder, nothing outside of it is
-    written, and a simulated run, of which there may be thousands, has no history by default.
+    A simulated run does not use the machine file's history, so that simulated friction enters a
+    real stage's history only on request. If the user names the folder, nothing outside it is
+    written, and simulated runs (there may be thousands) have no history by default.
 
     Args:
         named: `--history`; "none" for no history.

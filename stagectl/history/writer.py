@@ -1,8 +1,8 @@
 """A thread that writes the history, so that nothing else ever waits for it.
 
-A slow disk, a database locked by another program, a server that is gone or does not answer concern
-this thread alone. It has a connection of its own, reopens it after growing pauses when it is lost,
-and then files what has queued up.
+A slow disk, a database locked by another program, or a server that is gone or does not answer
+delays only this thread. It has its own connection; when that is lost it reconnects after growing
+pauses and then files the records queued meanwhile.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from stagectl.history.records import EstimateRecord, RunEntry, StepRecord
 Record = EstimateRecord | StepRecord
 
 LIMIT = 20_000
-"""Largest number of queued records, about 25 MB; further ones are dropped, for an import."""
+"""Largest number of queued records, about 25 MB; more are dropped and must be imported later."""
 BATCH = 200
 """Records filed per transaction."""
 PAUSE, LONGEST_PAUSE = 0.25, 30.0
@@ -68,7 +68,7 @@ class HistoryWriter:
     def end(self, close: Callable[[History, int], None], patience: float = PATIENCE) -> None:
         """Wait until everything is filed, for `patience` at most.
 
-        A thread that still waits for a database then is left to end by itself.
+        A thread that is still waiting for a database after that is left to end on its own.
 
         Args:
             close: called in the thread with the history and the number of the run, once
@@ -134,7 +134,7 @@ class HistoryWriter:
         self.failure = None
 
     def _wait(self, pause: float) -> None:
-        """Pause before another attempt: cut short by the end of the run, and short after it."""
+        """Pause before another attempt; the end of the run cuts it short, later ones are short."""
         if self._ending.is_set():
             self._abandoned.wait(min(pause, 2.0 * PAUSE))
         else:

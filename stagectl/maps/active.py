@@ -14,8 +14,8 @@ from stagectl.maps.places import TrackedPlaces
 from stagectl.sequencer import Figures
 
 REPLAYED = 60
-"""Latest measurements of each place and axis used to bring a map up to date: together they are
-more certain than the level is constant."""
+"""Number of latest measurements per place and axis used to update a map: together they determine
+the level more accurately than it stays constant, so more would not help."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +102,7 @@ def _latest_figures(
 ) -> dict[str, Figures]:
     """Figures to start from: of the last accepted estimate at any place, else the map's.
 
-    The Coulomb force is the sites' mean with a wide sigma, for the places know it better.
+    The Coulomb force is the sites' mean with a wide sigma; the map has its values by place.
     """
     newest: dict[str, EstimateRecord] = {}
     for row in history.at_date(stage, started):

@@ -107,7 +107,7 @@ def prepare(
         if processing.filter_force:
             force = sosfiltfilt(sections, force)
     position = x[1:-1]
-    # The rest may carry noise, so the search begins where the stage has moved.
+    # Noise at rest could look like motion, so the search begins once the stage has moved.
     travelled = position - x[0] > (1e-3 if borders.onset is None else borders.onset)
     began = travelled if borders.onset is not None else travelled & record.slipping[1:-1]
     if not began.any():

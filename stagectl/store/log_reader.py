@@ -58,8 +58,8 @@ class LoggedBus:
         files: of the log, in order.
         count: number of frames.
         digest: SHA-256 of the frames' lines, in hex; of all parts, as if they were one file.
-        stated: digest that the log states, or None; where a part states another one than its own,
-            the one that this part states.
+        stated: digest written in the log, or None; if a part contains a wrong digest of its own,
+            that wrong one.
     """
 
     files: tuple[Path, ...]
@@ -88,7 +88,7 @@ def read_log(path: Path) -> LoggedBus:
     """Check a log written by `bus_log` from end to end, and compute its digest.
 
     Args:
-        path: of `bus.asc`, also where its parts are there instead.
+        path: of `bus.asc`, even if the log is stored in parts instead.
 
     Raises:
         UnusableInput: there is none, a part is missing, or a line has another form; names the line.
@@ -138,7 +138,7 @@ class _Part:
                     in_frames = in_frames or line.endswith(_HEAD_END)
                     yield line.decode("ascii").removesuffix("\n")
                     if mark:
-                        rest = sum(bool(more.strip()) for more in stream)  # and gzip's check
+                        rest = sum(bool(more.strip()) for more in stream)  # checks gzip's CRC, too
                         self.stated = stated.decode("ascii").strip() + (" ..." if rest else "")
                         break
         except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:

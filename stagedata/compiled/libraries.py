@@ -1,12 +1,12 @@
 """How a kernel becomes machine code: one optimisation and one emission for each entry point.
 
-numba optimises and emits every function by itself, and once more in each of its callers. Here a
-kernel that another one calls is handed on as LLVM code as it was lowered; what is called from
-Python, an entry point, takes in all that it reaches, is optimised once, and is emitted. Within it
-everything but the entry point is internal: what has been inlined is dropped, and nothing of it can
-be mistaken for code of the same name in another kernel file.
+By default numba optimises and emits every function separately, and again in each of its callers.
+Here, kernels called only by other kernels stay unoptimised LLVM IR. A kernel called from Python (an
+entry point) is linked with everything it calls, optimised once and emitted. All symbols but the
+entry point are internal: inlined functions are dropped, and no symbol can clash with one of the
+same name in another kernel file.
 
-This is a compiler pipeline as numba lets one define them: the default one, with another library.
+The pipeline is numba's default one with another code library, through numba's extension API.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ class InnerLibrary(JITCodeLibrary):
     _shared_module: Any
 
     def finalize(self) -> None:
-        """Nothing is left to do: who links this links what it calls as well."""
+        """Do nothing more: whoever links this library also links what it calls."""
         self._raise_if_finalized()
         self._finalized = True
 
     def _get_module_for_linking(self) -> Any:
-        """For a caller compiled by numba itself, which expects one module with all callees."""
+        """The module for a caller that numba compiles itself: it expects all callees in one."""
         if self._shared_module is None:
             module = self._final_module.clone()
             _link_reached(self, module)
@@ -47,7 +47,7 @@ class EntryLibrary(JITCodeLibrary):
 
     def finalize(self) -> None:
         """Link what is called, optimise all of it together, emit it."""
-        self._codegen._check_llvm_bugs()  # of the locale, as numba does
+        self._codegen._check_llvm_bugs()  # checks for a locale bug in LLVM, as numba does
         self._raise_if_finalized()
         module = self._final_module
         own = {fn.name for fn in module.functions if not fn.is_declaration}
@@ -60,7 +60,7 @@ class EntryLibrary(JITCodeLibrary):
         self._finalize_final_module()
 
     def _optimize_final_module(self) -> None:
-        """First what inlines, so that numba's pruning of references sees more; then everything.
+        """Inline first, so that numba can prune more reference counts; then run all passes.
 
         Loops are not vectorised: it costs a sixth of the time and gains nothing in these kernels,
         whose loops carry a state.
@@ -73,7 +73,7 @@ class EntryLibrary(JITCodeLibrary):
     def serialize_using_object_code(self) -> tuple[str, str, tuple[bytes, bytes]]:
         """Machine code, and the names that it defines.
 
-        numba takes them from LLVM code that it keeps for callers, of which there are none here.
+        numba reads the names from the LLVM IR that it stores for callers; there is none here.
         """
         names = [
             fn.name for fn in self._final_module.functions
@@ -90,7 +90,7 @@ class EntryLibrary(JITCodeLibrary):
 def _link_reached(library: Any, module: Any) -> None:
     """Link into `module` what the code of `library` calls, directly or through inner libraries.
 
-    numba's own libraries come last: of them only what has been referred to by then is taken.
+    numba's own libraries come last: only symbols that are referenced by then are linked in.
     """
     inner: dict[Any, None] = {}
     others: dict[Any, None] = {}

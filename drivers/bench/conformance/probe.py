@@ -1,7 +1,7 @@
 """The node under test: object access with the sizes of CiA 402, waiting, findings.
 
-A check is a generator of findings. Groups of checks run one after the other, each from a drive that
-is disabled, PRE-OPERATIONAL and holds its original values.
+A check is a generator of findings. Groups of checks run one after the other; each begins with the
+drive disabled, in PRE-OPERATIONAL and with its original parameter values.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Finding:
 
 
 def code_of(index: int, sub: int) -> str:
-    """`struct` code of an object by CiA 301 and 402; UNSIGNED32 by default."""
+    """`struct` format code of an object's type in CiA 301 or 402; UNSIGNED32 by default."""
     if index in _SIGNED_8 or (index == 0x60C2 and sub == 2):
         return "b"
     if index in _SIGNED_16:
@@ -73,7 +73,7 @@ class Probe:
     """A node that is being checked.
 
     Args:
-        network: of the bus, which nothing else reads and no other host uses.
+        network: on a bus that nothing else reads from and no other host uses.
         node: 1..126.
 
     Attributes:
@@ -179,7 +179,7 @@ class Probe:
         return True
 
     def abort_code(self, action: Callable[[], object]) -> int | None:
-        """The abort code of an access, None where it is accepted."""
+        """The SDO abort code of an access; None if the drive accepts it."""
         try:
             action()
         except SdoAbortedError as refused:

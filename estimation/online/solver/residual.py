@@ -57,10 +57,10 @@ from estimation.online.belief import (
 )
 
 SUBSTEPS = 4
-"""Of the friction law inside a sample that is not far above the Stribeck velocity."""
+"""Steps of the friction law per sample period, up to `NO_SUBSTEPS` Stribeck velocities."""
 UNSEEN = 0.5
-"""A motion that comes to a stop without turning visibly creeps on below the noise for this many
-samples; elements that slip gain meanwhile."""
+"""A motion that stops without a visible reversal is taken to creep on, below the noise, for this
+many samples; the force of slipping elements rises in that time."""
 
 
 class AtRest(NamedTuple):
@@ -84,10 +84,10 @@ class Rows(NamedTuple):
         columns: derivatives by the unknowns in their units, and the residual, predicted minus
             measured [N], in column RESIDUAL, shape (KNOTS + knots, K).
         spring: stiffness of what sticks at each sample [N/m], shape (K,).
-        variance: of the force from what positions' errors do to what slides [N^2], shape (K,).
-        level_at: sample at which the level last acted, shape (K,).
+        variance: of the force of sliding elements, due to position errors [N^2], shape (K,).
+        level_at: for each sample, the latest one with a sliding element (level acts), shape (K,).
         forces: number of knots of the unmodelled force, in the last columns.
-        share: of the way covered at each sample, 0 to 1, shape (K,); not read without such knots.
+        share: fraction of the path covered at each sample, shape (K,); unused if `forces` is 0.
     """
 
     columns: F64
@@ -160,14 +160,14 @@ def fill_rows(p, axis, law, samples, rest, start, wide, rows):  # type: ignore[n
         law: constants of the friction law.
         samples: prepared.
         rest: friction state before the move.
-        start: 0: from rest. Else zone A alone, from this sample on, everything sliding as after a
-            long way; rows before it are 0.
+        start: first sample; 0 starts from rest. Otherwise only zone A, from this sample on, all
+            elements sliding as after long travel; earlier rows are 0.
         wide: whether the derivatives by C/Fc, alpha and lag are wanted.
         rows: written.
 
     Returns:
-        How uncertain the friction force is behind the last turn, and where zone A begins, beside
-        what follows from an offset of all positions [N].
+        Uncertainty of the friction force after the last turn and at the start of zone A [N], apart
+        from that due to the error of the first position.
     """
     traces, figures = make_trace(law), figures_at(p, axis, law)
     if start > 0:
@@ -177,7 +177,7 @@ def fill_rows(p, axis, law, samples, rest, start, wide, rows):  # type: ignore[n
             rows.spring[k] = rows.variance[k] = rows.level_at[k] = 0.0
         slide(law, figures, traces[0], float(samples.heading[start]))
     else:
-        total = rest.total  # of which the unmodelled force is not friction
+        total = rest.total  # includes the unmodelled force, which is not friction
         if rows.forces > 0:
             total -= axis.unit[COULOMB] * p[p.shape[0] - rows.forces]
         begin(law, figures, traces[0], rest.forces, rest.known, total)
@@ -202,18 +202,18 @@ def follow_move(p, axis, law, samples, rest, forces, slips):  # type: ignore[no-
 
 @kernel()
 def _trace(figures, axis, law, samples, start, end, traces, record, rows):  # type: ignore[no-untyped-def]
-    """Lead the law through samples start..end-1 (9 arguments); returns as `fill_rows`.
+    """Step the law through samples start..end-1 (9 arguments); returns what `fill_rows` returns.
 
     `traces`: of the law, begun; `record`: whether rows are written.
     """
     trace = traces[0]
-    # By name outside the loop: each access of a tuple's array costs two counts of its users.
+    # Local names: inside the loop, reading an array from a tuple changes its reference count twice.
     position, velocity, heading = samples.position, samples.velocity, samples.heading
     turn_share, turn_at, sharpness = samples.turn_share, samples.turn_at, samples.turn_sharpness
     columns, spring, variances, levels = rows.columns, rows.spring, rows.variance, rows.level_at
     noise, vs = axis.position_noise, law.stribeck_velocity
     fast = vs * FAR_ABOVE ** (1.0 / law.stribeck_shape)
-    # What the velocity's noise makes of the Stribeck curve, over the curve's slope by v/vs [N].
+    # Force error due to velocity noise, per unit slope of the Stribeck curve over v/vs [N].
     by_slope = figures.alpha * figures.coulomb * noise * math.sqrt(0.5) / (axis.period * vs)
     variance = turn_doubt = zone_doubt = 0.0
     level_at, in_zone = start, start > 0
@@ -264,7 +264,7 @@ def _trace(figures, axis, law, samples, start, end, traces, record, rows):  # ty
 
 @kernel()
 def _rise_before(law, period, moved, v1, v0):  # type: ignore[no-untyped-def]
-    """Stribeck rise in a period's last step [s]; `moved` [m] in it, speeds at its ends [m/s]."""
+    """Stribeck rise in a period's last step, 0..1; `moved` [m] in it, speeds at its ends [m/s]."""
     vs = law.stribeck_velocity
     steps = SUBSTEPS if min(abs(v0), abs(v1)) <= NO_SUBSTEPS * vs else 1
     v = moved / period + (v1 - v0) * (steps - 1) / (2 * steps)
@@ -275,9 +275,9 @@ def _rise_before(law, period, moved, v1, v0):  # type: ignore[no-untyped-def]
 def _advance(law, figures, trace, interval, noise, by_slope, variance):  # type: ignore[no-untyped-def]
     """One period in one direction, in substeps.
 
-    `noise`: rms of a position [m]; `by_slope`: force per slope of the Stribeck curve that a speed's
-    noise makes [N]; `variance` of the force from positions' errors [N^2], of which the new one is
-    returned.
+    `noise`: rms of the position noise [m]; `by_slope`: force error due to velocity noise, per unit
+    slope of the Stribeck curve [N]; `variance`: of the force, due to position errors, before the
+    period [N^2]. Returns that variance after the period.
     """
     vs, shape, period = law.stribeck_velocity, law.stribeck_shape, figures.period
     v0, v1, direction, before = interval.v0, interval.v1, interval.direction, interval.rise
@@ -293,7 +293,7 @@ def _advance(law, figures, trace, interval, noise, by_slope, variance):  # type:
         before = rise
         landed += some
         slack += loose
-    # What lands takes the curve's error, what slides follows it slowly.
+    # Elements that begin to slide take on the curve's error at once; sliding ones follow slowly.
     ratio = abs(v1) / vs
     slope = shape * stribeck_rise(ratio, shape)
     error = by_slope * (slope if shape == 1.0 else slope * ratio ** (shape - 1.0))
@@ -312,7 +312,7 @@ def _turn(law, figures, trace, interval, turn, noise):  # type: ignore[no-untype
     time = (turn.share if turn.sharpness > 0.0 else turn.share + UNSEEN) * period / SUBSTEPS
     before = interval.rise
     for j in range(SUBSTEPS if turn.share > 0.0 else 0):
-        left = 1.0 - (j + 0.5) / SUBSTEPS  # the velocity falls to nothing
+        left = 1.0 - (j + 0.5) / SUBSTEPS  # the velocity falls to zero
         rise = stribeck_rise(abs(interval.v0) * left / vs, shape)
         travel = turn.travel * 2.0 * left / SUBSTEPS
         step(law, figures, trace, travel, turn.direction, before, rise, time)
@@ -337,7 +337,7 @@ def _complete(p, axis, samples, start, wide, rows):  # type: ignore[no-untyped-d
     count, knots = columns.shape[1], columns.shape[0] - KNOTS - rows.forces
     residual, velocity, acceleration = columns[RESIDUAL], samples.velocity, samples.acceleration
     level_at = rows.level_at
-    # The first position's error is a force on all that sticks, and a velocity.
+    # An error of the first position acts as a force on sticking elements and as a velocity error.
     pull = -unit[STIFFNESS] * p[STIFFNESS] * axis.position_noise if start == 0 else 0.0
     swing = axis.position_noise / axis.period if start == 0 else 0.0
     for k in range(count):
@@ -383,8 +383,8 @@ def _complete(p, axis, samples, start, wide, rows):  # type: ignore[no-untyped-d
 def _add_unmodelled(p, axis, start, first, rows):  # type: ignore[no-untyped-def]
     """Columns of the unmodelled force, knots in column `first` and on, and what they add.
 
-    Linear between knots over the way. At rest it is part of the measured force, so that the
-    friction there is what is left; `start` as in `fill_rows`.
+    Linear between knots along the path. At rest it is part of the measured force, and only the
+    rest of that force is friction; `start` as in `fill_rows`.
     """
     columns, share, forces = rows.columns, rows.share, rows.forces
     unit, residual, rest = axis.unit[COULOMB], columns[RESIDUAL], columns[REST_FORCE]

@@ -1,6 +1,6 @@
 """The pictures of what a model leaves: over velocity, over the plane, at reversals, by frequency.
 
-Each is drawn from `sim2real.residuals`; where that has nothing, a sentence says why.
+Each is drawn from `sim2real.residuals`; if there are no data, a sentence says why.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ F64 = NDArray[np.float64]
 _SLOW = 0.12
 """Share of the highest speed that the picture of low speeds shows."""
 _FEWEST_SLOW = 3
-"""Points in each direction without which there is no such picture."""
+"""Fewest points per direction for the picture of low speeds."""
 _NAMES = {"before": "before", "after": "after the explanation"}
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """The pictures of one kind, of all axes, and what there is to say where there are none.
+    """The pictures of one kind for all axes, and a sentence for each that cannot be drawn.
 
     Attributes:
         panels: with their headings.
@@ -181,7 +181,7 @@ def _response_panels(axis: str, response: FrequencyResponse) -> list[Panel]:
     reference = np.full(len(frequency), np.nan)
     reference[excited] = np.unwrap(np.angle(measured[excited]))
     for name, values in response.response.items():
-        # Each phase within half a turn of the measured one, whatever the turns between.
+        # Unwrap each phase to within half a turn of the measured one.
         phase = reference + np.angle(values / np.where(measured == 0.0, 1.0, measured))
         with np.errstate(divide="ignore"):
             decibels = 20.0 * np.log10(np.abs(values))

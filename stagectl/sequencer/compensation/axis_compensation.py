@@ -47,7 +47,7 @@ TAKE_OVER = 0.1
 REVISE_AT = 0.65
 """Share of a move's duration after which its offsets may be revised; it decelerates then."""
 REVISE_FROM = 0.03
-"""Relative change of the sliding force from which they are."""
+"""Offsets are revised if the sliding force is off by at least this share."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class Learned:
     Attributes:
         estimate: of one axis from one move.
         compute_time: of the estimator [s].
-        local: its Coulomb force over the one that the axis goes on with, known from effects.
+        local: factor of the known effects on the Coulomb force at the end of the move.
     """
 
     estimate: Estimate
@@ -69,7 +69,7 @@ class AxisCompensation:
     """Force offsets and friction model of one axis.
 
     Args:
-        axis: as the host believes it to be.
+        axis: the host's model of it, from its machine file.
         friction: model to start from, with what is known of its figures.
         mode: what the offsets consist of.
         period: Ts [s].
@@ -78,13 +78,13 @@ class AxisCompensation:
             `config.host_model.estimator_settings`.
         terms: effects that are known of the axis; None for none.
         number: of the axis.
-        calibration: the run measures the friction of places.
+        calibration: whether the run measures friction at calibration sites.
 
     Attributes:
         mode: what the offsets consist of.
         estimator: of the friction figures, with the friction state.
         known: known effects along the moves; None for none.
-        observed: an observer moves the offsets towards what the integrator holds.
+        observed: whether an observer moves the offsets towards what the integrator holds.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class AxisCompensation:
         ahead = lag + drive.control_period / 2.0 + (0.0 if terms is None else terms.delay)
         self.acceleration = AccelerationForce(axis.plant.mass, ahead, period)
         self._kink = kink_share(period, kink_delay(drive))
-        # Friction state where a move to another place began, in that place's forces.
+        # Friction state at the start of a move elsewhere, in terms of the starting place.
         self._departure: FrictionState | None = None
         self.known: KnownAxis | None = None
         if terms is not None:
@@ -271,7 +271,7 @@ class AxisCompensation:
             self.known.peak = force
 
     def forget_state(self) -> None:
-        """The stage has been without power: its friction state is unknown, the figures stand."""
+        """Forget the friction state, unknown after a loss of power; the figures are kept."""
         self.estimator.forget_state()
         if self.known is not None:
             self.known.forget()
@@ -323,7 +323,7 @@ class AxisCompensation:
     def correct_at_place(
         self, coulomb: float, sigma: float, level: tuple[float, float] | None
     ) -> None:
-        """Correct the Coulomb force where the axis is; its elements keep their forces.
+        """Correct the Coulomb force at the present position; the elements keep their forces.
 
         Arguments as in `expect_at_target`.
         """
@@ -386,14 +386,14 @@ def make_compensation(
     """Compensation of every axis in the machine's order, its kernels compiled.
 
     Args:
-        machine: what the host believes.
+        machine: the host's model of the stage.
         mode: what the offsets consist of.
         scale: factor on the machine file's friction figures; those of `truth` are not scaled.
         truth: machine whose friction figures to use in mode ORACLE.
         known: axis -> figures that an earlier run has learned, for mode ESTIMATED.
         drift: axis -> drift as in `AxisCompensation`; None without a friction map.
-        mapped: whether the Coulomb force over place and time is known from measurement, or is being
-            measured: effects that change it are then left to that.
+        mapped: whether the Coulomb force over place and time has been or is being measured; effects
+            that change it are then not compensated separately.
         calibration: as in `AxisCompensation`.
     """
     source = truth if mode is Mode.ORACLE and truth is not None else machine
