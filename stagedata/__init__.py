@@ -5,7 +5,7 @@ may import this package; it imports none of the others. `stagedata.compiled` is 
 compile their kernels.
 """
 
-from stagedata.friction import LAWS, MAX_ELEMENTS, FrictionFigures, LawName
+from stagedata.friction import LAW_FIGURES, MAX_ELEMENTS, FrictionFigures, LawName
 from stagedata.recording import (
     MOVE_KINDS,
     AxisSignals,
@@ -19,7 +19,7 @@ from stagedata.recording import (
 from stagedata.samples import Samples
 
 __all__ = [
-    "LAWS",
+    "LAW_FIGURES",
     "MAX_ELEMENTS",
     "MOVE_KINDS",
     "AxisSignals",

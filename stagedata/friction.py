@@ -14,7 +14,7 @@ from typing import Literal
 LawName = Literal["gms", "coulomb"]
 
 _SHARED = ("coulomb", "viscous", "static_ratio", "stribeck_velocity", "stribeck_shape")
-LAWS: Mapping[LawName, tuple[str, ...]] = {
+LAW_FIGURES: Mapping[LawName, tuple[str, ...]] = {
     "gms": ("elements", "stiffness", "relaxation_rate", "attraction"),
     "coulomb": (),
 }
@@ -36,7 +36,7 @@ class FrictionFigures:
         static_ratio: alpha = (Fs - Fc)/Fc, > -1.
         stribeck_velocity: vs [m/s].
         stribeck_shape: delta.
-        law: name of the friction law, of `LAWS`.
+        law: name of the friction law, of `LAW_FIGURES`.
 
     Raises:
         ValueError: a figure outside its range, named.
@@ -53,8 +53,8 @@ class FrictionFigures:
     law: LawName = "gms"
 
     def __post_init__(self) -> None:
-        if self.law not in LAWS:
-            raise ValueError(f"law: must be one of {', '.join(LAWS)}, is {self.law!r}")
+        if self.law not in LAW_FIGURES:
+            raise ValueError(f"law: must be one of {', '.join(LAW_FIGURES)}, is {self.law!r}")
         for name in ("elements", "stiffness", "relaxation_rate"):
             if not self.has(name) and (value := getattr(self, name)) != 0:
                 raise ValueError(f"{name}: the law {self.law} has none, is {value!r}")
@@ -73,7 +73,7 @@ class FrictionFigures:
 
     def has(self, figure: str) -> bool:
         """Whether the law has a figure of this name."""
-        return figure in _SHARED or figure in LAWS[self.law]
+        return figure in _SHARED or figure in LAW_FIGURES[self.law]
 
     @property
     def attraction(self) -> float:

@@ -28,7 +28,7 @@ from stagectl.config.machine import Machine
 from stagectl.config.machine.file import load_machine
 from stagectl.recipe import load_recipe
 from stagectl.sequencer import Mode
-from stagedata import LAWS
+from stagedata import LAW_FIGURES
 
 DEMANDS = {"file": (1.15, 1e-3, 1.3), "drawn": (1.3, 2e-3, 1.5)}
 """Targets: mean settling to 50 nm / oracle's; median to 200 nm [s]; median peak / oracle's."""
@@ -79,9 +79,9 @@ def compare_laws(seeds: int) -> None:
         "| --- | --- | --- | --- | --- | --- | --- |"
     )
     machine = load_machine(None)
-    for law in LAWS:
+    for law in LAW_FIGURES:
         truth = of_law(machine, law)
-        for host in LAWS:
+        for host in LAW_FIGURES:
             own = micro_moves(Mode.ESTIMATED, of_law(machine, host), lambda _, t=truth: t, seeds)
             cells = [law, host, str(len(own["peak"])), f"{np.median(own['peak']) * 1e6:.3f}"]
             for time in (own["fine"] * 1e3, own["coarse"] * 1e3):

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stagectl.config.machine import Machine
-from stagedata import LAWS, LawName
+from stagedata import LAW_FIGURES, LawName
 
 LEAST, MOST = 0.6, 1.6
 
@@ -37,7 +37,7 @@ def of_law(machine: Machine, law: LawName) -> Machine:
     """The same stage under another friction law, without the figures that it does not have."""
     axes = {}
     for name, axis in machine.axes.items():
-        gone = {key: None for key in LAWS["gms"] if key not in LAWS[law]}
+        gone = {key: None for key in LAW_FIGURES["gms"] if key not in LAW_FIGURES[law]}
         friction = axis.plant.friction.model_copy(update={"model": law, **gone})
         plant = axis.plant.model_copy(update={"friction": friction})
         axes[name] = axis.model_copy(update={"plant": plant})

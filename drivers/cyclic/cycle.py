@@ -223,7 +223,7 @@ class Cycle:
         try:
             self._stream(exchanged, writer, until)
             if writer.waiting:
-                self.sync.settle()
+                self.sync.await_tpdos()
         finally:
             writer.flush()
             if blocks is not None and self._origin is not None:

@@ -147,7 +147,7 @@ class Reception:
             if not channel.take_sole(data):
                 self.missed += 1
 
-    def settle(self, until_ns: int) -> None:
+    def await_tpdos(self, until_ns: int) -> None:
         """Waits for missing TPDOs, at most until `until_ns` or the next SYNC.
 
         Raises:

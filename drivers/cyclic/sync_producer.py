@@ -151,14 +151,14 @@ class Exchange:
         except (can.CanError, OSError, ValueError) as why:  # ValueError: a closed handle
             raise network.failure("cyclic exchange failed", why) from why
 
-    def settle(self) -> None:
+    def await_tpdos(self) -> None:
         """Waits for missing TPDOs until the next SYNC is due.
 
         Raises:
             BusError: the bus fails.
         """
         try:
-            self.reception.settle(self._due)
+            self.reception.await_tpdos(self._due)
         except (can.CanError, OSError, ValueError) as why:
             raise self._network.failure("cannot receive", why) from why
 

@@ -19,7 +19,7 @@ LAWS: dict[LawName, FrictionLaw] = {
     "gms": law.register(cast(FrictionLaw, gms)),
     "coulomb": law.register(cast(FrictionLaw, coulomb)),
 }
-"""Friction laws by name, as in `stagedata.friction.LAWS`."""
+"""Friction laws by name, as in `stagedata.friction.LAW_FIGURES`."""
 
 
 def make_constants(friction: FrictionFigures) -> Any:

@@ -51,7 +51,9 @@ def repair_samples(
     lost = _lost_rows(recording, place)
     if 0 < lost.sum() <= _MOST_LOST * len(recording):
         share = float(lost.sum()) / (len(recording) + float(lost.sum()))
-        text = f"{lost.sum()} rows ({100 * share:.2g} %) are missing in the log; they are left out"
+        text = (
+            f"{lost.sum()} rows ({100 * share:.2g} %) are missing in the log; they count as invalid"
+        )
         findings.append(_applied(ALL_AXES, "time", "missing", share, text))
         recording = _with_rows(recording, lost)
     held = {
@@ -66,7 +68,7 @@ def repair_samples(
             share = float(mask.mean())
             text = (
                 f"{name}: position_actual repeats its last value in motion at {mask.sum()} samples "
-                f"({100 * share:.2g} %); they are left out"
+                f"({100 * share:.2g} %); they count as invalid"
             )
             findings.append(_applied(name, "position_actual", "held", share, text))
     return recording, findings

@@ -5,7 +5,6 @@ for effects, and `verdict` draws the conclusions into a `GapReport`. `elsewhere`
 recordings that took no part.
 """
 
-from sim2real.diagnosis.elsewhere import judge_elsewhere
 from sim2real.diagnosis.examination import (
     PHASES,
     Examination,
@@ -14,6 +13,7 @@ from sim2real.diagnosis.examination import (
     report_without_causes,
     why_insufficient,
 )
+from sim2real.diagnosis.other_recordings import judge_elsewhere
 from sim2real.diagnosis.procedure import diagnose
 from sim2real.diagnosis.verdict import Diagnosis
 

@@ -25,7 +25,7 @@ from estimation.trajectory import Limits, Trajectory, plan, plan_stop
 from stagectl.sequencer.compensation import TAKE_OVER, AxisCompensation, Learned
 from stagectl.sequencer.compensation.path_friction import PathFriction
 from stagectl.sequencer.compensation.places import Places
-from stagectl.sequencer.samples.courses import courses
+from stagectl.sequencer.samples.feedforward_data import courses
 from stagectl.sequencer.samples.move_data import prepare_move_data
 from stagectl.sequencer.streamer import StagePort, Streamer, Until
 from stagedata import Move

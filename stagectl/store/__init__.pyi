@@ -1,7 +1,7 @@
 from .asc_log import LOG_NAME, find_log
 from .atomic import write_atomically
 from .bus_log import SPOOL_NAME, BusLog, recover_log
-from .foreign import import_recording
+from .import_data import import_recording
 from .journal import (
     FILE_NAME,
     SAMPLE_TAG,
@@ -13,6 +13,13 @@ from .journal import (
     sample_dtype,
 )
 from .journal_reader import read_journal_notes
+from .journal_to_recording import (
+    RECORDING_NAME,
+    RECOVERED_NAME,
+    recover_folder,
+    recover_journal,
+    recover_left_over,
+)
 from .ledger import CycleLedger
 from .log_reader import LoggedFrame, read_log
 from .recording import (
@@ -21,13 +28,6 @@ from .recording import (
     read_notes,
     read_recording,
     write_recording,
-)
-from .recovery import (
-    RECORDING_NAME,
-    RECOVERED_NAME,
-    recover_folder,
-    recover_journal,
-    recover_left_over,
 )
 from .summary import (
     FrictionEntry,

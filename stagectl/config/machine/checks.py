@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 from drivers.settings import HOST_NODE
 from stagectl.config.machine.plausible import find_contradictions, find_implausible
 from stagectl.config.parsing.yaml_nodes import Document
-from stagedata import LAWS
+from stagedata import LAW_FIGURES
 
 if TYPE_CHECKING:
     from stagectl.config.machine.drive import Drive
@@ -178,7 +178,7 @@ def _check_friction(friction: Friction, at: At, refuse: Refuse) -> None:
         if field.default is not None:  # required, or of every law
             continue
         given = getattr(friction, name) is not None
-        if given != (name in LAWS[friction.model]):
+        if given != (name in LAW_FIGURES[friction.model]):
             reason = f"the law {friction.model} has no such figure" if given else "is missing"
             refuse((*at, name), reason)
 

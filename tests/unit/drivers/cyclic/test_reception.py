@@ -134,7 +134,7 @@ def test_an_answer_after_the_wait_is_still_the_sample_of_its_sync(make, scripted
     reception.collect(scripted.recv, begin)
     assert reception.missed == 1
     deliver(scripted, Y, tpdo(2), begin + 7 * MS // 10)
-    reception.settle(begin + MS)
+    reception.await_tpdos(begin + MS)
     assert reception.channels[1].tardy == (0x0637, 2, 5, 7 * MS // 10)
     assert reception.missed == 0
 
@@ -144,7 +144,7 @@ def test_one_a_period_late_is_not(make, scripted) -> None:
     deliver(scripted, X, tpdo(1), begin + MS // 5)
     reception.collect(scripted.recv, begin)
     deliver(scripted, Y, tpdo(2), begin + MS)
-    reception.settle(begin + MS)
+    reception.await_tpdos(begin + MS)
     assert (reception.channels[1].tardy, reception.missed) == (None, 1)
     assert reception.channels[1].extra == 1
 
