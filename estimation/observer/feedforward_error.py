@@ -24,18 +24,18 @@ F64 = NDArray[np.float64]
 MASS, LEAD, COUPLING = range(3)
 """Share of the mass; lead [s]; share of the mass that the other axis' acceleration moves."""
 KEPT = 0.9
-"""Weight of a move over that of the next one: what is lacking may change."""
+"""Weight of a move relative to the next one: the figures may change."""
 EXPLAINED = 0.25
-"""Share of what moves lack that is at most left once a figure is fed forward."""
+"""A figure is fed forward if it leaves at most this share of what later moves lack."""
 MOST = np.array([0.3, 1e-3, 0.3])
 """No more than this is fed forward, either way; also the spread before the first move, 1 sigma."""
 _AT_START = np.diag(MOST**-2.0)
 LEAST = 1.0
-"""A move whose acceleration takes less force than so many times Fc says more of friction."""
+"""Moves whose acceleration takes less than this multiple of Fc show friction rather than mass."""
 _INDEPENDENT = 2.0
-"""So many independent values has what else acts in the course of a move."""
+"""Independent values per move of the disturbances that the basis does not contain."""
 _REST = 5.0
-"""So many time constants of the rest after a move belong to it."""
+"""Time constants of the rest after a move that are evaluated with it."""
 _RESPONSE = 12.0
 """Length of the observer's response, in time constants."""
 
