@@ -21,6 +21,10 @@ def _int32(value: float) -> int:
     return max(-(1 << 31), min((1 << 31) - 1, round(value)))
 
 
+def _clipped(values: F64, low: int, high: int) -> I64:
+    return np.minimum(np.maximum(values, low), high).astype(np.int64)  # three times as fast as clip
+
+
 class Motor:
     """Encoder, force and demand of one axis.
 
@@ -110,11 +114,11 @@ class Motor:
         """Position actual values [units] of encoder counters, float64[K]."""
         relative = counts - self.origin
         values = relative * self._whole if self._whole else np.rint(relative * self._scale)
-        return np.clip(values, -0x80000000, 0x7FFFFFFF).astype(np.int64)
+        return _clipped(values, -0x80000000, 0x7FFFFFFF)
 
     def permilles(self, forces: F64) -> I64:
         """Torque actual values [1/1000 rated] of motor forces [N], float64[K]."""
-        return np.clip(np.rint(forces / self._permille), -32768, 32767).astype(np.int64)
+        return _clipped(np.rint(forces / self._permille), -32768, 32767)
 
     def commands(self, targets: I64, offsets: I64) -> tuple[F64, F64]:
         """True coordinates [m] and force offsets [N] of targets [units, 1/1000 rated], int64[K]."""
