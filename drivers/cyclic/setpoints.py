@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator, Sequence
 from itertools import repeat
-from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,26 +25,23 @@ def planned_rows(channels: Sequence[Channel], targets: I64, offsets: I64) -> Ite
         targets: int64[K, n] [increments].
         offsets: int64[K, n] [1/1000 rated]; set to 0 where an RPDO carries none.
     """
-    frames, setpoints = [], []
-    for j, (channel, packed) in enumerate(zip(channels, _packed(channels, targets, offsets),
-                                              strict=True)):  # fmt: skip
-        frames.append(zip(repeat(channel), packed, strict=False))
-        setpoints.append(
-            zip(repeat(channel), targets[:, j].tolist(), offsets[:, j].tolist(), strict=False)
-        )
-    return zip(zip(*frames, strict=True), zip(*setpoints, strict=True), strict=True)
+    packed = packed_rows(channels, targets, offsets)  # sets offsets
+    setpoints = [
+        zip(repeat(channel), targets[:, j].tolist(), offsets[:, j].tolist(), strict=False)
+        for j, channel in enumerate(channels)
+    ]
+    return zip(
+        (tuple(zip(channels, row, strict=True)) for row in packed),
+        zip(*setpoints, strict=True),
+        strict=True,
+    )
 
 
 def packed_rows(
     channels: Sequence[Channel], targets: I64, offsets: I64
 ) -> Iterator[tuple[bytes, ...]]:
     """Per SYNC: the RPDOs of all channels; arguments as for `planned_rows`."""
-    return zip(*_packed(channels, targets, offsets), strict=True)
-
-
-def _packed(channels: Sequence[Channel], targets: I64, offsets: I64) -> list[Iterator[bytes]]:
-    """The RPDOs of a stream, those of each channel packed in one go."""
-    packed: list[Iterator[bytes]] = []
+    blocks, sizes = [], []
     for j, channel in enumerate(channels):
         if not channel.accepts_offset:
             offsets[:, j] = 0
@@ -58,6 +54,7 @@ def _packed(channels: Sequence[Channel], targets: I64, offsets: I64) -> list[Ite
         block["target"] = targets[:, j]
         if len(names) > 2:
             block["offset"] = offsets[:, j]
-        data, size = block.tobytes(), block.dtype.itemsize
-        packed.append(map(itemgetter(0), struct.iter_unpack(f"{size}s", data)))
-    return packed
+        sizes.append(block.dtype.itemsize)
+        blocks.append(block.view(np.uint8).reshape(len(block), -1))
+    data = np.concatenate(blocks, axis=1).tobytes()
+    return struct.iter_unpack("".join(f"{size}s" for size in sizes), data)
