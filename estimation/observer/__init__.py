@@ -2,7 +2,8 @@
 
 `loop` (the axis in its drive, linear), `model` (what the observer assumes, with its Kalman gain),
 `sensitivity` (of the whole loop), `design` (the largest gain that is safe), `filter`, `kernel` and
-`observer` (what happens between two SYNCs), `feedforward_error` (what a whole move lacked).
+`observer` (what happens between two SYNCs), `feedforward_error` (what a whole move lacked),
+`sticking` (friction without presliding).
 """
 
 from estimation.observer.design import AxisFigures, Design, design_observer
@@ -17,6 +18,7 @@ from estimation.observer.feedforward_error import (
 from estimation.observer.loop import Carriage, DriveLoop, Mode
 from estimation.observer.observer import BusUnits, StageObserver
 from estimation.observer.sensitivity import LATENCIES, PEAK, PEAK_OVER_DRIVE
+from estimation.observer.sticking import sticks, without_presliding
 
 __all__ = [
     "COUPLING",
@@ -36,4 +38,6 @@ __all__ = [
     "Mode",
     "StageObserver",
     "design_observer",
+    "sticks",
+    "without_presliding",
 ]

@@ -122,7 +122,7 @@ def carriages(figures: AxisFigures) -> Iterator[Carriage]:
     """The axis with figures that are off: stiffness, mass, viscous friction."""
     carriage, doubt = figures.carriage, figures.mass_doubt
     for mass in (1.0, 1.0 - doubt, 1.0 + doubt) if doubt else (1.0,):
-        for stiffness in STIFFNESS:
+        for stiffness in STIFFNESS if carriage.stiffness else (0.0,):
             yield replace(
                 carriage,
                 mass=carriage.mass * mass,

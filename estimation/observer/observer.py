@@ -14,6 +14,7 @@ from estimation.observer.kernel import (
     FAILED,
     FRESH,
     OFF,
+    RUNNING,
     USUAL,
     make_observers,
     make_state,
@@ -80,17 +81,8 @@ class StageObserver:
         axes["period"] = period * 1e9
         axes["usual_step"] = USUAL * period * 1e9
         for a, chosen in enumerate(used):
-            if chosen is None:
-                continue
-            model, size = chosen.model, len(chosen.model.gain)
-            made.transition[a, :size, :size] = model.transition
-            made.vectors[a, :, :size] = model.ramp_from, model.ramp_to, model.kick
-            made.steady[a, :size, :size] = model.covariance
-            axes[a]["noise"], axes[a]["walk"] = chosen.figures.noise**2, chosen.walk**2
-            axes[a]["jump"] = JUMP * chosen.figures.coulomb / abs(model.gain[LACK])
-            axes[a]["limit"] = chosen.figures.limit
-            axes[a]["correction_gain"] = chosen.gain / model.force_ratio
-            axes[a]["kept"] = 1.0 - chosen.gain
+            if chosen is not None:
+                self._set_figures(a, chosen)
         self._state = make_state(count, states)
         self.sample: I64 = np.zeros((count, 4), np.int64)
         self._sent: I64 = np.zeros(count, np.int64)
@@ -98,6 +90,19 @@ class StageObserver:
         self._planned: F64 = np.zeros((0, count))
         self.restart()
         self._compile()
+
+    def _set_figures(self, a: int, design: Design) -> None:
+        """Those of axis `a` that its design decides."""
+        made, model, size = self._observers, design.model, len(design.model.gain)
+        made.transition[a, :size, :size] = model.transition
+        made.vectors[a, :, :size] = model.ramp_from, model.ramp_to, model.kick
+        made.steady[a, :size, :size] = model.covariance
+        own = made.axes[a]
+        own["noise"], own["walk"] = design.figures.noise**2, design.walk**2
+        own["jump"] = JUMP * design.figures.coulomb / abs(model.gain[LACK])
+        own["limit"] = design.figures.limit
+        own["correction_gain"] = design.gain / model.force_ratio
+        own["kept"] = 1.0 - design.gain
 
     def _compile(self) -> None:
         """Compile the kernel, or load it, before anything moves."""
@@ -122,6 +127,16 @@ class StageObserver:
         """The axes were without power: no correction, no estimate."""
         self._state = make_state(len(self.is_on), self._state.rooms.shape[1])
         self._state.axes["phase"] = np.where(self.is_on, FRESH, OFF)
+
+    def redesign(self, axis: int, design: Design) -> None:
+        """From now on observe an axis by another design of as many states, between two streams.
+
+        Its correction stays, the estimate begins anew.
+        """
+        self._set_figures(axis, design)
+        now = self._state.axes[axis]
+        if now["phase"] == RUNNING:
+            now["phase"] = FRESH
 
     def begin(self, targets: I64, planned: F64, target: Sequence[int], continued: bool) -> None:
         """Take the setpoints of a stream.

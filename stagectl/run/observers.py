@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from drivers import Stage
 from estimation.observer import Design, StageObserver
@@ -38,9 +39,9 @@ class Observers:
             ],
         )
         axes = zip(self._compensation, self._designs.values(), observer.is_on, strict=True)
-        for compensation, design, is_on in axes:
+        for a, (compensation, design, is_on) in enumerate(axes):
             if is_on and isinstance(design, Design):
-                compensation.observe(design)
+                compensation.observe(design, partial(observer.redesign, a))
         if any(observer.is_on):
             stage.correct_offsets(ObservedOffsets(observer))
         record.note_observer(self._designs, observer.is_on)
@@ -51,12 +52,17 @@ class Observers:
             self._observer.restart()
 
     def findings(self) -> list[str]:
-        """What moves have shown that the machine file does not have, and is fed forward now."""
-        axes = zip(self._machine.axes, self._compensation, strict=True)
+        """What moves have shown that the machine file does not have, and is allowed for now."""
+        axes = list(zip(self._machine.axes, self._compensation, strict=True))
         return [
             f"axis {name}: {clause}; it is fed forward"
             for name, compensation in axes
             for clause in compensation.acceleration.describe()
+        ] + [
+            f"axis {name}: friction sticks without presliding; the observer assumes none "
+            "(friction.model: coulomb)"
+            for name, compensation in axes
+            if compensation.sticking.found
         ]
 
     def learned(self) -> dict[str, dict[str, float]]:

@@ -297,6 +297,7 @@ class Mover:
             found = courses(*self._streamer.streamed(), self._period)
             for axis, course in zip(self._axes, found, strict=False):
                 axis.compensation.acceleration.learn(course)
+        self._look_for_sticking()
         learned = []
         for a, (axis, record) in enumerate(zip(self._axes, self._records(), strict=True)):
             result = None
@@ -307,6 +308,22 @@ class Mover:
                 learned.append((axis.name, result))
                 self._friction.report(a, move.kind, result, self.time)
         return learned
+
+    def _look_for_sticking(self) -> None:
+        """Have observers assume no presliding where friction has none."""
+        watching = [
+            a
+            for a, axis in enumerate(self._axes)
+            if axis.compensation.observed and axis.compensation.sticking.watches
+        ]
+        if not watching:
+            return
+        samples, _ = self._streamer.streamed()
+        rests = (np.diff(samples.position_demand, axis=0) == 0.0).all(axis=1)
+        for a in watching:
+            still = samples.valid[1:, a] & rests
+            position, force = samples.position[1:, a], samples.force[1:, a]
+            self._axes[a].compensation.sticking.judge(position, force, still)
 
     def _is_instructive(self, a: int, move: Move, record: MoveData) -> bool:
         """Whether the estimator can learn from this move of an axis."""

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from benchmarks.shared.other_stages import of_law
 from stagectl.cli import cli
 from stagectl.config.fault_plan import parse_faults
 from stagectl.config.machine import Effect
@@ -100,6 +101,20 @@ def test_what_the_planned_force_lacks_is_learned(run, machine, effect):
 
 def test_what_is_as_in_the_machine_file_is_not(run):
     assert not [n for n in run("estimated", 1, 0.5).notices if "fed forward" in n]
+
+
+def test_friction_without_presliding_is_found_and_no_spring_assumed(run, machine):
+    """With a spring assumed the observer settles later than the drive does alone."""
+    stage = of_law(machine, "coulomb")
+    off, on = (
+        [run("model", seed, 0.5, stage, observer=o) for seed in (1, 2)] for o in (False, True)
+    )
+    for kind in ("micro", "macro"):
+        assert mean(settling(on, kind)) <= 0.8 * mean(settling(off, kind))
+    for result in on:
+        found = [n for n in result.notices if "sticks without presliding" in n]
+        assert [n[:6] for n in found] == ["axis x", "axis y"]
+    assert not [n for n in run("estimated", 1, 0.5).notices if "presliding" in n]
 
 
 def test_without_it_nothing_is_corrected(run, tmp_path):

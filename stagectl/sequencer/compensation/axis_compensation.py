@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +40,7 @@ from stagectl.config.settings.known_effects import axis_as_known, known_terms
 from stagectl.sequencer.compensation.acceleration_force import AccelerationForce
 from stagectl.sequencer.compensation.known_axis import KnownAxis
 from stagectl.sequencer.compensation.mode import Figures, Mode
+from stagectl.sequencer.compensation.sticking import Sticking
 from stagedata import FrictionFigures
 
 TAKE_OVER = 0.1
@@ -85,6 +86,7 @@ class AxisCompensation:
         estimator: of the friction figures, with the friction state.
         known: known effects along the moves; None for none.
         observed: whether an observer moves the offsets towards what the integrator holds.
+        sticking: whether friction has turned out to have no presliding.
     """
 
     def __init__(
@@ -100,6 +102,7 @@ class AxisCompensation:
     ) -> None:
         self.mode = mode
         self.observed = False
+        self.sticking = Sticking()
         if terms is not None:
             axis = axis_as_known(axis, terms)
         self.estimator = SplitHorizonEstimator(
@@ -123,9 +126,23 @@ class AxisCompensation:
                 period, lead, ahead, drive.peak_force,
             )  # fmt: skip
 
-    def observe(self, design: Design) -> None:
-        """From now on an observer of this design corrects the offsets."""
+    def observe(self, design: Design, redesign: Callable[[Design], object]) -> None:
+        """From now on an observer corrects the offsets.
+
+        Args:
+            design: of the observer.
+            redesign: called with another one where friction turns out to stick.
+        """
         self.observed = True
+        self._observe_by(design)
+
+        def observe_otherwise(other: Design) -> None:
+            redesign(other)
+            self._observe_by(other)
+
+        self.sticking.watch(design, observe_otherwise)
+
+    def _observe_by(self, design: Design) -> None:
         if self.mode is Mode.ESTIMATED:
             self.acceleration.learn_with(design)
 

@@ -7,7 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimation.observer import BusUnits, Carriage, StageObserver, design_observer
+from estimation.observer import (
+    BusUnits,
+    Carriage,
+    StageObserver,
+    design_observer,
+    without_presliding,
+)
 from tests.unit.estimation.observer.axes import (
     CARRIAGE,
     FIGURES,
@@ -203,6 +209,17 @@ def test_the_next_stream_starts_from_the_correction() -> None:
         assert made.correction[0] == before
     made.offsets(0, 1, 0.0)
     assert made.correction[0] == pytest.approx(before, abs=1.0 * 20e-9 * 341e3)
+
+
+def test_another_design_goes_on_from_the_correction() -> None:
+    made = observer()
+    before = follow(made, [0, -10, -20, -20])[-1]
+    made.redesign(0, without_presliding(DESIGN))
+    assert made.correction[0] == before
+    assert follow(made, [0])[0] == pytest.approx(before, abs=0.02)  # begins anew
+    other = StageObserver([without_presliding(DESIGN)], [COARSE], PERIOD, 1e-4)
+    for own, fresh in zip(made._observers, other._observers, strict=True):  # noqa: SLF001
+        np.testing.assert_array_equal(own, fresh)
 
 
 def test_figures_of_the_axis_may_be_off() -> None:

@@ -1,0 +1,49 @@
+"""Friction that turns out to have no presliding, and an observer that assumes none from then on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.observer import Design, sticks, without_presliding
+
+F64 = NDArray[np.float64]
+
+
+class Sticking:
+    """Of one axis; watches nothing before `watch`.
+
+    Attributes:
+        found: friction has no presliding.
+    """
+
+    def __init__(self) -> None:
+        self.found = False
+        self._design: Design | None = None
+
+    @property
+    def watches(self) -> bool:
+        """Whether samples are wanted."""
+        return self._design is not None and not self.found
+
+    def watch(self, design: Design, redesign: Callable[[Design], object]) -> None:
+        """From now on an observer of this design corrects the offsets.
+
+        Args:
+            design: of the observer; one that assumes no presliding is left as it is, and one whose
+                other would have no gain.
+            redesign: called once with the one for an axis that sticks.
+        """
+        if not design.assumed_stiffness:
+            return
+        other = without_presliding(design)  # takes longer than there is between two moves
+        if other.gain:
+            self._design, self._other, self._redesign = design, other, redesign
+
+    def judge(self, position: F64, force: F64, still: NDArray[np.bool_]) -> None:
+        """Look whether the axis has stuck; arguments as those of `sticks`."""
+        if self._design is not None and sticks(self._design, position, force, still):
+            self.found = True
+            self._redesign(self._other)
