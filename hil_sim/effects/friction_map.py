@@ -76,7 +76,7 @@ class FrictionMap(Effect):
             least=0.0,
         ),
     )
-    equation = "Fc * (1 + amplitude g(x, y)), g smooth over both axes, within +-1, drawn from seed"
+    equation = "Fc * (1 + amplitude g(x, y)), g smooth over both axes, within ±1, drawn from seed"
     enters = "A factor on Fc over the positions of both axes."
     remedy = "Calibrate a few dozen sites and use the friction map in the feedforward."
     compensation = Compensation(
