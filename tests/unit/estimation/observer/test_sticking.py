@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -24,6 +26,12 @@ def test_it_does_not_where_it_sticks() -> None:
 def test_it_does_by_a_spring(stiffer: float) -> None:
     position = RISING / (stiffer * CARRIAGE.stiffness)
     assert not sticks(DESIGN, position + NOISE, RISING, STILL)
+
+
+def test_a_coarse_encoder_does_not_show_whether_it_does() -> None:
+    coarse = design_observer(replace(FIGURES, noise=1e-6 / 12.0**0.5))
+    position = 1e-6 * np.round(RISING / CARRIAGE.stiffness / 1e-6)
+    assert not sticks(coarse, position, RISING, STILL)
 
 
 def test_while_an_axis_is_to_move_nothing_is_judged() -> None:

@@ -149,6 +149,11 @@ def test_steps_are_a_table(examined, explained):
     assert "Step by step" not in render_gap_page(explained, examined, "m")
 
 
+def test_the_clock_of_several_recordings_is_named(examined, explained):
+    timed = replace(explained, clock="times count from the start of a.h5")
+    assert timed.clock in render_gap_page(timed, examined, "m")
+
+
 def test_verdict_comes_first(examined, explained):
     page = render_gap_page(explained, examined, "m")
     assert page.index("The gap is") < page.index("Gap and floor") < page.index("Where the gap is")
