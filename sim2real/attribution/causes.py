@@ -25,8 +25,11 @@ from sim2real.attribution.constants import (
     SIMPLER,
     STEEP,
     STEP_SHARE,
+    SURE,
+    SURE_FAMILY,
     TEMPER,
     TUNED,
+    UNSURE,
     WANDER_SHARE,
 )
 from sim2real.attribution.search import AxisSearch
@@ -207,7 +210,11 @@ def _sigma(
 
 
 def _probability(found: AxisSearch, effect: str) -> tuple[float, list[str]]:
-    """Probability that an effect is present, and the effects that could take its place."""
+    """Probability that an effect is present, and the effects that could take its place.
+
+    P = confidence / (1 + min(sum of odds, RIVALRY)): over the models without the effect,
+    odds = exp(-(score - least score) / (2 TEMPER)), or their odds as levels.
+    """
     problem = found.problem
     best = found.best
     names = best.model.names()
@@ -245,11 +252,11 @@ def _confidence(found: AxisSearch, effect: str) -> float:
     more (docs/blind.md).
     """
     if effect in found.repeats and found.repeats[effect].departs and found.closes > FAMILY:
-        return 0.97
+        return SURE_FAMILY
     if found.is_complete and found.closes > CLOSED:
-        return 0.99
+        return SURE
     steep = STEEP * len(found.best.model.terms)
-    return float(np.clip(1.0 - steep * (1.0 - found.closes), 0.05, 0.95))
+    return float(np.clip(1.0 - steep * (1.0 - found.closes), *UNSURE))
 
 
 def list_candidates(

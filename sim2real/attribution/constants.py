@@ -79,6 +79,9 @@ FAMILY = 0.55
 """Least share of an axis' gap that an effect of the right family closes in the wrong shape."""
 CLOSED = 0.8
 """Share of an axis' gap from which it counts as closed."""
+SURE, SURE_FAMILY, UNSURE = 0.99, 0.97, (0.05, 0.95)
+"""Confidence in a name where the gap is closed; in the family of an effect in another shape; and
+limits of the confidence that follows from the share of the gap closed."""
 DOUBTED = 0.45
 """Largest probability of an effect whose size may be zero by its sigma, or whose values are not
 plausible at all."""
