@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from bisect import bisect_right
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 
 from estimation.observer.loop import Carriage, DriveLoop, period_maps
 from estimation.observer.model import ObserverModel, make_model
@@ -19,9 +20,9 @@ from estimation.observer.sensitivity import (
     with_observer,
 )
 
-ASSUMED_STIFFNESS = 0.75
-"""Of sigma0. With all of it the gain has to be small for an axis that slips, with half of it one
-whose friction is stiffer than believed settles a quarter later (`benchmarks.settling.observer`)."""
+ASSUMED = (0.75, 1.0, 0.5, 1.25)
+"""Shares of sigma0 that the model may assume. The more, the more force a deviation calls for, and
+the smaller the gain has to be for an axis that slips: `design_observer` weighs the two."""
 WALK = 1.6
 """The disturbance changes by so many times the Coulomb force in a root second: 5 % in 1 ms."""
 FIGURES_OFF = 0.5
@@ -61,11 +62,13 @@ class Design:
         figures: that it was designed for.
         model: of the axis.
         gain: g of the correction, per SYNC; 0 where none keeps the peaks.
+        assumed_stiffness: of friction, in the model [N/m].
     """
 
     figures: AxisFigures
     model: ObserverModel
     gain: float
+    assumed_stiffness: float
 
     @property
     def time_constant(self) -> float:
@@ -78,9 +81,9 @@ class Design:
         return _walk(self.figures)
 
     @property
-    def assumed_stiffness(self) -> float:
-        """Of friction, in the model [N/m]."""
-        return ASSUMED_STIFFNESS * self.figures.carriage.stiffness
+    def response(self) -> float:
+        """Force by which a period's correction answers a deviation at rest [N/m]."""
+        return self.gain * (self.figures.drive.kp + self.assumed_stiffness)
 
     @cached_property
     def drive_peak(self) -> float:
@@ -133,20 +136,19 @@ def carriages(figures: AxisFigures) -> Iterator[Carriage]:
 
 @cache
 def design_observer(figures: AxisFigures) -> Design:
-    """The observer with the largest gain that keeps the sensitivity's peak.
+    """The observer that answers deviations most of those that keep the sensitivity's peak.
 
-    The peak is at most `PEAK`, or `PEAK_OVER_DRIVE` times that of the drive alone, with figures
-    that are off and for all `LATENCIES`. Where the drive alone would be unstable, nothing is asked.
+    Gain and assumed stiffness are chosen together. The peak is at most `PEAK`, or `PEAK_OVER_DRIVE`
+    times that of the drive alone, with figures that are off and for all `LATENCIES`. Where the
+    drive alone would be unstable, nothing is asked.
     """
-    assumed = replace(figures.carriage, stiffness=ASSUMED_STIFFNESS * figures.carriage.stiffness)
-    model = make_model(figures.drive, assumed, figures.period, _walk(figures), figures.noise)
     demands = []
     for carriage in carriages(figures):
         maps = period_maps(figures.drive, carriage, figures.period)
         own = peak_sensitivity(drive_alone(maps), figures.period)
         demands.append((maps, max(PEAK, PEAK_OVER_DRIVE * own)))
 
-    def keeps_peaks(gain: float) -> bool:
+    def keeps_peaks(model: ObserverModel, gain: float) -> bool:
         return all(
             peak_sensitivity(with_observer(maps, model, gain, latency), figures.period) <= most
             for maps, most in demands
@@ -154,8 +156,26 @@ def design_observer(figures: AxisFigures) -> Design:
             for latency in LATENCIES
         )
 
-    low, high = -1, len(GAINS)  # kept by GAINS[low], not kept by GAINS[high]
-    while high - low > 1:
+    best: Design | None = None
+    for share in ASSUMED if figures.carriage.stiffness else (0.0,):
+        assumed = replace(figures.carriage, stiffness=share * figures.carriage.stiffness)
+        model = make_model(figures.drive, assumed, figures.period, _walk(figures), figures.noise)
+        needed = 0.0 if best is None else best.response / (figures.drive.kp + assumed.stiffness)
+        least = bisect_right(GAINS, needed)
+        kept = _count_kept(partial(keeps_peaks, model), least)
+        if best is None or kept > least:
+            best = Design(figures, model, GAINS[kept - 1] if kept else 0.0, assumed.stiffness)
+    if best is None:
+        raise ValueError("no stiffness to assume")
+    return best
+
+
+def _count_kept(keeps: Callable[[float], bool], least: int) -> int:
+    """How many of `GAINS` are kept, the smallest first; `least` where the next one is not."""
+    if least < len(GAINS) and not keeps(GAINS[least]):
+        return least
+    low, high = least, len(GAINS)
+    while low < high:
         middle = (low + high) // 2
-        low, high = (middle, high) if keeps_peaks(GAINS[middle]) else (low, middle)
-    return Design(figures, model, GAINS[low] if low >= 0 else 0.0)
+        low, high = (middle + 1, high) if keeps(GAINS[middle]) else (low, middle)
+    return low

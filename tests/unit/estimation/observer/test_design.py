@@ -1,14 +1,16 @@
-"""The gain chosen: as large as the sensitivity allows, and not larger."""
+"""Gain and stiffness chosen: what answers most as far as the sensitivity allows."""
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import replace
 
 import pytest
 
 from estimation.observer import AxisFigures, Mode, design_observer
-from estimation.observer.design import carriages
+from estimation.observer.design import ASSUMED, carriages
 from estimation.observer.loop import period_maps
+from estimation.observer.model import ObserverModel, make_model
 from estimation.observer.sensitivity import (
     GAINS,
     LATENCIES,
@@ -21,9 +23,9 @@ from estimation.observer.sensitivity import (
 from tests.unit.estimation.observer.axes import CARRIAGE, DRIVE, FIGURES, PERIOD
 
 
-def excess(figures: AxisFigures, gain: float) -> float:
+def excess(figures: AxisFigures, gain: float, model: ObserverModel | None = None) -> float:
     """Largest peak over what is allowed, over figures that are off and latencies."""
-    model = design_observer(figures).model
+    model = model or design_observer(figures).model
     worst = 0.0
     for carriage in carriages(figures):
         maps = period_maps(figures.drive, carriage, PERIOD)
@@ -52,6 +54,28 @@ def test_the_gain_is_the_largest_that_keeps_the_peak(figures: AxisFigures) -> No
     assert excess(figures, chosen.gain) <= 1.0
     assert excess(figures, GAINS[at + 1]) > 1.0
     assert max(*chosen.peaks, chosen.worst_peak) <= max(PEAK, 1.2 * chosen.drive_peak)
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0, 1.5])
+def test_no_other_stiffness_answers_more_within_the_peak(scale: float) -> None:
+    """The more is assumed, the more a deviation is answered, and the smaller the gain has to be."""
+    figures = replace(FIGURES, carriage=replace(CARRIAGE, stiffness=scale * CARRIAGE.stiffness))
+    chosen = design_observer(figures)
+    stiffnesses = {share * figures.carriage.stiffness for share in ASSUMED}
+    for stiffness in stiffnesses - {chosen.assumed_stiffness}:
+        gain = GAINS[bisect_right(GAINS, chosen.response / (DRIVE.kp + stiffness))]
+        carriage = replace(figures.carriage, stiffness=stiffness)
+        model = make_model(DRIVE, carriage, PERIOD, chosen.walk, figures.noise)
+        assert excess(figures, gain, model) > 1.0
+
+
+def test_soft_friction_is_assumed_stiffer() -> None:
+    """Shares of sigma0: a drive's kp says how much stiffness is worth its gain."""
+    shares = []
+    for stiffness in (3e5, 9e5):
+        figures = replace(FIGURES, carriage=replace(CARRIAGE, stiffness=stiffness))
+        shares.append(design_observer(figures).assumed_stiffness / stiffness)
+    assert shares[0] > shares[1]
 
 
 def test_doubt_and_delay_cost_gain() -> None:

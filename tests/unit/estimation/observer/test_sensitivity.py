@@ -60,7 +60,7 @@ def test_the_kernel_in_time_has_the_sensitivity_of_the_linear_loop(frequency: fl
     gain, rows = 0.15, 600
     time = np.arange(rows * 10).reshape(rows, 10) * 1e-4
     noise = 1e-8 * np.sin(2.0 * np.pi * frequency * time)  # below what is clipped
-    design = Design(FIGURES, MODEL, gain)
+    design = Design(FIGURES, MODEL, gain, 3e5)
     _, errors, _ = closed_loop(design, np.zeros(rows), noise)
     settled = slice(rows // 2, rows)  # whole periods of the sine
     wave = np.exp(-2j * np.pi * frequency * time[settled])
