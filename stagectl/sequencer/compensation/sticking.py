@@ -32,18 +32,19 @@ class Sticking:
         """From now on an observer of this design corrects the offsets.
 
         Args:
-            design: of the observer; one that assumes no presliding is left as it is, and one whose
-                other would have no gain.
+            design: of the observer; one that assumes no presliding is left as it is.
             redesign: called once with the one for an axis that sticks.
         """
-        if not design.assumed_stiffness:
-            return
-        other = without_presliding(design)  # takes longer than there is between two moves
-        if other.gain:
-            self._design, self._other, self._redesign = design, other, redesign
+        if design.assumed_stiffness:
+            self._design, self._redesign = design, redesign
 
     def judge(self, position: F64, force: F64, still: NDArray[np.bool_]) -> None:
-        """Look whether the axis has stuck; arguments as those of `sticks`."""
+        """Look whether the axis has stuck; arguments as those of `sticks`.
+
+        Where it has, the new design takes some milliseconds, once in a run, at rest.
+        """
         if self._design is not None and sticks(self._design, position, force, still):
             self.found = True
-            self._redesign(self._other)
+            other = without_presliding(self._design)
+            if other.gain:
+                self._redesign(other)
