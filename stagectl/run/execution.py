@@ -17,6 +17,7 @@ from drivers.settings import BusSettings
 from stagectl.errors import UnusableInput
 from stagectl.history import open_history
 from stagectl.run.checks import Substitutes
+from stagectl.run.compilation import compiled_by_two
 from stagectl.run.listener import Listener
 from stagectl.run.prepare import file_earlier_runs, prepare
 from stagectl.run.record import RunRecord
@@ -24,7 +25,6 @@ from stagectl.run.request import RunRequest, RunResult
 from stagectl.run.session import Session
 from stagectl.run.virtual_stage import virtual_stage
 from stagectl.store import recover_left_over
-from stagedata.compiled import on_compiling
 
 
 def execute(
@@ -42,7 +42,7 @@ def execute(
         StagectlError: the folder or the history cannot be used; nothing has moved.
         OSError: likewise.
     """
-    with on_compiling(lambda _: listener.phase("compiling, once")):
+    with compiled_by_two(request.machine, request.truth, listener.phase):
         return _execute(request, listener, substitutes)
 
 

@@ -8,7 +8,11 @@ from functools import partial
 from drivers import Stage
 from estimation.observer import Design, StageObserver
 from stagectl.config.machine import Machine
-from stagectl.config.settings.observer import design_observers, make_observer
+from stagectl.config.settings.observer import (
+    compile_observer,
+    design_observers,
+    make_observer,
+)
 from stagectl.run.record import RunRecord
 from stagectl.sequencer import AxisCompensation, Mode, ObservedOffsets
 
@@ -26,6 +30,7 @@ class Observers:
         axes = zip(machine.axes, compensation, strict=True)
         friction = {name: axis.estimator.friction for name, axis in axes}
         self._designs = design_observers(machine, friction)
+        compile_observer(machine)
         self._observer: StageObserver | None = None
 
     def attach(self, stage: Stage, record: RunRecord) -> None:

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import numba
+from numba.core import types
 from numba.core.registry import CPUDispatcher
 
 from stagedata.compiled.cache import KernelCache
@@ -61,11 +62,11 @@ class Kernel(CPUDispatcher):
             return super().compile(sig)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Of a call in another kernel; for numba."""
+        """Of a call in another kernel; for numba, which would compile one for each literal."""
         if self._inner is None:
             options = {**self.targetoptions, "no_cpython_wrapper": True}
             self._inner = _InnerKernel(self.py_func, self.locals, options, InnerCompiler)
-        return self._inner.get_call_template(args, kws)
+        return self._inner.get_call_template(tuple(map(types.unliteral, args)), kws)
 
     def get_overload(self, sig: Any) -> Any:
         """What is called there; for numba."""

@@ -62,6 +62,8 @@ class Trend:
         self._state = np.empty(_ODDS + 1)
         self._time: float | None = None
         self.calm()
+        # Compiled, or loaded, before anything moves.
+        observe(self._state.copy(), self._constants, 0.0, 0.0, 1.0)
 
     def calm(self) -> None:
         """Forget: what comes is another place, or its level is known from elsewhere."""

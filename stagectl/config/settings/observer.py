@@ -114,6 +114,15 @@ def design_observers(
     return found
 
 
+def compile_observer(machine: Machine) -> None:
+    """Compile, or load from the cache, what the observers need, before anything moves.
+
+    Args:
+        machine: the host's.
+    """
+    make_observer(machine, dict.fromkeys(machine.axes, ""), [None] * len(machine.axes))
+
+
 def make_observer(
     machine: Machine, designs: Mapping[str, Design | str], peak_forces: Sequence[float | None]
 ) -> StageObserver:

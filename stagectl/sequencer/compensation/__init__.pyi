@@ -1,4 +1,10 @@
-from .axis_compensation import TAKE_OVER, AxisCompensation, Learned, make_compensation
+from .axis_compensation import (
+    TAKE_OVER,
+    AxisCompensation,
+    Learned,
+    compile_kernels,
+    make_compensation,
+)
 from .fresh_places import FreshPlaces
 from .known_axis import KnownAxis
 from .mode import Figures, Mode
@@ -18,5 +24,6 @@ __all__ = [
     "ObservedOffsets",
     "PathFriction",
     "Places",
+    "compile_kernels",
     "make_compensation",
 ]

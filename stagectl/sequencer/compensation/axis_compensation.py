@@ -441,20 +441,32 @@ def make_compensation(
     for compensation in made:
         if compensation.known is not None:
             compensation.known.compile_kernels()
-    for axis in {axis.plant.friction.model: axis for axis in machine.axes.values()}.values():
-        _compile_kernels(axis, machine.bus.sync_period)
+    compile_kernels(machine, estimator=True)
     return tuple(made)
 
 
-def _compile_kernels(axis: Axis, period: float) -> None:
-    """Run the compiled kernels once on a throw-away axis, before anything moves."""
+def compile_kernels(machine: Machine, estimator: bool) -> None:
+    """Compile, or load from the cache, what moves need, before anything moves.
+
+    Args:
+        machine: the host's.
+        estimator: the estimator's kernels, first of all, and not only those of the feedforward.
+    """
+    for axis in {axis.plant.friction.model: axis for axis in machine.axes.values()}.values():
+        _compile_kernels(axis, machine.bus.sync_period, estimator)
+
+
+def _compile_kernels(axis: Axis, period: float, estimator: bool) -> None:
+    """Run the compiled kernels once on a throw-away axis."""
     compensation = AxisCompensation(axis, axis.plant.friction.figures, Mode.ESTIMATED, period)
     limits = axis.limits
     motion = plan(
         0.0, 1e-3, Limits(limits.velocity / 10, limits.acceleration / 10, limits.jerk / 10)
     )
     samples = math.ceil(motion.duration / period) + 20
-    force = compensation.force_offsets(motion, samples, 0.0, 0.0, 0.0, 0.0)
     position = motion.sample(np.asarray(np.arange(samples) * period, np.float64))[0]
-    for start in (0.0, 1.0):
-        compensation.learn(MoveData(position, force, np.ones(samples, dtype=np.bool_), start, 0.0))
+    force, valid = np.zeros(samples), np.ones(samples, dtype=np.bool_)
+    for start in (0.0, 1.0, 2.0):
+        if estimator:
+            compensation.learn(MoveData(position, force, valid, start, 0.0))
+        force = compensation.force_offsets(motion, samples, 0.0, 0.0, 0.0, 0.0)
