@@ -1,12 +1,14 @@
 """What it is worth to know an effect: settling under each of the library, as a markdown table.
 
     python -m benchmarks.settling.remedies [--seeds 4] [--effects cogging,dead_time]
-        [--no-diagnosis]
+        [--observer] [--no-diagnosis]
 
 Whole runs of the recipe inspection-20 on the virtual stage with estimated friction, which starts at
 the machine file's figures. The stage has one effect on both axes, in the middle of its range. The
 host does not know it; or has the twin that `gap diagnose --twin` makes of one ordinary run, of a
 seed that is not counted; or has the effect as it is. From the fourth site on, both axes together.
+With --observer all of them have the settling observer, as `stagectl run` has; else feedforward
+alone.
 """
 
 from __future__ import annotations
@@ -35,7 +37,6 @@ from stagectl.sequencer import Mode
 
 FIRST_SITE = 4
 WINDOW = "5e-08"
-CASE = Case("", Mode.ESTIMATED)
 Row = dict[str, tuple[float, float]]
 """Kind of move -> mean and 90th percentile of the settling time [ms]."""
 
@@ -58,19 +59,23 @@ def with_effect(machine: Machine, effect: Effect) -> Machine:
     return parse_machine(render_twin(machine, added), f"with {effect.name}")
 
 
-def settling(machine: Machine, recipe: Recipe, truth: Machine, seeds: Sequence[int]) -> Row:
+def settling(
+    case: Case, machine: Machine, recipe: Recipe, truth: Machine, seeds: Sequence[int]
+) -> Row:
     """Settling of a host with this machine file on this stage."""
     times: dict[str, list[float]] = {"micro": [], "macro": []}
     for seed in seeds:
-        for move in run(CASE, recipe, machine, seed, truth)["moves"]:
+        for move in run(case, recipe, machine, seed, truth)["moves"]:
             if move["site"] >= FIRST_SITE:
                 times[move["kind"]].append(1e3 * move["settling"][WINDOW])
     return {k: (float(np.mean(t)), float(np.quantile(t, 0.9))) for k, t in times.items()}
 
 
-def named(machine: Machine, recipe: Recipe, truth: Machine, seed: int) -> tuple[Machine, str]:
+def named(
+    case: Case, machine: Machine, recipe: Recipe, truth: Machine, seed: int
+) -> tuple[Machine, str]:
     """The twin that a diagnosis of one run writes, and the effects in it."""
-    recording = run_whole(CASE, recipe, machine, seed, truth).recording
+    recording = run_whole(case, recipe, machine, seed, truth).recording
     assert recording is not None
     tolerance = {name: axis.plant.tolerance for name, axis in machine.axes.items()}
     examined = examine([recording], stage_settings(machine))
@@ -100,8 +105,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--seeds", type=int, default=4, help="runs per figure [4]")
     parser.add_argument("--effects", help="only these, separated by commas [all]")
+    parser.add_argument("--observer", action="store_true", help="with the settling observer")
     parser.add_argument("--no-diagnosis", action="store_true", help="leave out the second host")
     arguments = parser.parse_args()
+    case = Case("", Mode.ESTIMATED, observer=arguments.observer)
     machine = load_machine(None)
     effects = possible_on(stage_settings(machine).axes[0], own_effects())
     names = arguments.effects.split(",") if arguments.effects else list(effects)
@@ -112,16 +119,16 @@ def main() -> None:
         "| effect on both axes | unknown: micro | macro | named by a diagnosis: micro | macro "
         "| known: micro | macro | named |\n| --- | --- | --- | --- | --- | --- | --- | --- |"
     )
-    none = settling(machine, recipe, machine, seeds)
+    none = settling(case, machine, recipe, machine, seeds)
     print(f"| none | {cells(none)} | {cells(None)} | {cells(None)} | |", flush=True)
     for name in names:
         truth = with_effect(machine, effects[name])
-        unknown = settling(machine, recipe, truth, seeds)
+        unknown = settling(case, machine, recipe, truth, seeds)
         twin, causes, diagnosed = None, "", None
         if not arguments.no_diagnosis:
-            twin, causes = named(machine, recipe, truth, seeds[-1] + 1)
-            diagnosed = settling(twin, recipe, truth, seeds)
-        known = settling(truth, recipe, truth, seeds)
+            twin, causes = named(case, machine, recipe, truth, seeds[-1] + 1)
+            diagnosed = settling(case, twin, recipe, truth, seeds)
+        known = settling(case, truth, recipe, truth, seeds)
         left = "" if effects[name].compensation.inverse else " (not compensated)"
         print(
             f"| {name}{left} | {cells(unknown)} | {cells(diagnosed)} | {cells(known)} | {causes} |",

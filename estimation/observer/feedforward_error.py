@@ -27,6 +27,8 @@ KEPT = 0.9
 """Weight of a move relative to the next one: the figures may change."""
 EXPLAINED = 0.25
 """A figure is fed forward if it leaves at most this share of what later moves lack."""
+SIGNIFICANT = 3.0
+"""And if it is so many of its standard deviations: two moves may agree by chance."""
 MOST = np.array([0.3, 1e-3, 0.3])
 """No more than this is fed forward, either way; also the spread before the first move, 1 sigma."""
 _AT_START = np.diag(MOST**-2.0)
@@ -149,24 +151,21 @@ class FeedforwardErrors:
 class LearnedFeedforward:
     """What is fed forward besides the planned force: recursive least squares over the moves.
 
-    A figure is fed forward once it has explained moves that it was not learned from. Cogging, which
-    acts elsewhere on every move, may look like any of them, but like another value each time.
+    A figure is fed forward once it is certain, and has explained moves that it was not learned
+    from. Cogging, which acts elsewhere on every move, may look like any of them, but like another
+    value each time.
 
     Attributes:
         value: `MASS`, `LEAD`, `COUPLING`, (3,).
+        fed: of `value`, what is fed forward, (3,).
     """
 
     def __init__(self) -> None:
         self.value: F64 = np.zeros(3)
+        self.fed: F64 = np.zeros(3)
         self._information: F64 = _AT_START
         self._before: F64 = np.zeros(3)
         self._after: F64 = np.zeros(3)
-
-    @property
-    def fed(self) -> F64:
-        """Of `value`, what explains later moves, (3,)."""
-        explains = self._after < EXPLAINED * self._before
-        return np.where(explains, np.clip(self.value, -MOST, MOST), 0.0)
 
     def take(self, error: FeedforwardError) -> None:
         """Learn from a move that was made with `fed`: what it lacked comes on top."""
@@ -177,8 +176,11 @@ class LearnedFeedforward:
         self._after = KEPT * self._after + weight * (lacked - self.value) ** 2
         kept = KEPT * self._information + (1.0 - KEPT) * _AT_START
         self._information = kept + error.information
-        change = np.linalg.solve(self._information, error.information @ (lacked - self.value))
-        self.value = self.value + change
+        covariance = np.linalg.inv(self._information)
+        self.value = self.value + covariance @ error.information @ (lacked - self.value)
+        explains = self._after < EXPLAINED * self._before
+        certain = np.abs(self.value) > SIGNIFICANT * np.sqrt(covariance.diagonal())
+        self.fed = np.where(explains & certain, np.clip(self.value, -MOST, MOST), 0.0)
 
 
 def _response(design: Design, length: int) -> F64:

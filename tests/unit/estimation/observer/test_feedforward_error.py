@@ -114,6 +114,14 @@ def test_what_differs_from_move_to_move_is_not():
         assert np.abs(learned.fed / MOST).max() < 0.03
 
 
+def test_an_agreement_of_uncertain_moves_is_not():
+    learned = LearnedFeedforward()
+    for _ in range(3):  # coupling, where the other axis hardly moves
+        learned.take(move((0.0, 0.0, 0.05), (0.005, 3e-5, 0.12)))
+    assert learned.value[2] == pytest.approx(0.05, rel=0.2)
+    np.testing.assert_array_equal(learned.fed, 0.0)
+
+
 def test_no_more_than_a_limit_is_fed_forward():
     learned = LearnedFeedforward()
     for _ in range(5):
